@@ -1,0 +1,1 @@
+"""The ridlink MAVLink dialect: definition, specification, golden vectors and generator."""

@@ -1,0 +1,2 @@
+"""ridlink: Remote ID that keeps drones apart."""
+

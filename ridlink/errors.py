@@ -1,0 +1,91 @@
+"""Errors that ridlink raises.
+
+    RidlinkError
+    |-- WireError (ValueError)        bytes that are not what they should be
+    |   |-- FrameError                a MAVLink frame: length, checksum, flags
+    |   |-- PayloadError              the fields of one message
+    |   `-- UnknownMessageError       a message that the dialect does not have
+    |-- CaptureError (ValueError)     a file that is not a readable capture
+    |-- ConfigError (ValueError)      configuration, scenario or connection string; the text shows what is right
+    |-- MissingExtraError             an optional dependency is not installed
+    `-- LinkError (OSError)           a socket, port or device
+
+Streams do not raise for what the wire brings: they yield what is good and count the rest by cause.
+"""
+
+from __future__ import annotations
+
+
+class RidlinkError(Exception):
+    """Root of everything that ridlink raises on purpose. Its text is one line, fit to be shown to a user."""
+
+
+class WireError(RidlinkError, ValueError):
+    """Bytes that are not what they should be."""
+
+
+class FrameError(WireError):
+    """A frame that cannot be taken.
+
+    Attributes:
+        offset: Where the frame starts in the bytes given.
+        cause: Short name of the cause, as counted in statistics.
+    """
+
+    def __init__(self, text: str, *, offset: int = 0, cause: str = "bad_frame") -> None:
+        super().__init__(text)
+        self.offset = offset
+        self.cause = cause
+
+
+class PayloadError(WireError):
+    """A message whose fields cannot be encoded or decoded.
+
+    Attributes:
+        message: Name of the message.
+        field: Name of the field, empty where the whole payload is meant.
+    """
+
+    def __init__(self, text: str, *, message: str = "", field: str = "") -> None:
+        super().__init__(text)
+        self.message = message
+        self.field = field
+
+
+class UnknownMessageError(WireError):
+    """A message that the dialect does not have.
+
+    Attributes:
+        message: The name or id that was asked for.
+    """
+
+    def __init__(self, message: str | int) -> None:
+        super().__init__(f"the dialect has no message {message!r}")
+        self.message = message
+
+
+class CaptureError(RidlinkError, ValueError):
+    """A file that is not a readable capture."""
+
+
+class ConfigError(RidlinkError, ValueError):
+    """Configuration, a scenario file or a connection string that cannot be used; the text shows what is right."""
+
+
+class MissingExtraError(RidlinkError):
+    """An optional dependency is not installed.
+
+    Attributes:
+        extra: The extra of ridlink that brings it.
+    """
+
+    def __init__(self, extra: str, purpose: str) -> None:
+        super().__init__(f"{purpose} needs the extra '{extra}': pip install 'ridlink[{extra}]'")
+        self.extra = extra
+
+
+class LinkError(RidlinkError, OSError):
+    """A socket, port or device that cannot be opened or used."""
+
+    def __str__(self) -> str:  # OSError would print a tuple when it has an errno
+        return str(self.args[0]) if self.args else ""

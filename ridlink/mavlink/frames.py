@@ -1,0 +1,207 @@
+"""Bytes to MAVLink frames and back: versions 1 and 2, checksums, signed frames, resynchronisation.
+
+Nothing here opens a socket or keeps state between datagrams. A datagram is parsed on its own (``parse_datagram``), so ten
+bytes that claim a long payload cannot swallow the next datagram; a byte stream (file, TCP, serial) goes through a
+``FrameParser``, which holds back at most one unfinished frame.
+
+After a frame that fails, scanning goes on one byte later. A message id that the dialect does not know has no checksum
+seed, so its frame is taken, as ``checked=False``, only where another magic byte or the end follows.
+
+Source: https://mavlink.io/en/guide/serialization.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import NamedTuple
+
+from ridlink.mavlink.crc import checksum
+
+MAGIC_V1 = 0xFE
+MAGIC_V2 = 0xFD
+INCOMPAT_SIGNED = 0x01
+SIGNATURE_LENGTH = 13
+HEADER_LENGTH_V1 = 6
+HEADER_LENGTH_V2 = 10
+MAX_FRAME_LENGTH = HEADER_LENGTH_V2 + 255 + 2 + SIGNATURE_LENGTH
+MAX_FRAMES_PER_DATAGRAM = 64
+
+
+class Cause(StrEnum):
+    """Why bytes were not taken as a frame."""
+
+    GARBAGE = "garbage"
+    BAD_CHECKSUM = "bad_checksum"
+    INCOMPATIBLE_FLAGS = "incompatible_flags"
+    UNKNOWN_UNCONFIRMED = "unknown_unconfirmed"
+    TRUNCATED = "truncated"
+
+
+class Frame(NamedTuple):
+    """One frame as it came over the wire; ``checked`` says that its checksum was verified."""
+
+    version: int
+    incompat_flags: int
+    compat_flags: int
+    seq: int
+    sysid: int
+    compid: int
+    msgid: int
+    payload: bytes
+    signature: bytes
+    checked: bool
+    offset: int
+    raw: bytes
+
+
+class BadFrame(NamedTuple):
+    """Bytes that were not taken: where, why, and how many (garbage runs are one entry)."""
+
+    offset: int
+    cause: Cause
+    length: int
+
+
+class _Unfinished(Exception):
+    """More bytes are needed to judge the frame at the current offset."""
+
+
+def _frame_at(data: bytes, at: int, offset: int, crc_extras: Mapping[int, int]) -> Frame | Cause:
+    """The frame that starts at ``at``, or why there is none."""
+    available = len(data) - at
+    if data[at] == MAGIC_V2:
+        if available < HEADER_LENGTH_V2:
+            raise _Unfinished
+        incompat, compat = data[at + 2], data[at + 3]
+        if incompat & ~INCOMPAT_SIGNED:
+            return Cause.INCOMPATIBLE_FLAGS
+        header, version = HEADER_LENGTH_V2, 2
+        seq, sysid, compid = data[at + 4], data[at + 5], data[at + 6]
+        msgid = data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16
+    else:
+        if available < HEADER_LENGTH_V1:
+            raise _Unfinished
+        incompat = compat = 0
+        header, version = HEADER_LENGTH_V1, 1
+        seq, sysid, compid, msgid = data[at + 2], data[at + 3], data[at + 4], data[at + 5]
+    payload_end = at + header + data[at + 1]
+    checksum_end = payload_end + 2
+    end = checksum_end + (SIGNATURE_LENGTH if incompat & INCOMPAT_SIGNED else 0)
+    if len(data) < end:
+        raise _Unfinished
+    extra = crc_extras.get(msgid)
+    if extra is not None:
+        if checksum(data[at + 1 : payload_end], extra) != data[payload_end] | data[payload_end + 1] << 8:
+            return Cause.BAD_CHECKSUM
+    elif end < len(data) and data[end] not in (MAGIC_V1, MAGIC_V2):
+        return Cause.UNKNOWN_UNCONFIRMED
+    return Frame(
+        version,
+        incompat,
+        compat,
+        seq,
+        sysid,
+        compid,
+        msgid,
+        data[at + header : payload_end],
+        data[checksum_end:end],
+        extra is not None,
+        offset + at,
+        data[at:end],
+    )
+
+
+def _scan(
+    data: bytes, crc_extras: Mapping[int, int], *, offset: int, final: bool, limit: int | None
+) -> tuple[list[Frame | BadFrame], int]:
+    """Everything found in ``data`` in order, and how many bytes were judged."""
+    found: list[Frame | BadFrame] = []
+    frames = 0
+    at = garbage_from = 0
+    length = len(data)
+    while at < length:
+        if data[at] != MAGIC_V2 and data[at] != MAGIC_V1:
+            at += 1
+            continue
+        try:
+            result = _frame_at(data, at, offset, crc_extras)
+        except _Unfinished:
+            if not final:
+                break
+            result = Cause.TRUNCATED
+        if garbage_from < at:
+            found.append(BadFrame(offset + garbage_from, Cause.GARBAGE, at - garbage_from))
+        if isinstance(result, Frame):
+            found.append(result)
+            at += len(result.raw)
+            garbage_from = at
+            frames += 1
+            if limit is not None and frames >= limit:
+                return found, length
+        else:
+            found.append(BadFrame(offset + at, result, 1))
+            at += 1
+            garbage_from = at
+    if garbage_from < at:
+        found.append(BadFrame(offset + garbage_from, Cause.GARBAGE, at - garbage_from))
+    return found, at
+
+
+def parse_datagram(
+    data: bytes, crc_extras: Mapping[int, int], *, limit: int = MAX_FRAMES_PER_DATAGRAM
+) -> list[Frame | BadFrame]:
+    """Frames and rejects of one datagram, in order; never raises, whatever the bytes.
+
+    Args:
+        data: The datagram.
+        crc_extras: CRC_EXTRA by message id, as ``ridlink.mavlink.codec.CRC_EXTRAS``.
+        limit: Frames taken at most; what follows is ignored.
+    """
+    return _scan(data, crc_extras, offset=0, final=True, limit=limit)[0]
+
+
+class FrameParser:
+    """Frames out of a byte stream that arrives in pieces; however it is cut, the same frames come out.
+
+    A damaged length byte near the end of the stream makes the parser wait for bytes that never come; ``flush`` judges
+    what is left.
+    """
+
+    def __init__(self, crc_extras: Mapping[int, int]) -> None:
+        self._crc_extras = crc_extras
+        self._pending = b""
+        self._offset = 0
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may be the start of a frame; fewer than ``MAX_FRAME_LENGTH``."""
+        return len(self._pending)
+
+    def feed(self, data: bytes) -> list[Frame | BadFrame]:
+        """Frames and rejects that are complete now; offsets count from the first byte ever fed."""
+        return self._take(data, final=False)
+
+    def flush(self) -> list[Frame | BadFrame]:
+        """Frames and rejects of what was held back; the stream has ended."""
+        return self._take(b"", final=True)
+
+    def _take(self, data: bytes, *, final: bool) -> list[Frame | BadFrame]:
+        data = self._pending + data
+        found, judged = _scan(data, self._crc_extras, offset=self._offset, final=final, limit=None)
+        self._pending = data[judged:]
+        self._offset += judged
+        return found
+
+
+def encode_frame(msgid: int, payload: bytes, crc_extra: int, *, seq: int, sysid: int, compid: int) -> bytes:
+    """A MAVLink 2 frame, unsigned.
+
+    Args:
+        msgid: 24-bit message id.
+        payload: Full payload; trailing zeros are cut off as MAVLink 2 demands, the first byte stays.
+        crc_extra: Checksum seed of the message.
+    """
+    trimmed = payload.rstrip(b"\x00") or payload[:1]
+    body = bytes((len(trimmed), 0, 0, seq & 0xFF, sysid, compid)) + msgid.to_bytes(3, "little") + trimmed
+    return b"\xfd" + body + checksum(body, crc_extra).to_bytes(2, "little")
