@@ -1,0 +1,173 @@
+"""How wrong a vehicle's position is, and how wrong its receiver says it is.
+
+Units and axes: metres, metres a second; north-east-down; shape (n, 3) for errors, (n,) for figures. ``sigma_m`` is one
+standard deviation per horizontal axis; the vertical one is 1.5 times that, the usual ratio of satellite geometry.
+
+Error models:
+
+- white: a new normal draw at every report; what most simulations, and the paper, assume.
+- white-radial: as the paper does it, ``|N(0, sigma^2)| (cos phi, sin phi)``, new at every report. Its radius is
+  half-normal, so one axis has a standard deviation of sigma / sqrt(2) only; the figures reported stay those of sigma.
+- gauss-markov: correlated over 10 s, as real receivers wander; the stationary deviation is sigma.
+- bias: one draw for the whole flight.
+
+Convention of the figures: ``h_acc_m`` is one standard deviation per horizontal axis, which is what PX4 and ArduPilot
+pass on from their receivers in GPS_RAW_INT. A disc of three of them holds 98.9 % of the positions in two dimensions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from sitl_sim.fleet import Stream, vehicle_generator
+
+FloatArray = npt.NDArray[np.float64]
+
+ErrorModel = Literal["white", "white-radial", "gauss-markov", "bias"]
+ERROR_MODELS: tuple[ErrorModel, ...] = get_args(ErrorModel)
+
+CORRELATION_TIME_S = 10.0
+"""Time constant of the gauss-markov model."""
+
+VERTICAL_RATIO = 1.5
+"""Vertical sigma by horizontal sigma."""
+
+VELOCITY_SIGMA_MPS = 0.1
+"""Standard deviation of the reported velocity per axis, white: carrier phase measures velocity well."""
+
+LEAST_REPORTED_M = 0.001
+"""A receiver never claims perfection: GPS_RAW_INT has millimetres, and reads 0 as unknown."""
+
+DRIFT_MPS2 = 0.06
+"""Assumed acceleration error of dead reckoning after a loss of the fix: half of it times t^2 follows PX4's own figure
+(0.5 m after 1.9 s, about 20 m after 25 s)."""
+
+FIX_3D = 3
+NO_FIX = 0
+
+_BLOCK = 64
+_DRAWS = 7  # position, velocity, one spare for the radius: the same number for every model keeps velocities alike
+
+
+class GnssReceivers:
+    """The receivers of a fleet, one generator each, so that vehicle k errs alike in any fleet.
+
+    Args:
+        model: One of ``ERROR_MODELS``.
+        sigma_m: Standard deviation per horizontal axis, shape (n,); 0 = exact position (and velocity).
+        seed: Seed of the run.
+        interval_s: Time between two reports; errors change only there.
+
+    Attributes:
+        position_error_ned_m: Reported less true position now, shape (n, 3).
+        velocity_error_ned_mps: Reported less true velocity now, shape (n, 3).
+        fix_type: As in GPS_RAW_INT, shape (n,): 3, or 0 during an outage.
+
+    Raises:
+        ValueError: If the model is unknown, or a sigma or the interval is out of range.
+    """
+
+    def __init__(
+        self, model: ErrorModel, sigma_m: npt.ArrayLike, *, seed: int | Sequence[int] = 1, interval_s: float = 0.1
+    ) -> None:
+        if model not in ERROR_MODELS:
+            raise ValueError(f"unknown error model {model!r}: known are {', '.join(ERROR_MODELS)}")
+        self._sigma_m: FloatArray = np.array(sigma_m, dtype=np.float64)
+        if self._sigma_m.ndim != 1 or not np.all(np.isfinite(self._sigma_m)) or np.any(self._sigma_m < 0.0):
+            raise ValueError("sigma_m must be one finite, not negative figure for each vehicle")
+        if not (math.isfinite(interval_s) and interval_s > 0.0):
+            raise ValueError(f"interval_s must be positive and finite, not {interval_s}")
+        count = len(self._sigma_m)
+        self.model = model
+        self.interval_s = interval_s
+        self.fix_type: npt.NDArray[np.int64] = np.full(count, FIX_3D, dtype=np.int64)
+        self._generators = [vehicle_generator(seed, Stream.GNSS, index) for index in range(count)]
+        self._draws = np.empty((count, _BLOCK, _DRAWS))
+        self._drawn = _BLOCK
+        self._keep = math.exp(-interval_s / CORRELATION_TIME_S)
+        self._since_report_s = 0.0
+        self._unit_error = np.zeros((count, 3))
+        self._outage_s = np.zeros(count)
+        self.position_error_ned_m: FloatArray = np.zeros((count, 3))
+        self.velocity_error_ned_mps: FloatArray = np.zeros((count, 3))
+        self._report(first=True)
+
+    def step(self, dt_s: float) -> None:
+        """Let time pass; a new error appears whenever a report is due."""
+        self._outage_s[self.fix_type == NO_FIX] += dt_s
+        self._since_report_s += dt_s
+        while self._since_report_s >= self.interval_s - 1e-9:
+            self._since_report_s -= self.interval_s
+            self._report(first=False)
+
+    @property
+    def h_acc_m(self) -> FloatArray:
+        """What the receiver says of its horizontal accuracy: one standard deviation per axis, shape (n,)."""
+        return np.maximum(self._sigma_m, LEAST_REPORTED_M) + self._drift_m()
+
+    @property
+    def v_acc_m(self) -> FloatArray:
+        """What the receiver says of its vertical accuracy: one standard deviation, shape (n,)."""
+        return np.maximum(VERTICAL_RATIO * self._sigma_m, LEAST_REPORTED_M) + self._drift_m()
+
+    @property
+    def vel_acc_mps(self) -> FloatArray:
+        """What the receiver says of its velocity accuracy: one standard deviation per axis, shape (n,)."""
+        return np.where(self._sigma_m > 0.0, VELOCITY_SIGMA_MPS, LEAST_REPORTED_M)
+
+    @property
+    def bound_3sigma_m(self) -> FloatArray:
+        """Three standard deviations per horizontal axis, shape (n,); 0 where the position is exact."""
+        return 3.0 * (self._sigma_m + self._drift_m())
+
+    def set_sigma(self, index: int, sigma_m: float) -> None:
+        """Another accuracy for one vehicle from its next report on."""
+        if not (math.isfinite(sigma_m) and sigma_m >= 0.0):
+            raise ValueError(f"sigma_m must be finite and not negative, not {sigma_m}")
+        self._sigma_m[index] = sigma_m
+
+    def set_outage(self, index: int, lost: bool) -> None:
+        """Take the fix from one vehicle, or give it back; meanwhile the reported position drifts north, ever faster."""
+        self.fix_type[index] = NO_FIX if lost else FIX_3D
+        self._outage_s[index] = 0.0
+
+    def _drift_m(self) -> FloatArray:
+        return 0.5 * DRIFT_MPS2 * self._outage_s**2
+
+    def _next_draws(self) -> FloatArray:
+        """Standard normal figures (n, 7), each row from its own generator, drawn in blocks because calls are slow."""
+        if self._drawn == _BLOCK:
+            for generator, block in zip(self._generators, self._draws, strict=True):
+                generator.standard_normal(out=block)
+            self._drawn = 0
+        self._drawn += 1
+        return self._draws[:, self._drawn - 1]
+
+    def _report(self, *, first: bool) -> None:
+        draws = self._next_draws()
+        fresh = draws[:, :3]
+        match self.model:
+            case "white":
+                self._unit_error = fresh.copy()
+            case "white-radial":
+                # the direction of a two-dimensional normal draw is uniform
+                direction = fresh[:, :2] / np.maximum(np.hypot(fresh[:, 0], fresh[:, 1]), 1e-300)[:, None]
+                self._unit_error[:, :2] = np.abs(draws[:, 6:]) * direction
+                self._unit_error[:, 2] = fresh[:, 2]
+            case "gauss-markov":
+                if first:
+                    self._unit_error = fresh.copy()
+                else:
+                    self._unit_error = self._keep * self._unit_error + math.sqrt(1.0 - self._keep**2) * fresh
+            case "bias":
+                if first:
+                    self._unit_error = fresh.copy()
+        axes = np.array([1.0, 1.0, VERTICAL_RATIO])
+        drift = self._drift_m()[:, None] * np.array([1.0, 0.0, 0.0])
+        self.position_error_ned_m = self._unit_error * self._sigma_m[:, None] * axes + drift
+        self.velocity_error_ned_mps = np.where(self._sigma_m > 0.0, VELOCITY_SIGMA_MPS, 0.0)[:, None] * draws[:, 3:6]

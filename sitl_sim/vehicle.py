@@ -1,0 +1,371 @@
+"""How vehicles answer velocity setpoints: kinematics of an ideal vehicle, PX4 and ArduPilot, for a whole fleet at once.
+
+Units and axes: metres, seconds; north-east-down. Arrays are (n, 3), one row a vehicle; a batch of worlds is one long
+fleet. The models were fitted to step responses of both autopilots in their own simulators (ArduPilot Copter 4.6 "quad",
+PX4 1.17 "SIH quad X"); ``tests/sitl_sim/test_vehicle.py`` has the measured tables and says how far off each model is.
+
+- ideal: the commanded velocity at once, within the limits of speed.
+- ArduPilot shapes the target (limits of jerk and acceleration), then follows it: slow, but exact.
+- PX4 does not shape in OFFBOARD: proportional, integral and derivative feedback of velocity, limited by tilt, against a
+  drag that is unusually large in its simulator: quick, but for seconds 12-17 % short of the commanded speed.
+
+The world is stepped in ticks of 20 ms, the period at which both autopilots stream and a tenth of their lag.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+TICK_S = 0.02
+"""Length of one physics step."""
+
+GRAVITY_MPS2 = 9.80665
+
+MEASURED_SPEED_MPS = 10.0
+"""Fastest cruise at which the models were measured."""
+
+_HISTORY_TICKS = 16
+"""Delay line; the longest delay is two ticks less, 0.28 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ideal:
+    """The commanded velocity at once.
+
+    Args:
+        speed_limit_mps: Largest horizontal speed; the paper's fastest category reaches 51.5.
+        climb_limit_mps, descent_limit_mps: Largest vertical speeds.
+    """
+
+    speed_limit_mps: float = 60.0
+    climb_limit_mps: float = 10.0
+    descent_limit_mps: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class ShapedTarget:
+    """ArduPilot: a target limited in jerk and acceleration, followed exactly after a delay and a lag.
+
+    Args:
+        speed_limit_mps: 10.2 m/s is where the lean angle of 30 degrees (ANGLE_MAX) balances the measured drag.
+        climb_limit_mps, descent_limit_mps: WPNAV_SPEED_UP and _DN do not clip a velocity setpoint; up to 3 m/s was
+            flown, the rest is assumed.
+        acceleration_mps2, jerk_mps3: WPNAV_ACCEL 2.5 and PSC_JERK_XY 5.
+        vertical_acceleration_mps2, vertical_jerk_mps3: WPNAV_ACCEL_Z 1.0 and PSC_JERK_Z 5.
+        gain_per_s: Slope of the square-root controller near its target.
+        delay_s, lag_s: Pure delay and first-order lag behind the target.
+    """
+
+    speed_limit_mps: float = 10.2
+    climb_limit_mps: float = 5.0
+    descent_limit_mps: float = 5.0
+    acceleration_mps2: float = 2.5
+    jerk_mps3: float = 5.0
+    vertical_acceleration_mps2: float = 1.0
+    vertical_jerk_mps3: float = 5.0
+    gain_per_s: float = 2.0
+    delay_s: float = 0.06
+    lag_s: float = 0.10
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityFeedback:
+    """PX4 in OFFBOARD: feedback of velocity, limited by tilt, through a lag, against drag.
+
+    Args:
+        speed_limit_mps: MPC_XY_VEL_MAX.
+        climb_limit_mps, descent_limit_mps: MPC_Z_VEL_MAX_UP and MPC_Z_VEL_MAX_DN.
+        tilt_limit_rad: MPC_TILTMAX_AIR 45 degrees, hence 9.8 m/s^2 at most.
+        p_per_s, i_per_s2, d: MPC_XY_VEL_P_ACC 1.8, _I_ACC 0.4, _D_ACC 0.2.
+        vertical_p_per_s, vertical_i_per_s2: MPC_Z_VEL_P_ACC 4, _I_ACC 2.
+        drag_per_s: Deceleration for each m/s; 1.0 in PX4's simulator (1 N s/m on 1 kg), about 0.2 on a slim airframe.
+        vertical_drag_per_s: The same for climbing; fitted.
+        delay_s, lag_s: Pure delay and first-order lag of the attitude loop; the lag of thrust is `vertical_lag_s`.
+    """
+
+    speed_limit_mps: float = 12.0
+    climb_limit_mps: float = 3.0
+    descent_limit_mps: float = 1.5
+    tilt_limit_rad: float = math.radians(45.0)
+    p_per_s: float = 1.8
+    i_per_s2: float = 0.4
+    d: float = 0.2
+    vertical_p_per_s: float = 4.0
+    vertical_i_per_s2: float = 2.0
+    drag_per_s: float = 1.0
+    vertical_drag_per_s: float = 1.0
+    delay_s: float = 0.03
+    lag_s: float = 0.18
+    vertical_lag_s: float = 0.05
+
+
+Model = Ideal | ShapedTarget | VelocityFeedback
+
+MODELS: dict[str, Model] = {"ideal": Ideal(), "px4": VelocityFeedback(), "ardupilot": ShapedTarget()}
+"""The response models by the names that ``--autopilot`` takes."""
+
+
+def model_for_speed(name: str, speed_mps: float) -> Model:
+    """The named model, made fast enough for a cruise speed.
+
+    A vehicle that cruises faster than the measured one was built and set up for it: its speed limit is raised to the
+    cruise speed, and its drag is smaller in proportion, or it could never get there.
+
+    Raises:
+        ValueError: If there is no such model.
+    """
+    model = MODELS.get(name)
+    if model is None:
+        raise ValueError(f"unknown autopilot {name!r}: known are {', '.join(MODELS)}")
+    if speed_mps <= model.speed_limit_mps:
+        return model
+    if isinstance(model, VelocityFeedback):
+        drag_per_s = model.drag_per_s * MEASURED_SPEED_MPS / speed_mps
+        return replace(model, speed_limit_mps=speed_mps, drag_per_s=drag_per_s)
+    return replace(model, speed_limit_mps=speed_mps)
+
+
+def limit_norm(vectors: FloatArray, limit: FloatArray) -> FloatArray:
+    """Vectors (m, k) shortened to at most ``limit`` (m,), direction kept."""
+    norm = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    scale = np.minimum(1.0, limit / np.maximum(norm, 1e-12))
+    return np.asarray(vectors * scale[:, None])
+
+
+class _DelayLine:
+    """Values of the last ticks, read with a delay of its own for each vehicle, linear between ticks."""
+
+    def __init__(self, delay_s: FloatArray) -> None:
+        ticks = delay_s / TICK_S
+        if np.any(ticks > _HISTORY_TICKS - 2):
+            raise ValueError(f"a delay is at most {(_HISTORY_TICKS - 2) * TICK_S:.2f} s")
+        self._whole = np.floor(ticks + 1e-9).astype(np.int64)
+        self._part = np.maximum(ticks - self._whole, 0.0)[:, None]
+        self._rows = np.arange(len(delay_s))
+        self._history = np.zeros((_HISTORY_TICKS, len(delay_s), 3))
+        self._head = 0
+
+    def push(self, values: FloatArray) -> FloatArray:
+        """Take the values (m, 3) of this tick, give those of ``delay_s`` ago."""
+        self._head = (self._head + 1) % _HISTORY_TICKS
+        self._history[self._head] = values
+        newer = self._history[(self._head - self._whole) % _HISTORY_TICKS, self._rows]
+        older = self._history[(self._head - self._whole - 1) % _HISTORY_TICKS, self._rows]
+        return newer + self._part * (older - newer)
+
+    def fill(self, rows: npt.NDArray[np.int64], values: FloatArray) -> None:
+        """As if the values had always been these."""
+        self._history[:, rows] = values
+
+
+class _Group(Protocol):
+    """All vehicles of one model; rows count within the group."""
+
+    def step(self, command: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Velocity (m, 3) one tick later."""
+        ...
+
+    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
+        """Inner state as after a long flight at these velocities."""
+        ...
+
+
+def _column(models: Sequence[Model], name: str) -> FloatArray:
+    return np.array([getattr(model, name) for model in models], dtype=np.float64)
+
+
+class _IdealGroup:
+    def step(self, command: FloatArray, velocity: FloatArray) -> FloatArray:
+        return command
+
+    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
+        return None
+
+
+class _ShapedGroup:
+    """ArduPilot's shaping: a square-root controller asks for acceleration, jerk limits how fast it comes."""
+
+    def __init__(self, models: Sequence[ShapedTarget]) -> None:
+        self._acceleration_limit = _column(models, "acceleration_mps2")
+        self._jerk_limit = _column(models, "jerk_mps3")
+        self._vertical_acceleration_limit = _column(models, "vertical_acceleration_mps2")
+        self._vertical_jerk_limit = _column(models, "vertical_jerk_mps3")
+        self._gain = _column(models, "gain_per_s")
+        self._blend = 1.0 - np.exp(-TICK_S / _column(models, "lag_s"))[:, None]
+        self._delay = _DelayLine(_column(models, "delay_s"))
+        self._target = np.zeros((len(models), 3))
+        self._target_acceleration = np.zeros((len(models), 3))
+
+    def step(self, command: FloatArray, velocity: FloatArray) -> FloatArray:
+        error = command - self._target
+        horizontal = error[:, :2]
+        norm = np.sqrt(np.einsum("ij,ij->i", horizontal, horizontal))
+        wanted = np.empty_like(error)
+        asked = np.minimum(self._sqrt_controller(norm, self._jerk_limit), self._acceleration_limit)
+        wanted[:, :2] = horizontal * (asked / np.maximum(norm, 1e-12))[:, None]
+        asked = np.minimum(
+            self._sqrt_controller(np.abs(error[:, 2]), self._vertical_jerk_limit), self._vertical_acceleration_limit
+        )
+        wanted[:, 2] = np.copysign(asked, error[:, 2])
+        change = wanted - self._target_acceleration
+        self._target_acceleration[:, :2] += limit_norm(change[:, :2], self._jerk_limit * TICK_S)
+        vertical_step = self._vertical_jerk_limit * TICK_S
+        self._target_acceleration[:, 2] += np.clip(change[:, 2], -vertical_step, vertical_step)
+        self._target += self._target_acceleration * TICK_S
+        return velocity + self._blend * (self._delay.push(self._target) - velocity)
+
+    def _sqrt_controller(self, error: FloatArray, limit: FloatArray) -> FloatArray:
+        """Rate of correction that can still be taken back with ``limit``; linear near zero."""
+        linear = limit / self._gain**2
+        curved = np.sqrt(np.maximum(2.0 * limit * (error - 0.5 * linear), 0.0))
+        return np.where(error > linear, curved, self._gain * error)
+
+    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
+        self._target[rows] = velocity
+        self._target_acceleration[rows] = 0.0
+        self._delay.fill(rows, velocity)
+
+
+class _FeedbackGroup:
+    """PX4's velocity controller with its anti-windup, an attitude lag, and drag."""
+
+    def __init__(self, models: Sequence[VelocityFeedback]) -> None:
+        def axes(horizontal: str, vertical: str) -> FloatArray:
+            return np.stack([_column(models, name) for name in (horizontal, horizontal, vertical)], axis=1)
+
+        self._p = axes("p_per_s", "vertical_p_per_s")
+        self._i = axes("i_per_s2", "vertical_i_per_s2")
+        self._d = _column(models, "d")[:, None] * np.array([1.0, 1.0, 0.0])
+        self._drag = axes("drag_per_s", "vertical_drag_per_s")
+        self._blend = 1.0 - np.exp(-TICK_S / axes("lag_s", "vertical_lag_s"))
+        self._limit = GRAVITY_MPS2 * np.tan(_column(models, "tilt_limit_rad"))
+        self._delay = _DelayLine(_column(models, "delay_s"))
+        self._integral = np.zeros((len(models), 3))
+        self._thrust = np.zeros((len(models), 3))
+        self._acceleration = np.zeros((len(models), 3))
+
+    def step(self, command: FloatArray, velocity: FloatArray) -> FloatArray:
+        error = command - velocity
+        asked = self._p * error + self._integral - self._d * self._acceleration
+        possible = asked.copy()
+        possible[:, :2] = limit_norm(asked[:, :2], self._limit)
+        possible[:, 2] = np.clip(asked[:, 2], -GRAVITY_MPS2, GRAVITY_MPS2)
+        # what cannot be had is taken off the error that is integrated (PositionControl's anti-windup gain 2 / P)
+        self._integral += self._i * (error - (asked - possible) * (2.0 / self._p)) * TICK_S
+        self._thrust += self._blend * (self._delay.push(possible) - self._thrust)
+        self._acceleration = self._thrust - self._drag * velocity
+        return velocity + self._acceleration * TICK_S
+
+    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
+        self._integral[rows] = self._drag[rows] * velocity
+        self._thrust[rows] = self._integral[rows]
+        self._acceleration[rows] = 0.0
+        self._delay.fill(rows, self._integral[rows])
+
+
+class FleetDynamics:
+    """Positions and velocities of a fleet whose vehicles may each have a model of their own.
+
+    Args:
+        models: One model a vehicle, or its name.
+        position_ned_m: Where they are, shape (n, 3).
+        velocity_ned_mps: How they fly, shape (n, 3); hovering unless given. The inner state is that of a long flight.
+
+    Attributes:
+        position_ned_m: Shape (n, 3).
+        velocity_ned_mps: Shape (n, 3).
+        acceleration_ned_mps2: Mean over the last tick, shape (n, 3).
+
+    Raises:
+        ValueError: If a model is unknown or shapes do not fit.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[Model | str],
+        position_ned_m: npt.ArrayLike,
+        velocity_ned_mps: npt.ArrayLike | None = None,
+    ) -> None:
+        chosen = [model_for_speed(model, 0.0) if isinstance(model, str) else model for model in models]
+        count = len(chosen)
+        self.position_ned_m: FloatArray = np.array(position_ned_m, dtype=np.float64).reshape(count, 3)
+        self.velocity_ned_mps: FloatArray = np.zeros((count, 3))
+        self.acceleration_ned_mps2: FloatArray = np.zeros((count, 3))
+        self._speed_limit = _column(chosen, "speed_limit_mps")
+        self._up_limit = -_column(chosen, "climb_limit_mps")
+        self._down_limit = _column(chosen, "descent_limit_mps")
+        self._groups: list[tuple[npt.NDArray[np.int64], _Group]] = []
+        for kind in (Ideal, ShapedTarget, VelocityFeedback):
+            rows = np.array([row for row, model in enumerate(chosen) if isinstance(model, kind)], dtype=np.int64)
+            if len(rows):
+                self._groups.append((rows, _group([chosen[row] for row in rows])))
+        if velocity_ned_mps is not None:
+            self.reset(np.arange(count), self.position_ned_m, velocity_ned_mps)
+
+    def step(self, command_velocity_ned_mps: npt.ArrayLike, dt_s: float, airborne: npt.ArrayLike) -> None:
+        """Fly for ``dt_s`` towards the commanded velocities.
+
+        Args:
+            command_velocity_ned_mps: Shape (n, 3), finite; beyond a vehicle's limits it is taken at the limit.
+            dt_s: A multiple of ``TICK_S``.
+            airborne: Shape (n,); the others stand still where they are and forget their inner state.
+
+        Raises:
+            ValueError: If ``dt_s`` is not a multiple of ``TICK_S`` or a command is not finite.
+        """
+        ticks = round(dt_s / TICK_S)
+        if ticks < 0 or abs(ticks * TICK_S - dt_s) > 1e-9:
+            raise ValueError(f"dt_s must be a multiple of {TICK_S} s, not {dt_s}")
+        command = np.array(command_velocity_ned_mps, dtype=np.float64)
+        if not np.all(np.isfinite(command)):
+            raise ValueError("command_velocity_ned_mps must be finite")
+        command[:, :2] = limit_norm(command[:, :2], self._speed_limit)
+        np.clip(command[:, 2], self._up_limit, self._down_limit, out=command[:, 2])
+        standing = np.flatnonzero(~np.asarray(airborne, dtype=np.bool_))
+        for _ in range(ticks):
+            self._tick(command, standing)
+
+    def reset(self, index: npt.ArrayLike, position_ned_m: npt.ArrayLike, velocity_ned_mps: npt.ArrayLike = 0.0) -> None:
+        """Put one vehicle (or several) somewhere, flying steadily at a velocity."""
+        rows = np.atleast_1d(np.asarray(index, dtype=np.int64))
+        self.position_ned_m[rows] = position_ned_m
+        self._settle(rows, np.broadcast_to(np.asarray(velocity_ned_mps, dtype=np.float64), (len(rows), 3)))
+
+    def _settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
+        self.velocity_ned_mps[rows] = velocity
+        self.acceleration_ned_mps2[rows] = 0.0
+        for group_rows, group in self._groups:
+            _, within, which = np.intersect1d(group_rows, rows, assume_unique=True, return_indices=True)
+            if len(within):
+                group.settle(within, velocity[which])
+
+    def _tick(self, command: FloatArray, standing: npt.NDArray[np.int64]) -> None:
+        before = self.velocity_ned_mps
+        after = np.empty_like(before)
+        for rows, group in self._groups:
+            after[rows] = group.step(command[rows], before[rows])
+        self.velocity_ned_mps = after
+        self.acceleration_ned_mps2 = (after - before) / TICK_S
+        if len(standing):
+            self._settle(standing, np.zeros((len(standing), 3)))
+        moved = (before + self.velocity_ned_mps) * (0.5 * TICK_S)
+        if len(standing):
+            moved[standing] = 0.0
+        self.position_ned_m = self.position_ned_m + moved
+
+
+def _group(models: Sequence[Model]) -> _Group:
+    if all(isinstance(model, ShapedTarget) for model in models):
+        return _ShapedGroup([model for model in models if isinstance(model, ShapedTarget)])
+    if all(isinstance(model, VelocityFeedback) for model in models):
+        return _FeedbackGroup([model for model in models if isinstance(model, VelocityFeedback)])
+    return _IdealGroup()
