@@ -1,0 +1,5 @@
+"""``python -m ridlink``."""
+
+from ridlink.cli import main
+
+main()

@@ -1,0 +1,105 @@
+"""The command ``ridlink``: one module per sub-command, wiring only.
+
+Modules of commands import click and nothing heavy at their top, so that ``--help`` is instant; what a command needs is
+imported when it runs. Other packages hang commands in through the entry-point group ``ridlink.commands``.
+
+Exit codes: 0 done, 1 done with a negative verdict, 2 usage or configuration, 3 input/output at start (port, file,
+broker), 4 finished with rejects under ``--strict``, 70 internal error, 128+n ended by signal n.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from importlib.metadata import entry_points
+from typing import NoReturn
+
+import click
+
+from ridlink.errors import CaptureError, ConfigError, LinkError, MissingExtraError, RidlinkError
+
+EXIT_DONE = 0
+EXIT_NEGATIVE = 1
+EXIT_USAGE = 2
+EXIT_IO = 3
+EXIT_REJECTS = 4
+EXIT_INTERNAL = 70
+
+COMMANDS = {
+    "avoid": "ridlink.cli.avoid:avoid",
+    "decode": "ridlink.cli.decode:decode",
+    "dialect": "ridlink.cli.dialect:dialect",
+    "record": "ridlink.cli.record:record",
+}
+"""Sub-commands of this package, as ``module:attribute``."""
+
+
+class LazyGroup(click.Group):
+    """A group that imports a sub-command when it is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted({*COMMANDS, *(point.name for point in entry_points(group="ridlink.commands"))})
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in COMMANDS:
+            module, attribute = COMMANDS[cmd_name].split(":")
+            return getattr(importlib.import_module(module), attribute)  # type: ignore[no-any-return]
+        for point in entry_points(group="ridlink.commands", name=cmd_name):
+            return point.load()  # type: ignore[no-any-return]
+        return None
+
+
+def _print_version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
+    if not value or ctx.resilient_parsing:
+        return
+    from importlib.metadata import version
+
+    click.echo(f"ridlink {version('ridlink')} (pymavlink {version('pymavlink')})")
+    ctx.exit()
+
+
+@click.group(
+    cls=LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Start with: ridlink demo",
+)
+@click.option("-V", "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version,
+              help="Show the version and exit.")
+def cli() -> None:
+    """Remote ID that keeps drones apart: a MAVLink bridge from Open Drone ID to velocity setpoints."""
+
+
+def _fail(text: str, code: int) -> NoReturn:
+    click.echo(f"ridlink: {text}", err=True)
+    sys.exit(code)
+
+
+def main() -> NoReturn:
+    """Entry point: runs the command and turns every expected failure into one line and a documented exit code."""
+    try:
+        result = cli.main(prog_name="ridlink", standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        sys.exit(stop.exit_code)
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "ridlink"
+        _fail(f"{error.format_message()} (see '{command} --help')", EXIT_USAGE)
+    except (click.Abort, KeyboardInterrupt):
+        sys.exit(130)
+    except BrokenPipeError:  # the reader of our stdout has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(EXIT_DONE)
+    except (ConfigError, MissingExtraError) as error:
+        _fail(str(error), EXIT_USAGE)
+    except (LinkError, CaptureError, click.FileError) as error:
+        _fail(error.format_message() if isinstance(error, click.FileError) else str(error), EXIT_IO)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        _fail(f"{where}{error.strerror or error}", EXIT_IO)
+    except RidlinkError as error:
+        _fail(str(error), EXIT_USAGE)
+    except Exception as error:
+        if os.environ.get("RIDLINK_DEBUG"):
+            raise
+        _fail(f"internal error: {type(error).__name__}: {error} (RIDLINK_DEBUG=1 shows where)", EXIT_INTERNAL)
+    sys.exit(result if isinstance(result, int) else EXIT_DONE)
