@@ -35,8 +35,8 @@ class Definition(StrEnum):
         may collide once the errors add up to more than 15 m less the airframes.
     REMOTE_ID: the worst of everything that standard Remote ID allows, 40 m of error and 7.5 m of airframe each. Keeps
         airframes apart for any error within 40 m, at the largest price in airspace.
-    ODID_ACCURACY: largest airframe, and the error bound behind the accuracy code that standard Remote ID already carries.
-        As good as the code, which is coarse and often filled with an unscaled one-sigma figure.
+    ODID_ACCURACY: largest airframe, and the error bound behind the accuracy code that standard Remote ID already
+        carries. As good as the code, which is coarse and often filled with an unscaled one-sigma figure.
     CANDIDATE1: largest airframe, reported three-sigma error. Keeps airframes apart while both errors are within their
         reported bounds (98.9 % of positions each, for errors normal on both axes).
     CANDIDATE2: reported airframe, reported three-sigma error. The same statement with the true size of both airframes.

@@ -15,13 +15,16 @@ MIN_AIRFRAME_M = 0.1
 """Smallest airframe of the fleet of Table IV; a smaller report is taken for this."""
 
 AIRFRAME_CAP_M = 30.0
-"""A larger report is no unmanned aircraft of any category: clamped, so that a single packet cannot block a whole sky."""
+"""A larger report is no unmanned aircraft of any category: clamped, so that a single packet cannot block a whole
+sky."""
 
 UNKNOWN_ERROR_BOUND_M = 40.0
-"""Upper bound of the localization error of one vehicle that reports none (160 m for a pair in Table IV is 2 (40 + 40))."""
+"""Upper bound of the localization error of one vehicle that reports none (160 m for a pair in Table IV is 2 (40 +
+40))."""
 
 ERROR_CAP_M = 185.0
-"""0.1 NM. A report worse than that cannot be used for separation at all; it is clamped and must be flagged by the caller."""
+"""0.1 NM. A report worse than that cannot be used for separation at all; it is clamped and must be flagged by the
+caller."""
 
 SNMAC_PAIR_RADIUS_M = 15.0
 """Radius that the sNMAC definition puts around a pair: twice the true sum of two largest airframe radii (Table IV)."""

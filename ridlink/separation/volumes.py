@@ -1,9 +1,9 @@
 """Collision and near-collision volumes of one pair of vehicles: diameters and radii in metres.
 
 Source: paper, Eq. 5 to 9. Two readings are stated here once. The equations sum *diameters*; every distance between
-centres is compared with the *radius*, half of that (Eq. 8), so `r_uNMAC = (AF_i + AF_j)/2 + eps_i + eps_j + dt (v_i + v_j)`.
-And Eq. 6, known direction of motion, adds the displacement `v dt` once along the motion, not on both sides: the diameter
-grows by half as much as with unknown direction, and the volume is no longer centred on the report.
+centres is compared with the *radius*, half of that (Eq. 8), so `r_uNMAC = (AF_i + AF_j)/2 + eps_i + eps_j + dt (v_i +
+v_j)`. And Eq. 6, known direction of motion, adds the displacement `v dt` once along the motion, not on both sides: the
+diameter grows by half as much as with unknown direction, and the volume is no longer centred on the report.
 """
 
 from __future__ import annotations

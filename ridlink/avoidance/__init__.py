@@ -1,0 +1,11 @@
+"""Velocity-space avoidance: discs and velocities in, one admissible velocity out.
+
+The types and helpers here need numpy only. The solver is in `ridlink.avoidance.solver`, which loads the compiled
+kernels; importing this package does not.
+"""
+
+from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.progress import ProgressWatch
+from ridlink.avoidance.types import Decision, HalfplaneSettings, OwnShip, Status, Traffic
+
+__all__ = ["Decision", "HalfplaneSettings", "Obstacles", "OwnShip", "ProgressWatch", "Status", "Traffic"]

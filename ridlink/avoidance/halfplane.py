@@ -1,0 +1,355 @@
+"""One decision: discs and velocities -> half-planes -> the velocity nearest the preferred one.
+
+Method: ORCA half-planes (van den Berg et al., 2011) for a vehicle that does not obey at once and positions that drift.
+Each neighbour gives two half-planes, one from now and one from a response time ahead: "fly on for T, then change at once" is
+what a linear response tends to, and the true path lies between the two. Discs carry a buffer, because a disc that is
+grazed with moving errors is violated; inside the disc a barrier asks for separation in proportion to the overlap.
+
+Axes: north-east, metres, m/s, seconds. In these axes a rotation by a positive angle is a turn to the right, and
+`a x b = a_1 b_2 - a_2 b_1` is positive when b points to the right of a.
+
+Inputs are rows of numbers so that one function serves one own-ship and whole batches of worlds; the names of the
+columns are the constants below. Nothing here allocates.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from ridlink.avoidance.programme import nearest_admissible
+from ridlink.avoidance.route import approach_speed, nearest_point, route_aim
+
+# Columns of the settings vector, in the order of the fields of HalfplaneSettings.
+(
+    HORIZON, RESPONSE, BARRIER, BARRIER_SHARE, SMOOTHING, RIGHT_TURN, AGE_ACCELERATION, BUFFER_SHARE, ARRIVAL,
+    HEAD_ON_COSINE, HEAD_ON_SPEED, OBSTACLE_HORIZON, OBSTACLE_DECELERATION, OBSTACLE_RESPONSE, ROUTE_MARGIN,
+) = range(15)  # fmt: skip
+
+# Columns of own-ship. AIM is the goal, or the preferred velocity where AIM_IS_VELOCITY is not zero.
+(
+    POSITION, VELOCITY, COMMAND, AIM, AIM_IS_VELOCITY, LIMIT, CRUISE, CLEARANCE, EXTRA_TURN, OWN_COLUMNS,
+) = (0, 2, 4, 6, 8, 9, 10, 11, 12, 13)  # fmt: skip
+
+# Columns of a neighbour. Its position is the reported one, AGE seconds old; the command is NaN where none was given.
+N_POSITION, N_VELOCITY, N_COMMAND, AGE, RADIUS, ERROR_SUM, RECIPROCAL, NEIGHBOUR_COLUMNS = (0, 2, 4, 6, 7, 8, 9, 10)
+
+# Columns of the result; BINDING holds three neighbours, -1 where there are fewer.
+(
+    R_VELOCITY, R_COMMAND, R_PREFERRED, R_STATUS, R_SLACK, R_MARGIN, R_NEAREST, R_TIME, R_BINDING, R_OBSTACLE,
+    RESULT_COLUMNS,
+) = (0, 2, 4, 6, 7, 8, 9, 10, 11, 14, 15)  # fmt: skip
+
+FREE, CONSTRAINED, OVERLAPPED, INFEASIBLE = 0.0, 1.0, 2.0, 3.0
+
+TOUCHING_MPS = 0.05
+"""A constraint whose slack is smaller than this is named as binding."""
+
+HOLD_FACTOR = 1.3
+CLEAR_LEFT_FACTOR = 0.5
+"""Head-on: pass on the left only when already that much of a radius to the left; the side is held to HOLD_FACTOR
+radii."""
+
+APPROACH_OFFSET_MPS = 0.3
+"""Keeps the last metre to a goal from taking for ever."""
+
+INTERVAL_S = 0.1
+"""Time between decisions; a goal nearer than one step of cruise is flown to in one step."""
+
+
+@njit(cache=True, fastmath=False, error_model="numpy")
+def cone_half_plane(r_1, r_2, radius_m, horizon_s, w_1, w_2, side, line):  # type: ignore[no-untyped-def]
+    """Smallest change out of the velocity obstacle of a disc outside own-ship.
+
+    Args:
+        r_1: North of the neighbour as seen from own-ship; |r| >= radius.
+        r_2: East of it.
+        radius_m: Radius of the disc.
+        horizon_s: Conflicts later than this do not count, which cuts the cone off by a circle.
+        w_1: North of the relative velocity, own less neighbour's.
+        w_2: East of it.
+        side: 0 nearest boundary; 1 the right leg of the cone, -1 the left one, without the circle.
+        line: Result: outward normal of the boundary and the change along it, shape (3,).
+    """
+    square = r_1 * r_1 + r_2 * r_2
+    chosen = side
+    if side == 0:
+        off_1, off_2 = w_1 - r_1 / horizon_s, w_2 - r_2 / horizon_s
+        towards = off_1 * r_1 + off_2 * r_2
+        off = math.hypot(off_1, off_2)
+        if towards < 0.0 and towards * towards > radius_m * radius_m * off * off:
+            line[0], line[1] = off_1 / off, off_2 / off
+            line[2] = radius_m / horizon_s - off
+            return
+        # Straight on is passed on the right.
+        chosen = 1 if r_1 * off_2 - r_2 * off_1 >= 0.0 else -1
+    leg = math.sqrt(max(square - radius_m * radius_m, 0.0))
+    # Leg of the cone: r turned by asin(R / |r|) to the chosen side; its outward normal is a quarter turn further.
+    leg_1 = (r_1 * leg - chosen * r_2 * radius_m) / square
+    leg_2 = (r_2 * leg + chosen * r_1 * radius_m) / square
+    line[0], line[1] = -chosen * leg_2, chosen * leg_1
+    line[2] = -(line[0] * w_1 + line[1] * w_2)
+
+
+@njit(cache=True, fastmath=False, error_model="numpy")
+def passing_side(memory, r_1, r_2, v_1, v_2, u_1, u_2, radius_m, horizon_s, settings):  # type: ignore[no-untyped-def]
+    """Side on which own-ship passes a vehicle on the opposite course: 1 right, -1 left, 0 no head-on encounter.
+
+    Both vehicles must see the same case, so only reported velocities count, no private commands; and the choice is held
+    until the encounter is over, so that noise cannot turn it.
+
+    Args:
+        memory: Side of the last step.
+        r_1: North of the neighbour as seen from own-ship.
+        r_2: East of it.
+        v_1: North of the own velocity.
+        v_2: East of it.
+        u_1: North of the neighbour's reported velocity.
+        u_2: East of it.
+        radius_m: Disc with its buffer.
+        horizon_s: Conflict horizon.
+        settings: Constants.
+    """
+    w_1, w_2 = v_1 - u_1, v_2 - u_2
+    closing = math.hypot(w_1, w_2)
+    distance = math.hypot(r_1, r_2)
+    if closing < EPSILON or distance < radius_m or r_1 * w_1 + r_2 * w_2 <= 0.0:
+        return 0
+    # Miss distance, positive when own-ship passes to the right of the neighbour.
+    miss = (r_1 * w_2 - r_2 * w_1) / closing
+    if abs(miss) > HOLD_FACTOR * radius_m:
+        return 0
+    if memory != 0:
+        return memory
+    own, other = math.hypot(v_1, v_2), math.hypot(u_1, u_2)
+    slow = min(own, other) <= settings[HEAD_ON_SPEED]
+    if slow or v_1 * u_1 + v_2 * u_2 >= settings[HEAD_ON_COSINE] * own * other:
+        return 0
+    if distance >= closing * horizon_s + radius_m:
+        return 0
+    return -1 if miss < -CLEAR_LEFT_FACTOR * radius_m else 1
+
+
+EPSILON = 1e-9
+
+
+@njit(cache=True, fastmath=False, error_model="numpy")
+def lean(preferred, r_1, r_2, u_1, u_2, radius_m, horizon_s):  # type: ignore[no-untyped-def]
+    """Weight in [0, 1] of the turn to the right that a neighbour calls for, tapered in miss distance and time.
+
+    A turn switched by a threshold moves the miss distance over that threshold itself and chatters.
+    """
+    w_1, w_2 = preferred[0] - u_1, preferred[1] - u_2
+    square = w_1 * w_1 + w_2 * w_2
+    if square < EPSILON:
+        return 0.0
+    time = (r_1 * w_1 + r_2 * w_2) / square
+    if time <= 0.0:
+        return 0.0
+    miss = abs(r_1 * w_2 - r_2 * w_1) / math.sqrt(square)
+    near = min(max((2.0 * radius_m - miss) / radius_m, 0.0), 1.0)
+    soon = min(max((2.5 * horizon_s - time) / horizon_s, 0.0), 1.0)
+    return near * soon * min(time, 1.0)
+
+
+@njit(cache=True, fastmath=False, error_model="numpy")
+def time_to_entry(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
+    """Time [s] until a disc is entered at relative velocity w (own less neighbour's); 0 inside, infinite if never."""
+    inside = radius_m * radius_m - r_1 * r_1 - r_2 * r_2
+    if inside > 0.0:
+        return 0.0
+    square = w_1 * w_1 + w_2 * w_2
+    towards = r_1 * w_1 + r_2 * w_2
+    root = towards * towards + square * inside
+    if towards <= 0.0 or root <= 0.0:
+        return math.inf
+    return max((towards - math.sqrt(root)) / square, 0.0)
+
+
+@njit(cache=True, fastmath=False, error_model="numpy")
+def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
+    """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
+    if own[AIM_IS_VELOCITY] != 0.0:
+        preferred[0], preferred[1] = own[AIM], own[AIM + 1]
+        return 0
+    p_1, p_2 = own[POSITION], own[POSITION + 1]
+    to_goal = math.hypot(own[AIM] - p_1, own[AIM + 1] - p_2)
+    clearance = own[CLEARANCE] + settings[ROUTE_MARGIN]
+    route = route_aim(vertex, start, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
+    to_1, to_2 = aim[0] - p_1, aim[1] - p_2
+    length = math.hypot(to_1, to_2)
+    preferred[0] = preferred[1] = 0.0
+    if to_goal < EPSILON or length < EPSILON:
+        return route
+    speed = min(own[CRUISE], to_goal / INTERVAL_S)
+    if not math.isinf(settings[ARRIVAL]):
+        speed = min(speed, math.sqrt(2.0 * settings[ARRIVAL] * to_goal) + APPROACH_OFFSET_MPS)
+    preferred[0], preferred[1] = speed * to_1 / length, speed * to_2 / length
+    return route
+
+
+@njit(cache=True, fastmath=False, error_model="numpy")
+def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):  # type: ignore[no-untyped-def]
+    """One hard half-plane for each convex piece that could matter; returns their number, and True while too near
+    one."""
+    used = 0
+    inside = False
+    limit = own[LIMIT]
+    for piece in range(len(start) - 1):
+        distance = nearest_point(vertex, start[piece], start[piece + 1], own[POSITION], own[POSITION + 1], normal)
+        gap = distance - own[CLEARANCE]
+        if gap >= 0.0:
+            approach = approach_speed(
+                gap, settings[OBSTACLE_HORIZON], settings[OBSTACLE_DECELERATION], settings[OBSTACLE_RESPONSE]
+            )
+            if approach >= limit:
+                continue
+            bound = -approach
+        else:
+            inside = True
+            bound = min(-gap * settings[BARRIER], settings[BARRIER_SHARE] * limit)
+        lines[used, 0], lines[used, 1], lines[used, 2] = normal[0], normal[1], bound
+        owner[used] = -1
+        used += 1
+    return used, inside
+
+
+@njit(cache=True, fastmath=False, error_model="numpy")
+def avoid_one(  # type: ignore[no-untyped-def]
+    own, neighbours, count, side, pieces, piece_start, hulls, hull_start, route, settings, lines, work, owner, ring,
+    result,
+):  # fmt: skip
+    """Decide for one own-ship.
+
+    Args:
+        own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
+        neighbours: One row each, shape (>= count, NEIGHBOUR_COLUMNS).
+        count: Number of neighbours.
+        side: Memory of the head-on rule, read and written, shape (>= count,), int8.
+        pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
+        piece_start: Where each piece begins in it, with the end.
+        hulls: Vertices of the hulls of all obstacles, shape (h, 2).
+        hull_start: Where each hull begins in it, with the end.
+        route: Memory of the way round obstacles.
+        settings: Constants, `HalfplaneSettings.as_vector`.
+        lines: Scratch for half-planes, shape (>= 2 count + pieces + 2, 3).
+        work: Scratch of the same shape.
+        owner: Scratch: neighbour of each half-plane, shape (>= 2 count + pieces,), int64.
+        ring: Scratch for routes, shape (`ring_size`, 2).
+        result: Result, shape (RESULT_COLUMNS,).
+
+    Returns:
+        Memory of the way round obstacles for the next step.
+    """
+    limit = own[LIMIT]
+    p_1, p_2 = own[POSITION], own[POSITION + 1]
+    v_1, v_2 = own[VELOCITY], own[VELOCITY + 1]
+    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
+    o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
+    preferred = result[R_PREFERRED : R_PREFERRED + 2]
+    pair = result[R_VELOCITY : R_VELOCITY + 2]
+    route = preferred_velocity(own, hulls, hull_start, route, settings, ring, pair, preferred)
+    hard, overlapped = obstacle_half_planes(own, pieces, piece_start, settings, lines, owner, pair)
+
+    used = hard
+    turn = 0.0
+    margin, nearest, violation = math.inf, -1, math.inf
+    line = work[0]
+    for j in range(count):
+        row = neighbours[j]
+        u_1, u_2, age = row[N_VELOCITY], row[N_VELOCITY + 1], row[AGE]
+        r_1, r_2 = row[N_POSITION] + u_1 * age - p_1, row[N_POSITION + 1] + u_2 * age - p_2
+        radius = row[RADIUS] + settings[BUFFER_SHARE] * row[ERROR_SUM]
+        radius += settings[AGE_ACCELERATION] * age * age / 2.0
+        # A large disc must be seen earlier: one and a half of its radii of own flight.
+        horizon = max(settings[HORIZON], 1.5 * radius / max(own[CRUISE], 1.0))
+        distance = math.hypot(r_1, r_2)
+        if distance - row[RADIUS] < margin:
+            margin, nearest = distance - row[RADIUS], j
+        violation = min(violation, time_to_entry(r_1, r_2, v_1 - u_1, v_2 - u_2, row[RADIUS]))
+        overlapped = overlapped or distance < row[RADIUS]
+        turn = max(turn, lean(preferred, r_1, r_2, u_1, u_2, row[RADIUS], horizon))
+        side[j] = passing_side(side[j], r_1, r_2, v_1, v_2, u_1, u_2, radius, horizon, settings)
+        share = 0.5 if row[RECIPROCAL] != 0.0 else 1.0
+        # The neighbour's own midpoint, where it says what it was told: then both see the same relative velocity.
+        x_1, x_2 = u_1, u_2
+        if not math.isnan(row[N_COMMAND]) and not math.isnan(row[N_COMMAND + 1]):
+            x_1, x_2 = (u_1 + row[N_COMMAND]) / 2.0, (u_2 + row[N_COMMAND + 1]) / 2.0
+        w_1, w_2 = o_1 - x_1, o_2 - x_2
+        for end in range(2):
+            wait = settings[RESPONSE] * end
+            s_1, s_2 = r_1 + (u_1 - v_1) * wait, r_2 + (u_2 - v_2) * wait
+            ahead = math.hypot(s_1, s_2)
+            if ahead < radius:
+                if ahead < EPSILON:
+                    # Exactly on top of each other: any direction separates, own right-hand side is as good as any.
+                    speed = math.hypot(v_1, v_2)
+                    line[0] = -v_2 / speed if speed > EPSILON else 1.0
+                    line[1] = v_1 / speed if speed > EPSILON else 0.0
+                else:
+                    line[0], line[1] = -s_1 / ahead, -s_2 / ahead
+                parting = min(settings[BARRIER] * (radius - ahead), settings[BARRIER_SHARE] * limit)
+                line[2] = parting - (line[0] * w_1 + line[1] * w_2)
+            else:
+                kept = side[j] if s_1 * (v_1 - u_1) + s_2 * (v_2 - u_2) > 0.0 else 0
+                cone_half_plane(s_1, s_2, radius, horizon, w_1, w_2, kept, line)
+            bound = line[0] * o_1 + line[1] * o_2 + share * line[2]
+            if bound > -limit:
+                lines[used, 0], lines[used, 1], lines[used, 2] = line[0], line[1], bound
+                owner[used] = j
+                used += 1
+
+    turn = settings[RIGHT_TURN] * turn + own[EXTRA_TURN]
+    if turn != 0.0:
+        c, s = math.cos(turn), math.sin(turn)
+        preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]
+    speed = math.hypot(preferred[0], preferred[1])
+    if speed > limit:
+        preferred[0], preferred[1] = preferred[0] * limit / speed, preferred[1] * limit / speed
+
+    x = result[R_VELOCITY : R_VELOCITY + 2]
+    feasible = nearest_admissible(lines, hard, used, limit, preferred, work, x)
+    speed = math.hypot(x[0], x[1])
+    if speed > limit:
+        x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
+
+    slack = math.inf
+    for k in range(used):
+        slack = min(slack, lines[k, 0] * x[0] + lines[k, 1] * x[1] - lines[k, 2])
+    for b in range(3):
+        result[R_BINDING + b] = -1.0
+    result[R_OBSTACLE] = 0.0
+    named = 0
+    for k in range(used):
+        here = lines[k, 0] * x[0] + lines[k, 1] * x[1] - lines[k, 2]
+        if here > max(slack, 0.0) + TOUCHING_MPS:
+            continue
+        if owner[k] < 0:
+            result[R_OBSTACLE] = 1.0
+        elif named < 3 and (named == 0 or result[R_BINDING + named - 1] != owner[k]):
+            result[R_BINDING + named] = owner[k]
+            named += 1
+    moved = math.hypot(x[0] - preferred[0], x[1] - preferred[1]) > TOUCHING_MPS
+    result[R_STATUS] = FREE
+    if not feasible:
+        result[R_STATUS] = INFEASIBLE
+    elif overlapped:
+        result[R_STATUS] = OVERLAPPED
+    elif moved:
+        result[R_STATUS] = CONSTRAINED
+    result[R_SLACK], result[R_MARGIN], result[R_NEAREST], result[R_TIME] = slack, margin, nearest, violation
+
+    # Smoothed, and put back behind obstacles: a mean of two velocities that keep out may be one that does not.
+    blend = settings[SMOOTHING]
+    pair = work[len(work) - 1]
+    pair[0] = own[COMMAND] + blend * (x[0] - own[COMMAND])
+    pair[1] = own[COMMAND + 1] + blend * (x[1] - own[COMMAND + 1])
+    nearest_admissible(lines, hard, hard, limit, pair, work, result[R_COMMAND : R_COMMAND + 2])
+    return route
+
+
+def result_row() -> np.ndarray:
+    """Room for one result of `avoid_one`."""
+    return np.zeros(RESULT_COLUMNS)

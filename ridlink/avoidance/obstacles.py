@@ -1,0 +1,190 @@
+"""Static obstacles: polygons in north-east metres, checked once and laid out flat for the kernels.
+
+The half-plane of an obstacle comes from its nearest point, which needs convex pieces; concave polygons are cut into
+triangles ("ear clipping") that are merged again while they stay convex. Routes go round the convex hull.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MIN_AREA_M2 = 1e-6
+"""A smaller polygon is a point or a line and has no inside."""
+
+
+def _cross(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def signed_area(polygon: FloatArray) -> float:
+    """Area [m^2], positive when the vertices turn from north to east (clockwise on a map)."""
+    following = np.roll(polygon, -1, axis=0)
+    return float(np.sum(polygon[:, 0] * following[:, 1] - polygon[:, 1] * following[:, 0]) / 2.0)
+
+
+def _checked(polygon: ArrayLike, name: str) -> FloatArray:
+    vertices = np.asarray(polygon, dtype=np.float64)
+    if vertices.ndim != 2 or vertices.shape[1] != 2:
+        raise ValueError(f"{name} must have shape (k, 2), got {vertices.shape}")
+    if not np.all(np.isfinite(vertices)):
+        raise ValueError(f"{name} must be finite")
+    distinct = np.any(np.abs(vertices - np.roll(vertices, 1, axis=0)) > 1e-9, axis=1)
+    vertices = vertices[distinct]
+    if len(vertices) < 3:
+        raise ValueError(f"{name} needs at least three distinct vertices, got {len(vertices)}")
+    area = signed_area(vertices)
+    if abs(area) < MIN_AREA_M2:
+        raise ValueError(f"{name} encloses no area")
+    if area < 0.0:
+        vertices = vertices[::-1]
+    if _crosses_itself(vertices):
+        raise ValueError(f"{name} crosses itself")
+    return np.ascontiguousarray(vertices)
+
+
+def _crosses_itself(vertices: FloatArray) -> bool:
+    count = len(vertices)
+    for i in range(count):
+        a, b = vertices[i], vertices[(i + 1) % count]
+        for j in range(i + 2, count):
+            if (j + 1) % count == i:
+                continue
+            c, d = vertices[j], vertices[(j + 1) % count]
+            if _cross(a, b, c) * _cross(a, b, d) < 0.0 and _cross(c, d, a) * _cross(c, d, b) < 0.0:
+                return True
+    return False
+
+
+def convex_hull(points: FloatArray) -> FloatArray:
+    """Convex hull, positively oriented, without collinear vertices (Andrew's monotone chain)."""
+    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
+    chains: list[list[FloatArray]] = []
+    for sequence in (ordered, ordered[::-1]):
+        chain: list[FloatArray] = []
+        for point in sequence:
+            while len(chain) >= 2 and _cross(chain[-2], chain[-1], point) <= 0.0:
+                chain.pop()
+            chain.append(point)
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1])
+
+
+def _is_convex(vertices: FloatArray) -> bool:
+    count = len(vertices)
+    return all(
+        _cross(vertices[i - 1], vertices[i], vertices[(i + 1) % count]) >= -1e-9 for i in range(count)
+    )
+
+
+def _triangles(vertices: FloatArray) -> list[list[int]]:
+    """Ear clipping; vertex indices of positively oriented triangles."""
+    left = list(range(len(vertices)))
+    triangles = []
+    while len(left) > 3:
+        for place, index in enumerate(left):
+            before, after = left[place - 1], left[(place + 1) % len(left)]
+            a, b, c = vertices[before], vertices[index], vertices[after]
+            if _cross(a, b, c) <= 0.0:
+                continue
+            others = (vertices[k] for k in left if k not in (before, index, after))
+            if any(
+                _cross(a, b, p) >= 0.0 and _cross(b, c, p) >= 0.0 and _cross(c, a, p) >= 0.0 for p in others
+            ):
+                continue
+            triangles.append([before, index, after])
+            left.pop(place)
+            break
+        else:
+            # Only collinear remains are left: no area is lost with them.
+            return triangles
+    triangles.append(left)
+    return triangles
+
+
+def convex_pieces(vertices: FloatArray) -> list[FloatArray]:
+    """Cut a simple, positively oriented polygon into convex pieces that cover it exactly."""
+    if _is_convex(vertices):
+        return [vertices]
+    pieces = _triangles(vertices)
+    merged = True
+    while merged:
+        merged = False
+        for i in range(len(pieces)):
+            for j in range(i + 1, len(pieces)):
+                joined = _joined(pieces[i], pieces[j])
+                if joined is not None and _is_convex(vertices[joined]):
+                    pieces[i] = joined
+                    pieces.pop(j)
+                    merged = True
+                    break
+            if merged:
+                break
+    return [np.ascontiguousarray(vertices[piece]) for piece in pieces]
+
+
+def _joined(first: list[int], second: list[int]) -> list[int] | None:
+    """Two pieces that share one edge as one ring; None if they do not touch."""
+    for i in range(len(first)):
+        a, b = first[i], first[(i + 1) % len(first)]
+        for j in range(len(second)):
+            if second[j] == b and second[(j + 1) % len(second)] == a:
+                rest = [second[(j + 2 + k) % len(second)] for k in range(len(second) - 2)]
+                return [*first[: i + 1], *rest, *first[i + 1 :]]
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacles:
+    """Static obstacles as flat arrays of vertices.
+
+    Attributes:
+        piece_vertex_ne_m: Vertices of all convex pieces, shape (m, 2).
+        piece_start: Where each piece begins in it, with the end, shape (pieces + 1,).
+        hull_vertex_ne_m: Vertices of the convex hull of each polygon, shape (h, 2).
+        hull_start: Where each hull begins in it, with the end, shape (polygons + 1,).
+    """
+
+    piece_vertex_ne_m: FloatArray
+    piece_start: IntArray
+    hull_vertex_ne_m: FloatArray
+    hull_start: IntArray
+
+    @classmethod
+    def from_polygons(cls, polygons_ne_m: Sequence[ArrayLike]) -> Obstacles:
+        """Check polygons and lay them out; either orientation, convex or not.
+
+        Args:
+            polygons_ne_m: Simple polygons, each of shape (k, 2), north and east in metres.
+
+        Raises:
+            ValueError: If a polygon has fewer than three distinct vertices, no area, a value that is not finite, or
+                crosses itself.
+        """
+        pieces: list[FloatArray] = []
+        hulls: list[FloatArray] = []
+        for index, polygon in enumerate(polygons_ne_m):
+            vertices = _checked(polygon, f"obstacle {index}")
+            pieces.extend(convex_pieces(vertices))
+            hulls.append(convex_hull(vertices))
+        piece_vertices, piece_start = _flat(pieces)
+        hull_vertices, hull_start = _flat(hulls)
+        return cls(piece_vertices, piece_start, hull_vertices, hull_start)
+
+    @property
+    def piece_count(self) -> int:
+        return len(self.piece_start) - 1
+
+
+def _flat(rings: list[FloatArray]) -> tuple[FloatArray, IntArray]:
+    start = np.cumsum([0, *(len(ring) for ring in rings)]).astype(np.int64)
+    return (np.ascontiguousarray(np.concatenate(rings)) if rings else np.empty((0, 2))), start
+
+
+NO_OBSTACLES = Obstacles.from_polygons([])

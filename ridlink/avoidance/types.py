@@ -1,0 +1,242 @@
+"""What the avoidance solver takes and gives: plain arrays of discs and velocities, no Remote ID and no MAVLink.
+
+Axes: north-east, metres and metres per second, one common local origin. The compass turns clockwise in these axes, so
+"to the right" of a vector (n, e) is (-e, n). This module needs numpy only; the compiled kernels are loaded by
+`ridlink.avoidance.solver`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+Int8Array = NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True)
+class HalfplaneSettings:
+    """Constants of the half-plane solver; one set serves both autopilots it was tried with.
+
+    Args:
+        horizon_s: Conflicts later than this do not constrain. 5 s crawls in dense traffic, 12 s jams it; it is
+            stretched to 1.5 disc radii of own flight, since a large disc must be seen earlier.
+        response_time_s: The vehicle is taken to fly on for so long and then to obey at once; a half-plane is placed at
+            both ends of that time. 0.6 to 1.5 s behave alike, 2 s jumps past the closest approach.
+        barrier_gain_per_s: Inside the disc, separating speed asked for per metre of overlap. Less lets the overlap grow
+            deeper by metres on a slow vehicle.
+        barrier_share: Largest part of the speed limit that the barrier may ask of the pair. Discs of crossed bounds can
+            overlap by more than any vehicle can fly in a second; asking for it would only make the programme
+            infeasible.
+        smoothing: Part of the way from the last command to the new velocity taken per step. 0.3 adds a lag to a lag,
+            1 doubles the activity of the command.
+        right_turn_rad: Turn to the right of the preferred direction while a conflict lies ahead, tapered to zero.
+        age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its disc grows by a age^2 / 2.
+        buffer_share: Share of the error sum added to the radius. Grazing a disc with moving errors is violating it; a
+            third of three sigma each is the smallest buffer that ends it.
+        arrival_deceleration_mps2: The preferred speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s).
+            Infinite for a vehicle that stops at once.
+        head_on_cosine: Opposite courses are head-on when the cosine of the angle between them is below this.
+        head_on_speed_mps: Both must be faster for the head-on rule; below it a course is mostly noise.
+        obstacle_horizon_s: Time constant with which a gap to an obstacle may be closed at most.
+        obstacle_deceleration_mps2: Braking that every autopilot reaches; the approach to an obstacle is never faster
+            than what it can stop.
+        obstacle_response_s: Delay before braking begins.
+        route_margin_m: A route round an obstacle passes its clearance by so much more, so that the half-plane of the
+            obstacle does not slow the vehicle down on it.
+    """
+
+    horizon_s: float = 8.0
+    response_time_s: float = 1.0
+    barrier_gain_per_s: float = 1.0
+    barrier_share: float = 0.5
+    smoothing: float = 0.5
+    right_turn_rad: float = 0.3
+    age_acceleration_mps2: float = 2.5
+    buffer_share: float = 1.0 / 3.0
+    arrival_deceleration_mps2: float = 1.2
+    head_on_cosine: float = -0.85
+    head_on_speed_mps: float = 2.0
+    obstacle_horizon_s: float = 1.0
+    obstacle_deceleration_mps2: float = 2.0
+    obstacle_response_s: float = 0.6
+    route_margin_m: float = 3.0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            infinite = item.name in ("arrival_deceleration_mps2", "obstacle_deceleration_mps2") and value == math.inf
+            if not (math.isfinite(value) or infinite):
+                raise ValueError(f"{item.name} must be finite, got {value}")
+        for name in ("horizon_s", "arrival_deceleration_mps2", "obstacle_horizon_s", "obstacle_deceleration_mps2"):
+            if getattr(self, name) <= 0.0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        for name in (
+            "response_time_s", "barrier_gain_per_s", "age_acceleration_mps2", "buffer_share", "head_on_speed_mps",
+            "obstacle_response_s", "route_margin_m",
+        ):  # fmt: skip
+            if getattr(self, name) < 0.0:
+                raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
+        for name in ("smoothing", "barrier_share"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
+        if abs(self.right_turn_rad) > math.pi / 2:
+            raise ValueError(f"right_turn_rad must lie within a quarter turn, got {self.right_turn_rad}")
+        if not -1.0 <= self.head_on_cosine <= 0.0:
+            raise ValueError(f"head_on_cosine must lie in [-1, 0], got {self.head_on_cosine}")
+
+    def as_vector(self) -> FloatArray:
+        """Values in field order, the form in which the kernels take them, shape (15,)."""
+        return np.array([getattr(self, item.name) for item in fields(self)], dtype=np.float64)
+
+
+def checked_pair(name: str, value: ArrayLike) -> FloatArray:
+    """`value` as a finite (2,) array; `ValueError` names it otherwise."""
+    pair = np.asarray(value, dtype=np.float64)
+    if pair.shape != (2,):
+        raise ValueError(f"{name} must have shape (2,), got {pair.shape}")
+    if not (math.isfinite(pair[0]) and math.isfinite(pair[1])):
+        raise ValueError(f"{name} must be finite, got {pair.tolist()}")
+    return pair
+
+
+def _positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} must be positive and finite, got {value}")
+
+
+@dataclass(frozen=True, slots=True)
+class OwnShip:
+    """The vehicle that decides.
+
+    Args:
+        position_ne_m: Reported own position, shape (2,).
+        velocity_ne_mps: Own velocity from the autopilot, never from differences of positions, shape (2,).
+        command_ne_mps: Last velocity sent to the autopilot, shape (2,); the own velocity where none was sent yet.
+        airframe_m: Largest horizontal extent (diameter).
+        speed_limit_mps: No velocity that leaves the solver is faster.
+    """
+
+    position_ne_m: FloatArray
+    velocity_ne_mps: FloatArray
+    command_ne_mps: FloatArray
+    airframe_m: float
+    speed_limit_mps: float
+
+    def __post_init__(self) -> None:
+        for name in ("position_ne_m", "velocity_ne_mps", "command_ne_mps"):
+            object.__setattr__(self, name, checked_pair(name, getattr(self, name)))
+        _positive("airframe_m", self.airframe_m)
+        _positive("speed_limit_mps", self.speed_limit_mps)
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """Structure of arrays for n neighbours, in the caller's order.
+
+    Args:
+        position_ne_m: Positions as reported, at the time of the report, shape (n, 2); the solver extrapolates.
+        velocity_ne_mps: Reported velocities, shape (n, 2).
+        command_ne_mps: Broadcast commanded velocities, NaN where none was given, shape (n, 2).
+        age_s: Age of each report now, shape (n,).
+        radius_m: Radius of the pair's disc, shape (n,).
+        error_sum_m: Part of it that stands for localization errors, shape (n,).
+        reciprocal: True where the neighbour announces that it takes its half of the avoidance, shape (n,).
+        passing_side: Memory of the head-on rule, `Decision.passing_side` of the last step in the same order: 0 none, 1
+            own-ship passes to the right, -1 to the left, shape (n,).
+    """
+
+    position_ne_m: FloatArray
+    velocity_ne_mps: FloatArray
+    command_ne_mps: FloatArray
+    age_s: FloatArray
+    radius_m: FloatArray
+    error_sum_m: FloatArray
+    reciprocal: NDArray[np.bool_]
+    passing_side: Int8Array
+
+    def __post_init__(self) -> None:
+        count = len(self.position_ne_m)
+        for name in ("position_ne_m", "velocity_ne_mps", "command_ne_mps"):
+            array = np.asarray(getattr(self, name), dtype=np.float64)
+            if array.shape != (count, 2):
+                raise ValueError(f"{name} must have shape ({count}, 2), got {array.shape}")
+            if name != "command_ne_mps" and not np.all(np.isfinite(array)):
+                raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array).all(axis=1)][0].tolist()}")
+            object.__setattr__(self, name, array)
+        for name in ("age_s", "radius_m", "error_sum_m"):
+            array = np.asarray(getattr(self, name), dtype=np.float64)
+            if array.shape != (count,):
+                raise ValueError(f"{name} must have shape ({count},), got {array.shape}")
+            if not np.all(np.isfinite(array)) or np.any(array < 0.0):
+                bad = array[~(np.isfinite(array) & (array >= 0.0))][0]
+                raise ValueError(f"{name} must be finite and not negative, got {bad}")
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "reciprocal", np.asarray(self.reciprocal, dtype=np.bool_))
+        object.__setattr__(self, "passing_side", np.asarray(self.passing_side, dtype=np.int8))
+        if self.reciprocal.shape != (count,):
+            raise ValueError(f"reciprocal must have shape ({count},), got {self.reciprocal.shape}")
+        if self.passing_side.shape != (count,) or np.any(np.abs(self.passing_side) > 1):
+            raise ValueError(f"passing_side must hold {count} values of -1, 0 or 1")
+
+    def __len__(self) -> int:
+        return len(self.position_ne_m)
+
+    @classmethod
+    def empty(cls) -> Traffic:
+        """No neighbour at all."""
+        pairs, scalars = np.empty((0, 2)), np.empty(0)
+        return cls(pairs, pairs, pairs, scalars, scalars, scalars, np.empty(0, np.bool_), np.empty(0, np.int8))
+
+
+class Status(IntEnum):
+    """How free the decision was."""
+
+    FREE = 0
+    """No neighbour and no obstacle stands in the way of the preferred velocity."""
+    CONSTRAINED = 1
+    """Every constraint is met by another velocity than the preferred one."""
+    OVERLAPPED = 2
+    """As CONSTRAINED, while own-ship is inside the disc of a neighbour or the clearance of an obstacle: separating."""
+    INFEASIBLE = 3
+    """No velocity meets every constraint: this one exceeds the worst of them least, obstacles first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Answer for one step.
+
+    Attributes:
+        velocity_ne_mps: Admissible velocity nearest the preferred one, shape (2,).
+        command_ne_mps: The same smoothed from the last command: what to send, shape (2,).
+        preferred_ne_mps: What own-ship would fly without traffic, round obstacles and with its turn, shape (2,).
+        status: How free the decision was.
+        binding: Indices of the neighbours (at most 3) whose constraints the velocity touches or exceeds.
+        obstacle_binding: True if the velocity touches the constraint of a static obstacle.
+        worst_slack_mps: Distance of the velocity to its tightest constraint, negative if it is exceeded; infinite
+            without any.
+        nearest_margin_m: Smallest distance to a neighbour now, less the pair radius without buffer; infinite without
+            any.
+        nearest_index: Neighbour with that margin, -1 without any.
+        time_to_violation_s: Time until the reported velocities lead into the pair radius of the first neighbour, 0
+            inside, infinite if never.
+        passing_side: Memory of the head-on rule to hand in with the next step, shape (n,).
+        route_side: Memory of the way round an obstacle to hand in with the next step.
+    """
+
+    velocity_ne_mps: FloatArray
+    command_ne_mps: FloatArray
+    preferred_ne_mps: FloatArray
+    status: Status
+    binding: tuple[int, ...]
+    obstacle_binding: bool
+    worst_slack_mps: float
+    nearest_margin_m: float
+    nearest_index: int
+    time_to_violation_s: float
+    passing_side: Int8Array = field(default_factory=lambda: np.empty(0, np.int8))
+    route_side: int = 0

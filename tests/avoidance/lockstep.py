@@ -1,0 +1,347 @@
+"""Virtual-time worlds for the avoidance kernels: many at once, in lockstep, with vehicles that do not obey at once.
+
+Physics at 20 ms; every vehicle decides and reports at 10 Hz in a phase of its own. Reports arrive 0.1 to 0.3 s late and
+carry the position error of the sender; own positions carry the same error. North-east axes throughout.
+
+The responses are fits to what the two autopilots do with velocity setpoints: ArduPilot shapes its target with limited
+acceleration (2.5 m/s^2) and jerk (5 m/s^3) and follows it through a delay of 0.06 s and a lag of 0.1 s; PX4 closes a
+velocity loop without shaping, against a strong drag, through a delay of 0.03 s and a lag of 0.17 s.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ridlink.avoidance import halfplane
+from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.route import nearest_point, ring_size
+from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.worlds import avoid_worlds
+from ridlink.separation import Definition, separation_discs
+
+STEP_S = 0.02
+PHASES = 5
+ARRIVED_M = 5.0
+MEMORY = 8
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Where vehicles start and go. Positions (N, 2), speeds (N,), cooperative (N,)."""
+
+    start: np.ndarray
+    goal: np.ndarray
+    speed: np.ndarray
+    cooperative: np.ndarray
+    polygons: tuple = ()
+
+    @property
+    def count(self) -> int:
+        return len(self.start)
+
+
+def scene(start, goal, speed=10.0, cooperative=None, polygons=()) -> Scene:
+    start, goal = np.asarray(start, float), np.asarray(goal, float)
+    count = len(start)
+    flags = np.ones(count, bool) if cooperative is None else np.asarray(cooperative)
+    return Scene(start, goal, np.broadcast_to(np.asarray(speed, float), (count,)).copy(), flags, polygons)
+
+
+def circle(count=8, radius_m=100.0, speed=10.0) -> Scene:
+    angle = 2.0 * np.pi * np.arange(count) / count
+    start = radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return scene(start, -start, speed)
+
+
+def head_on(offset_m=0.0, speed=10.0, cooperative=None) -> Scene:
+    return scene(
+        [[-250.0, 0.0], [250.0, offset_m]], [[250.0, 0.0], [-250.0, offset_m]], speed, cooperative
+    )
+
+
+def crossing(speed=10.0, cooperative=None) -> Scene:
+    return scene([[-250.0, 0.0], [0.0, -250.0]], [[250.0, 0.0], [0.0, 250.0]], speed, cooperative)
+
+
+def overtaking(speed=10.0) -> Scene:
+    return scene([[-250.0, 0.0], [-150.0, 0.0]], [[250.0, 0.0], [350.0, 0.0]], [speed, speed / 2.0])
+
+
+def square24(speed=10.0) -> Scene:
+    along = np.arange(6) * 100.0 - 250.0
+    side = np.full(6, 300.0)
+    start = np.concatenate(
+        [np.stack(pair, axis=1) for pair in ((-side, along), (side, along), (along, -side), (along, side))]
+    )
+    goal = np.concatenate(
+        [np.stack(pair, axis=1) for pair in ((side, along), (-side, along), (along, side), (along, -side))]
+    )
+    block = ((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))
+    return scene(start, goal, speed, polygons=(block,))
+
+
+class Ideal:
+    """Obeys at once."""
+
+    def __init__(self, velocity):
+        self.velocity = velocity.copy()
+
+    def advance(self, command):
+        self.velocity = command.copy()
+        return self.velocity
+
+
+class ArduPilot:
+    """Target shaped with limited acceleration and jerk, then a delay and a first-order lag."""
+
+    def __init__(self, velocity):
+        self.velocity = velocity.copy()
+        self.target = velocity.copy()
+        self.acceleration = np.zeros_like(velocity)
+        self.delay = [velocity.copy() for _ in range(3)]
+
+    def advance(self, command):
+        jerk, most, gain = 5.0, 2.5, 2.0
+        error = command - self.target
+        size = np.linalg.norm(error, axis=-1, keepdims=True)
+        linear = jerk / gain**2
+        wanted = np.where(size > linear, np.sqrt(np.maximum(2.0 * jerk * (size - linear / 2.0), 0.0)), gain * size)
+        wanted = np.minimum(wanted, most) * error / np.maximum(size, 1e-9)
+        change = wanted - self.acceleration
+        step = np.linalg.norm(change, axis=-1, keepdims=True)
+        self.acceleration = self.acceleration + change * np.minimum(1.0, jerk * STEP_S / np.maximum(step, 1e-9))
+        self.target = self.target + self.acceleration * STEP_S
+        self.delay.append(self.target)
+        self.velocity = self.velocity + (self.delay.pop(0) - self.velocity) * (STEP_S / 0.1)
+        return self.velocity
+
+
+class Px4:
+    """Velocity loop with an integrator, limited tilt, a delay and a lag, against drag."""
+
+    drag = 1.0
+
+    def __init__(self, velocity):
+        self.velocity = velocity.copy()
+        self.integral = self.drag * velocity / 0.4
+        self.force = self.drag * velocity
+        self.change = np.zeros_like(velocity)
+        self.delay = [velocity.copy() for _ in range(2)]
+
+    def advance(self, command):
+        self.delay.append(command)
+        error = self.delay.pop(0) - self.velocity
+        wanted = 1.8 * error + 0.4 * self.integral - 0.2 * self.change
+        size = np.linalg.norm(wanted, axis=-1, keepdims=True)
+        saturated = size > 9.8
+        wanted = np.where(saturated, wanted * 9.8 / np.maximum(size, 1e-9), wanted)
+        self.integral = self.integral + np.where(saturated, 0.0, error * STEP_S)
+        self.force = self.force + (wanted - self.force) * (STEP_S / 0.17)
+        self.change = self.force - self.drag * self.velocity
+        self.velocity = self.velocity + self.change * STEP_S
+        return self.velocity
+
+
+RESPONSES = {"ideal": Ideal, "ardupilot": ArduPilot, "px4": Px4}
+IDEAL_SETTINGS = HalfplaneSettings(
+    response_time_s=0.0, arrival_deceleration_mps2=math.inf, obstacle_deceleration_mps2=math.inf, smoothing=1.0
+)
+
+
+@dataclass
+class Outcome:
+    """What happened; W worlds of N vehicles."""
+
+    arrival_s: np.ndarray
+    collided: np.ndarray
+    least_gap_m: np.ndarray
+    least_margin_m: np.ndarray
+    least_obstacle_m: np.ndarray
+    infeasible_share: float
+    reversals: float
+    solo_s: np.ndarray | None = None
+    path: np.ndarray | None = field(default=None, repr=False)
+
+    @property
+    def arrived(self):
+        return np.isfinite(self.arrival_s)
+
+
+def fly(
+    plan: Scene,
+    *,
+    worlds=8,
+    seed=1,
+    response="px4",
+    definition=Definition.CANDIDATE2,
+    sigma_m=3.5,
+    gnss="gauss-markov",
+    settings: HalfplaneSettings | None = None,
+    duration_s=120.0,
+    broadcast_command=True,
+    announces=True,
+    range_m=400.0,
+    latency_s=(0.1, 0.3),
+    airframe_m=(0.5, 2.0),
+    watch=True,
+    keep_path=False,
+) -> Outcome:
+    """Fly `worlds` noisy copies of a scene in lockstep."""
+    random = np.random.default_rng(seed)
+    settings = settings or (IDEAL_SETTINGS if response == "ideal" else HalfplaneSettings())
+    count = plan.count
+    shape = (worlds, count)
+    airframe = random.uniform(*airframe_m, shape)
+    position = np.broadcast_to(plan.start, (*shape, 2)).copy()
+    goal = np.broadcast_to(plan.goal, (*shape, 2))
+    speed = np.broadcast_to(plan.speed, shape)
+    cooperative = np.broadcast_to(plan.cooperative, shape)
+    to_goal = goal - position
+    velocity = to_goal / np.linalg.norm(to_goal, axis=-1, keepdims=True) * speed[..., None]
+    model = RESPONSES[response](velocity)
+    command = velocity.copy()
+    error = random.normal(0.0, sigma_m, (*shape, 2))
+    keep = math.exp(-STEP_S / 10.0)
+    phase = random.integers(0, PHASES, shape)
+    obstacles = Obstacles.from_polygons(plan.polygons)
+    rows = 2 * count + obstacles.piece_count
+
+    own = np.zeros((*shape, halfplane.OWN_COLUMNS))
+    heard = np.zeros((*shape, 8))
+    sent = np.full((*shape, MEMORY, 2), np.inf)  # sent at, arrives at
+    reports = np.zeros((*shape, MEMORY, 6))
+    sent[..., 0, 0], sent[..., 0, 1] = 0.0, 0.0
+    reports[..., 0, :2], reports[..., 0, 2:4] = position + error, velocity
+    reports[..., 0, 4:6] = command if broadcast_command else np.nan
+    slot = np.ones(shape, np.int64)
+    present = np.ones(shape, bool)
+    side = np.zeros((*shape, count), np.int8)
+    route = np.zeros(shape, np.int64)
+    scratch = (
+        np.zeros((*shape, halfplane.NEIGHBOUR_COLUMNS)),
+        np.zeros((worlds, rows + 2, 3)),
+        np.zeros((worlds, rows + 2, 3)),
+        np.zeros((worlds, rows), np.int64),
+        np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
+        np.zeros(shape, np.int8),
+        np.zeros(shape, np.int64),
+    )
+    result = np.zeros((*shape, halfplane.RESULT_COLUMNS))
+    vector = settings.as_vector()
+    itself = np.eye(count, dtype=bool)
+    mac = (airframe[:, :, None] + airframe[:, None, :]) / 2.0
+    arrival = np.full(shape, np.inf)
+    collided = np.zeros(shape, bool)
+    least_gap = np.full(worlds, np.inf)
+    least_margin = np.full(worlds, np.inf)
+    least_obstacle = np.full(worlds, np.inf)
+    bound = 3.0 * sigma_m
+    turn = np.zeros(shape)
+    window = 50
+    distances = np.full((window, *shape), np.nan)
+    last_lateral = np.zeros(shape)
+    reversals = decisions = infeasible = 0
+    normal = np.zeros(2)
+    path = []
+    steps = round(duration_s / STEP_S)
+    for step in range(steps):
+        now = step * STEP_S
+        turn_now = (phase == step % PHASES) & present
+        if gnss == "gauss-markov":
+            error = keep * error + math.sqrt(1.0 - keep**2) * random.normal(0.0, sigma_m, (*shape, 2))
+        else:
+            error = np.where(turn_now[..., None], random.normal(0.0, sigma_m, (*shape, 2)), error)
+        reported = position + error
+
+        arrived_times = np.where(sent[..., 1] <= now, sent[..., 0], -np.inf)
+        newest = np.argmax(arrived_times, axis=-1)
+        heard[..., :6] = np.take_along_axis(reports, newest[..., None, None], axis=2)[:, :, 0]
+        heard[..., 6] = now - np.take_along_axis(arrived_times, newest[..., None], axis=2)[..., 0]
+        heard[..., 7] = cooperative & announces
+        measured = velocity + random.normal(0.0, 0.1, velocity.shape)
+        own[..., 0:2], own[..., 2:4], own[..., 4:6], own[..., 6:8] = reported, measured, command, goal
+        own[..., halfplane.LIMIT] = own[..., halfplane.CRUISE] = speed
+        own_speed = np.linalg.norm(measured, axis=-1)
+        own[..., halfplane.CLEARANCE] = airframe / 2.0 + bound + 0.1 * own_speed
+        own[..., halfplane.EXTRA_TURN] = turn
+        discs = separation_discs(
+            definition,
+            own_airframe_m=airframe[:, :, None], own_error_bound_m=bound, own_accuracy_bound_m=np.nan,
+            own_speed_mps=own_speed[:, :, None], airframe_m=airframe[:, None, :], error_bound_m=bound,
+            accuracy_bound_m=np.nan, speed_mps=np.linalg.norm(heard[..., 2:4], axis=-1)[:, None, :],
+        )  # fmt: skip
+        deciding = turn_now & cooperative
+        avoid_worlds(
+            own, deciding, heard, present, discs.radius_m, discs.error_sum_m, range_m, side, route,
+            obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start,
+            vector, *scratch, result,
+        )  # fmt: skip
+        command = np.where(deciding[..., None], result[..., 2:4], command)
+        decisions += deciding.sum()
+        infeasible += (deciding & (result[..., halfplane.R_STATUS] == halfplane.INFEASIBLE)).sum()
+        course = plan.goal - plan.start
+        course = course / np.linalg.norm(course, axis=-1, keepdims=True)
+        lateral = course[:, 0] * command[..., 1] - course[:, 1] * command[..., 0]
+        lateral = np.where(np.abs(lateral) > 0.5, np.sign(lateral), last_lateral)
+        reversals += (deciding & (lateral * last_lateral < 0)).sum()
+        last_lateral = np.where(deciding, lateral, last_lateral)
+
+        publish = turn_now
+        if publish.any():
+            world, vehicle = np.nonzero(publish)
+            place = slot[world, vehicle]
+            reports[world, vehicle, place, :2] = reported[world, vehicle]
+            reports[world, vehicle, place, 2:4] = measured[world, vehicle]
+            reports[world, vehicle, place, 4:6] = command[world, vehicle] if broadcast_command else np.nan
+            sent[world, vehicle, place, 0] = now
+            sent[world, vehicle, place, 1] = now + random.uniform(*latency_s, len(world))
+            slot[world, vehicle] = (place + 1) % MEMORY
+
+        velocity = model.advance(command)
+        position = position + np.where(present[..., None], velocity * STEP_S, 0.0)
+
+        if watch and step % PHASES == 0:
+            here = np.linalg.norm(goal - reported, axis=-1)
+            before = distances[(step // PHASES) % window]
+            stalled = (before - here < 0.1 * speed * 5.0) & (here > speed)
+            turn = np.clip(turn + np.where(stalled, 0.01, -0.01), 0.0, 1.2)
+            distances[(step // PHASES) % window] = here
+
+        both = present[:, :, None] & present[:, None, :] & ~itself
+        apart = np.linalg.norm(position[:, :, None] - position[:, None, :], axis=-1)
+        gap = np.where(both, apart - mac, np.inf)
+        least_gap = np.minimum(least_gap, gap.min(axis=(1, 2)))
+        seen = np.linalg.norm(reported[:, :, None] - reported[:, None, :], axis=-1)
+        margin = np.where(both, seen - discs.radius_m, np.inf)
+        least_margin = np.minimum(least_margin, margin.min(axis=(1, 2)))
+        hit = (gap < 0.0).any(axis=2)
+        collided |= hit
+        for w, i in np.argwhere(present) if len(plan.polygons) and step % PHASES == 0 else ():
+            distance = nearest_point(
+                obstacles.piece_vertex_ne_m, 0, obstacles.piece_start[1], position[w, i, 0], position[w, i, 1], normal
+            )
+            least_obstacle[w] = min(least_obstacle[w], distance)
+        there = present & (np.linalg.norm(goal - reported, axis=-1) < ARRIVED_M) & ~hit
+        arrival = np.where(there, now, arrival)
+        present = present & ~there & ~hit
+        if keep_path:
+            path.append(np.where(present[..., None], position, np.nan))
+        if not present.any():
+            break
+    return Outcome(
+        arrival, collided, least_gap, least_margin, least_obstacle, infeasible / max(decisions, 1),
+        reversals / (worlds * count), path=np.array(path) if keep_path else None,
+    )  # fmt: skip
+
+
+def solo_time(plan: Scene, **options) -> np.ndarray:
+    """Arrival times (W, N) of the same vehicles when they hear nobody and nothing collides [s]."""
+    lonely = [
+        fly(replace(plan, start=plan.start[i : i + 1], goal=plan.goal[i : i + 1], speed=plan.speed[i : i + 1],
+                    cooperative=plan.cooperative[i : i + 1]), **options).arrival_s
+        for i in range(plan.count)
+    ]  # fmt: skip
+    return np.concatenate(lonely, axis=1)

@@ -1,0 +1,128 @@
+"""Discs of the separation definitions: Table IV, unknown values, clamps, monotony."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.separation import Definition, mac_radius, separation_discs
+from ridlink.separation.definitions import bounded_airframe, bounded_error, bounded_speed
+
+EXACT = {
+    "own_airframe_m": 1.0,
+    "own_error_bound_m": 10.5,
+    "own_accuracy_bound_m": 12.0,
+    "own_speed_mps": 10.0,
+    "airframe_m": np.array([2.0]),
+    "error_bound_m": np.array([5.7]),
+    "accuracy_bound_m": np.array([30.0]),
+    "speed_mps": np.array([5.0]),
+}
+UNKNOWN = {name: np.full_like(np.asarray(value, float), np.nan) for name, value in EXACT.items()}
+
+anything = st.floats(allow_nan=True, allow_infinity=True)
+definitions = st.sampled_from(list(Definition))
+
+
+@pytest.mark.parametrize(
+    ("definition", "radius", "error"),
+    [
+        ("snmac", 15.0, 0.0),
+        ("remote-id", 7.5 + 80.0 + 1.5, 80.0),
+        ("odid-accuracy", 7.5 + 42.0 + 1.5, 42.0),
+        ("candidate1", 7.5 + 16.2 + 1.5, 16.2),
+        ("candidate2", 1.5 + 16.2 + 1.5, 16.2),
+    ],
+)
+def test_radius_of_each_definition(definition, radius, error):
+    discs = separation_discs(Definition(definition), **EXACT)
+    assert discs.radius_m == pytest.approx([radius])
+    assert discs.error_sum_m == pytest.approx([error])
+
+
+def test_without_any_report_every_definition_but_snmac_is_remote_id():
+    expected = separation_discs(Definition.REMOTE_ID, **UNKNOWN).radius_m
+    assert expected == pytest.approx([7.5 + 80.0 + 0.1 * 2 * 30.7])
+    for definition in set(Definition) - {Definition.SNMAC}:
+        assert separation_discs(definition, **UNKNOWN).radius_m == pytest.approx(expected)
+
+
+def test_definitions_are_ordered_as_in_the_paper():
+    radius = {definition: separation_discs(definition, **EXACT).radius_m[0] for definition in Definition}
+    assert radius[Definition.SNMAC] < radius[Definition.CANDIDATE2] < radius[Definition.CANDIDATE1]
+    assert radius[Definition.CANDIDATE1] < radius[Definition.REMOTE_ID]
+
+
+@pytest.mark.parametrize(
+    ("bounded", "given_value", "expected"),
+    [
+        (bounded_airframe, math.nan, 7.5),
+        (bounded_airframe, 0.0, 7.5),
+        (bounded_airframe, -3.0, 7.5),
+        (bounded_airframe, 0.05, 0.1),
+        (bounded_airframe, 655.35, 30.0),
+        (bounded_airframe, math.inf, 30.0),
+        (bounded_error, math.nan, 40.0),
+        (bounded_error, -1.0, 40.0),
+        (bounded_error, 0.0, 0.0),
+        (bounded_error, 18520.0, 185.0),
+        (bounded_error, math.inf, 185.0),
+        (bounded_speed, math.nan, 30.7),
+        (bounded_speed, -1.0, 30.7),
+        (bounded_speed, math.inf, 254.25),
+    ],
+)
+def test_reports_are_clamped(bounded, given_value, expected):
+    assert bounded(given_value) == expected
+
+
+def test_one_vehicle_against_many_and_many_against_many():
+    one = separation_discs(Definition.CANDIDATE2, **(EXACT | {"airframe_m": np.array([1.0, 2.0, np.nan])}))
+    assert one.radius_m.shape == one.error_sum_m.shape == (3,)
+    many = separation_discs(
+        Definition.SNMAC, **(EXACT | {"own_airframe_m": np.ones((4, 5, 1)), "airframe_m": np.ones((4, 1, 5))})
+    )
+    assert many.radius_m.shape == many.error_sum_m.shape == (4, 5, 5)
+
+
+def test_the_interval_is_measured_per_track():
+    discs = separation_discs(
+        Definition.CANDIDATE2, **(EXACT | {"speed_mps": np.array([5.0, 5.0])}), interval_s=np.array([0.1, 1.0])
+    )
+    assert np.diff(discs.radius_m) == pytest.approx([0.9 * 15.0])
+    with pytest.raises(ValueError, match="interval_s"):
+        separation_discs(Definition.CANDIDATE2, **EXACT, interval_s=math.nan)
+
+
+@given(definitions, st.lists(anything, min_size=8, max_size=8))
+def test_the_disc_is_finite_and_never_below_the_mac_radius(definition, values):
+    reports = dict(zip(EXACT, values, strict=True))
+    discs = separation_discs(definition, **reports)
+    airframes = [float(bounded_airframe(reports["own_airframe_m"])), float(bounded_airframe(reports["airframe_m"]))]
+    assert np.all(np.isfinite(discs.radius_m)) and np.all(np.isfinite(discs.error_sum_m))
+    assert discs.radius_m >= mac_radius(airframes)
+    assert 0.0 <= discs.error_sum_m <= discs.radius_m + 1e-9 or definition is Definition.SNMAC
+
+
+@given(
+    definitions,
+    st.sampled_from(list(EXACT)),
+    st.floats(0.1, 40.0),
+    st.floats(0.0, 40.0),
+)
+def test_the_disc_grows_with_every_reported_value(definition, name, value, more):
+    small = separation_discs(definition, **(EXACT | {name: value}))
+    large = separation_discs(definition, **(EXACT | {name: value + more}))
+    assert large.radius_m >= small.radius_m
+    assert large.error_sum_m >= small.error_sum_m
+
+
+@given(definitions, st.sampled_from(list(EXACT)), st.floats(0.0, 1.0))
+def test_unknown_is_never_better_than_a_value_within_the_standard(definition, name, share):
+    most = {"airframe": 7.5, "error": 40.0, "accuracy": 40.0, "speed": 30.7}
+    bound = next(limit for key, limit in most.items() if key in name)
+    known = separation_discs(definition, **(EXACT | {name: max(share * bound, 0.1)}))
+    unknown = separation_discs(definition, **(EXACT | {name: math.nan}))
+    assert unknown.radius_m >= known.radius_m - 1e-9
