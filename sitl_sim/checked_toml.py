@@ -1,7 +1,7 @@
 """A TOML document read key by key, with errors that a person can act on.
 
-One line of text names the file, the line where it can, the table and key, and what would be right. Numbers must be finite;
-a key that nobody asked for is an error, because a misspelt key must not pass as a default.
+One line of text names the file, the line where it can, the table and key, and what would be right. Numbers must be
+finite. A key that nobody asked for is an error: a misspelt key must not pass as a default.
 """
 
 from __future__ import annotations

@@ -1,4 +1,14 @@
-"""The true world of one scenario: where every vehicle is, what its receiver says, who hit whom. (interface, being filled)"""
+"""The true world of one scenario: where every vehicle is, what its receiver says, who hit whom, who has arrived.
+
+Units and axes: metres, seconds; north-east-down about home, the ground is down = 0. Index k is system id k + 1.
+
+Truth (``position_ned_m``, ``velocity_ned_mps``) is there for the radio, the referee, logs and pages that show it. What
+a vehicle may know of itself is ``reported_position_ned_m``, ``reported_velocity_ned_mps`` and its receiver's figures;
+nothing that steers may read anything else.
+
+Physics runs in whole ticks of 20 ms whatever the caller's step is, so the same commands at the same ticks give the same
+flight, in real or in virtual time.
+"""
 
 from __future__ import annotations
 
@@ -9,70 +19,292 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from ridlink.separation.volumes import unmac_radius
+from sitl_sim.gnss import ErrorModel, GnssReceivers
+from sitl_sim.referee import Referee, Verdict
 from sitl_sim.scenario import Scenario
+from sitl_sim.vehicle import TICK_S, FleetDynamics, model_for_speed
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+DESCENT_MPS = 1.5
+"""Descent of a landing, PX4's MPC_Z_VEL_MAX_DN and ArduPilot's WPNAV_SPEED_DN."""
+
+TOUCHDOWN_MPS = 0.7
+"""Descent below ``FLARE_HEIGHT_M``, PX4's MPC_LAND_SPEED."""
+
+FLARE_HEIGHT_M = 10.0
+"""Height at which a landing slows down, PX4's MPC_LAND_ALT1."""
 
 
 class VehicleState(IntEnum):
-    GROUNDED = 0  # standing; start, or after a landing
-    AIRBORNE = 1  # flies the commanded velocity
-    LANDING = 2  # the world descends it by itself; commands are ignored
-    GONE = 3  # collided, or left (arrival="leave")
+    """Where a vehicle is in its life."""
+
+    GROUNDED = 0
+    """Standing: before the flight, or after a landing."""
+    AIRBORNE = 1
+    """Flies the commanded velocity."""
+    LANDING = 2
+    """Comes down by itself; commands are ignored."""
+    GONE = 3
+    """Collided, or arrived where arrival means leaving."""
 
 
 class World:
-    """Index k is system id k + 1. Everything is NED about home; the ground is down = 0.
+    """One scenario being flown.
 
-    Truth (`position_ned_m`, `velocity_ned_mps`) is for the radio, the referee, logs and observers only; what a vehicle may
-    know of itself is `reported_position_ned_m`, `reported_velocity_ned_mps` and the receiver's figures.
+    Args:
+        scenario: What is flown.
+        seed: Seed of every chance in it.
+        autopilot: "ideal", "px4" or "ardupilot", one for all or one for each vehicle.
+        gnss: How sigma becomes an error: "white", "white-radial", "gauss-markov" or "bias".
+        sigma_m: For vehicles of which the scenario says nothing.
+        airborne: True: everybody hovers at its start and the mission begins at once. False: everybody stands below its
+            start until ``lift_off``; ``begin_mission`` says when the mission begins.
+        arrival: "land": who has arrived comes down and stands. "leave": it is gone at once, as in the paper.
+        pair_radius: uNMAC radii of all pairs now, shape (n, n); Eq. 8 with true sizes and bounds unless given.
+
+    Raises:
+        ValueError: If an autopilot or error model is unknown, or there are not as many as vehicles.
     """
-
-    position_ned_m: FloatArray  # (n, 3) true
-    velocity_ned_mps: FloatArray  # (n, 3) true
-    acceleration_ned_mps2: FloatArray  # (n, 3) true, for ATTITUDE
-    reported_position_ned_m: FloatArray  # (n, 3) true + receiver error
-    reported_velocity_ned_mps: FloatArray  # (n, 3)
-    state: npt.NDArray[np.int64]  # (n,) VehicleState
-    active: BoolArray  # (n,) AIRBORNE and still on its mission (not arrived)
-    in_air: BoolArray  # (n,) AIRBORNE or LANDING
-    arrived: BoolArray  # (n,)
-    h_acc_m: FloatArray  # (n,) receiver's one-sigma figures, GPS_RAW_INT h_acc
-    v_acc_m: FloatArray
-    vel_acc_mps: FloatArray
-    bound_3sigma_m: FloatArray  # (n,) for RIDLINK_SEPARATION.horizontal_error
-    fix_type: npt.NDArray[np.int64]  # (n,) 3 = fix, 0 = lost (see gnss.set_outage(index, True))
-    time_s: float  # simulated time since construction
-    mission_time_s: float  # since begin_mission()
-    finished: bool  # nobody left to wait for, or mission_time_s >= scenario.duration_s
 
     def __init__(
         self,
         scenario: Scenario,
         *,
         seed: int = 1,
-        autopilot: str | Sequence[str] = "px4",  # ideal | px4 | ardupilot, one or one per vehicle
-        gnss: str = "gauss-markov",  # white | white-radial | gauss-markov | bias
-        sigma_m: float = 3.5,  # for vehicles whose scenario entry says nothing
-        airborne: bool = True,  # False: all GROUNDED below their start
+        autopilot: str | Sequence[str] = "px4",
+        gnss: ErrorModel = "gauss-markov",
+        sigma_m: float = 3.5,
+        airborne: bool = True,
         arrival: Literal["land", "leave"] = "land",
-        pair_radius: Callable[["World"], FloatArray] | None = None,  # (n, n) uNMAC radii now; default Eq. 8
-    ) -> None: ...
+        pair_radius: Callable[[World], FloatArray] | None = None,
+    ) -> None:
+        vehicles = scenario.vehicles
+        count = len(vehicles)
+        autopilots = [autopilot] * count if isinstance(autopilot, str) else list(autopilot)
+        if len(autopilots) != count:
+            raise ValueError(f"{len(autopilots)} autopilots for {count} vehicles")
+        position = np.array([vehicle.start_ned_m for vehicle in vehicles]).reshape(count, 3)
+        if not airborne:
+            position[:, 2] = 0.0
+        models = [model_for_speed(name, vehicle.speed_mps) for name, vehicle in zip(autopilots, vehicles, strict=True)]
+        sigmas = [sigma_m if vehicle.sigma_m is None else vehicle.sigma_m for vehicle in vehicles]
+        self.scenario = scenario
+        self.time_s = 0.0
+        self.receivers = GnssReceivers(gnss, sigmas, seed=seed, interval_s=scenario.interval_s)
+        self.state: IntArray = np.full(
+            count, VehicleState.AIRBORNE if airborne else VehicleState.GROUNDED, dtype=np.int64
+        )
+        self._dynamics = FleetDynamics(models, position)
+        self._referee = Referee(scenario, position)
+        self._pair_radius = pair_radius or eq8_pair_radius
+        self._arrival = arrival
+        self._airframe_m = np.array([vehicle.airframe_m for vehicle in vehicles], dtype=np.float64)
+        self._command: FloatArray = np.zeros((count, 3))
+        self._ticks = 0
+        self._ticks_per_report = max(1, round(scenario.interval_s / TICK_S))
+        self._pending_s = 0.0
+        self._mission_from_s: float | None = None
+        if airborne:
+            self.begin_mission()
+
+    # --- truth: for the radio, the referee, logs and observers --------------------------------------------------------
+
+    @property
+    def position_ned_m(self) -> FloatArray:
+        """True positions, shape (n, 3)."""
+        return self._dynamics.position_ned_m
+
+    @property
+    def velocity_ned_mps(self) -> FloatArray:
+        """True velocities, shape (n, 3)."""
+        return self._dynamics.velocity_ned_mps
+
+    @property
+    def acceleration_ned_mps2(self) -> FloatArray:
+        """True accelerations over the last tick, shape (n, 3); a multirotor's attitude follows from them."""
+        return self._dynamics.acceleration_ned_mps2
+
+    @property
+    def arrived(self) -> BoolArray:
+        """Who has been at its goal, shape (n,)."""
+        return self._referee.arrived
+
+    @property
+    def referee(self) -> Referee:
+        """The judge of this flight."""
+        return self._referee
+
+    def verdict(self) -> Verdict:
+        """The judgement so far."""
+        return self._referee.verdict()
+
+    # --- what a vehicle may know of itself ----------------------------------------------------------------------------
+
+    @property
+    def reported_position_ned_m(self) -> FloatArray:
+        """Where the vehicles believe to be, shape (n, 3)."""
+        return self.position_ned_m + self.receivers.position_error_ned_m
+
+    @property
+    def reported_velocity_ned_mps(self) -> FloatArray:
+        """How the vehicles believe to fly, shape (n, 3); exact on the ground, where they know that they stand."""
+        return self.velocity_ned_mps + np.where(self.in_air[:, None], self.receivers.velocity_error_ned_mps, 0.0)
+
+    @property
+    def h_acc_m(self) -> FloatArray:
+        """What the receivers say of their horizontal accuracy, one sigma per axis, shape (n,)."""
+        return self.receivers.h_acc_m
+
+    @property
+    def v_acc_m(self) -> FloatArray:
+        """What the receivers say of their vertical accuracy, one sigma, shape (n,)."""
+        return self.receivers.v_acc_m
+
+    @property
+    def vel_acc_mps(self) -> FloatArray:
+        """What the receivers say of their velocity accuracy, one sigma per axis, shape (n,)."""
+        return self.receivers.vel_acc_mps
+
+    @property
+    def bound_3sigma_m(self) -> FloatArray:
+        """Three sigma per horizontal axis, what RIDLINK_SEPARATION carries, shape (n,)."""
+        return self.receivers.bound_3sigma_m
+
+    @property
+    def fix_type(self) -> IntArray:
+        """As in GPS_RAW_INT, shape (n,)."""
+        return self.receivers.fix_type
+
+    # --- state --------------------------------------------------------------------------------------------------------
+
+    @property
+    def in_air(self) -> BoolArray:
+        """Who flies or lands, shape (n,)."""
+        return np.asarray((self.state == VehicleState.AIRBORNE) | (self.state == VehicleState.LANDING))
+
+    @property
+    def active(self) -> BoolArray:
+        """Who flies and has not arrived yet, shape (n,)."""
+        return np.asarray((self.state == VehicleState.AIRBORNE) & ~self.arrived)
+
+    @property
+    def mission_time_s(self) -> float:
+        """Time since the mission began, 0 before."""
+        return 0.0 if self._mission_from_s is None else self.time_s - self._mission_from_s
+
+    @property
+    def finished(self) -> bool:
+        """Whether everybody has arrived or collided, or the scenario's time is up."""
+        if self._mission_from_s is None:
+            return False
+        return self.mission_time_s >= self.scenario.duration_s or bool(np.all(self.arrived | self._referee.removed))
+
+    # --- what the caller does -----------------------------------------------------------------------------------------
 
     def step(self, dt_s: float) -> None:
-        """Advance by dt_s; physics runs in whole 20 ms ticks, the remainder is kept."""
+        """Let time pass; ticks of 20 ms are flown as they become complete.
+
+        Raises:
+            ValueError: If the time is negative or not finite.
+        """
+        if not (np.isfinite(dt_s) and dt_s >= 0.0):
+            raise ValueError(f"dt_s must be finite and not negative, not {dt_s}")
+        self._pending_s += dt_s
+        while self._pending_s >= TICK_S - 1e-9:
+            self._pending_s -= TICK_S
+            self._tick()
 
     def command_velocity(self, index: int, velocity_ned_mps: npt.ArrayLike) -> None:
-        """Velocity [m/s] that the vehicle is to fly from now on (AIRBORNE only; kept until changed)."""
+        """What one vehicle is to fly from now on; kept until changed, used while it is AIRBORNE.
+
+        Raises:
+            ValueError: If the velocity is not three finite figures.
+        """
+        velocity = np.asarray(velocity_ned_mps, dtype=np.float64)
+        if velocity.shape != (3,) or not np.all(np.isfinite(velocity)):
+            raise ValueError("velocity_ned_mps must be three finite figures")
+        self._command[index] = velocity
+
+    def fly_straight(self, index: int) -> None:
+        """Send one vehicle straight on from its start to its goal at cruise speed, as one that avoids nobody flies."""
+        vehicle = self.scenario.vehicles[index]
+        way = np.array(vehicle.goal_ned_m) - np.array(vehicle.start_ned_m)
+        self.command_velocity(index, way * (vehicle.speed_mps / max(float(np.linalg.norm(way)), 1e-9)))
 
     def lift_off(self, index: int) -> None:
-        """GROUNDED -> AIRBORNE (motors up); climbs only when commanded a negative down velocity."""
+        """GROUNDED to AIRBORNE; it climbs when commanded to."""
+        if self.state[index] == VehicleState.GROUNDED:
+            self._command[index] = 0.0
+            self.state[index] = VehicleState.AIRBORNE
 
     def land(self, index: int) -> None:
-        """AIRBORNE -> LANDING: stops horizontally, descends, becomes GROUNDED at down = 0."""
+        """AIRBORNE to LANDING: it stops, comes down and stands where it touches the ground."""
+        if self.state[index] == VehicleState.AIRBORNE:
+            self.state[index] = VehicleState.LANDING
 
     def begin_mission(self) -> None:
-        """Mission clock to zero, separation judged from here (called by the constructor when airborne=True)."""
+        """Mission time counts from now, and what was judged before is forgotten."""
+        self._mission_from_s = self.time_s
+        self._referee.begin()
 
-    # verdict() -> sitl_sim.referee.Verdict with as_dict()
+    # --- one tick -----------------------------------------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        in_air = self.in_air
+        self._dynamics.step(self._commands(), TICK_S, in_air)
+        self._touch_ground(in_air)
+        self.receivers.step(TICK_S)
+        self._ticks += 1
+        self.time_s = self._ticks * TICK_S
+        if self._mission_from_s is not None:
+            self._judge(in_air)
+
+    def _commands(self) -> FloatArray:
+        landing = self.state == VehicleState.LANDING
+        command = np.where((self.state == VehicleState.AIRBORNE)[:, None], self._command, 0.0)
+        low = -self.position_ned_m[:, 2] < FLARE_HEIGHT_M
+        command[:, 2] = np.where(landing, np.where(low, TOUCHDOWN_MPS, DESCENT_MPS), command[:, 2])
+        return command
+
+    def _touch_ground(self, in_air: BoolArray) -> None:
+        """Nothing flies below the ground; who meets it on its way down stands."""
+        below = in_air & (self.position_ned_m[:, 2] >= 0.0)
+        if not np.any(below):
+            return
+        self.position_ned_m[below, 2] = 0.0
+        down = (self.state == VehicleState.LANDING) | (self._command[:, 2] > 0.0)
+        self.state[below & down] = VehicleState.GROUNDED
+
+    def _judge(self, in_air: BoolArray) -> None:
+        active = in_air & self.active
+        position, reported = self.position_ned_m, self.reported_position_ned_m
+        collided = self._referee.observe(self.mission_time_s, TICK_S, position, reported, in_air=in_air, active=active)
+        if self._ticks % self._ticks_per_report == 0 and np.count_nonzero(active) > 1:
+            self._referee.observe_reports(position, reported, self._pair_radius(self), active=active)
+        self.state[collided] = VehicleState.GONE
+        done = self.arrived & (self.state == VehicleState.AIRBORNE)
+        self.state[done] = VehicleState.LANDING if self._arrival == "land" else VehicleState.GONE
+
+
+def eq8_pair_radius(world: World) -> FloatArray:
+    """uNMAC radii of all pairs from true sizes, bounds and speeds [m], shape (n, n).
+
+    Source: paper Eq. 8. The radius of a pair is a sum of one share each, so n shares are enough: the other vehicle of
+    each is a point that stands still and knows where it is.
+    """
+
+    def beside_nothing(values: FloatArray) -> FloatArray:
+        return np.stack([values, np.zeros_like(values)], axis=-1)
+
+    speed_mps = np.hypot(world.velocity_ned_mps[:, 0], world.velocity_ned_mps[:, 1])
+    share = unmac_radius(
+        beside_nothing(world._airframe_m),
+        beside_nothing(world.bound_3sigma_m),
+        beside_nothing(speed_mps),
+        world.scenario.interval_s,
+    )
+    return np.asarray(share[:, None] + share[None, :])

@@ -1,0 +1,407 @@
+"""Who came near whom, who collided, who arrived: judged on the truth, between samples as well as at them.
+
+Units and axes: metres, seconds; north-east-down. Between two samples everybody flies straight, so the closest approach
+of a pair inside a step is known exactly, and nobody slips through another between two samples, however fast.
+
+- MAC, mid-air collision: true horizontal distance below half the sum of the airframe sizes (paper Eq. 9) while the
+  airframes overlap vertically (heights: ``VehicleSpec.airframe_height_m``). Judged for everything in the air.
+- Separation and uNMAC: judged for pairs on their missions and in one altitude slice. A pair violates its uNMAC when it
+  *enters* the pair radius; a pair that is inside from the start has not had the chance, and counts from when it first
+  was clear. On true positions this happens whenever the position errors do what the radius is there for; what
+  avoidance can answer for is the count on reported positions. Both are kept.
+- Arrival: the true or the reported position is within 5 m of the goal horizontally.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import statistics
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from sitl_sim.scenario import Scenario, distance_to_polygon
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+ARRIVAL_RADIUS_M = 5.0
+"""Horizontal distance to the goal that counts as arrived: the paper's simulation."""
+
+ALTITUDE_SLICE_M = 15.0
+"""Pairs further apart vertically than this are in different slices of airspace; separation is a horizontal notion."""
+
+SWEPT_WITHIN_M = 25.0
+"""Pairs this near are swept between samples. Beyond, samples suffice: with 1 m of relative motion in a step, the
+closest approach of a pair 25 m apart is missed by 5 mm."""
+
+OBSTACLE_LOOK_M = 0.5
+"""Obstacles are looked at at least this often along a vehicle's way; far finer than any of them is thick."""
+
+
+class Outcome(StrEnum):
+    """How the mission of one vehicle ended."""
+
+    FLYING = "flying"
+    ARRIVED = "arrived"
+    COLLIDED = "collided"
+    HIT_OBSTACLE = "hit_obstacle"
+
+
+class Collision(NamedTuple):
+    """A mid-air collision: mission time [s] and both indices."""
+
+    time_s: float
+    first: int
+    second: int
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleResult:
+    """What became of one vehicle; None where there is nothing to say."""
+
+    system_id: int
+    outcome: Outcome
+    arrival_time_s: float | None
+    min_separation_m: float | None
+    nearest_system_id: int | None
+    nearest_time_s: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "system_id": self.system_id,
+            "outcome": str(self.outcome),
+            "arrival_time_s": _rounded(self.arrival_time_s),
+            "min_separation_m": _rounded(self.min_separation_m),
+            "nearest_system_id": self.nearest_system_id,
+            "nearest_time_s": _rounded(self.nearest_time_s),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The judgement of one flight.
+
+    Args:
+        vehicles: Number of vehicles.
+        arrived: How many arrived, and did not collide on their way down.
+        macs: Mid-air collisions (pairs).
+        obstacle_hits: Vehicles that flew into an obstacle.
+        unmac_violations: Pairs whose reported positions entered their uNMAC radius.
+        unmac_violations_true: Pairs whose true positions did.
+        min_separation_m: Smallest true distance between the centres of any pair, None without a pair.
+        mission_time_median_s, mission_time_max_s: Over those who arrived, None if nobody did.
+        details: One entry a vehicle.
+    """
+
+    vehicles: int
+    arrived: int
+    macs: int
+    obstacle_hits: int
+    unmac_violations: int
+    unmac_violations_true: int
+    min_separation_m: float | None
+    mission_time_median_s: float | None
+    mission_time_max_s: float | None
+    details: tuple[VehicleResult, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether everybody arrived and nobody hit anything."""
+        return self.arrived == self.vehicles and self.macs == 0 and self.obstacle_hits == 0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, with the keys of the last line of ``ridlink demo --json``."""
+        return {
+            "vehicles": self.vehicles,
+            "arrived": self.arrived,
+            "macs": self.macs,
+            "obstacle_hits": self.obstacle_hits,
+            "unmac_violations": self.unmac_violations,
+            "unmac_violations_true": self.unmac_violations_true,
+            "min_separation_m": _rounded(self.min_separation_m),
+            "mission_time_s": {
+                "median": _rounded(self.mission_time_median_s),
+                "max": _rounded(self.mission_time_max_s),
+            },
+            "details": [detail.as_dict() for detail in self.details],
+        }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)
+
+
+class Referee:
+    """Watches one flight, step by step.
+
+    Args:
+        scenario: Goals, airframes and obstacles.
+        position_ned_m: True positions at time zero, shape (n, 3).
+
+    Attributes:
+        arrival_time_s: Mission time of arrival, shape (n,), NaN where not arrived.
+        collisions: Mid-air collisions in order.
+        obstacle_hits: Mission time and index of vehicles that hit an obstacle.
+    """
+
+    def __init__(self, scenario: Scenario, position_ned_m: npt.ArrayLike) -> None:
+        vehicles = scenario.vehicles
+        count = len(vehicles)
+        self._goal_ne_m = np.array([vehicle.goal_ned_m[:2] for vehicle in vehicles]).reshape(count, 2)
+        self._airframe_m = np.array([vehicle.airframe_m for vehicle in vehicles], dtype=np.float64)
+        self._height_m = np.array([vehicle.airframe_height_m for vehicle in vehicles], dtype=np.float64)
+        self._polygons = [np.array(obstacle.polygon_ne_m) for obstacle in scenario.obstacles]
+        self._others = ~np.eye(count, dtype=np.bool_)
+        self._before: FloatArray = np.array(position_ned_m, dtype=np.float64).reshape(count, 3)
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was judged so far; the mission begins now."""
+        count = len(self._before)
+        self.arrival_time_s: FloatArray = np.full(count, np.nan)
+        self.collisions: list[Collision] = []
+        self.obstacle_hits: list[tuple[float, int]] = []
+        self._closest_m = np.full((count, count), np.inf)
+        self._closest_at_s = np.full((count, count), np.nan)
+        self._true_entries = _EntryCounter(count)
+        self._reported_entries = _EntryCounter(count)
+
+    @property
+    def arrived(self) -> BoolArray:
+        """Who has arrived, shape (n,)."""
+        return ~np.isnan(self.arrival_time_s)
+
+    @property
+    def removed(self) -> BoolArray:
+        """Who has collided with a vehicle or an obstacle, shape (n,)."""
+        removed = np.zeros(len(self._before), dtype=np.bool_)
+        for collision in self.collisions:
+            removed[[collision.first, collision.second]] = True
+        removed[[index for _, index in self.obstacle_hits]] = True
+        return removed
+
+    @property
+    def pair_min_separation_m(self) -> FloatArray:
+        """Smallest true horizontal distance of each pair so far [m], shape (n, n), inf where never judged."""
+        return self._closest_m.copy()
+
+    def observe(
+        self,
+        time_s: float,
+        dt_s: float,
+        position_ned_m: FloatArray,
+        reported_position_ned_m: FloatArray,
+        *,
+        in_air: BoolArray,
+        active: BoolArray,
+    ) -> IntArray:
+        """Judge the step that ends now.
+
+        Args:
+            time_s: Mission time at the end of the step.
+            dt_s: Length of the step.
+            position_ned_m: True positions now, shape (n, 3).
+            reported_position_ned_m: What the vehicles report now, shape (n, 3).
+            in_air: Who was in the air during the step, shape (n,).
+            active: Who was on its mission, shape (n,).
+
+        Returns:
+            Indices of vehicles that collided in this step, with another or with an obstacle.
+        """
+        start, step = self._before, position_ned_m - self._before
+        self._before = position_ned_m.copy()
+        hit = self._judge_pairs(time_s, dt_s, start, step, in_air, active)
+        hit |= self._judge_obstacles(time_s, start, step, in_air & ~hit)
+        for position in (position_ned_m, reported_position_ned_m):
+            gap = position[:, :2] - self._goal_ne_m
+            here = np.hypot(gap[:, 0], gap[:, 1]) <= ARRIVAL_RADIUS_M
+            self.arrival_time_s[here & active & ~hit & ~self.arrived] = time_s
+        return np.flatnonzero(hit)
+
+    def observe_reports(
+        self,
+        position_ned_m: FloatArray,
+        reported_position_ned_m: FloatArray,
+        pair_radius_m: FloatArray,
+        *,
+        active: BoolArray,
+    ) -> None:
+        """Judge the uNMAC of every pair at the moment of a report.
+
+        Args:
+            position_ned_m: True positions, shape (n, 3).
+            reported_position_ned_m: Reported positions, shape (n, 3).
+            pair_radius_m: uNMAC radii, shape (n, n), symmetric.
+            active: Who is on its mission, shape (n,).
+        """
+        judged = self._in_one_slice(position_ned_m, active)
+        self._true_entries.see(_distances(position_ned_m), pair_radius_m, judged)
+        self._reported_entries.see(_distances(reported_position_ned_m), pair_radius_m, judged)
+
+    def _in_one_slice(self, position_ned_m: FloatArray, active: BoolArray) -> BoolArray:
+        down = position_ned_m[:, 2]
+        same = np.abs(down[:, None] - down[None, :]) < ALTITUDE_SLICE_M
+        return np.asarray(same & self._others & active[:, None] & active[None, :])
+
+    def _judge_pairs(
+        self, time_s: float, dt_s: float, start: FloatArray, step: FloatArray, in_air: BoolArray, active: BoolArray
+    ) -> BoolArray:
+        """Keep the closest approach of every pair; return who collided."""
+        hit = np.zeros(len(start), dtype=np.bool_)
+        if np.count_nonzero(in_air) < 2:
+            return hit
+        judged = self._in_one_slice(self._before, active)
+        distance_m = _distances(self._before)
+        nearer = judged & (distance_m < self._closest_m)
+        np.copyto(self._closest_m, distance_m, where=nearer)
+        np.copyto(self._closest_at_s, time_s, where=nearer)
+
+        first, second = np.nonzero(distance_m < SWEPT_WITHIN_M + float(np.max(self._airframe_m)))
+        counted = (first < second) & in_air[first] & in_air[second]
+        first, second = first[counted], second[counted]
+        if not len(first):
+            return hit
+        gap, motion = start[first] - start[second], step[first] - step[second]
+        length = np.einsum("ij,ij->i", motion[:, :2], motion[:, :2])
+        share = np.clip(-np.einsum("ij,ij->i", gap[:, :2], motion[:, :2]) / np.maximum(length, 1e-12), 0.0, 1.0)
+        at_closest = gap[:, :2] + share[:, None] * motion[:, :2]
+        closest_m = np.hypot(at_closest[:, 0], at_closest[:, 1])
+        nearer = judged[first, second] & (closest_m < self._closest_m[first, second])
+        closest_at_s = time_s - (1.0 - share) * dt_s
+        for i, j in ((first, second), (second, first)):
+            self._closest_m[i[nearer], j[nearer]] = closest_m[nearer]
+            self._closest_at_s[i[nearer], j[nearer]] = closest_at_s[nearer]
+
+        touch_m = (self._airframe_m[first] + self._airframe_m[second]) / 2.0
+        overlap_m = (self._height_m[first] + self._height_m[second]) / 2.0
+        contacts = []
+        for pair in np.flatnonzero(closest_m < touch_m):
+            when = _contact(gap[pair], motion[pair], float(touch_m[pair]), float(overlap_m[pair]))
+            if when is not None:
+                contacts.append((when, int(first[pair]), int(second[pair])))
+        for when, one, other in sorted(contacts):  # who has collided already is no longer there to be hit
+            if not (hit[one] or hit[other]):
+                hit[[one, other]] = True
+                self.collisions.append(Collision(time_s - (1.0 - when) * dt_s, one, other))
+        return hit
+
+    def _judge_obstacles(self, time_s: float, start: FloatArray, step: FloatArray, in_air: BoolArray) -> BoolArray:
+        """Who came nearer to an obstacle than half its airframe, looked at so often that no edge is jumped."""
+        hit = np.zeros(len(start), dtype=np.bool_)
+        if not self._polygons or not len(start):
+            return hit
+        looks = 1 + math.floor(float(np.max(np.hypot(step[:, 0], step[:, 1]))) / OBSTACLE_LOOK_M)
+        for polygon in self._polygons:
+            for look in range(1, looks + 1):
+                at = start[:, :2] + step[:, :2] * (look / looks)
+                hit |= in_air & (distance_to_polygon(at, polygon) < self._airframe_m / 2.0)
+        self.obstacle_hits.extend((time_s, int(index)) for index in np.flatnonzero(hit))
+        return hit
+
+    def verdict(self) -> Verdict:
+        """The judgement so far."""
+        details = tuple(self._result(index) for index in range(len(self._before)))
+        times = sorted(
+            d.arrival_time_s for d in details if d.outcome is Outcome.ARRIVED and d.arrival_time_s is not None
+        )
+        return Verdict(
+            vehicles=len(details),
+            arrived=len(times),
+            macs=len(self.collisions),
+            obstacle_hits=len(self.obstacle_hits),
+            unmac_violations=self._reported_entries.count,
+            unmac_violations_true=self._true_entries.count,
+            min_separation_m=_finite(float(np.min(self._closest_m, initial=np.inf))),
+            mission_time_median_s=statistics.median(times) if times else None,
+            mission_time_max_s=times[-1] if times else None,
+            details=details,
+        )
+
+    def _result(self, index: int) -> VehicleResult:
+        separation_m = self._closest_m[index]
+        nearest = int(np.argmin(separation_m))
+        known = math.isfinite(separation_m[nearest])
+        return VehicleResult(
+            system_id=index + 1,
+            outcome=self._outcome(index),
+            arrival_time_s=_finite(self.arrival_time_s[index]),
+            min_separation_m=float(separation_m[nearest]) if known else None,
+            nearest_system_id=nearest + 1 if known else None,
+            nearest_time_s=float(self._closest_at_s[index, nearest]) if known else None,
+        )
+
+    def _outcome(self, index: int) -> Outcome:
+        if index in itertools.chain.from_iterable(collision[1:] for collision in self.collisions):
+            return Outcome.COLLIDED
+        if any(index == other for _, other in self.obstacle_hits):
+            return Outcome.HIT_OBSTACLE
+        if not math.isnan(self.arrival_time_s[index]):
+            return Outcome.ARRIVED
+        return Outcome.FLYING
+
+
+class _EntryCounter:
+    """Counts pairs that entered their radius after having been outside of it."""
+
+    def __init__(self, count: int) -> None:
+        self._was_clear = np.zeros((count, count), dtype=np.bool_)
+        self._entered = np.zeros((count, count), dtype=np.bool_)
+
+    def see(self, distance_m: FloatArray, radius_m: FloatArray, judged: BoolArray) -> None:
+        inside = distance_m < radius_m
+        self._entered |= inside & judged & self._was_clear
+        self._was_clear |= judged & ~inside
+
+    @property
+    def count(self) -> int:
+        return int(np.count_nonzero(np.triu(self._entered, 1)))
+
+
+def _distances(position_ned_m: FloatArray) -> FloatArray:
+    """Horizontal distances of all pairs [m], shape (n, n)."""
+    north, east = position_ned_m[:, 0], position_ned_m[:, 1]
+    to_north, to_east = north[:, None] - north[None, :], east[:, None] - east[None, :]
+    to_north *= to_north
+    to_east *= to_east
+    to_north += to_east
+    return np.sqrt(to_north, out=to_north)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _contact(gap: FloatArray, motion: FloatArray, touch_m: float, overlap_m: float) -> float | None:
+    """Share of the step at which two airframes begin to touch, None if they never do.
+
+    Horizontally they touch while the distance is below ``touch_m``, vertically while it is below ``overlap_m``; both
+    are intervals of the step, and a collision is their intersection.
+    """
+    north, east, down = gap.tolist()
+    to_north, to_east, to_down = motion.tolist()
+    square = to_north**2 + to_east**2
+    half = north * to_north + east * to_east
+    rest = north**2 + east**2 - touch_m**2
+    if square > 1e-18:
+        root = half**2 - square * rest
+        if root <= 0.0:
+            return None
+        enters, leaves = (-half - math.sqrt(root)) / square, (-half + math.sqrt(root)) / square
+    elif rest < 0.0:
+        enters, leaves = 0.0, 1.0
+    else:
+        return None
+    if abs(to_down) > 1e-9:
+        one, other = (-overlap_m - down) / to_down, (overlap_m - down) / to_down
+        enters, leaves = max(enters, min(one, other)), min(leaves, max(one, other))
+    elif abs(down) >= overlap_m:
+        return None
+    enters, leaves = max(enters, 0.0), min(leaves, 1.0)
+    return enters if enters <= leaves else None
