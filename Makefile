@@ -1,0 +1,60 @@
+# Two commands are enough: `make demo` and `make test`. Nothing here needs root or a network beyond the package index.
+
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+SOURCES := pyproject.toml hatch_build.py message_spec/ridlink.xml message_spec/generate.py
+
+.PHONY: demo test lint bench e2e soak clean help
+
+help:
+	@echo "make demo   install into $(VENV) and fly 8 emulated vehicles through one point"
+	@echo "make test   install the test extras, run linters, type checks and every test"
+	@echo "make bench  print the benchmark tables"
+	@echo "make e2e    fly the acceptance flights in real time (about 20 minutes)"
+	@echo "make soak   fly for half an hour and watch memory and timing"
+	@echo "make lint   ruff and mypy alone"
+	@echo "make clean  remove what the build and the tests left"
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "ridlink needs Python 3.11 or newer; say which with: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
+	@echo "Making a virtual environment in $(VENV) ..."
+	@$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: $(BIN)/python $(SOURCES)
+	@echo "Installing ridlink and what it needs into $(VENV) (about a minute the first time) ..."
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -e .
+	@touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed
+	@echo "Installing the test extras (ruff, mypy, pytest, hypothesis, mavsdk) ..."
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -e '.[dev,mavsdk]'
+	@touch $@
+
+demo: $(VENV)/.installed
+	@$(BIN)/ridlink demo
+
+lint: $(VENV)/.installed-dev
+	@echo "ruff ..."
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@echo "mypy ..."
+	@$(BIN)/mypy ridlink sitl_sim message_spec
+
+test: lint
+	@echo "pytest ..."
+	@$(BIN)/python -m pytest --cov --cov-report=term
+
+bench: $(VENV)/.installed-dev
+	@$(BIN)/python -m tests.bench
+
+e2e: $(VENV)/.installed-dev
+	@$(BIN)/python -m tests.e2e
+
+soak: $(VENV)/.installed-dev
+	@$(BIN)/python -m tests.soak
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .coverage ridlink/mavlink/dialect.py
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,196 @@
+"""The house keeps its walls: imports are read from the source and held against the layers of ARCHITECTURE.md."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+LAYERS = {
+    "ridlink.errors": 0,
+    "ridlink.units": 0,
+    "ridlink.geodesy": 0,
+    "ridlink.mavlink": 1,
+    "ridlink.remote_id": 2,
+    "ridlink.traffic": 2,
+    "ridlink.separation": 3,
+    "ridlink.avoidance": 4,
+    "ridlink.setpoint": 5,
+    "ridlink.failsafe": 5,
+    "ridlink.own_ship": 5,
+    "ridlink.engine": 5,
+    "ridlink.captures": 5,
+    "ridlink.links": 6,
+    "ridlink.daemon": 6,
+    "ridlink.cli": 7,
+}
+"""A module imports its own layer and those below."""
+
+MATHEMATICS = ("ridlink.separation", "ridlink.avoidance")
+"""Rooms that know discs and velocities, and nothing of Remote ID or MAVLink."""
+
+SANS_IO = (
+    "ridlink.errors",
+    "ridlink.units",
+    "ridlink.geodesy",
+    "ridlink.mavlink",
+    "ridlink.remote_id",
+    "ridlink.traffic",
+    "ridlink.separation",
+    "ridlink.avoidance",
+    "ridlink.setpoint",
+    "ridlink.failsafe",
+    "ridlink.own_ship",
+    "ridlink.engine",
+    "sitl_sim.vehicle",
+    "sitl_sim.gnss",
+    "sitl_sim.fleet",
+    "sitl_sim.referee",
+    "sitl_sim.world",
+    "sitl_sim.radio",
+    "sitl_sim.autopilot",
+    "sitl_sim.broadcast",
+)
+"""Rooms on the line: nobody there opens a socket, reads a clock, starts a thread or draws an unseeded number."""
+
+FORBIDDEN_ON_THE_LINE = {"socket", "asyncio", "time", "datetime", "random", "threading", "select", "subprocess"}
+
+
+def sources(package: str) -> list[Path]:
+    return sorted(path for path in (ROOT / package).rglob("*.py") if path.name != "dialect.py")
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(path: Path) -> Iterator[tuple[str, bool]]:
+    """Names of the modules that a file imports, and whether it does so inside a function."""
+    tree = ast.parse(path.read_text())
+    inside = {
+        child
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        for child in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, node in inside
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path.name}: relative import"
+            assert node.module is not None
+            yield node.module, node in inside
+
+
+def room(module: str, rooms: Iterator[str] | tuple[str, ...] | dict[str, int]) -> str | None:
+    return next((name for name in rooms if module == name or module.startswith(name + ".")), None)
+
+
+@pytest.mark.parametrize("path", sources("ridlink"), ids=module_name)
+def test_lower_layers_never_import_higher_ones(path: Path) -> None:
+    name = module_name(path)
+    own = room(name, LAYERS)
+    if own is None:
+        assert name in ("ridlink", "ridlink.__main__"), f"{name} has no layer: give it one here and in ARCHITECTURE.md"
+        return
+    for imported, _ in imports(path):
+        other = room(imported, LAYERS)
+        if other is not None:
+            assert LAYERS[other] <= LAYERS[own], f"{name} (layer {LAYERS[own]}) imports {imported} (layer {LAYERS[other]})"
+
+
+@pytest.mark.parametrize("path", sources("ridlink"), ids=module_name)
+def test_the_product_never_imports_the_simulator(path: Path) -> None:
+    assert not [imported for imported, _ in imports(path) if imported.split(".")[0] == "sitl_sim"]
+
+
+@pytest.mark.parametrize("package", MATHEMATICS)
+def test_separation_and_avoidance_know_nothing_of_the_wire(package: str) -> None:
+    for path in sources(package.replace(".", "/")):
+        for imported, _ in imports(path):
+            assert room(imported, ("ridlink.mavlink", "ridlink.remote_id", "ridlink.traffic", "pymavlink")) is None, (
+                f"{module_name(path)} imports {imported}"
+            )
+
+
+@pytest.mark.parametrize("path", [*sources("ridlink"), *sources("sitl_sim")], ids=module_name)
+def test_the_line_is_free_of_clocks_and_sockets(path: Path) -> None:
+    name = module_name(path)
+    if room(name, SANS_IO) is None:
+        return
+    allowed = {"time"} if name == "ridlink.avoidance.kernels" or name.startswith("ridlink.avoidance.warm") else set()
+    found = {imported.split(".")[0] for imported, _ in imports(path)} & FORBIDDEN_ON_THE_LINE
+    assert found <= allowed, f"{name} imports {sorted(found)}"
+
+
+@pytest.mark.parametrize("path", [p for p in sources("sitl_sim")], ids=module_name)
+def test_simulator_uses_the_core_and_only_the_demo_knows_the_daemon(path: Path) -> None:
+    name = module_name(path)
+    for imported, _ in imports(path):
+        layer = room(imported, LAYERS)
+        if layer is None or LAYERS[layer] <= 4 or layer in ("ridlink.links", "ridlink.cli"):
+            continue
+        assert name.startswith("sitl_sim.demo"), f"{name} imports {imported}: only the demo may compose both sides"
+
+
+@pytest.mark.parametrize("path", [*sources("ridlink"), *sources("sitl_sim")], ids=module_name)
+def test_imports_inside_functions_stay_in_commands(path: Path) -> None:
+    """A command imports what it needs when it runs, so that ``--help`` is instant; elsewhere it would hide a cycle."""
+    name = module_name(path)
+    late = [imported for imported, inside in imports(path) if inside and imported.split(".")[0] in ("ridlink", "sitl_sim")]
+    assert not late or name.startswith(("ridlink.cli", "sitl_sim.cli")), f"{name} imports {late} inside a function"
+
+
+def test_no_module_cycles() -> None:
+    graph: dict[str, set[str]] = {}
+    names = {module_name(path) for package in ("ridlink", "sitl_sim") for path in sources(package)}
+    for package in ("ridlink", "sitl_sim"):
+        for path in sources(package):
+            graph[module_name(path)] = {found for found, inside in imports(path) if found in names and not inside}
+    state: dict[str, int] = {}
+
+    def visit(node: str, trail: tuple[str, ...]) -> None:
+        if state.get(node) == 1:
+            raise AssertionError("cycle: " + " -> ".join((*trail[trail.index(node) :], node)))
+        if state.get(node) == 2:
+            return
+        state[node] = 1
+        for following in sorted(graph.get(node, ())):
+            visit(following, (*trail, node))
+        state[node] = 2
+
+    for name in sorted(graph):
+        visit(name, ())
+
+
+def test_architecture_document_names_every_room() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text()
+    for name in LAYERS:
+        assert f"`{name.removeprefix('ridlink.')}`" in text, f"ARCHITECTURE.md does not name {name}"
+    for path in sorted((ROOT / "sitl_sim").iterdir()):
+        if path.name.startswith(("_", ".")) or (path.suffix not in ("", ".py")) or (path.is_dir() and not any(path.glob("*.py"))):
+            continue
+        assert f"`{path.stem}`" in text, f"ARCHITECTURE.md does not name sitl_sim/{path.name}"
+
+
+def test_no_generated_code_is_tracked() -> None:
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    if tracked.returncode:
+        pytest.skip("not a git checkout")
+    assert not [name for name in tracked.stdout.split() if re.search(r"dialect\.py$", name) and "cli" not in name]
+
+
+def test_core_import_is_light() -> None:
+    """``import ridlink`` pulls in neither numba nor pymavlink."""
+    code = "import sys, ridlink; print([m for m in ('numba', 'pymavlink', 'numpy') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
