@@ -159,6 +159,7 @@ class Referee:
         self._height_m = np.array([vehicle.airframe_height_m for vehicle in vehicles], dtype=np.float64)
         self._polygons = [np.array(obstacle.polygon_ne_m) for obstacle in scenario.obstacles]
         self._others = ~np.eye(count, dtype=np.bool_)
+        self._distances = _PairDistances(count)
         self._before: FloatArray = np.array(position_ned_m, dtype=np.float64).reshape(count, 3)
         self.begin()
 
@@ -242,13 +243,16 @@ class Referee:
             active: Who is on its mission, shape (n,).
         """
         judged = self._in_one_slice(position_ned_m, active)
-        self._true_entries.see(_distances(position_ned_m), pair_radius_m, judged)
-        self._reported_entries.see(_distances(reported_position_ned_m), pair_radius_m, judged)
+        self._true_entries.see(self._distances.of(position_ned_m), pair_radius_m, judged)
+        self._reported_entries.see(self._distances.of(reported_position_ned_m), pair_radius_m, judged)
 
     def _in_one_slice(self, position_ned_m: FloatArray, active: BoolArray) -> BoolArray:
+        judged = self._others & active[:, None]
+        judged &= active[None, :]
         down = position_ned_m[:, 2]
-        same = np.abs(down[:, None] - down[None, :]) < ALTITUDE_SLICE_M
-        return np.asarray(same & self._others & active[:, None] & active[None, :])
+        if np.ptp(down) >= ALTITUDE_SLICE_M:
+            judged &= np.abs(down[:, None] - down[None, :]) < ALTITUDE_SLICE_M
+        return judged
 
     def _judge_pairs(
         self, time_s: float, dt_s: float, start: FloatArray, step: FloatArray, in_air: BoolArray, active: BoolArray
@@ -258,7 +262,7 @@ class Referee:
         if np.count_nonzero(in_air) < 2:
             return hit
         judged = self._in_one_slice(self._before, active)
-        distance_m = _distances(self._before)
+        distance_m = self._distances.of(self._before)
         nearer = judged & (distance_m < self._closest_m)
         np.copyto(self._closest_m, distance_m, where=nearer)
         np.copyto(self._closest_at_s, time_s, where=nearer)
@@ -364,14 +368,21 @@ class _EntryCounter:
         return int(np.count_nonzero(np.triu(self._entered, 1)))
 
 
-def _distances(position_ned_m: FloatArray) -> FloatArray:
-    """Horizontal distances of all pairs [m], shape (n, n)."""
-    north, east = position_ned_m[:, 0], position_ned_m[:, 1]
-    to_north, to_east = north[:, None] - north[None, :], east[:, None] - east[None, :]
-    to_north *= to_north
-    to_east *= to_east
-    to_north += to_east
-    return np.sqrt(to_north, out=to_north)
+class _PairDistances:
+    """Horizontal distances of all pairs, in the same memory every time: fresh memory costs more than the arithmetic."""
+
+    def __init__(self, count: int) -> None:
+        self._distance_m = np.empty((count, count))
+        self._spare = np.empty((count, count))
+
+    def of(self, position_ned_m: FloatArray) -> FloatArray:
+        """Distances [m], shape (n, n), valid until the next call."""
+        distance, spare = self._distance_m, self._spare
+        for axis, out in ((0, distance), (1, spare)):
+            np.subtract(position_ned_m[:, None, axis], position_ned_m[None, :, axis], out=out)
+            np.multiply(out, out, out=out)
+        np.add(distance, spare, out=distance)
+        return np.sqrt(distance, out=distance)
 
 
 def _finite(value: float) -> float | None:

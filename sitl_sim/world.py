@@ -187,6 +187,11 @@ class World:
         return np.asarray((self.state == VehicleState.AIRBORNE) | (self.state == VehicleState.LANDING))
 
     @property
+    def on_air(self) -> BoolArray:
+        """Whose radio works, shape (n,): everybody's but of those who are gone; for ``Air.place_vehicles``."""
+        return np.asarray(self.state != VehicleState.GONE)
+
+    @property
     def active(self) -> BoolArray:
         """Who flies and has not arrived yet, shape (n,)."""
         return np.asarray((self.state == VehicleState.AIRBORNE) & ~self.arrived)
