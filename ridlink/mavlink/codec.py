@@ -1,14 +1,15 @@
 """Frames to messages of the generated dialect, and back.
 
 The tables below are derived from the metadata that mavgen writes into ``dialect``; no field is described twice. Values
-are what the XML says: integers of the wire, floats, ``bytes`` for arrays of ``uint8_t`` and ``char``, tuples for other
-arrays. Units are the XML's; SI begins in ``ridlink.remote_id``.
+are what the XML says: integers of the wire, floats (NaN and infinity are legal), ``bytes`` of full length for arrays of
+``uint8_t`` and ``char``, tuples for other arrays. Units are the XML's; SI begins in ``ridlink.remote_id``.
 """
 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import Any
 
 from ridlink.errors import PayloadError, UnknownMessageError
@@ -33,6 +34,10 @@ class MessageSpec:
     layout: struct.Struct
     plain: bool
     """No field is an array of numbers: the unpacked tuple is the fields."""
+    zeros: dict[str, Any] = field(repr=False)
+    """The message with nothing in it, in wire order."""
+    arrays: tuple[tuple[str, bool, int], ...] = field(repr=False)
+    """Array fields: name, whether its values are bytes, length."""
 
     @property
     def size(self) -> int:
@@ -48,15 +53,17 @@ def _derive(message: Any) -> MessageSpec:
     lengths = tuple(message.array_lengths)
     codes = message.native_format.decode()[1:]
     layout = "<"
-    plain = True
-    for code, kind, length in zip(codes, types, lengths, strict=True):
+    zeros: dict[str, Any] = {}
+    arrays: list[tuple[str, bool, int]] = []
+    for name, code, kind, length in zip(wire, codes, types, lengths, strict=True):
+        is_bytes = kind in _BYTES_TYPES
         if length == 0:
             layout += "c" if kind == "char" else code
-        elif kind in _BYTES_TYPES:
-            layout += f"{length}s"
+            zeros[name] = b"\x00" if kind == "char" else 0
         else:
-            layout += f"{length}{code}"
-            plain = False
+            layout += f"{length}s" if is_bytes else f"{length}{code}"
+            zeros[name] = bytes(length) if is_bytes else (0,) * length
+            arrays.append((name, is_bytes, length))
     return MessageSpec(
         message.id,
         message.msgname,
@@ -67,7 +74,9 @@ def _derive(message: Any) -> MessageSpec:
         tuple(message.fieldnames),
         dict(message.fieldunits_by_name),
         struct.Struct(layout),
-        plain,
+        all(is_bytes for _, is_bytes, _ in arrays),
+        zeros,
+        tuple(arrays),
     )
 
 
@@ -80,7 +89,10 @@ CRC_EXTRAS: dict[int, int] = {msgid: spec.crc_extra for msgid, spec in MESSAGES.
 
 
 class Message:
-    """A decoded message: its fields as attributes, ``name`` and ``msgid`` beside them."""
+    """A decoded message: its fields as attributes, ``name`` and ``msgid`` beside them.
+
+    A field that is itself called ``name`` (as in NAMED_VALUE_FLOAT) is reached as ``message.fields["name"]``.
+    """
 
     __slots__ = ("fields", "msgid", "name")
 
@@ -90,6 +102,8 @@ class Message:
         self.fields = fields
 
     def __getattr__(self, field: str) -> Any:
+        if field in Message.__slots__:  # not set yet, as while unpickling
+            raise AttributeError(field)
         try:
             return self.fields[field]
         except KeyError:
@@ -105,7 +119,7 @@ class Message:
 
 
 def decode_payload(spec: MessageSpec, payload: bytes) -> dict[str, Any]:
-    """Fields of a payload in wire order; bytes that MAVLink 2 cut off are zero, bytes beyond the dialect's are ignored."""
+    """Fields of a payload in wire order; bytes that MAVLink 2 cut off are zero, bytes that we do not know are ignored."""
     size = spec.layout.size
     if len(payload) < size:
         payload = payload.ljust(size, b"\x00")
@@ -141,59 +155,64 @@ def decode_message(frame: Frame) -> Message:
 def encode_payload(spec: MessageSpec, fields: dict[str, Any]) -> bytes:
     """Full payload of a message; fields not given are zero.
 
+    Args:
+        spec: The message.
+        fields: Values by name. Arrays of bytes take ``bytes`` (or integers, or text) up to their length and are filled
+            up with zeros; other arrays take exactly their number of values.
+
     Raises:
-        PayloadError: If a field is unknown, out of range, or an array has the wrong length.
+        PayloadError: If a field is unknown, of the wrong type or out of range, or an array has the wrong length.
     """
-    values: list[Any] = []
-    given = 0
-    for name, kind, length in zip(spec.fields, spec.types, spec.array_lengths, strict=True):
-        value = fields.get(name)
-        if value is None:
-            if length == 0:
-                values.append(b"\x00" if kind == "char" else 0)
-            elif kind in _BYTES_TYPES:
-                values.append(b"")
-            else:
-                values.extend((0,) * length)
-            given += name in fields
+    merged = {**spec.zeros, **fields}
+    if len(merged) != len(spec.zeros):
+        unknown = next(name for name in fields if name not in spec.zeros)
+        raise PayloadError(f"{spec.name} has no field {unknown!r}", message=spec.name, field=unknown)
+    for name, is_bytes, length in spec.arrays:
+        if name not in fields:
             continue
-        given += 1
-        if length == 0:
-            values.append(value)
-        elif kind in _BYTES_TYPES:
-            value = value.encode() if isinstance(value, str) else bytes(value)
-            if len(value) > length:
-                raise PayloadError(
-                    f"{spec.name}.{name} takes {length} bytes, not {len(value)}", message=spec.name, field=name
-                )
-            values.append(value)
-        else:
-            if len(value) != length:
-                raise PayloadError(
-                    f"{spec.name}.{name} takes {length} values, not {len(value)}", message=spec.name, field=name
-                )
-            values.extend(value)
-    if given != len(fields):
-        unknown = sorted(set(fields) - set(spec.fields))
-        raise PayloadError(f"{spec.name} has no field {unknown[0]!r}", message=spec.name, field=unknown[0])
+        value = merged[name] = _array(spec, name, is_bytes, fields[name])
+        if len(value) > length or (len(value) < length and not is_bytes):
+            unit = "bytes" if is_bytes else "values"
+            text = f"{spec.name}.{name} takes {length} {unit}, not {len(value)}"
+            raise PayloadError(text, message=spec.name, field=name)
     try:
-        return spec.layout.pack(*values)
+        if spec.plain:
+            return spec.layout.pack(*merged.values())
+        return spec.layout.pack(*_flat(spec, merged))
     except (struct.error, OverflowError) as error:
-        raise PayloadError(f"{spec.name}: {error}", message=spec.name, field=_culprit(spec, fields)) from error
+        name = _culprit(spec, merged)
+        raise PayloadError(f"{spec.name}.{name}: {error}", message=spec.name, field=name) from error
+
+
+def _array(spec: MessageSpec, name: str, is_bytes: bool, value: Any) -> bytes | tuple[Any, ...]:
+    """Value of an array field as ``bytes`` or tuple."""
+    try:
+        if not is_bytes:
+            return tuple(value)
+        if isinstance(value, bytes):
+            return value
+        return value.encode() if isinstance(value, str) else bytes(iter(value))
+    except (TypeError, ValueError) as error:
+        raise PayloadError(f"{spec.name}.{name}: {error}", message=spec.name, field=name) from error
+
+
+def _flat(spec: MessageSpec, fields: dict[str, Any]) -> Iterable[Any]:
+    """Values in wire order, with the arrays of numbers spread out."""
+    numbers = {name for name, is_bytes, _ in spec.arrays if not is_bytes}
+    for name, value in fields.items():
+        if name in numbers:
+            yield from value
+        else:
+            yield value
 
 
 def _culprit(spec: MessageSpec, fields: dict[str, Any]) -> str:
     """The first field that does not fit its type, for the error text."""
     for name, value in fields.items():
-        index = spec.fields.index(name)
-        code = dialect.mavlink_map[spec.msgid].native_format.decode()[1 + index]
-        for single in value if spec.array_lengths[index] and spec.types[index] not in _BYTES_TYPES else (value,):
-            if spec.types[index] in _BYTES_TYPES and spec.array_lengths[index]:
-                continue
-            try:
-                struct.pack("<" + code, single)
-            except (struct.error, OverflowError):
-                return name
+        try:
+            spec.layout.pack(*_flat(spec, {**spec.zeros, name: value}))
+        except (struct.error, OverflowError):
+            return name
     return ""
 
 
@@ -210,11 +229,17 @@ def message_spec(name: str) -> MessageSpec:
 
 
 class Encoder:
-    """Messages of one component to MAVLink 2 frames, with its running sequence number."""
+    """Messages of one component to MAVLink 2 frames, with its running sequence number.
+
+    Raises:
+        ValueError: If an id is not in 0..255.
+    """
 
     __slots__ = ("compid", "seq", "sysid")
 
     def __init__(self, sysid: int, compid: int) -> None:
+        if not (0 <= sysid <= 255 and 0 <= compid <= 255):
+            raise ValueError(f"system and component id are 0 to 255, not {sysid} and {compid}")
         self.sysid = sysid
         self.compid = compid
         self.seq = 0
@@ -228,8 +253,6 @@ class Encoder:
         """
         spec = message_spec(name)
         payload = encode_payload(spec, fields)
-        frame = encode_frame(
-            spec.msgid, payload, spec.crc_extra, seq=self.seq, sysid=self.sysid, compid=self.compid
-        )
+        frame = encode_frame(spec.msgid, payload, spec.crc_extra, seq=self.seq, sysid=self.sysid, compid=self.compid)
         self.seq = (self.seq + 1) & 0xFF
         return frame

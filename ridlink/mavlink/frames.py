@@ -1,17 +1,20 @@
 """Bytes to MAVLink frames and back: versions 1 and 2, checksums, signed frames, resynchronisation.
 
-Nothing here opens a socket or keeps state between datagrams. A datagram is parsed on its own (``parse_datagram``), so ten
-bytes that claim a long payload cannot swallow the next datagram; a byte stream (file, TCP, serial) goes through a
+Nothing here opens a socket or keeps state between datagrams. A datagram is parsed on its own (``parse_datagram``), so
+ten bytes that claim a long payload cannot swallow the next datagram; a byte stream (file, TCP, serial) goes through a
 ``FrameParser``, which holds back at most one unfinished frame.
 
-After a frame that fails, scanning goes on one byte later. A message id that the dialect does not know has no checksum
-seed, so its frame is taken, as ``checked=False``, only where another magic byte or the end follows.
+After a frame that fails, scanning goes on one byte later: what stood behind a damaged length byte is found again. A
+message id that the dialect does not know has no checksum seed, so its frame is taken, as ``checked=False``, only where
+another magic byte or the end follows. The work per byte is bounded (one checksum over at most 265 bytes for each magic
+byte), so the time grows with the length of the input whatever the bytes are.
 
 Source: https://mavlink.io/en/guide/serialization.html
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import NamedTuple
@@ -26,6 +29,8 @@ HEADER_LENGTH_V1 = 6
 HEADER_LENGTH_V2 = 10
 MAX_FRAME_LENGTH = HEADER_LENGTH_V2 + 255 + 2 + SIGNATURE_LENGTH
 MAX_FRAMES_PER_DATAGRAM = 64
+
+_MAGIC = re.compile(b"[\xfd\xfe]")
 
 
 class Cause(StrEnum):
@@ -56,45 +61,45 @@ class Frame(NamedTuple):
 
 
 class BadFrame(NamedTuple):
-    """Bytes that were not taken: where, why, and how many (garbage runs are one entry)."""
+    """Bytes that were not taken: where, why, and how many. Neighbouring bytes refused for one cause are one entry."""
 
     offset: int
     cause: Cause
     length: int
 
 
-class _Unfinished(Exception):
-    """More bytes are needed to judge the frame at the current offset."""
-
-
-def _frame_at(data: bytes, at: int, offset: int, crc_extras: Mapping[int, int]) -> Frame | Cause:
-    """The frame that starts at ``at``, or why there is none."""
-    available = len(data) - at
+def _frame_at(data: bytes, at: int, offset: int, crc_extras: Mapping[int, int], final: bool) -> Frame | Cause:
+    """The frame that starts at the magic byte ``data[at]``, or why there is none; ``TRUNCATED`` asks for more bytes."""
+    length = len(data)
     if data[at] == MAGIC_V2:
-        if available < HEADER_LENGTH_V2:
-            raise _Unfinished
+        if length - at < HEADER_LENGTH_V2:
+            return Cause.TRUNCATED
         incompat, compat = data[at + 2], data[at + 3]
         if incompat & ~INCOMPAT_SIGNED:
             return Cause.INCOMPATIBLE_FLAGS
-        header, version = HEADER_LENGTH_V2, 2
+        payload_start, version = at + HEADER_LENGTH_V2, 2
         seq, sysid, compid = data[at + 4], data[at + 5], data[at + 6]
         msgid = data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16
     else:
-        if available < HEADER_LENGTH_V1:
-            raise _Unfinished
+        if length - at < HEADER_LENGTH_V1:
+            return Cause.TRUNCATED
         incompat = compat = 0
-        header, version = HEADER_LENGTH_V1, 1
+        payload_start, version = at + HEADER_LENGTH_V1, 1
         seq, sysid, compid, msgid = data[at + 2], data[at + 3], data[at + 4], data[at + 5]
-    payload_end = at + header + data[at + 1]
-    checksum_end = payload_end + 2
-    end = checksum_end + (SIGNATURE_LENGTH if incompat & INCOMPAT_SIGNED else 0)
-    if len(data) < end:
-        raise _Unfinished
+    payload_end = payload_start + data[at + 1]
+    end = checksum_end = payload_end + 2
+    if incompat:
+        end += SIGNATURE_LENGTH
+    if length < end:
+        return Cause.TRUNCATED
     extra = crc_extras.get(msgid)
     if extra is not None:
         if checksum(data[at + 1 : payload_end], extra) != data[payload_end] | data[payload_end + 1] << 8:
             return Cause.BAD_CHECKSUM
-    elif end < len(data) and data[end] not in (MAGIC_V1, MAGIC_V2):
+    elif length == end:
+        if not final:  # in a stream the byte that confirms it is still to come
+            return Cause.TRUNCATED
+    elif data[end] != MAGIC_V2 and data[end] != MAGIC_V1:
         return Cause.UNKNOWN_UNCONFIRMED
     return Frame(
         version,
@@ -104,7 +109,7 @@ def _frame_at(data: bytes, at: int, offset: int, crc_extras: Mapping[int, int]) 
         sysid,
         compid,
         msgid,
-        data[at + header : payload_end],
+        data[payload_start:payload_end],
         data[checksum_end:end],
         extra is not None,
         offset + at,
@@ -117,34 +122,33 @@ def _scan(
 ) -> tuple[list[Frame | BadFrame], int]:
     """Everything found in ``data`` in order, and how many bytes were judged."""
     found: list[Frame | BadFrame] = []
-    frames = 0
-    at = garbage_from = 0
+    frames = at = refused_from = 0
+    refused: Cause | None = None
     length = len(data)
     while at < length:
-        if data[at] != MAGIC_V2 and data[at] != MAGIC_V1:
-            at += 1
-            continue
-        try:
-            result = _frame_at(data, at, offset, crc_extras)
-        except _Unfinished:
-            if not final:
+        step = 1
+        if data[at] == MAGIC_V2 or data[at] == MAGIC_V1:
+            result = _frame_at(data, at, offset, crc_extras, final)
+            if result is Cause.TRUNCATED and not final:
                 break
-            result = Cause.TRUNCATED
-        if garbage_from < at:
-            found.append(BadFrame(offset + garbage_from, Cause.GARBAGE, at - garbage_from))
+        else:
+            magic = _MAGIC.search(data, at)
+            step = (magic.start() if magic else length) - at
+            result = Cause.GARBAGE
+        if refused is not None and result is not refused:
+            found.append(BadFrame(offset + refused_from, refused, at - refused_from))
+            refused = None
         if isinstance(result, Frame):
             found.append(result)
-            at += len(result.raw)
-            garbage_from = at
+            step = len(result.raw)
             frames += 1
-            if limit is not None and frames >= limit:
+            if frames == limit:
                 return found, length
-        else:
-            found.append(BadFrame(offset + at, result, 1))
-            at += 1
-            garbage_from = at
-    if garbage_from < at:
-        found.append(BadFrame(offset + garbage_from, Cause.GARBAGE, at - garbage_from))
+        elif refused is None:
+            refused_from, refused = at, result
+        at += step
+    if refused is not None:
+        found.append(BadFrame(offset + refused_from, refused, at - refused_from))
     return found, at
 
 
@@ -164,8 +168,8 @@ def parse_datagram(
 class FrameParser:
     """Frames out of a byte stream that arrives in pieces; however it is cut, the same frames come out.
 
-    A damaged length byte near the end of the stream makes the parser wait for bytes that never come; ``flush`` judges
-    what is left.
+    A run of refused bytes that is cut comes out as one entry for each piece. A damaged length byte near the end of the
+    stream makes the parser wait for bytes that never come; ``flush`` judges what is left.
     """
 
     def __init__(self, crc_extras: Mapping[int, int]) -> None:
@@ -175,7 +179,7 @@ class FrameParser:
 
     @property
     def pending(self) -> int:
-        """Bytes held back because they may be the start of a frame; fewer than ``MAX_FRAME_LENGTH``."""
+        """Bytes held back because they may be the start of a frame; at most ``MAX_FRAME_LENGTH``."""
         return len(self._pending)
 
     def feed(self, data: bytes) -> list[Frame | BadFrame]:
@@ -199,9 +203,16 @@ def encode_frame(msgid: int, payload: bytes, crc_extra: int, *, seq: int, sysid:
 
     Args:
         msgid: 24-bit message id.
-        payload: Full payload; trailing zeros are cut off as MAVLink 2 demands, the first byte stays.
+        payload: Full payload, at most 255 bytes; trailing zeros are cut off as MAVLink 2 demands, the first byte stays.
         crc_extra: Checksum seed of the message.
+        seq: Sequence number, taken modulo 256.
+        sysid: System id of the sender, 0 to 255.
+        compid: Component id of the sender, 0 to 255.
+
+    Raises:
+        ValueError: If an id does not fit its byte.
     """
     trimmed = payload.rstrip(b"\x00") or payload[:1]
-    body = bytes((len(trimmed), 0, 0, seq & 0xFF, sysid, compid)) + msgid.to_bytes(3, "little") + trimmed
+    header = bytes((len(trimmed), 0, 0, seq & 0xFF, sysid, compid, msgid & 0xFF, msgid >> 8 & 0xFF, msgid >> 16))
+    body = header + trimmed
     return b"\xfd" + body + checksum(body, crc_extra).to_bytes(2, "little")
