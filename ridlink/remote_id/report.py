@@ -1,0 +1,150 @@
+"""`RemoteIdReport`: everything that one update of one vehicle says, in SI units, ``None`` for unknown.
+
+A report is a LOCATION, joined with the RIDLINK_SEPARATION of the same instant where the sender has one, and with what
+BASIC_ID told about the same sender before. Positions are WGS-84, velocities north-east-down, errors three standard
+deviations, sizes diameters. Source: paper section II-A.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ridlink.remote_id.accuracy import AccuracyConvention, three_sigma_bound_m
+from ridlink.remote_id.messages import Location, Separation
+
+SourceKey = tuple[int, int, bytes | None]
+"""Identity of a sender: system id, component id and, for relayed data, ``id_or_mac``."""
+
+
+@dataclass(frozen=True, slots=True)
+class RemoteIdReport:
+    """One update of one vehicle.
+
+    Attributes:
+        source: System id and component id of the frame.
+        id_or_mac: Transmitter behind relayed data; ``None`` for the sender's own.
+        uas_id: Identity from the last BASIC_ID of this sender.
+        ua_type: MAV_ODID_UA_TYPE, 0 unknown.
+        status: MAV_ODID_STATUS: 0 undeclared, 1 ground, 2 airborne, 3 emergency, 4 remote ID failure.
+        latitude_deg, longitude_deg: Both known or both ``None``.
+        altitude_geodetic_m: Above the WGS-84 ellipsoid.
+        altitude_barometric_m: Pressure altitude, against 1013.25 hPa.
+        height_m: Above take-off (``height_reference`` 0) or ground (1).
+        velocity_ned_mps: ``None`` if the speed is unknown, or the direction of a moving vehicle is; a hovering vehicle
+            has no direction and velocity zero. The down component is 0 where the vertical speed is unknown.
+        speed_horizontal_mps: Known also where only the direction is missing.
+        horizontal_error_m: Three standard deviations of either horizontal axis, as the sender states it.
+        accuracy_bound_m: Three standard deviations that the standard's accuracy code allows.
+        vertical_error_m, velocity_error_mps: Three standard deviations, as the sender states them.
+        airframe_size_m: Largest horizontal extent, a diameter.
+        update_interval_s: Time to the next update, as the sender states it.
+        commanded_ned_mps: Velocity that the sender now commands to its autopilot.
+        avoiding: The sender takes its half of every avoidance.
+        extended: A RIDLINK_SEPARATION is part of this report.
+        timestamp_s: The sender's UTC, seconds after the full hour.
+        received_at_s: The receiver's clock, when the LOCATION came.
+    """
+
+    source: tuple[int, int]
+    id_or_mac: bytes | None = None
+    uas_id: bytes | None = None
+    ua_type: int = 0
+    status: int = 0
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    altitude_geodetic_m: float | None = None
+    altitude_barometric_m: float | None = None
+    height_m: float | None = None
+    height_reference: int = 0
+    velocity_ned_mps: tuple[float, float, float] | None = None
+    speed_horizontal_mps: float | None = None
+    horizontal_error_m: float | None = None
+    accuracy_bound_m: float | None = None
+    vertical_error_m: float | None = None
+    velocity_error_mps: float | None = None
+    airframe_size_m: float | None = None
+    airframe_height_m: float | None = None
+    update_interval_s: float | None = None
+    commanded_ned_mps: tuple[float, float, float] | None = None
+    avoiding: bool = False
+    extended: bool = False
+    timestamp_s: float | None = None
+    received_at_s: float = 0.0
+
+    @property
+    def key(self) -> SourceKey:
+        """Identity of the sender."""
+        return (*self.source, self.id_or_mac)
+
+
+def velocity_of(location: Location) -> tuple[float, float, float] | None:
+    """Velocity [m/s], north, east, down, of a LOCATION; ``None`` where it is not known."""
+    speed = location.speed_horizontal_mps
+    if speed is None:
+        return None
+    down = -(location.speed_vertical_mps or 0.0) or 0.0  # never -0.0
+    if speed == 0.0:
+        return 0.0, 0.0, down
+    if location.direction_deg is None:
+        return None
+    direction_rad = math.radians(location.direction_deg)
+    return speed * math.cos(direction_rad), speed * math.sin(direction_rad), down
+
+
+def report_of(
+    source: tuple[int, int],
+    location: Location,
+    separation: Separation | None,
+    received_at_s: float,
+    *,
+    uas_id: bytes | None = None,
+    ua_type: int = 0,
+    convention: AccuracyConvention = AccuracyConvention.LETTER,
+) -> RemoteIdReport:
+    """The report that a LOCATION and, if there is one, its RIDLINK_SEPARATION make.
+
+    Args:
+        source: System id and component id of the frame.
+        location: The LOCATION.
+        separation: What the same sender says about errors, size and intent.
+        received_at_s: When the LOCATION came.
+        uas_id: Identity from BASIC_ID.
+        ua_type: Type from BASIC_ID.
+        convention: How to read the horizontal accuracy code.
+    """
+    latitude, longitude = location.latitude_deg, location.longitude_deg
+    if latitude is None or longitude is None:
+        latitude = longitude = None
+    extension = separation if separation is not None else Separation()
+    commanded: tuple[float, float, float] | None = None
+    vx, vy, vz = extension.commanded_vx_mps, extension.commanded_vy_mps, extension.commanded_vz_mps
+    if vx is not None and vy is not None and vz is not None:
+        commanded = (vx, vy, vz)
+    return RemoteIdReport(
+        source=source,
+        id_or_mac=location.id_or_mac,
+        uas_id=uas_id,
+        ua_type=ua_type,
+        status=location.status,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_geodetic_m=location.altitude_geodetic_m,
+        altitude_barometric_m=location.altitude_barometric_m,
+        height_m=location.height_m,
+        height_reference=location.height_reference,
+        velocity_ned_mps=velocity_of(location),
+        speed_horizontal_mps=location.speed_horizontal_mps,
+        horizontal_error_m=extension.horizontal_error_m,
+        accuracy_bound_m=three_sigma_bound_m(location.horizontal_accuracy, convention),
+        vertical_error_m=extension.vertical_error_m,
+        velocity_error_mps=extension.velocity_error_mps,
+        airframe_size_m=extension.airframe_size_m,
+        airframe_height_m=extension.airframe_height_m,
+        update_interval_s=extension.update_interval_s,
+        commanded_ned_mps=commanded,
+        avoiding=extension.avoiding,
+        extended=separation is not None,
+        timestamp_s=location.timestamp_s,
+        received_at_s=received_at_s,
+    )
