@@ -1,9 +1,10 @@
 """One decision: discs and velocities -> half-planes -> the velocity nearest the preferred one.
 
 Method: ORCA half-planes (van den Berg et al., 2011) for a vehicle that does not obey at once and positions that drift.
-Each neighbour gives two half-planes, one from now and one from a response time ahead: "fly on for T, then change at once" is
-what a linear response tends to, and the true path lies between the two. Discs carry a buffer, because a disc that is
-grazed with moving errors is violated; inside the disc a barrier asks for separation in proportion to the overlap.
+Each neighbour gives two half-planes, one from now and one from a response time ahead: "fly on for T, then change at
+once" is what a linear response tends to, and the true path lies between the two. Discs carry a buffer, because a disc
+that is grazed with moving errors is violated; inside the disc a barrier asks for separation in proportion to the
+overlap.
 
 Axes: north-east, metres, m/s, seconds. In these axes a rotation by a positive angle is a turn to the right, and
 `a x b = a_1 b_2 - a_2 b_1` is positive when b points to the right of a.
@@ -17,8 +18,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from ridlink.avoidance.kernel import kernel
 from ridlink.avoidance.programme import nearest_admissible
 from ridlink.avoidance.route import approach_speed, nearest_point, route_aim
 
@@ -47,10 +48,12 @@ FREE, CONSTRAINED, OVERLAPPED, INFEASIBLE = 0.0, 1.0, 2.0, 3.0
 TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
 
+EPSILON = 1e-9
+
 HOLD_FACTOR = 1.3
-CLEAR_LEFT_FACTOR = 0.5
-"""Head-on: pass on the left only when already that much of a radius to the left; the side is held to HOLD_FACTOR
-radii."""
+CLEAR_FACTOR = 0.5
+"""The rule of the road gives way when own-ship is so many radii on the other side already. A side is held until the
+miss distance is HOLD_FACTOR radii."""
 
 APPROACH_OFFSET_MPS = 0.3
 """Keeps the last metre to a goal from taking for ever."""
@@ -59,7 +62,7 @@ INTERVAL_S = 0.1
 """Time between decisions; a goal nearer than one step of cruise is flown to in one step."""
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def cone_half_plane(r_1, r_2, radius_m, horizon_s, w_1, w_2, side, line):  # type: ignore[no-untyped-def]
     """Smallest change out of the velocity obstacle of a disc outside own-ship.
 
@@ -93,11 +96,41 @@ def cone_half_plane(r_1, r_2, radius_m, horizon_s, w_1, w_2, side, line):  # typ
     line[2] = -(line[0] * w_1 + line[1] * w_2)
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
-def passing_side(memory, r_1, r_2, v_1, v_2, u_1, u_2, radius_m, horizon_s, settings):  # type: ignore[no-untyped-def]
-    """Side on which own-ship passes a vehicle on the opposite course: 1 right, -1 left, 0 no head-on encounter.
+@kernel
+def rule_side(v_1, v_2, u_1, u_2, reciprocal, settings):  # type: ignore[no-untyped-def]
+    """Side that the rule of the road gives own-ship: 1 right, -1 left, 0 where there is none.
 
-    Both vehicles must see the same case, so only reported velocities count, no private commands; and the choice is held
+    On opposite courses both turn to the right. A crossing vehicle that avoids nobody is passed astern: ahead of it, at
+    its own speed, a slow answer ends in a race with it.
+
+    Args:
+        v_1: North of the own velocity.
+        v_2: East of it.
+        u_1: North of the neighbour's reported velocity.
+        u_2: East of it.
+        reciprocal: Not zero if the neighbour takes its half of the avoidance.
+        settings: Constants.
+    """
+    own, other = math.hypot(v_1, v_2), math.hypot(u_1, u_2)
+    if min(own, other) <= settings[HEAD_ON_SPEED]:
+        return 0
+    opposite = settings[HEAD_ON_COSINE] * own * other
+    parallel = v_1 * u_1 + v_2 * u_2
+    if parallel < opposite:
+        return 1
+    if reciprocal == 0.0 and parallel < -opposite:
+        # Astern is the side that the neighbour moves away from.
+        return -1 if v_1 * u_2 - v_2 * u_1 > 0.0 else 1
+    return 0
+
+
+@kernel
+def passing_side(  # type: ignore[no-untyped-def]
+    memory, r_1, r_2, v_1, v_2, u_1, u_2, reciprocal, radius_m, horizon_s, settings
+):
+    """Side on which own-ship passes a neighbour where the nearest boundary will not do: 1 right, -1 left, 0 nearest.
+
+    Both vehicles must see the same case, so only reported velocities count, no private commands. The choice is held
     until the encounter is over, so that noise cannot turn it.
 
     Args:
@@ -108,6 +141,7 @@ def passing_side(memory, r_1, r_2, v_1, v_2, u_1, u_2, radius_m, horizon_s, sett
         v_2: East of it.
         u_1: North of the neighbour's reported velocity.
         u_2: East of it.
+        reciprocal: Not zero if the neighbour takes its half of the avoidance.
         radius_m: Disc with its buffer.
         horizon_s: Conflict horizon.
         settings: Constants.
@@ -123,21 +157,15 @@ def passing_side(memory, r_1, r_2, v_1, v_2, u_1, u_2, radius_m, horizon_s, sett
         return 0
     if memory != 0:
         return memory
-    own, other = math.hypot(v_1, v_2), math.hypot(u_1, u_2)
-    slow = min(own, other) <= settings[HEAD_ON_SPEED]
-    if slow or v_1 * u_1 + v_2 * u_2 >= settings[HEAD_ON_COSINE] * own * other:
-        return 0
     if distance >= closing * horizon_s + radius_m:
         return 0
-    return -1 if miss < -CLEAR_LEFT_FACTOR * radius_m else 1
+    wanted = rule_side(v_1, v_2, u_1, u_2, reciprocal, settings)
+    return -wanted if wanted * miss < -CLEAR_FACTOR * radius_m else wanted
 
 
-EPSILON = 1e-9
-
-
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def lean(preferred, r_1, r_2, u_1, u_2, radius_m, horizon_s):  # type: ignore[no-untyped-def]
-    """Weight in [0, 1] of the turn to the right that a neighbour calls for, tapered in miss distance and time.
+    """Weight in [0, 1] of the turn that a neighbour calls for, tapered in miss distance and time.
 
     A turn switched by a threshold moves the miss distance over that threshold itself and chatters.
     """
@@ -154,7 +182,7 @@ def lean(preferred, r_1, r_2, u_1, u_2, radius_m, horizon_s):  # type: ignore[no
     return near * soon * min(time, 1.0)
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def time_to_entry(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
     """Time [s] until a disc is entered at relative velocity w (own less neighbour's); 0 inside, infinite if never."""
     inside = radius_m * radius_m - r_1 * r_1 - r_2 * r_2
@@ -168,7 +196,7 @@ def time_to_entry(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
     return max((towards - math.sqrt(root)) / square, 0.0)
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
     """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
     if own[AIM_IS_VELOCITY] != 0.0:
@@ -190,7 +218,7 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
     return route
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):  # type: ignore[no-untyped-def]
     """One hard half-plane for each convex piece that could matter; returns their number, and True while too near
     one."""
@@ -216,7 +244,7 @@ def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):  #
     return used, inside
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def avoid_one(  # type: ignore[no-untyped-def]
     own, neighbours, count, side, pieces, piece_start, hulls, hull_start, route, settings, lines, work, owner, ring,
     result,
@@ -254,7 +282,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
     hard, overlapped = obstacle_half_planes(own, pieces, piece_start, settings, lines, owner, pair)
 
     used = hard
-    turn = 0.0
+    right = left = 0.0
     margin, nearest, violation = math.inf, -1, math.inf
     line = work[0]
     for j in range(count):
@@ -270,8 +298,12 @@ def avoid_one(  # type: ignore[no-untyped-def]
             margin, nearest = distance - row[RADIUS], j
         violation = min(violation, time_to_entry(r_1, r_2, v_1 - u_1, v_2 - u_2, row[RADIUS]))
         overlapped = overlapped or distance < row[RADIUS]
-        turn = max(turn, lean(preferred, r_1, r_2, u_1, u_2, row[RADIUS], horizon))
-        side[j] = passing_side(side[j], r_1, r_2, v_1, v_2, u_1, u_2, radius, horizon, settings)
+        weight = lean(preferred, r_1, r_2, u_1, u_2, row[RADIUS], horizon)
+        if weight > 0.0 and rule_side(v_1, v_2, u_1, u_2, row[RECIPROCAL], settings) < 0:
+            left = max(left, weight)
+        else:
+            right = max(right, weight)
+        side[j] = passing_side(side[j], r_1, r_2, v_1, v_2, u_1, u_2, row[RECIPROCAL], radius, horizon, settings)
         share = 0.5 if row[RECIPROCAL] != 0.0 else 1.0
         # The neighbour's own midpoint, where it says what it was told: then both see the same relative velocity.
         x_1, x_2 = u_1, u_2
@@ -301,7 +333,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
                 owner[used] = j
                 used += 1
 
-    turn = settings[RIGHT_TURN] * turn + own[EXTRA_TURN]
+    turn = settings[RIGHT_TURN] * (right - left) + own[EXTRA_TURN]
     if turn != 0.0:
         c, s = math.cos(turn), math.sin(turn)
         preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]

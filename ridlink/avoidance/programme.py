@@ -14,13 +14,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from ridlink.avoidance.kernel import kernel
 
 EPSILON = 1e-9
 """Speeds are compared to this, m/s; it is far below what any autopilot resolves."""
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def optimum_on_edge(lines, index, limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
     """Best point on the edge of half-plane `index` that meets all earlier ones; False if there is none.
 
@@ -59,7 +60,7 @@ def optimum_on_edge(lines, index, limit_mps, aim, linear, point):  # type: ignor
     return True
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def optimum(lines, count, limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
     """Best point of the disc within the first `count` half-planes.
 
@@ -79,7 +80,7 @@ def optimum(lines, count, limit_mps, aim, linear, point):  # type: ignore[no-unt
     return count
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def least_excess(lines, hard, count, start, limit_mps, work, point):  # type: ignore[no-untyped-def]
     """Make the largest excess over the soft half-planes `hard..count-1` as small as possible; hard ones stay met.
 
@@ -122,7 +123,7 @@ def least_excess(lines, hard, count, start, limit_mps, work, point):  # type: ig
     return excess
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def nearest_admissible(lines, hard, count, limit_mps, preferred, work, point):  # type: ignore[no-untyped-def]
     """Velocity nearest `preferred` within all half-planes and the disc, or the one that exceeds the soft ones least.
 

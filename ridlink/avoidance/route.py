@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from ridlink.avoidance.kernel import kernel
 
 ARC = 5
 """Points that stand for a grown corner. Chords of a right angle in four steps cut 2 % of the clearance, which the route
@@ -24,7 +25,7 @@ TIE_M = 1.0
 """Ways that differ by less count as equal, and equal ways are passed on the right."""
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def nearest_point(vertex, first, last, p_1, p_2, found):  # type: ignore[no-untyped-def]
     """Signed distance [m] of a point to a convex polygon, negative inside, and the outward normal at the nearest point.
 
@@ -66,7 +67,7 @@ def nearest_point(vertex, first, last, p_1, p_2, found):  # type: ignore[no-unty
     return closest
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def approach_speed(gap_m, horizon_s, deceleration_mps2, response_s):  # type: ignore[no-untyped-def]
     """Largest speed [m/s] towards an obstacle from which the vehicle still stops within the gap."""
     if math.isinf(deceleration_mps2):
@@ -75,7 +76,7 @@ def approach_speed(gap_m, horizon_s, deceleration_mps2, response_s):  # type: ig
     return min(gap_m / horizon_s, math.sqrt(lost * lost + 2.0 * deceleration_mps2 * gap_m) - lost)
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def grow(vertex, first, last, clearance_m, ring):  # type: ignore[no-untyped-def]
     """Vertices of a convex polygon grown by a clearance, ARC a corner; returns their number."""
     count = last - first
@@ -94,7 +95,7 @@ def grow(vertex, first, last, clearance_m, ring):  # type: ignore[no-untyped-def
     return ARC * count
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def entry(ring, count, p_1, p_2, t_1, t_2):  # type: ignore[no-untyped-def]
     """Share of the way from p to t at which a convex ring is entered; 2 if the way stays outside or just touches it."""
     enter = 0.0
@@ -115,7 +116,7 @@ def entry(ring, count, p_1, p_2, t_1, t_2):  # type: ignore[no-untyped-def]
     return enter if leave - enter > 1e-6 else 2.0
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def tangent(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-untyped-def]
     """Vertex of a convex ring that a taut string from p touches on one side of the way to t: 1 right, -1 left."""
     best = 0
@@ -131,7 +132,7 @@ def tangent(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-untyped-d
     return best
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def length_round(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-untyped-def]
     """Length [m] of the taut string from p to t on one side of a convex ring."""
     here = tangent(ring, count, p_1, p_2, t_1, t_2, side)
@@ -150,7 +151,7 @@ def length_round(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-unty
     return length
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@kernel
 def route_aim(vertex, start, p_1, p_2, goal_1, goal_2, clearance_m, memory, ring, aim):  # type: ignore[no-untyped-def]
     """Point to fly to now on the way to a goal round convex polygons; the goal itself when nothing is in the way.
 

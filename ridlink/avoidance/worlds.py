@@ -7,7 +7,7 @@ same instant.
 
 from __future__ import annotations
 
-from numba import njit, prange
+from numba import prange
 
 from ridlink.avoidance.halfplane import (
     AGE,
@@ -20,9 +20,10 @@ from ridlink.avoidance.halfplane import (
     RECIPROCAL,
     avoid_one,
 )
+from ridlink.avoidance.kernel import kernel
 
 
-@njit(cache=True, parallel=True, fastmath=False, error_model="numpy")
+@kernel(parallel=True)
 def avoid_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, error_sum_m, range_m, side, route, pieces, piece_start, hulls, hull_start,
     settings, neighbours, lines, work, owner, ring, row_side, index, result,
