@@ -57,7 +57,7 @@ class Technology:
 
     Args:
         name: As ``--technology`` takes it.
-        period_s: Shortest time between two updates of one sender; who broadcasts takes the longer of this and its own.
+        period_s: Shortest time between two updates of one sender; broadcasters never go below it.
         range_m: Distance up to which everything that is not lost is heard.
         latency_s: Time from sending to hearing, uniform between the two.
         loss: Share of broadcasts that a receiver in range misses, independently.
@@ -84,8 +84,8 @@ TECHNOLOGIES: dict[str, Technology] = {
             300.0,
             (0.02, 0.3),
             0.1,
-            "period: ASTM F3411 minimum for dynamic messages, BT4_RATE of ArduRemoteID; range: opendroneid.org says 200 "
-            "to 400 m; latency (several advertisements a report) and loss assumed",
+            "period: ASTM F3411 minimum for dynamic messages, BT4_RATE of ArduRemoteID; range: opendroneid.org says "
+            "200 to 400 m; latency (several advertisements a report) and loss assumed",
         ),
         Technology(
             "bt5",
@@ -102,8 +102,8 @@ TECHNOLOGIES: dict[str, Technology] = {
             400.0,
             (0.0, 0.1024),
             0.1,
-            "period: default beacon interval of IEEE 802.11, 100 TU; range: opendroneid.org, upper end; latency: a report "
-            "waits for the next beacon; loss (no acknowledgement) assumed",
+            "period: default beacon interval of IEEE 802.11, 100 TU; range: opendroneid.org, upper end; latency: a "
+            "report waits for the next beacon; loss assumed",
         ),
         Technology(
             "wifi-nan",

@@ -37,8 +37,8 @@ ALTITUDE_SLICE_M = 15.0
 """Pairs further apart vertically than this are in different slices of airspace; separation is a horizontal notion."""
 
 SWEPT_WITHIN_M = 25.0
-"""Pairs this near are swept between samples. Beyond, samples suffice: with 1 m of relative motion in a step, the
-closest approach of a pair 25 m apart is missed by 5 mm."""
+"""Pairs that may come nearer than this inside a step are swept between its samples. Beyond, samples suffice: with 1 m
+of relative motion in a step, the closest approach of a pair 25 m apart is missed by 5 mm."""
 
 OBSTACLE_LOOK_M = 0.5
 """Obstacles are looked at at least this often along a vehicle's way; far finer than any of them is thick."""
@@ -267,7 +267,8 @@ class Referee:
         np.copyto(self._closest_m, distance_m, where=nearer)
         np.copyto(self._closest_at_s, time_s, where=nearer)
 
-        first, second = np.nonzero(distance_m < SWEPT_WITHIN_M + float(np.max(self._airframe_m)))
+        longest_m = math.sqrt(float(np.max(np.einsum("ij,ij->i", step[:, :2], step[:, :2]))))
+        first, second = np.nonzero(distance_m < SWEPT_WITHIN_M + float(np.max(self._airframe_m)) + 2.0 * longest_m)
         counted = (first < second) & in_air[first] & in_air[second]
         first, second = first[counted], second[counted]
         if not len(first):

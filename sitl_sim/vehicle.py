@@ -357,10 +357,8 @@ class FleetDynamics:
         self.acceleration_ned_mps2 = (after - before) / TICK_S
         if len(standing):
             self._settle(standing, np.zeros((len(standing), 3)))
-        moved = (before + self.velocity_ned_mps) * (0.5 * TICK_S)
-        if len(standing):
-            moved[standing] = 0.0
-        self.position_ned_m = self.position_ned_m + moved
+        # with the velocity after the change: an ideal vehicle has it for the whole tick
+        self.position_ned_m = self.position_ned_m + self.velocity_ned_mps * TICK_S
 
 
 def _group(models: Sequence[Model]) -> _Group:

@@ -1,0 +1,234 @@
+"""Built-in scenarios have the paper's geometry; scenario files are either right or refused in one useful line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.errors import ConfigError
+from sitl_sim.scenario import (
+    BUILT_IN,
+    ObstacleSpec,
+    VehicleSpec,
+    built_in,
+    distance_to_polygon,
+    load_scenario,
+    resolve_scenario,
+)
+
+Write = Callable[[str], Path]
+
+GOOD = """\
+name = "head-on with a tower"
+duration_s = 60.0
+interval_s = 0.2
+[[vehicle]]
+start_ned_m = [-200.0, 0.0, -50.0]
+goal_ned_m  = [ 200.0, 0.0, -50.0]
+speed_mps = 15.4
+airframe_m = 0.6
+sigma_m = 10.0
+cooperative = false
+extended = false
+[[vehicle]]
+start_ned_m = [200, 0, -50]
+goal_ned_m  = [-200, 0, -50]
+[[obstacle]]
+polygon_ne_m = [[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]]
+"""
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def write_text(text: str) -> Path:
+        path = tmp_path / "scenario.toml"
+        path.write_text(text)
+        return path
+
+    return write_text
+
+
+def test_every_key_of_a_file_arrives(write: Write) -> None:
+    scenario = load_scenario(write(GOOD))
+    assert (scenario.name, scenario.duration_s, scenario.interval_s) == ("head-on with a tower", 60.0, 0.2)
+    assert scenario.vehicles[0] == VehicleSpec(
+        (-200.0, 0.0, -50.0), (200.0, 0.0, -50.0), 15.4, 0.6, 10.0, cooperative=False, extended=False
+    )
+    assert scenario.obstacles == (ObstacleSpec(((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))),)
+
+
+def test_what_a_file_does_not_say_has_defaults(write: Write) -> None:
+    plain = load_scenario(write(GOOD), speed_mps=7.0).vehicles[1]
+    assert (plain.speed_mps, plain.airframe_m, plain.sigma_m) == (7.0, 0.6, None)
+    assert plain.cooperative
+    assert plain.extended
+
+
+MISTAKES = [
+    pytest.param("sigma_m = 10.0", "sigma_m = nan", r":9: vehicle 1: sigma_m .*finite", id="NaN"),
+    pytest.param("sigma_m = 10.0", "sigma_m = -1", r":9: vehicle 1: sigma_m .*at least 0", id="negative sigma"),
+    pytest.param("speed_mps = 15.4", "speed_mps = inf", r":7: vehicle 1: speed_mps .*finite", id="infinite"),
+    pytest.param("speed_mps = 15.4", "speed_mps = 0", r":7: vehicle 1: speed_mps .*greater than 0", id="zero speed"),
+    pytest.param("airframe_m = 0.6", 'airframe_m = "big"', r":8: vehicle 1: airframe_m .*number", id="text"),
+    pytest.param("airframe_m = 0.6", "airframe_m = true", r":8: vehicle 1: airframe_m .*number", id="truth for number"),
+    pytest.param(
+        "extended = false", "extended = 0", r":11: vehicle 1: extended .*true or false", id="number for truth"
+    ),
+    pytest.param(
+        "speed_mps", "speed_mph", r":7: vehicle 1: speed_mph is not known here: .*speed_mps", id="unknown key"
+    ),
+    pytest.param("interval_s", "interval", r":3: interval is not known here: .*interval_s", id="unknown top key"),
+    pytest.param("duration_s = 60.0\n", "", r"scenario.toml: duration_s is missing", id="missing top key"),
+    pytest.param("goal_ned_m  = [-200, 0, -50]\n", "", r":12: vehicle 2: goal_ned_m is missing", id="missing key"),
+    pytest.param("[200, 0, -50]", "[200, 0]", r":13: vehicle 2: start_ned_m .*north, east, down", id="two axes"),
+    pytest.param("[200, 0, -50]", "[200, 0, 50]", r":13: vehicle 2: start_ned_m .*negative", id="underground"),
+    pytest.param("[200, 0, -50]", "[2e9, 0, -50]", r":13: vehicle 2: start_ned_m .*at most", id="off the plane"),
+    pytest.param("[200, 0, -50]", "[-199.5, 0, -50]", r"vehicles 1 and 2 start in the same place", id="same place"),
+    pytest.param(
+        "[200, 0, -50]", "[0, 0, -50]", r"vehicle 2: start_ned_m .*lies in obstacle 1", id="start in obstacle"
+    ),
+    pytest.param("[-200, 0, -50]", "[40.2, 0, -50]", r"vehicle 2: goal_ned_m .*lies in obstacle 1", id="goal touches"),
+    pytest.param("[[obstacle]]", "[obstacle]", r"obstacle must be written as \[\[obstacle\]\]", id="table not list"),
+    pytest.param("[-40.0, -40.0], [40.0, -40.0], ", "", r":16: obstacle 1: .*three corners", id="two corners"),
+    pytest.param("[40.0, 40.0], [-40.0, 40.0]", "[-40.0, 40.0], [40.0, 40.0]", r":16: .*do not cross", id="bow tie"),
+    pytest.param("[40.0, 40.0]", "[40.0, inf]", r":16: obstacle 1: polygon_ne_m .*finite", id="infinite corner"),
+    pytest.param('"head-on with a tower"', "3", r":1: name must be text", id="name a number"),
+    pytest.param('"head-on with a tower"', "head-on", r"is not TOML: .*line 1", id="not TOML"),
+]
+
+
+@pytest.mark.parametrize("right, wrong, message", MISTAKES)
+def test_a_mistake_is_named_in_one_line(write: Write, right: str, wrong: str, message: str) -> None:
+    assert right in GOOD
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_scenario(write(GOOD.replace(right, wrong, 1)))
+    text = str(caught.value)
+    assert "scenario.toml" in text
+    assert "\n" not in text
+
+
+def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match="UTF-8"):
+        load_scenario(path)
+    with pytest.raises(FileNotFoundError):
+        load_scenario(tmp_path / "none.toml")
+
+
+def test_names_and_paths_are_told_apart(write: Write) -> None:
+    assert resolve_scenario("crossing").name == "crossing"
+    path = str(write(GOOD))
+    assert resolve_scenario(path).name == "head-on with a tower"
+    assert len(resolve_scenario(path, 1).vehicles) == 1
+    with pytest.raises(ConfigError, match="2 vehicles"):
+        resolve_scenario(path, 3)
+    with pytest.raises(ConfigError, match="circle8, square24, head-on, crossing, overtake"):
+        resolve_scenario("circle")
+
+
+@pytest.mark.parametrize("name", list(BUILT_IN))
+def test_built_in_scenarios_share_one_altitude_and_scale_with_speed(name: str) -> None:
+    scenario, faster = built_in(name), built_in(name, speed_mps=20.0)
+    points = [point for v in scenario.vehicles for point in (v.start_ned_m, v.goal_ned_m)]
+    assert {point[2] for point in points} == {-50.0}
+    assert {v.airframe_m for v in scenario.vehicles} == {0.6}
+    assert faster.duration_s == pytest.approx(scenario.duration_s / 2.0)
+    for vehicle in scenario.vehicles:
+        way = np.linalg.norm(np.subtract(vehicle.goal_ned_m, vehicle.start_ned_m))
+        assert scenario.duration_s > 3.0 * way / vehicle.speed_mps
+
+
+@pytest.mark.parametrize("count", [None, 1, 2, 5, 24, 250])
+def test_circle_has_antipodal_goals_at_100_m(count: int | None) -> None:
+    vehicles = built_in("circle8", count).vehicles
+    assert len(vehicles) == (count or 8)
+    starts = np.array([v.start_ned_m[:2] for v in vehicles])
+    goals = np.array([v.goal_ned_m[:2] for v in vehicles])
+    assert np.hypot(*starts.T) == pytest.approx([100.0] * len(vehicles))
+    assert goals == pytest.approx(-starts)
+    assert built_in("circle8").duration_s == pytest.approx(180.0)
+
+
+def test_square_has_six_a_side_and_an_obstacle_in_the_middle() -> None:
+    scenario = built_in("square24")
+    starts = np.array([v.start_ned_m[:2] for v in scenario.vehicles])
+    goals = np.array([v.goal_ned_m[:2] for v in scenario.vehicles])
+    grid = {-250.0, -150.0, -50.0, 50.0, 150.0, 250.0}
+    for axis in (0, 1):
+        for side in (-300.0, 300.0):
+            on_side = starts[:, axis] == side
+            assert set(starts[on_side, 1 - axis]) == grid
+            assert set(goals[on_side, axis]) == {-side}
+            assert np.array_equal(goals[on_side, 1 - axis], starts[on_side, 1 - axis])
+    corners = np.array(scenario.obstacles[0].polygon_ne_m)
+    assert np.ptp(corners, axis=0) == pytest.approx([80.0, 80.0])
+    assert corners.mean(axis=0) == pytest.approx([0.0, 0.0])
+
+
+def test_pairs_meet_as_their_names_say() -> None:
+    def ways(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        first, second = built_in(name).vehicles
+        way = [np.subtract(v.goal_ned_m, v.start_ned_m) for v in (first, second)]
+        return way[0], way[1], np.subtract(second.start_ned_m, first.start_ned_m)
+
+    first, second, apart = ways("head-on")
+    assert first == pytest.approx(-second)
+    assert np.linalg.norm(apart) == pytest.approx(400.0)
+    first, second, _ = ways("crossing")
+    assert first @ second == pytest.approx(0.0)
+    first, second, apart = ways("overtake")
+    assert np.cross(first, second) == pytest.approx([0.0, 0.0, 0.0])
+    assert first @ apart > 0.0  # the other is ahead, and slower
+    assert built_in("overtake").vehicles[0].speed_mps == 2.0 * built_in("overtake").vehicles[1].speed_mps
+
+
+@pytest.mark.parametrize(
+    "name, count, message",
+    [
+        ("square24", 6, "multiple of 4"),
+        ("head-on", 3, "2 vehicles"),
+        ("circle8", -1, "-1 vehicles"),
+        ("circle8", 3000, "same place"),
+    ],
+)
+def test_a_count_that_does_not_fit_is_refused(name: str, count: int, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        built_in(name, count)
+
+
+def test_an_empty_sky_is_a_scenario() -> None:
+    assert built_in("circle8", 0).vehicles == ()
+
+
+def test_speeds_that_nobody_can_fly_are_refused() -> None:
+    for speed_mps in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ConfigError):
+            built_in("circle8", speed_mps=speed_mps)
+
+
+@given(north=st.floats(-90.0, 90.0), east=st.floats(-90.0, 90.0))
+def test_distance_to_a_square_is_the_known_one(north: float, east: float) -> None:
+    square = [[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]]
+    expected = np.hypot(max(abs(north) - 40.0, 0.0), max(abs(east) - 40.0, 0.0))
+    assert distance_to_polygon([north, east], square) == pytest.approx(expected, abs=1e-9)
+    assert distance_to_polygon([north, east], square[::-1]) == pytest.approx(expected, abs=1e-9)
+
+
+def test_distance_to_a_hollow_polygon_counts_the_hollow_as_outside() -> None:
+    u_shape = [
+        [0.0, 0.0],
+        [30.0, 0.0],
+        [30.0, 10.0],
+        [10.0, 10.0],
+        [10.0, 20.0],
+        [30.0, 20.0],
+        [30.0, 30.0],
+        [0.0, 30.0],
+    ]
+    assert distance_to_polygon([[20.0, 15.0], [20.0, 5.0], [5.0, 15.0]], u_shape) == pytest.approx([5.0, 0.0, 0.0])
