@@ -197,6 +197,12 @@ def time_to_entry(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
+    """Distance [m] aimed at from obstacles. As with discs, a clearance that is grazed with a drifting position is lost."""
+    return own[CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
+
+
+@kernel
 def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
     """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
     if own[AIM_IS_VELOCITY] != 0.0:
@@ -204,7 +210,7 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
         return 0
     p_1, p_2 = own[POSITION], own[POSITION + 1]
     to_goal = math.hypot(own[AIM] - p_1, own[AIM + 1] - p_2)
-    clearance = own[CLEARANCE] + settings[ROUTE_MARGIN]
+    clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
     route = route_aim(vertex, start, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
     to_1, to_2 = aim[0] - p_1, aim[1] - p_2
     length = math.hypot(to_1, to_2)
@@ -227,7 +233,10 @@ def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):  #
     limit = own[LIMIT]
     for piece in range(len(start) - 1):
         distance = nearest_point(vertex, start[piece], start[piece + 1], own[POSITION], own[POSITION + 1], normal)
-        gap = distance - own[CLEARANCE]
+        inside = inside or distance < own[CLEARANCE]
+        gap = distance - buffered_clearance(own, settings)
+        # What is left of the gap when the vehicle begins to obey; moving away earns nothing in advance.
+        gap += min(settings[RESPONSE] * (normal[0] * own[VELOCITY] + normal[1] * own[VELOCITY + 1]), 0.0)
         if gap >= 0.0:
             approach = approach_speed(
                 gap, settings[OBSTACLE_HORIZON], settings[OBSTACLE_DECELERATION], settings[OBSTACLE_RESPONSE]
@@ -236,7 +245,6 @@ def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):  #
                 continue
             bound = -approach
         else:
-            inside = True
             bound = min(-gap * settings[BARRIER], settings[BARRIER_SHARE] * limit)
         lines[used, 0], lines[used, 1], lines[used, 2] = normal[0], normal[1], bound
         owner[used] = -1

@@ -36,8 +36,8 @@ class HalfplaneSettings:
             1 doubles the activity of the command.
         right_turn_rad: Turn to the right of the preferred direction while a conflict lies ahead, tapered to zero.
         age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its disc grows by a age^2 / 2.
-        buffer_share: Share of the error sum added to the radius. Grazing a disc with moving errors is violating it; a
-            third of three sigma each is the smallest buffer that ends it.
+        buffer_share: Share of the error sum added to the radius, and of the clearance added to it at obstacles. Grazing
+            a disc with moving errors is violating it; a third of three sigma each is the smallest buffer that ends it.
         arrival_deceleration_mps2: The preferred speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s).
             Infinite for a vehicle that stops at once.
         head_on_cosine: Opposite courses are head-on when the cosine of the angle between them is below this.
@@ -61,7 +61,7 @@ class HalfplaneSettings:
     arrival_deceleration_mps2: float = 1.2
     head_on_cosine: float = -0.85
     head_on_speed_mps: float = 2.0
-    obstacle_horizon_s: float = 1.0
+    obstacle_horizon_s: float = 2.0
     obstacle_deceleration_mps2: float = 2.0
     obstacle_response_s: float = 0.6
     route_margin_m: float = 3.0

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from ridlink.avoidance import halfplane
 from ridlink.avoidance.obstacles import Obstacles
-from ridlink.avoidance.route import nearest_point, ring_size
+from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.types import HalfplaneSettings
 from ridlink.avoidance.worlds import avoid_worlds
 from ridlink.separation import Definition, separation_discs
@@ -160,6 +161,7 @@ class Outcome:
     least_gap_m: np.ndarray
     least_margin_m: np.ndarray
     least_obstacle_m: np.ndarray
+    least_clearance_m: np.ndarray
     infeasible_share: float
     reversals: float
     solo_s: np.ndarray | None = None
@@ -168,6 +170,22 @@ class Outcome:
     @property
     def arrived(self):
         return np.isfinite(self.arrival_s)
+
+
+def signed_distance(obstacles: Obstacles, position: np.ndarray) -> np.ndarray:
+    """Distance of positions (..., 2) to the nearest convex piece, negative inside (by edges, not by corners) [m]."""
+    nearest = np.full(position.shape[:-1], np.inf)
+    for first, last in pairwise(obstacles.piece_start):
+        ring = obstacles.piece_vertex_ne_m[first:last]
+        edge = np.roll(ring, -1, axis=0) - ring
+        length = np.linalg.norm(edge, axis=1)
+        offset = position[..., None, :] - ring
+        height = (offset[..., 0] * edge[:, 1] - offset[..., 1] * edge[:, 0]) / length
+        along = np.clip((offset * edge).sum(-1) / length**2, 0.0, 1.0)
+        distance = np.linalg.norm(offset - along[..., None] * edge, axis=-1).min(axis=-1)
+        inside = (height <= 0.0).all(axis=-1)
+        nearest = np.minimum(nearest, np.where(inside, -distance, distance))
+    return nearest
 
 
 def fly(
@@ -238,13 +256,13 @@ def fly(
     least_gap = np.full(worlds, np.inf)
     least_margin = np.full(worlds, np.inf)
     least_obstacle = np.full(worlds, np.inf)
+    least_clearance = np.full(worlds, np.inf)
     bound = 3.0 * sigma_m
     turn = np.zeros(shape)
     window = 50
     distances = np.full((window, *shape), np.nan)
     last_lateral = np.zeros(shape)
     reversals = decisions = infeasible = 0
-    normal = np.zeros(2)
     path = []
     steps = round(duration_s / STEP_S)
     for step in range(steps):
@@ -319,11 +337,11 @@ def fly(
         least_margin = np.minimum(least_margin, margin.min(axis=(1, 2)))
         hit = (gap < 0.0).any(axis=2)
         collided |= hit
-        for w, i in np.argwhere(present) if len(plan.polygons) and step % PHASES == 0 else ():
-            distance = nearest_point(
-                obstacles.piece_vertex_ne_m, 0, obstacles.piece_start[1], position[w, i, 0], position[w, i, 1], normal
-            )
-            least_obstacle[w] = min(least_obstacle[w], distance)
+        if plan.polygons and step % PHASES == 0:
+            away = signed_distance(obstacles, position)
+            least_obstacle = np.minimum(least_obstacle, np.where(present, away, np.inf).min(axis=1))
+            spare = signed_distance(obstacles, reported) - own[..., halfplane.CLEARANCE]
+            least_clearance = np.minimum(least_clearance, np.where(present, spare, np.inf).min(axis=1))
         there = present & (np.linalg.norm(goal - reported, axis=-1) < ARRIVED_M) & ~hit
         arrival = np.where(there, now, arrival)
         present = present & ~there & ~hit
@@ -332,7 +350,7 @@ def fly(
         if not present.any():
             break
     return Outcome(
-        arrival, collided, least_gap, least_margin, least_obstacle, infeasible / max(decisions, 1),
+        arrival, collided, least_gap, least_margin, least_obstacle, least_clearance, infeasible / max(decisions, 1),
         reversals / (worlds * count), path=np.array(path) if keep_path else None,
     )  # fmt: skip
 
