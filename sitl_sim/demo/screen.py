@@ -1,0 +1,158 @@
+"""What a person sees of a flight in a terminal: a table that lives, and the verdict.
+
+Everything goes to stderr, so that stdout stays clean for ``--json``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from sitl_sim.referee import Outcome
+from sitl_sim.world import VehicleState, World
+
+MAX_ROWS = 24
+
+_STATE = {
+    VehicleState.GROUNDED: "landed",
+    VehicleState.AIRBORNE: "flying",
+    VehicleState.LANDING: "landing",
+    VehicleState.GONE: "gone",
+}
+
+
+class Screen:
+    """Progress for people: a live table on a terminal, single lines elsewhere, nothing when ``quiet``."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._console = Console(stderr=True, highlight=False)
+        self._quiet = quiet
+        self._live: Live | None = None
+
+    @property
+    def is_terminal(self) -> bool:
+        """Somebody watches."""
+        return self._console.is_terminal and not self._quiet
+
+    def say(self, text: str) -> None:
+        """One line about what is going on."""
+        if not self._quiet:
+            self._console.print(text, markup=False)
+
+    @contextmanager
+    def flight(self, title: str) -> Iterator[None]:
+        """Shows ``update``'s table while the flight lasts."""
+        if not self.is_terminal:
+            yield
+            return
+        with Live(Text(title), console=self._console, refresh_per_second=5, transient=True) as live:
+            self._live = live
+            try:
+                yield
+            finally:
+                self._live = None
+
+    def update(self, world: World, title: str, solver: dict[int, str]) -> None:
+        """Redraw the table from the truth; ``solver`` is each daemon's last status by system id."""
+        if self._live is not None:
+            self._live.update(flight_table(world, title, solver))
+
+    def verdict(self, result: dict[str, Any]) -> None:
+        """The last word on one flight."""
+        if not self._quiet:
+            self._console.print(verdict_table(result))
+
+    def comparison(self, results: list[dict[str, Any]]) -> None:
+        """Several flights of the same seed side by side."""
+        if not self._quiet:
+            self._console.print(comparison_table(results))
+
+
+def flight_table(world: World, title: str, solver: dict[int, str]) -> RenderableType:
+    """Where everybody is now."""
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for heading in ("vehicle", "state", "to goal m", "speed m/s", "nearest m", "with", "daemon"):
+        table.add_column(heading, justify="left" if heading in ("state", "daemon") else "right")
+    position = world.position_ned_m[:, :2]
+    apart = np.linalg.norm(position[:, None] - position[None, :], axis=-1)
+    in_air = world.in_air
+    apart[~in_air] = np.inf
+    apart[:, ~in_air] = np.inf
+    np.fill_diagonal(apart, np.inf)
+    for index, spec in enumerate(world.scenario.vehicles[:MAX_ROWS]):
+        to_goal = float(np.hypot(*(np.array(spec.goal_ned_m[:2]) - position[index])))
+        nearest = int(np.argmin(apart[index]))
+        distance = float(apart[index, nearest])
+        state = VehicleState(int(world.state[index]))
+        table.add_row(
+            str(index + 1),
+            Text("arrived", style="green") if world.arrived[index] else Text(_STATE[state], style=_colour(state)),
+            f"{to_goal:.0f}",
+            f"{float(np.hypot(*world.velocity_ned_mps[index, :2])):.1f}",
+            f"{distance:.1f}" if np.isfinite(distance) else "",
+            str(nearest + 1) if np.isfinite(distance) else "",
+            solver.get(index + 1, "" if spec.cooperative else "none: flies straight on"),
+        )
+    footer = Text(f"{world.mission_time_s:5.1f} s   arrived {int(world.arrived.sum())} of {len(world.scenario.vehicles)}")
+    return Group(table, footer)
+
+
+def _colour(state: VehicleState) -> str:
+    return "red" if state is VehicleState.GONE else ""
+
+
+def verdict_table(result: dict[str, Any]) -> RenderableType:
+    """One flight in words."""
+    passed = result["passed"]
+    head = Text.assemble(
+        ("PASSED  " if passed else "FAILED  ", "bold green" if passed else "bold red"),
+        f"{result['scenario']} under {result['definition']}, seed {result['seed']}: "
+        f"{result['arrived']} of {result['vehicles']} arrived, {result['macs']} mid-air collisions"
+        + (f", {result['obstacle_hits']} flew into an obstacle" if result["obstacle_hits"] else ""),
+    )
+    time, decision, gap = result["mission_time_s"], result["decision_ms"], result["setpoint_gap_ms"]
+    lines = [
+        f"mission time      median {_number(time['median'], 's')}, slowest {_number(time['max'], 's')}",
+        f"nearest pair      {_number(result['min_separation_m'], 'm')} between centres (true positions)",
+        f"discs entered     {result['unmac_violations']} pairs on reported positions, "
+        f"{result['unmac_violations_true']} on true ones",
+        f"daemons           {result['setpoints']} setpoints, {result['reports_received']} reports heard, "
+        f"decision p99 {_number(decision['p99'], 'ms')}, longest setpoint gap {_number(gap['max'], 'ms')}",
+    ]
+    late = [
+        f"vehicle {detail['system_id']}: {detail['outcome'].replace('_', ' ')}"
+        for detail in result["details"]
+        if detail["outcome"] != Outcome.ARRIVED
+    ]
+    return Group(head, *(Text(line) for line in lines), *(Text(line, style="red") for line in late))
+
+
+def comparison_table(results: list[dict[str, Any]]) -> RenderableType:
+    """The same seed under several definitions."""
+    first = results[0]
+    table = Table(title=f"{first['scenario']}, seed {first['seed']}, {first['vehicles']} vehicles", box=None, title_justify="left")
+    for heading in ("definition", "arrived", "median s", "slowest s", "nearest m", "MACs", "discs entered"):
+        table.add_column(heading, justify="left" if heading == "definition" else "right")
+    for result in results:
+        time = result["mission_time_s"]
+        table.add_row(
+            result["definition"],
+            f"{result['arrived']}/{result['vehicles']}",
+            _number(time["median"], ""),
+            _number(time["max"], ""),
+            _number(result["min_separation_m"], ""),
+            Text(str(result["macs"]), style="red" if result["macs"] else "green"),
+            str(result["unmac_violations"]),
+        )
+    return table
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "-" if value is None else f"{value:.1f} {unit}".strip()

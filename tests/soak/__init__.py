@@ -1,0 +1,1 @@
+"""Long, bounded runs that watch memory and timing, run by ``make soak``."""
