@@ -119,7 +119,7 @@ class Message:
 
 
 def decode_payload(spec: MessageSpec, payload: bytes) -> dict[str, Any]:
-    """Fields of a payload in wire order; bytes that MAVLink 2 cut off are zero, bytes that we do not know are ignored."""
+    """Fields of a payload in wire order; bytes that MAVLink 2 cut off are zero, bytes beyond ours are ignored."""
     size = spec.layout.size
     if len(payload) < size:
         payload = payload.ljust(size, b"\x00")
