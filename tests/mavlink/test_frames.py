@@ -230,8 +230,10 @@ class TestDatagrams:
 
 
 class TestStreams:
-    @given(st.lists(st.one_of(good_frames, st.binary(max_size=30), st.just(POISON), st.just(unknown_frame())), max_size=6),
-           st.lists(st.integers(0, 600), max_size=10))
+    @given(
+        st.lists(st.one_of(good_frames, st.binary(max_size=30), st.just(POISON), st.just(unknown_frame())), max_size=6),
+        st.lists(st.integers(0, 600), max_size=10),
+    )
     def test_split_feeds_equal_the_whole_feed(self, parts: list[bytes], cuts: list[int]) -> None:
         data = b"".join(parts)
         whole = FrameParser(CRC_EXTRAS)
