@@ -1,0 +1,137 @@
+"""UDP links: one socket, drained in batches, deaf to what ICMP says.
+
+asyncio's own datagram transport wakes up once a datagram and queues what cannot be sent. Here one wake-up takes all
+that has arrived, up to a batch, and a datagram that the kernel does not take at once is dropped and counted: an old
+setpoint is worth nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+
+from ridlink.errors import LinkError
+from ridlink.links.link import Address, Link, OnDatagram
+from ridlink.links.url import LinkUrl, Scheme
+
+RECEIVE_BUFFER_BYTES = 4 * 2**20
+"""Asked of the kernel: four seconds of a thousand aircraft at 10 Hz. The kernel caps it at net.core.rmem_max."""
+
+BATCH = 128
+"""Datagrams taken per wake-up, so that a flood cannot keep the loop from its deadline."""
+
+LARGEST_DATAGRAM = 65535
+
+
+class UdpLink(Link):
+    """A UDP socket in an asyncio loop; made by `open_udp_link`.
+
+    Attributes:
+        receive_buffer_bytes: What the kernel granted (Linux reports twice the usable size).
+    """
+
+    def __init__(
+        self, sock: socket.socket, peer: Address | None, on_datagram: OnDatagram, loop: asyncio.AbstractEventLoop
+    ) -> None:
+        super().__init__(on_datagram)
+        self._socket = sock
+        self._connected = peer is not None
+        self._peer = peer
+        self._loop = loop
+        self.local_address = sock.getsockname()[:2]
+        self.receive_buffer_bytes = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+        loop.add_reader(sock.fileno(), self._read)
+
+    def _read(self) -> None:
+        for _ in range(BATCH):
+            try:
+                data, address = self._socket.recvfrom(LARGEST_DATAGRAM)
+            except (BlockingIOError, InterruptedError):
+                return
+            except OSError as error:  # ICMP answers to what was sent earlier arrive here
+                self._count(error)
+                continue
+            peer = address[:2]
+            if not self._connected:
+                self._peer = peer
+            self._deliver(data, peer)
+            if self._socket.fileno() < 0:  # closed by the owner meanwhile
+                return
+
+    def _count(self, error: OSError) -> None:
+        self.counters["refused" if error.errno == errno.ECONNREFUSED else "network_error"] += 1
+
+    def send(self, data: bytes, address: Address | None = None) -> bool:
+        """Send one datagram; see `Link.send`."""
+        if self._socket.fileno() < 0:
+            return False
+        target = address or self._peer
+        if target is None:
+            self.counters["no_peer"] += 1
+            return False
+        # The ICMP answer to an earlier datagram is reported by the next call, which sends nothing: once more, then.
+        for _ in range(2):
+            try:
+                if self._connected:
+                    self._socket.send(data)
+                else:
+                    self._socket.sendto(data, target)
+                return True
+            except (BlockingIOError, InterruptedError):
+                self.counters["send_buffer_full"] += 1
+                return False
+            except OSError as error:
+                self._count(error)
+                if error.errno != errno.ECONNREFUSED:
+                    return False
+        return False
+
+    def close(self) -> None:
+        """Release the port."""
+        if self._socket.fileno() >= 0:
+            self._loop.remove_reader(self._socket.fileno())
+            self._socket.close()
+
+
+async def open_udp_link(url: LinkUrl, on_datagram: OnDatagram) -> UdpLink:
+    """Bind (``udpin``) or connect (``udpout``) a socket.
+
+    Raises:
+        LinkError: If the port is in use, or the address is none of ours or unknown.
+    """
+    loop = asyncio.get_running_loop()
+    try:
+        found = await loop.getaddrinfo(url.host, url.port, type=socket.SOCK_DGRAM)
+    except OSError as error:
+        raise LinkError(f"{url}: no such host: {error.strerror or error}") from error
+    family, kind, protocol, _, address = found[0]
+    sock = socket.socket(family, kind, protocol)
+    try:
+        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        if url.scheme is Scheme.UDPIN:
+            sock.bind(address)
+            return UdpLink(sock, None, on_datagram, loop)
+        # Connected: the kernel drops what does not come from the peer.
+        sock.connect(address)
+        return UdpLink(sock, (str(address[0]), int(address[1])), on_datagram, loop)
+    except OSError as error:
+        sock.close()
+        raise LinkError(open_failure(url, error)) from error
+
+
+def open_failure(url: LinkUrl, error: OSError) -> str:
+    """One line that says why a link did not open and what to do about it."""
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f"{url}: port {url.port} is in use by another program; stop it (ss -ulpn shows which) or choose another "
+            f"port, as in {url.scheme}:{url.host}:{url.port + 1}"
+        )
+    if error.errno == errno.EADDRNOTAVAIL:
+        return f"{url}: {url.host} is no address of this machine; 127.0.0.1 is for this machine only, 0.0.0.0 for all"
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return f"{url}: not allowed to use port {url.port}; ports from 1024 up need no privileges"
+    if error.errno == errno.ECONNREFUSED:
+        return f"{url}: nobody listens there"
+    return f"{url}: {error.strerror or error}"

@@ -1,0 +1,127 @@
+"""Connection strings: ``udpin:HOST:PORT`` and its relatives, with the right spelling in every error.
+
+    udpin:127.0.0.1:14540      listen, and answer whoever spoke last
+    udpout:127.0.0.1:14650     speak to a peer from a port of the kernel's choice
+    tcpin:127.0.0.1:5760       wait for peers
+    tcpout:127.0.0.1:5760      connect to a peer
+    serial:/dev/ttyACM0:57600  a device and its baud rate
+
+``//`` after the first colon is allowed, a missing host means 127.0.0.1, and IPv6 addresses stand in brackets.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NoReturn
+
+from ridlink.errors import ConfigError
+
+DEFAULT_HOST = "127.0.0.1"
+"""Nobody is reachable from other machines unless asked to be."""
+
+
+class Scheme(StrEnum):
+    """How a link is made."""
+
+    UDPIN = "udpin"
+    UDPOUT = "udpout"
+    TCPIN = "tcpin"
+    TCPOUT = "tcpout"
+    SERIAL = "serial"
+
+
+_EXAMPLES = {
+    Scheme.UDPIN: "udpin:127.0.0.1:14540",
+    Scheme.UDPOUT: "udpout:127.0.0.1:14540",
+    Scheme.TCPIN: "tcpin:127.0.0.1:5760",
+    Scheme.TCPOUT: "tcpout:127.0.0.1:5760",
+    Scheme.SERIAL: "serial:/dev/ttyACM0:57600",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LinkUrl:
+    """Where a link leads.
+
+    Args:
+        scheme: How it is made.
+        host: Address or name; the device for ``serial``.
+        port: Port; 0 lets the kernel choose (listening only); the baud rate for ``serial``.
+    """
+
+    scheme: Scheme
+    host: str
+    port: int
+
+    @property
+    def listens(self) -> bool:
+        """Peers come to this end."""
+        return self.scheme in (Scheme.UDPIN, Scheme.TCPIN)
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.scheme}:{host}:{self.port}"
+
+
+def _refuse(text: str, reason: str, right: str) -> NoReturn:
+    raise ConfigError(f"connection string {text!r}: {reason}; write {right}")
+
+
+def parse_link_url(text: str) -> LinkUrl:
+    """The link that a connection string names.
+
+    Raises:
+        ConfigError: If it is not one; the text shows a right spelling.
+    """
+    name, colon, rest = text.strip().partition(":")
+    rest = rest.removeprefix("//")
+    lowered = name.lower()
+    if lowered in ("udp", "tcp"):
+        tail = _tail(rest, _EXAMPLES[Scheme(lowered + "in")])
+        _refuse(
+            text,
+            f"'{lowered}:' does not say who speaks first",
+            f"{lowered}in:{tail} to listen or {lowered}out:{tail} to speak to a peer",
+        )
+    if lowered not in list(Scheme):
+        near = difflib.get_close_matches(lowered, list(Scheme), n=1, cutoff=0.5)
+        scheme = Scheme(near[0]) if near else Scheme.UDPIN
+        reason = f"unknown scheme {name!r}" if colon else "no scheme"
+        right = f"{scheme}:{_tail(rest, _EXAMPLES[scheme])}" if near else ", ".join(_EXAMPLES.values())
+        _refuse(text, reason, right)
+    scheme = Scheme(lowered)
+    example = _EXAMPLES[scheme]
+    if match := re.fullmatch(r"\[([^\]]*)\](?::(.*))?", rest):
+        host, port_text = match[1], match[2] or ""
+    else:
+        host, found, port_text = rest.rpartition(":")
+        if not found:
+            host, port_text = rest, ""
+    if scheme is Scheme.SERIAL:
+        if not host:
+            _refuse(text, "no device", example)
+        if not port_text.isascii() or not port_text.isdecimal() or int(port_text) == 0:
+            _refuse(text, "no baud rate", f"serial:{host}:57600")
+        return LinkUrl(scheme, host, int(port_text))
+    if not port_text:
+        if host.isascii() and host.isdecimal():
+            _refuse(text, "no host", f"{scheme}:{DEFAULT_HOST}:{host}")
+        _refuse(text, "no port", f"{scheme}:{host or DEFAULT_HOST}:{example.rpartition(':')[2]}")
+    if not port_text.isascii() or not port_text.isdecimal() or int(port_text) > 65535:
+        _refuse(text, f"port {port_text!r} is not a number from 0 to 65535", example)
+    if re.search(r"[\s/?#@]", host) or (":" in host and not rest.startswith("[")):
+        _refuse(text, f"host {host!r} is not an address or a name", example)
+    url = LinkUrl(scheme, host or DEFAULT_HOST, int(port_text))
+    if url.port == 0 and not url.listens:
+        _refuse(text, "port 0 is for listening only", example)
+    return url
+
+
+def _tail(rest: str, example: str) -> str:
+    """Host and port as given, where they are usable in a corrected spelling, else those of an example."""
+    if re.fullmatch(r"[\w.\-/]+:\d+|\[[0-9a-fA-F:.]+\]:\d+", rest):
+        return rest
+    return example.partition(":")[2]
