@@ -1,0 +1,319 @@
+"""The traffic picture: reports in, the neighbours that count as arrays out.
+
+Positions leave as north-east-down metres about the own position of the instant, never about a cached origin. What does
+not count is said by a counter: echoes of ourselves, vehicles on the ground, vehicles that are known to be far above or
+below. Nothing here trusts a sender, and nothing grows without bound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.geodesy import Geodetic, ned_from_geodetic
+from ridlink.remote_id.report import RemoteIdReport
+from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.position_filter import offset_m
+from ridlink.traffic.track import SENDER_AGE_S, Track, TrackKey, Update, hours_apart_s, new_track
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class PictureSettings:
+    """What counts as traffic.
+
+    Args:
+        unknown_error_m: Three-sigma error of a report that states none.
+        unusable_error_m: A stated error from here on is counted: nobody can be separated by it.
+        unknown_speed_mps: Speed of a vehicle that states none.
+        max_tracks: Tracks kept at most; the least urgent one gives way.
+        max_considered: Tracks handed to the solver at most, the most urgent ones: its time grows with their number.
+        filtered: Smooth reported positions, see `PositionFilter`.
+        vertical_margin_m: Vertical distance left over after all vertical errors before another altitude counts.
+        vertical_lookahead_s: Vertical speeds count for so long: a gap that closes within it is none.
+        unknown_height_m: Vertical extent of a vehicle that does not tell.
+        echo_margin_m: Own reports come back this far from where we are, beyond errors and a second of flight.
+    """
+
+    unknown_error_m: float
+    unusable_error_m: float
+    unknown_speed_mps: float
+    max_tracks: int = 2000
+    max_considered: int = 256
+    filtered: bool = True
+    vertical_margin_m: float = 10.0
+    vertical_lookahead_s: float = 5.0
+    unknown_height_m: float = 2.0
+    echo_margin_m: float = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Neighbours that count now, n of them, most urgent first where there are too many.
+
+    Attributes:
+        tracks: The tracks themselves.
+        position_ned_m: Positions as reported, about the own position now, shape (n, 3).
+        velocity_ned_mps: Reported velocities, zero where unknown, shape (n, 3).
+        command_ned_mps: Broadcast commanded velocities, NaN where none is given, shape (n, 3).
+        age_s: Ages of the positions, shape (n,).
+        speed_mps: Horizontal speeds, NaN where unknown, shape (n,).
+        blind_growth_m: How far a vehicle of unknown direction may have gone since, shape (n,).
+        error_bound_m: Reported three-sigma errors, NaN where unknown, shape (n,).
+        accuracy_bound_m: The same from the accuracy code, shape (n,).
+        airframe_m: Reported sizes, NaN where unknown, shape (n,).
+        avoiding: Who takes its half, shape (n,).
+        passing_side: Memory of the head-on rule, shape (n,).
+    """
+
+    tracks: tuple[Track, ...]
+    position_ned_m: FloatArray
+    velocity_ned_mps: FloatArray
+    command_ned_mps: FloatArray
+    age_s: FloatArray
+    speed_mps: FloatArray
+    blind_growth_m: FloatArray
+    error_bound_m: FloatArray
+    accuracy_bound_m: FloatArray
+    airframe_m: FloatArray
+    avoiding: NDArray[np.bool_]
+    passing_side: NDArray[np.int8]
+
+    def __len__(self) -> int:
+        return len(self.tracks)
+
+
+NAN3 = (math.nan, math.nan, math.nan)
+
+
+def _known(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+class TrafficPicture:
+    """All tracks of one own-ship.
+
+    Attributes:
+        counters: Reports by what became of them, and why tracks do not count.
+        tracks: By key.
+    """
+
+    def __init__(self, settings: PictureSettings) -> None:
+        self.settings = settings
+        self.counters: Counter[str] = Counter()
+        self.tracks: dict[TrackKey, Track] = {}
+        self._own: OwnState | None = None
+        self._least_urgent: list[Track] | None = None
+
+    def __len__(self) -> int:
+        return len(self.tracks)
+
+    # --- in -------------------------------------------------------------------------------------------------------
+
+    def receive(
+        self,
+        link: Hashable,
+        report: RemoteIdReport,
+        *,
+        utc_s: float | None = None,
+        own_sysid: int | None = None,
+        own_uas_id: bytes | None = None,
+    ) -> None:
+        """Take a report.
+
+        Args:
+            link: Where it was heard; the same sender heard on two links makes two tracks.
+            report: The report.
+            utc_s: UTC when it was received, of which only the part of the hour counts; without it the sender's own
+                timestamp says nothing about its age.
+            own_sysid: Own system id.
+            own_uas_id: Own identity in Remote ID.
+        """
+        if self._is_echo(report, own_sysid, own_uas_id):
+            self.counters["own_echo"] += 1
+            return
+        key: TrackKey = (link, *report.key)
+        measured_at_s = report.received_at_s - self._sender_age_s(report, utc_s)
+        track = self.tracks.get(key)
+        if track is not None:
+            update = track.update(report, measured_at_s, self.settings.unknown_error_m)
+            if update not in (Update.MOVED, Update.COMPLETED):
+                self.counters[update] += 1
+            elif (report.horizontal_error_m or 0.0) >= self.settings.unusable_error_m:
+                self.counters["position_unusable"] += 1
+            return
+        track = new_track(key, report, measured_at_s, filtered=self.settings.filtered)
+        if track is None:
+            self.counters[Update.NO_POSITION] += 1
+            return
+        if self._own is not None:
+            track.urgency_s = self._urgency_of(track, self._own)
+        if len(self.tracks) >= self.settings.max_tracks and not self._make_room(track):
+            self.counters["track_refused"] += 1
+            return
+        self.tracks[key] = track
+        self.counters["track_begun"] += 1
+
+    def _is_echo(self, report: RemoteIdReport, own_sysid: int | None, own_uas_id: bytes | None) -> bool:
+        """Our own report come back: our identity *and* our place. Our identity elsewhere is an intruder."""
+        by_sysid = own_sysid is not None and report.source[0] == own_sysid and report.id_or_mac is None
+        by_uas_id = own_uas_id is not None and own_uas_id in (report.uas_id, report.id_or_mac)
+        if not (by_sysid or by_uas_id):
+            return False
+        own = self._own
+        if own is None or report.latitude_deg is None or report.longitude_deg is None:
+            return True  # without a place there is nothing to track, and nothing to steer either
+        here = (own.position.latitude_deg, own.position.longitude_deg)
+        distance = math.hypot(*offset_m(here, (report.latitude_deg, report.longitude_deg)))
+        bound = self.settings.unknown_error_m if report.horizontal_error_m is None else report.horizontal_error_m
+        bound = min(bound, self.settings.unusable_error_m)
+        if distance <= own.error_bound_m + bound + 2.0 * own.speed_mps + self.settings.echo_margin_m:
+            return True
+        self.counters["own_id_elsewhere"] += 1
+        return False
+
+    def _sender_age_s(self, report: RemoteIdReport, utc_s: float | None) -> float:
+        if utc_s is None or report.timestamp_s is None:
+            return 0.0
+        age = hours_apart_s(utc_s, report.timestamp_s)
+        if not SENDER_AGE_S[0] <= age <= SENDER_AGE_S[1]:
+            self.counters["timestamp_implausible"] += 1
+            return 0.0
+        return max(age, 0.0)
+
+    def _make_room(self, newcomer: Track) -> bool:
+        """Drop the least urgent track if it is less urgent than the newcomer."""
+        if self._least_urgent is None:
+            self._least_urgent = sorted(self.tracks.values(), key=lambda track: track.urgency_s)
+        while self._least_urgent:
+            last = self._least_urgent[-1]
+            if self.tracks.get(last.key) is not last:
+                self._least_urgent.pop()
+                continue
+            if last.urgency_s <= newcomer.urgency_s:
+                return False
+            self._least_urgent.pop()
+            del self.tracks[last.key]
+            self.counters["track_evicted"] += 1
+            return True
+        return False
+
+    def _blind_speed_mps(self, track: Track) -> float:
+        """Speed in an unknown direction [m/s]: how fast the area in which the vehicle may be grows."""
+        if track.report.velocity_ned_mps is not None:
+            return 0.0
+        speed = track.report.speed_horizontal_mps
+        return self.settings.unknown_speed_mps if speed is None else speed
+
+    # --- out ------------------------------------------------------------------------------------------------------
+
+    def drop_silent(self, now_s: float) -> None:
+        """Drop tracks that were not heard for too long; called every step, own state or not."""
+        silent = [key for key, track in self.tracks.items() if track.expired(now_s)]
+        for key in silent:
+            del self.tracks[key]
+        self.counters["track_lost"] += len(silent)
+
+    def _urgency_of(self, track: Track, own: OwnState) -> float:
+        here = (own.position.latitude_deg, own.position.longitude_deg)
+        north, east = offset_m(here, (track.latitude_deg, track.longitude_deg))
+        distance = math.hypot(north, east)
+        velocity = track.velocity_ned_mps
+        closing = self._blind_speed_mps(track)
+        if distance > 0.0:
+            closing += (own.velocity_ned_mps[0] - velocity[0]) * north / distance
+            closing += (own.velocity_ned_mps[1] - velocity[1]) * east / distance
+        return distance / max(closing, 1.0)
+
+    def snapshot(self, own: OwnState, now_s: float) -> Snapshot:
+        """The neighbours that count now.
+
+        Args:
+            own: Own state now; its position is the origin.
+            now_s: Monotonic time.
+        """
+        self._own = own
+        self._least_urgent = None
+        candidates = [track for track in self.tracks.values() if not track.on_ground]
+        count = len(candidates)
+        rows = np.array(
+            [
+                (
+                    track.latitude_deg,
+                    track.longitude_deg,
+                    *track.velocity_ned_mps,
+                    *(track.report.commanded_ned_mps or NAN3),
+                    now_s - track.measured_at_s,
+                    _known(track.report.speed_horizontal_mps),
+                    self._blind_speed_mps(track),
+                    _known(track.report.horizontal_error_m),
+                    _known(track.report.accuracy_bound_m),
+                    _known(track.report.airframe_size_m),
+                    _known(track.report.altitude_geodetic_m),
+                    _known(track.report.vertical_error_m),
+                    _known(track.report.airframe_height_m),
+                )
+                for track in candidates
+            ],
+            dtype=np.float64,
+        ).reshape(count, 17)
+        age = np.maximum(rows[:, 8], 0.0)
+        own_altitude = own.altitude_ellipsoid_m
+        altitude = rows[:, 14]
+        # Unknown altitude, ours or theirs: the same height, so that it counts.
+        comparable = np.isfinite(altitude) & (own_altitude is not None)
+        origin_altitude = own.position.altitude_m if own_altitude is None else own_altitude
+        altitude = np.where(comparable, altitude, origin_altitude)
+        origin = Geodetic(own.position.latitude_deg, own.position.longitude_deg, origin_altitude)
+        position = ned_from_geodetic(rows[:, 0], rows[:, 1], altitude, origin)
+        above = altitude - origin_altitude  # not the plane's "down": that sinks with the curvature of the Earth
+        apart = self._known_apart(own, rows, age, above, comparable)
+        self.counters["other_altitude"] += int(apart.sum())
+        self.counters["on_ground"] += len(self.tracks) - count
+
+        velocity = rows[:, 2:5]
+        now_ne = position[:, :2] + velocity[:, :2] * age[:, None]
+        distance = np.hypot(now_ne[:, 0], now_ne[:, 1])
+        towards = now_ne / np.maximum(distance, 1e-9)[:, None]
+        closing = ((np.asarray(own.velocity_ned_mps[:2]) - velocity[:, :2]) * towards).sum(axis=1) + rows[:, 10]
+        urgency = distance / np.maximum(closing, 1.0)
+        for track, value in zip(candidates, urgency.tolist(), strict=True):
+            track.urgency_s = value
+        chosen = np.flatnonzero(~apart)
+        if len(chosen) > self.settings.max_considered:
+            self.counters["not_considered"] += len(chosen) - self.settings.max_considered
+            chosen = chosen[np.argsort(urgency[chosen], kind="stable")[: self.settings.max_considered]]
+        kept = tuple(candidates[k] for k in chosen)
+        return Snapshot(
+            tracks=kept,
+            position_ned_m=position[chosen],
+            velocity_ned_mps=velocity[chosen],
+            command_ned_mps=rows[chosen, 5:8],
+            age_s=age[chosen],
+            speed_mps=rows[chosen, 9],
+            blind_growth_m=(rows[:, 10] * age)[chosen],
+            error_bound_m=rows[chosen, 11],
+            accuracy_bound_m=rows[chosen, 12],
+            airframe_m=rows[chosen, 13],
+            avoiding=np.array([track.report.avoiding for track in kept], dtype=np.bool_),
+            passing_side=np.array([track.passing_side for track in kept], dtype=np.int8),
+        )
+
+    def _known_apart(
+        self, own: OwnState, rows: FloatArray, age: FloatArray, above: FloatArray, comparable: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Who is known to fly so much higher or lower that it will not matter within the look-ahead."""
+        error = np.where(np.isfinite(rows[:, 15]), rows[:, 15], np.inf)
+        height = np.where(np.isfinite(rows[:, 16]), rows[:, 16], self.settings.unknown_height_m)
+        climbing = own.velocity_ned_mps[2] - rows[:, 4]  # the neighbour's climb relative to ours
+        above = above - rows[:, 4] * age
+        later = above + climbing * self.settings.vertical_lookahead_s
+        gap = np.where(np.sign(above) == np.sign(later), np.minimum(np.abs(above), np.abs(later)), 0.0)
+        needed = own.vertical_error_bound_m + error + height + self.settings.vertical_margin_m
+        return np.asarray(comparable & (gap > needed))

@@ -1,0 +1,117 @@
+"""Smoothing of reported positions, so that white noise in them does not turn into jitter of the discs.
+
+    x <- x + v dt,   x <- x + K (report - x),   K = max(1/(k+1), 1 - exp(-dt/T))
+
+with k reports so far. It makes no disc smaller: the reported error bound stays as it is. An innovation beyond that
+bound twice in a row, or beyond twice the bound at once, is no noise (a jump, a manoeuvre, another aircraft), and the
+filter then starts again from the report. Once is not enough: one white error in ninety is beyond three sigma.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ridlink.units import wrap_deg
+
+TIME_CONSTANT_S = 2.0
+"""Long against reports at 10 Hz, short against the 10 s over which GNSS errors drift."""
+
+EQUATOR_RADIUS_M = 6378137.0
+ECCENTRICITY_SQUARED = 6.69437999014e-3
+
+
+def metres_per_degree(latitude_deg: float) -> tuple[float, float]:
+    """Length [m] of one degree of latitude and of longitude on the WGS-84 ellipsoid."""
+    latitude = math.radians(latitude_deg)
+    root = math.sqrt(1.0 - ECCENTRICITY_SQUARED * math.sin(latitude) ** 2)
+    meridian = EQUATOR_RADIUS_M * (1.0 - ECCENTRICITY_SQUARED) / root**3
+    parallel = EQUATOR_RADIUS_M / root * max(math.cos(latitude), 1e-6)
+    return math.radians(meridian), math.radians(parallel)
+
+
+def moved(latitude_deg: float, longitude_deg: float, north_m: float, east_m: float) -> tuple[float, float]:
+    """The point so far north and east [deg]; good to centimetres over the hundreds of metres of an extrapolation."""
+    per_latitude, per_longitude = metres_per_degree(latitude_deg)
+    latitude = min(max(latitude_deg + north_m / per_latitude, -90.0), 90.0)
+    return latitude, wrap_deg(longitude_deg + east_m / per_longitude)
+
+
+def offset_m(from_deg: tuple[float, float], to_deg: tuple[float, float]) -> tuple[float, float]:
+    """North and east [m] from one point to another that is near."""
+    per_latitude, per_longitude = metres_per_degree(from_deg[0])
+    return (to_deg[0] - from_deg[0]) * per_latitude, wrap_deg(to_deg[1] - from_deg[1]) * per_longitude
+
+
+class PositionFilter:
+    """Filter of one vehicle.
+
+    Args:
+        time_constant_s: T above; 0 passes every report on as it is.
+
+    Attributes:
+        latitude_deg: Filtered position at the time of the last report.
+        longitude_deg: The same.
+        resets: How often an innovation was beyond the bound.
+    """
+
+    __slots__ = (
+        "_at_s", "_beyond", "_reports", "_time_constant_s", "_velocity", "latitude_deg", "longitude_deg", "resets",
+    )  # fmt: skip
+
+    def __init__(self, time_constant_s: float = TIME_CONSTANT_S) -> None:
+        self._time_constant_s = time_constant_s
+        self._reports = 0
+        self._beyond = False
+        self._at_s = 0.0
+        self._velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self.latitude_deg = self.longitude_deg = 0.0
+        self.resets = 0
+
+    def extrapolate(self, elapsed_s: float, velocity_ned_mps: tuple[float, float, float]) -> tuple[float, float]:
+        """The position so long after the last report [deg]."""
+        north, east = velocity_ned_mps[0] * elapsed_s, velocity_ned_mps[1] * elapsed_s
+        return moved(self.latitude_deg, self.longitude_deg, north, east)
+
+    def update(
+        self,
+        latitude_deg: float,
+        longitude_deg: float,
+        velocity_ned_mps: tuple[float, float, float] | None,
+        bound_m: float,
+        at_s: float,
+    ) -> tuple[float, float]:
+        """Take a report.
+
+        Args:
+            latitude_deg: Reported position.
+            longitude_deg: Reported position.
+            velocity_ned_mps: Reported velocity; without one the filter has nothing to predict with and passes on.
+            bound_m: Reported three-sigma error of the position.
+            at_s: Time for which the report holds.
+
+        Returns:
+            Filtered latitude and longitude at that time.
+        """
+        elapsed = at_s - self._at_s
+        follows = self._reports > 0 and elapsed >= 0.0 and velocity_ned_mps is not None and self._time_constant_s > 0.0
+        if follows and velocity_ned_mps is not None:
+            # The mean of both velocities is the displacement of a vehicle that changed it steadily in between.
+            mean = tuple((a + b) / 2.0 for a, b in zip(self._velocity, velocity_ned_mps, strict=True))
+            predicted = self.extrapolate(elapsed, (mean[0], mean[1], mean[2]))
+            north, east = offset_m(predicted, (latitude_deg, longitude_deg))
+            innovation = math.hypot(north, east)
+            beyond, self._beyond = self._beyond, innovation > bound_m
+            if innovation <= 2.0 * bound_m and not (beyond and self._beyond):
+                gain = max(1.0 / (self._reports + 1), 1.0 - math.exp(-elapsed / self._time_constant_s))
+                latitude_deg, longitude_deg = moved(*predicted, gain * north, gain * east)
+                self._reports += 1
+            else:
+                self.resets += 1
+                self._reports = 1
+                self._beyond = False
+        else:
+            self._reports = 1
+        self._velocity = velocity_ned_mps or (0.0, 0.0, 0.0)
+        self._at_s = at_s
+        self.latitude_deg, self.longitude_deg = latitude_deg, longitude_deg
+        return latitude_deg, longitude_deg

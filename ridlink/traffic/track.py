@@ -1,0 +1,160 @@
+"""One neighbour: its last report, what of it may be believed, and how old it is.
+
+A track holds what was reported; nothing is extrapolated here. `age_s` is the time since the position was measured, and
+whoever uses the position takes it that far ahead. Units and frames as in `RemoteIdReport`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from ridlink.remote_id.report import RemoteIdReport
+from ridlink.traffic.position_filter import PositionFilter
+
+TrackKey = tuple[Hashable, int, int, bytes | None]
+"""Where it was heard, system id, component id and, for relayed data, `id_or_mac`."""
+
+STATUS_ON_GROUND = 1
+"""MAV_ODID_STATUS_GROUND."""
+
+SLOW_INTERVAL_S = 0.5
+"""A sender with more time between reports is a standard one at 1 Hz."""
+
+COAST_FAST_S = 5.0
+COAST_SLOW_S = 10.0
+"""A track that was not heard for so long is dropped; fifty lost reports in a row, or ten."""
+
+SENDER_AGE_S = (-1.0, 5.0)
+"""Plausible ages of a sender's timestamp; anything else is a clock that is wrong."""
+
+HOUR_S = 3600.0
+
+
+class Update(StrEnum):
+    """What a report did to its track."""
+
+    MOVED = "moved"
+    COMPLETED = "completed"
+    """Same instant, with the errors, size and intent of a RIDLINK_SEPARATION."""
+    REPEATED = "report_repeated"
+    OLDER = "report_older"
+    NO_POSITION = "report_without_position"
+
+
+def hours_apart_s(later_s: float, earlier_s: float) -> float:
+    """Difference of two times past the full hour, within half an hour either way [s]."""
+    return (later_s - earlier_s + HOUR_S / 2.0) % HOUR_S - HOUR_S / 2.0
+
+
+@dataclass(slots=True)
+class Track:
+    """One neighbour.
+
+    Attributes:
+        key: Identity.
+        report: Last report that moved or completed it.
+        latitude_deg: Position at the time of that report, filtered.
+        longitude_deg: The same.
+        measured_at_s: Monotonic time for which the position holds.
+        received_at_s: Monotonic time of the last report that brought something new.
+        interval_s: Smoothed time between reports.
+        passing_side: Memory of the solver's head-on rule.
+        urgency_s: Time until it matters, as of the last snapshot; the larger, the sooner it is given up.
+        in_conflict: It was predicted to enter our disc, as of the last decision.
+        filter: Position filter.
+    """
+
+    key: TrackKey
+    report: RemoteIdReport
+    latitude_deg: float
+    longitude_deg: float
+    measured_at_s: float
+    received_at_s: float
+    filter: PositionFilter
+    interval_s: float = 0.1
+    passing_side: int = 0
+    urgency_s: float = 0.0
+    in_conflict: bool = False
+
+    @property
+    def on_ground(self) -> bool:
+        """It says that it stands on the ground: no traffic."""
+        return self.report.status == STATUS_ON_GROUND
+
+    @property
+    def velocity_ned_mps(self) -> tuple[float, float, float]:
+        """Reported velocity; zero where it is unknown."""
+        return self.report.velocity_ned_mps or (0.0, 0.0, 0.0)
+
+    def age_s(self, now_s: float) -> float:
+        """Time since the position was measured."""
+        return max(now_s - self.measured_at_s, 0.0)
+
+    def expired(self, now_s: float) -> bool:
+        """Not heard for so long that it is given up; later while it is in conflict."""
+        silent = now_s - self.received_at_s
+        slow = self.interval_s > SLOW_INTERVAL_S or self.in_conflict
+        return silent > (COAST_SLOW_S if slow else COAST_FAST_S)
+
+    def update(self, report: RemoteIdReport, measured_at_s: float, unknown_error_m: float) -> Update:
+        """Take a report of the same sender.
+
+        A timestamp already seen moves nothing and refreshes nothing, however often it comes; it may only complete the
+        report with its extension. An older one, modulo the hour, is a late or replayed datagram.
+
+        Args:
+            report: The report.
+            measured_at_s: Monotonic time for which its position holds.
+            unknown_error_m: Error bound of a report that states none.
+        """
+        last = self.report
+        same_instant = report.received_at_s == last.received_at_s
+        if report.timestamp_s is not None and last.timestamp_s is not None:
+            newer_s = hours_apart_s(report.timestamp_s, last.timestamp_s)
+            if newer_s < 0.0:
+                return Update.OLDER
+            same_instant = newer_s == 0.0
+        if same_instant:
+            report = replace(report, received_at_s=last.received_at_s)
+            same_place = report.latitude_deg == last.latitude_deg and report.longitude_deg == last.longitude_deg
+            if not report.extended or not same_place or report == last:
+                return Update.REPEATED
+            self.report = report
+            return Update.COMPLETED
+        if report.latitude_deg is None or report.longitude_deg is None:
+            return Update.NO_POSITION
+        bound = report.horizontal_error_m if report.horizontal_error_m is not None else report.accuracy_bound_m
+        self.latitude_deg, self.longitude_deg = self.filter.update(
+            report.latitude_deg,
+            report.longitude_deg,
+            report.velocity_ned_mps,
+            unknown_error_m if bound is None else bound,
+            measured_at_s,
+        )
+        gap = report.received_at_s - self.received_at_s
+        if 0.0 < gap < COAST_SLOW_S:
+            self.interval_s += 0.3 * (gap - self.interval_s)
+        self.report = report
+        self.measured_at_s = measured_at_s
+        self.received_at_s = report.received_at_s
+        return Update.MOVED
+
+
+def new_track(key: TrackKey, report: RemoteIdReport, measured_at_s: float, *, filtered: bool) -> Track | None:
+    """A track that begins with a report; None where that has no position."""
+    if report.latitude_deg is None or report.longitude_deg is None:
+        return None
+    smoother = PositionFilter() if filtered else PositionFilter(time_constant_s=0.0)
+    smoother.update(report.latitude_deg, report.longitude_deg, report.velocity_ned_mps, 0.0, measured_at_s)
+    return Track(
+        key=key,
+        report=report,
+        latitude_deg=report.latitude_deg,
+        longitude_deg=report.longitude_deg,
+        measured_at_s=measured_at_s,
+        received_at_s=report.received_at_s,
+        filter=smoother,
+        interval_s=report.update_interval_s or 0.1,
+    )
