@@ -1,0 +1,64 @@
+"""What one step of the engine saw and decided, as a value to log, to announce and to show."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ridlink.avoidance.types import Status
+from ridlink.failsafe import State
+from ridlink.setpoint import Velocity
+from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.track import Track
+
+
+@dataclass(frozen=True, slots=True)
+class Conflict:
+    """A neighbour whose disc is entered within the solver's horizon if both fly on.
+
+    Attributes:
+        track: The neighbour.
+        entry_s: Time until its disc is entered, 0 inside.
+        closest_s: Time of the closest approach.
+        miss_m: Horizontal distance then.
+        height_m: How far it is above us now, 0 where that is not known.
+    """
+
+    track: Track
+    entry_s: float
+    closest_s: float
+    miss_m: float
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionRecord:
+    """One step.
+
+    Attributes:
+        time_s: The caller's clock.
+        state: State of the failsafe ladder.
+        own: Own state; None while it is unknown.
+        tracks: Number of tracks.
+        conflicts: Neighbours in conflict, the most urgent first.
+        nearest_margin_m: Smallest distance to a neighbour less its disc; infinite without any.
+        time_to_violation_s: Time until the first disc is entered if all fly on; infinite if never.
+        preferred_ned_mps: Velocity wanted without traffic; None without a decision.
+        commanded_ned_mps: Velocity that was sent; None if nothing was.
+        status: Result of the solver; None without a decision.
+        binding: Neighbours whose constraints bind.
+        goal_distance_m: Horizontal distance to the goal; None without a decision.
+    """
+
+    time_s: float
+    state: State
+    own: OwnState | None
+    tracks: int
+    conflicts: tuple[Conflict, ...] = ()
+    nearest_margin_m: float = math.inf
+    time_to_violation_s: float = math.inf
+    preferred_ned_mps: Velocity | None = None
+    commanded_ned_mps: Velocity | None = None
+    status: Status | None = None
+    binding: tuple[Track, ...] = ()
+    goal_distance_m: float | None = None

@@ -1,0 +1,541 @@
+"""One own-ship and its goal, without input or output: bytes and times in, bytes out.
+
+Datagrams go in as they come; `step` is called every 100 ms and returns what to send. No clock is read and no socket
+opened here, so the same engine runs in the daemon, in tests in virtual time, and on recordings.
+
+Axes: north, east, down about the own position of the instant; metres, m/s, seconds of the caller's monotonic clock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Hashable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ridlink.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status
+from ridlink.avoidance.progress import ProgressWatch
+from ridlink.avoidance.solver import HalfplaneSolver
+from ridlink.avoidance.types import OwnShip, Status, Traffic
+from ridlink.decision import Conflict, DecisionRecord
+from ridlink.engine_config import EngineConfig, Goal, goal_problem
+from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
+from ridlink.geodesy import ned_from_geodetic
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
+from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
+from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
+from ridlink.remote_id.assembler import ReportAssembler
+from ridlink.remote_id.convert import from_mavlink
+from ridlink.remote_id.messages import MAVLINK_NAMES, BasicId, Location
+from ridlink.separation.definitions import separation_discs
+from ridlink.separation.reference import (
+    ERROR_CAP_M,
+    REPORT_INTERVAL_S,
+    UNKNOWN_ERROR_BOUND_M,
+    UNKNOWN_SPEED_MPS,
+)
+from ridlink.setpoint import STOP, SetpointStream, Velocity
+from ridlink.static_obstacles import StaticObstacles
+from ridlink.traffic.encounter import Encounters, encounters
+from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.picture import PictureSettings, Snapshot, TrafficPicture
+from ridlink.traffic.track import TrackKey
+
+DO_REPOSITION = 192
+SET_MESSAGE_INTERVAL = 511
+"""MAV_CMD."""
+ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
+"""MAV_RESULT."""
+RELATIVE_ALTITUDE_FRAMES = (3, 6)
+ABSOLUTE_ALTITUDE_FRAMES = (0, 5)
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT(_INT) and MAV_FRAME_GLOBAL(_INT)."""
+UNKNOWN_INT32 = 0x7FFFFFFF
+
+WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 245: 500_000}
+"""GLOBAL_POSITION_INT, GPS_RAW_INT and EXTENDED_SYS_STATE, which an ArduPilot sends only when asked."""
+
+MOST_COLLISIONS = 8
+"""COLLISION messages per second: a link of a few kbit/s must not drown in warnings."""
+COLLISION_PERIOD_S = 1.0 - 1e-6
+
+VERTICAL_GAIN_PER_S = 0.5
+"""Climb towards the goal altitude per metre missing: braking from 2 m/s then takes the 1 m/s^2 that autopilots have."""
+
+MESSAGE_IDS = frozenset(
+    msgid
+    for msgid in CRC_EXTRAS
+    if 12900 <= msgid <= 12920 or msgid in (0, 24, 32, 33, 75, 76, 230, 245, 61400)
+)
+"""What an engine reads; anything else is skipped before it is decoded."""
+REMOTE_ID_NAMES = frozenset((*MAVLINK_NAMES.values(), "OPEN_DRONE_ID_MESSAGE_PACK"))
+
+FATAL_FAILURES = 3
+FATAL_WITHIN_S = 1.0
+"""So many failed decisions in so short a time are no accident."""
+
+
+@dataclass(slots=True)
+class StepOutput:
+    """What to send after one step.
+
+    Attributes:
+        to_vehicle: Frames for the autopilot.
+        to_air: Frames for the Remote ID link.
+        replies: Frames for others who spoke on the vehicle link, with their addresses.
+        decision: What was decided.
+    """
+
+    decision: DecisionRecord
+    to_vehicle: list[bytes] = field(default_factory=list)
+    to_air: list[bytes] = field(default_factory=list)
+    replies: list[tuple[bytes, Hashable]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class EngineSummary:
+    """Totals so far."""
+
+    setpoints: int
+    reports_received: int
+    rejects: dict[str, int]
+    tracks: int
+    state: str
+    reason: str
+    infeasible_steps: int
+
+
+class _Every:
+    """True once a period."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._next_s = -math.inf
+
+    def due(self, now_s: float) -> bool:
+        if now_s < self._next_s - 1e-9:
+            return False
+        # On the grid of the period, unless that was missed: no drift, no burst.
+        on_grid = now_s - self._next_s < self._period_s
+        self._next_s = (self._next_s if on_grid else now_s) + self._period_s
+        return True
+
+
+class Engine:
+    """Fed with datagrams, asked once a step.
+
+    Attributes:
+        config: As given.
+        rung: State of the failsafe ladder, and why.
+        goal: Where to go now.
+        telemetry: Own state and autopilot.
+        picture: Traffic.
+        setpoints: The stream of setpoints.
+        fatal: Decisions failed again and again: whoever runs the engine should hold and end.
+    """
+
+    def __init__(self, config: EngineConfig) -> None:
+        self.config = config
+        self.goal = config.goal
+        self.rung = Rung()
+        if config.goal is not None and not config.standby:
+            self.rung = request(self.rung)
+        self.telemetry = OwnShipTelemetry(config.vehicle_sysid, filtered=config.filter_positions)
+        self.picture = TrafficPicture(
+            PictureSettings(
+                unknown_error_m=UNKNOWN_ERROR_BOUND_M,
+                unusable_error_m=ERROR_CAP_M,
+                unknown_speed_mps=UNKNOWN_SPEED_MPS,
+                filtered=config.filter_positions,
+            )
+        )
+        self.setpoints = SetpointStream(config.limits)
+        self.fatal = False
+        self.last_error = ""
+        self._counters: Counter[str] = Counter()
+        self._assemblers = {"vehicle": ReportAssembler(), "rid": ReportAssembler()}
+        self._solver = HalfplaneSolver(config.halfplane)
+        self._obstacles = StaticObstacles(config.obstacles)
+        self._watch = ProgressWatch()
+        self._uas_id = config.uas_id.encode() if config.uas_id else None
+        self._encoder = Encoder(config.vehicle_sysid or 1, AVOIDANCE_COMPONENT)
+        self._replies: list[tuple[bytes, Hashable]] = []
+        self._started_s: float | None = None
+        self._last_step_s: float | None = None
+        self._kept_altitude_m: float | None = None
+        self._route_side = 0
+        self._reports = 0
+        self._infeasible = 0
+        self._failures: deque[float] = deque(maxlen=FATAL_FAILURES)
+        self._decision_time_s = 0.0
+        self._heartbeat_due = _Every(1.0)
+        self._status_due = _Every(1.0)
+        self._request_due = _Every(1.0)
+        self._warned_at_s: dict[TrackKey, float] = {}
+
+    # --- in -------------------------------------------------------------------------------------------------------
+
+    @property
+    def vehicle_source(self) -> Hashable:
+        """Address of the autopilot that is listened to; None before one was heard."""
+        return self.telemetry.lock.source if self.telemetry.lock else None
+
+    def receive_vehicle(
+        self, datagram: bytes, now_s: float, *, source: Hashable = None, utc_s: float | None = None
+    ) -> None:
+        """Take a datagram of the vehicle link: telemetry, commands to us, and Remote ID that receivers relay.
+
+        Args:
+            datagram: Bytes.
+            now_s: Monotonic time.
+            source: Who sent it.
+            utc_s: UTC now, for the age of Remote ID reports.
+        """
+        for frame, message in self._messages(datagram):
+            if message.name in REMOTE_ID_NAMES:
+                self._remote_id("vehicle", frame, message, now_s, utc_s)
+            elif message.name in ("COMMAND_LONG", "COMMAND_INT"):
+                self._command(frame, message, source, now_s)
+            else:
+                self.telemetry.receive(frame.sysid, frame.compid, message, now_s, source)
+        lock = self.telemetry.lock
+        if lock is not None and self._encoder.sysid != lock.sysid:
+            self._encoder = Encoder(lock.sysid, AVOIDANCE_COMPONENT)
+
+    def receive_remote_id(
+        self, datagram: bytes, source: Hashable, now_s: float, *, utc_s: float | None = None
+    ) -> None:
+        """Take a datagram of the Remote ID link. Nothing in it can change anything but tracks.
+
+        Args:
+            datagram: Bytes.
+            source: Who sent it.
+            now_s: Monotonic time.
+            utc_s: UTC now, for the age of reports.
+        """
+        for frame, message in self._messages(datagram):
+            if message.name in REMOTE_ID_NAMES:
+                self._remote_id("rid", frame, message, now_s, utc_s)
+
+    def _messages(self, datagram: bytes) -> list[tuple[Frame, Message]]:
+        """What of a datagram concerns us; everything else is counted by cause."""
+        taken: list[tuple[Frame, Message]] = []
+        for found in parse_datagram(datagram, CRC_EXTRAS):
+            if isinstance(found, BadFrame):
+                self._counters[found.cause] += 1
+            elif not found.checked:
+                self._counters["unknown_message"] += 1
+            elif found.version != 2:
+                self._counters["mavlink_1_frame"] += 1
+            elif found.msgid in MESSAGE_IDS:
+                taken.append((found, decode_message(found)))
+        return taken
+
+    def _remote_id(self, link: str, frame: Frame, message: Message, now_s: float, utc_s: float | None) -> None:
+        part = from_mavlink(message, self._counters)
+        if part is None:
+            return
+        lock = self.telemetry.lock
+        sysid = lock.sysid if lock else self.config.vehicle_sysid
+        if link == "vehicle" and part.id_or_mac is None and frame.sysid == sysid:
+            # The vehicle about itself: no traffic, but it may tell who it is.
+            if isinstance(part, BasicId) and part.uas_id and self.config.uas_id is None:
+                self._uas_id = part.uas_id
+            return
+        report = self._assemblers[link].receive((frame.sysid, frame.compid), part, now_s)
+        if isinstance(part, Location):
+            self._reports += 1
+        if report is not None:
+            self.picture.receive(link, report, utc_s=utc_s, own_sysid=sysid, own_uas_id=self._uas_id)
+
+    def _command(self, frame: Frame, message: Message, source: Hashable, now_s: float) -> None:
+        """A command to this component: DO_REPOSITION sets a goal and is an operator's request."""
+        lock = self.telemetry.lock
+        if lock is None or message.target_system != lock.sysid or message.target_component != AVOIDANCE_COMPONENT:
+            return
+        if _host(source) != _host(lock.source):
+            self._counters["foreign_command"] += 1
+            return
+        result = self._reposition(message, now_s) if message.command == DO_REPOSITION else UNSUPPORTED
+        ack = self._encoder.encode(
+            "COMMAND_ACK",
+            command=message.command,
+            result=result,
+            target_system=frame.sysid,
+            target_component=frame.compid,
+        )
+        self._replies.append((ack, source))
+
+    def _reposition(self, message: Message, now_s: float) -> int:
+        frame = ABSOLUTE_ALTITUDE_FRAMES[0]
+        if message.name == "COMMAND_INT":
+            frame = message.frame
+            if UNKNOWN_INT32 in (message.x, message.y):
+                return DENIED
+            latitude, longitude, altitude = message.x / 1e7, message.y / 1e7, message.z
+        else:
+            latitude, longitude, altitude = message.param5, message.param6, message.param7
+        height: float | None = None if math.isnan(altitude) else altitude
+        if frame in RELATIVE_ALTITUDE_FRAMES and height is not None:
+            own = self.telemetry.state(now_s)
+            if own is None:
+                return DENIED
+            height += own.home_altitude_m
+        elif frame not in ABSOLUTE_ALTITUDE_FRAMES + RELATIVE_ALTITUDE_FRAMES:
+            return DENIED
+        goal = Goal(latitude, longitude, height)
+        if goal_problem(goal, self.config.failsafe):
+            return DENIED
+        self.goal = goal
+        self.rung = request(self.rung)
+        self._new_leg()
+        return ACCEPTED
+
+    def _new_leg(self) -> None:
+        self._kept_altitude_m = None
+        self._watch = ProgressWatch()
+        self._route_side = 0
+
+    # --- out ------------------------------------------------------------------------------------------------------
+
+    def step(self, now_s: float) -> StepOutput:
+        """Decide, and say what to send.
+
+        Args:
+            now_s: Monotonic time; must not go back.
+        """
+        if self._started_s is None:
+            self._started_s = now_s
+        since_last = 0.0 if self._last_step_s is None else now_s - self._last_step_s
+        self._last_step_s = now_s
+        self.picture.drop_silent(now_s)
+        own = self.telemetry.state(now_s)
+        before = self.rung.state
+        self.rung = advance(self.rung, self._conditions(own, now_s, since_last), self.config.failsafe)
+        record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
+        if own is not None:
+            record = self._look_and_decide(record, own, now_s)
+        elif self.rung.stream is Stream.ZERO:
+            record = replace(record, commanded_ned_mps=STOP)
+        if self.rung.state is State.ENGAGED and before is not State.ENGAGED and before is not State.HOLD:
+            self._new_leg()
+        output = StepOutput(record)
+        if record.commanded_ned_mps is not None:
+            output.to_vehicle.append(self._setpoint(record.commanded_ned_mps, now_s))
+            output.decision = replace(record, commanded_ned_mps=self.setpoints.velocity)
+        else:
+            self.setpoints.restart()
+        self._announce(output, now_s)
+        return output
+
+    def stop(self, now_s: float) -> list[bytes]:
+        """Three zero setpoints for the end, 50 ms apart by their time stamps; none if nothing was being streamed."""
+        if self.rung.state not in (State.ENGAGED, State.HOLD):
+            return []
+        self.rung = Rung(State.STANDBY, False, Stream.NOTHING, "ended")
+        return [self._setpoint(STOP, now_s + 0.05 * k) for k in range(3)]
+
+    def note_decision_time(self, seconds: float) -> None:
+        """How long the last step took to compute, for RIDLINK_STATUS; the engine itself reads no clock."""
+        self._decision_time_s = seconds
+
+    @property
+    def counters(self) -> Counter[str]:
+        """Everything that was dropped, clamped, rejected or noticed, by cause."""
+        parts = (self._counters, self.telemetry.counters, self.picture.counters, self.setpoints.counters)
+        return sum(parts, Counter())
+
+    def summary(self) -> EngineSummary:
+        """Totals so far."""
+        return EngineSummary(
+            setpoints=self.setpoints.sent,
+            reports_received=self._reports,
+            rejects=dict(self.counters),
+            tracks=len(self.picture),
+            state=self.rung.state.name.lower(),
+            reason=self.rung.reason,
+            infeasible_steps=self._infeasible,
+        )
+
+    def _conditions(self, own: OwnState | None, now_s: float, since_last_s: float) -> Conditions:
+        telemetry = self.telemetry
+        return Conditions(
+            autopilot_heard_s=telemetry.heard_s(now_s),
+            own_state_age_s=telemetry.age_s(now_s),
+            armed=telemetry.armed,
+            external_mode=telemetry.external_mode,
+            ready=telemetry.ready,
+            wants_stream=telemetry.wants_stream,
+            rebooted=telemetry.take_reboot(),
+            latitude_deg=own.position.latitude_deg if own is not None else 0.0,
+            since_last_step_s=since_last_s,
+            has_goal=self.goal is not None,
+            deciding_fails=self.fatal,
+        )
+
+    def _look_and_decide(self, record: DecisionRecord, own: OwnState, now_s: float) -> DecisionRecord:
+        """The traffic of this instant and, where one may be flown, the velocity."""
+        streaming = self.rung.stream is not Stream.NOTHING
+        commanded = STOP if streaming else None
+        try:
+            snapshot = self.picture.snapshot(own, now_s)
+            traffic, seen = self._traffic(own, snapshot)
+            record = self._seen(record, snapshot, seen)
+            if self.rung.stream is not Stream.DECISION or self.goal is None:
+                return replace(record, commanded_ned_mps=commanded)
+            return self._decide(record, self.goal, own, snapshot, traffic, now_s)
+        except Exception as error:  # a fault here must become a hold, never a missing setpoint
+            self._counters["decision_failed"] += 1
+            self.last_error = f"{type(error).__name__}: {error}"
+            self._failures.append(now_s)
+            if len(self._failures) == FATAL_FAILURES and now_s - self._failures[0] <= FATAL_WITHIN_S:
+                self.fatal = True
+            return replace(record, commanded_ned_mps=commanded)
+
+    def _traffic(self, own: OwnState, snapshot: Snapshot) -> tuple[Traffic, Encounters]:
+        discs = separation_discs(
+            self.config.definition,
+            own_airframe_m=self.config.airframe_m,
+            own_error_bound_m=own.error_bound_m,
+            own_accuracy_bound_m=own.error_bound_m,
+            own_speed_mps=own.speed_mps,
+            airframe_m=snapshot.airframe_m,
+            error_bound_m=snapshot.error_bound_m,
+            accuracy_bound_m=snapshot.accuracy_bound_m,
+            speed_mps=snapshot.speed_mps,
+            interval_s=REPORT_INTERVAL_S,
+        )
+        radius = discs.radius_m + snapshot.blind_growth_m
+        position, velocity = snapshot.position_ned_m[:, :2], snapshot.velocity_ned_mps[:, :2]
+        traffic = Traffic(
+            position_ne_m=position,
+            velocity_ne_mps=velocity,
+            command_ne_mps=snapshot.command_ned_mps[:, :2],
+            age_s=snapshot.age_s,
+            radius_m=radius,
+            error_sum_m=discs.error_sum_m,
+            reciprocal=snapshot.avoiding,
+            passing_side=snapshot.passing_side,
+        )
+        now = position + velocity * snapshot.age_s[:, None]
+        return traffic, encounters(now, velocity - np.asarray(own.velocity_ned_mps[:2]), radius)
+
+    def _seen(self, record: DecisionRecord, snapshot: Snapshot, seen: Encounters) -> DecisionRecord:
+        soon = seen.entry_s <= self.config.halfplane.horizon_s
+        for track, conflict in zip(snapshot.tracks, soon.tolist(), strict=True):
+            track.in_conflict = conflict
+        urgent_first = np.flatnonzero(soon)[np.argsort(seen.entry_s[soon], kind="stable")]
+        conflicts = tuple(
+            Conflict(
+                snapshot.tracks[k],
+                entry_s=float(seen.entry_s[k]),
+                closest_s=float(seen.closest_s[k]),
+                miss_m=float(seen.miss_m[k]),
+                height_m=-float(snapshot.position_ned_m[k, 2]),
+            )
+            for k in urgent_first
+        )
+        return replace(
+            record,
+            conflicts=conflicts,
+            nearest_margin_m=float(np.min(seen.margin_m, initial=math.inf)),
+            time_to_violation_s=float(np.min(seen.entry_s, initial=math.inf)),
+        )
+
+    def _decide(
+        self, record: DecisionRecord, goal: Goal, own: OwnState, snapshot: Snapshot, traffic: Traffic, now_s: float
+    ) -> DecisionRecord:
+        config = self.config
+        here = own.position
+        if self._kept_altitude_m is None:
+            self._kept_altitude_m = here.altitude_m
+        target = ned_from_geodetic(goal.latitude_deg, goal.longitude_deg, here.altitude_m, here)[:2]
+        distance = float(np.hypot(*target))
+        turn = self._watch.update(now_s, distance, config.cruise_mps)
+        decision = self._solver.solve(
+            OwnShip(
+                position_ne_m=np.zeros(2),
+                velocity_ne_mps=np.array(own.velocity_ned_mps[:2]),
+                command_ne_mps=np.array(self.setpoints.velocity[:2]),
+                airframe_m=config.airframe_m,
+                speed_limit_mps=config.cruise_mps,
+            ),
+            traffic,
+            goal_ne_m=target,
+            cruise_mps=config.cruise_mps,
+            obstacles=self._obstacles.about(here),
+            own_clearance_m=config.airframe_m / 2.0 + own.error_bound_m + REPORT_INTERVAL_S * own.speed_mps,
+            extra_right_turn_rad=turn,
+            route_side=self._route_side,
+        )
+        self._route_side = decision.route_side
+        for track, side in zip(snapshot.tracks, decision.passing_side.tolist(), strict=True):
+            track.passing_side = side
+        self._infeasible += decision.status is Status.INFEASIBLE
+        altitude = self._kept_altitude_m if goal.altitude_m is None else goal.altitude_m
+        most = config.limits.vertical_mps
+        down = min(max(VERTICAL_GAIN_PER_S * (here.altitude_m - altitude), -most), most)
+        north, east = decision.command_ne_mps.tolist()
+        return replace(
+            record,
+            preferred_ned_mps=(*decision.preferred_ne_mps.tolist(), down),
+            commanded_ned_mps=(north, east, down),
+            status=decision.status,
+            binding=tuple(snapshot.tracks[k] for k in decision.binding),
+            goal_distance_m=distance,
+        )
+
+    # --- frames ---------------------------------------------------------------------------------------------------
+
+    def _time_boot_ms(self, now_s: float) -> int:
+        return int((now_s - (self._started_s or 0.0)) * 1e3) & 0xFFFFFFFF
+
+    def _setpoint(self, velocity: Velocity, now_s: float) -> bytes:
+        lock = self.telemetry.lock
+        target = lock.sysid if lock is not None else 0
+        time_boot_ms = self._time_boot_ms(now_s)
+        return self.setpoints.next(self._encoder, velocity, time_boot_ms, target, AUTOPILOT_COMPONENT)
+
+    def _announce(self, output: StepOutput, now_s: float) -> None:
+        """Everything but setpoints."""
+        vehicle, encoder, record = output.to_vehicle, self._encoder, output.decision
+        lock = self.telemetry.lock
+        output.replies, self._replies = self._replies, []
+        if self._heartbeat_due.due(now_s):
+            vehicle.append(heartbeat(encoder, self.rung.state is State.ENGAGED))
+            # The air listens to whoever says which vehicle it is: not before that is known.
+            if lock is not None or self.config.vehicle_sysid is not None:
+                output.to_air.append(vehicle[-1])
+        if lock is None:
+            return
+        if self._status_due.due(now_s):
+            vehicle.append(status(encoder, record, self._time_boot_ms(now_s), self._decision_time_s))
+        telemetry = self.telemetry
+        silent = telemetry.position_silent_s(now_s) > 1.0 or telemetry.receiver_silent_s(now_s) > 5.0
+        if silent and telemetry.heard_s(now_s) < 3.0 and self._request_due.due(now_s):
+            vehicle.extend(self._message_request(lock.sysid, *wanted) for wanted in WANTED_MESSAGES_US.items())
+        if telemetry.armed:
+            vehicle.extend(self._collisions(record, now_s))
+
+    def _message_request(self, sysid: int, msgid: int, interval_us: int) -> bytes:
+        return self._encoder.encode(
+            "COMMAND_LONG",
+            command=SET_MESSAGE_INTERVAL,
+            target_system=sysid,
+            target_component=AUTOPILOT_COMPONENT,
+            param1=msgid,
+            param2=interval_us,
+        )
+
+    def _collisions(self, record: DecisionRecord, now_s: float) -> list[bytes]:
+        """COLLISION once a second for each of the most urgent conflicts."""
+        self._warned_at_s = {key: at for key, at in self._warned_at_s.items() if now_s - at < COLLISION_PERIOD_S}
+        due = [c for c in record.conflicts[:MOST_COLLISIONS] if c.track.key not in self._warned_at_s]
+        self._warned_at_s.update((conflict.track.key, now_s) for conflict in due)
+        return [collision(self._encoder, conflict, record.state) for conflict in due]
+
+
+def _host(source: Hashable) -> Hashable:
+    """The machine behind an address of a link."""
+    return source[0] if isinstance(source, tuple) and source else source

@@ -1,0 +1,86 @@
+"""Everything that an engine is told beforehand, checked once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.errors import ConfigError
+from ridlink.failsafe import FailsafeSettings
+from ridlink.separation.definitions import Definition
+from ridlink.separation.reference import MIN_AIRFRAME_M
+from ridlink.setpoint import VelocityLimits
+from ridlink.static_obstacles import Polygon
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where to go: latitude and longitude in degrees, altitude above mean sea level, None to keep the present one."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EngineConfig:
+    """Everything that an engine is told beforehand.
+
+    Args:
+        goal: Where to go.
+        standby: Do not begin by oneself: wait for MAV_CMD_DO_REPOSITION, so that a restart never moves a vehicle.
+        definition: What sizes the discs.
+        cruise_mps: Speed wanted, and the highest that avoidance asks for: a vehicle that cannot fly faster would
+            answer a faster command with less than half-planes assume.
+        airframe_m: Largest horizontal extent of the own airframe, rotors turning.
+        limits: Limits of the setpoints.
+        halfplane: Constants of the solver.
+        failsafe: When doubt becomes action.
+        obstacles: Static obstacles, polygons of (latitude, longitude) in degrees.
+        vehicle_sysid: Only this autopilot; without it the first one heard.
+        uas_id: Own identity in Remote ID; without it what BASIC_ID on the vehicle link says.
+        filter_positions: Smooth reported positions, own and others'.
+    """
+
+    goal: Goal | None = None
+    standby: bool = False
+    definition: Definition = Definition.CANDIDATE2
+    cruise_mps: float = 10.0
+    airframe_m: float = 0.6
+    limits: VelocityLimits = field(default_factory=VelocityLimits)
+    halfplane: HalfplaneSettings = field(default_factory=HalfplaneSettings)
+    failsafe: FailsafeSettings = field(default_factory=FailsafeSettings)
+    obstacles: tuple[Polygon, ...] = ()
+    vehicle_sysid: int | None = None
+    uas_id: str | None = None
+    filter_positions: bool = True
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.cruise_mps) and self.cruise_mps > 0.0):
+            raise ConfigError(f"cruise must be positive, got {self.cruise_mps} m/s")
+        if self.cruise_mps > self.limits.horizontal_mps:
+            raise ConfigError(
+                f"cruise of {self.cruise_mps:g} m/s is above v-max of {self.limits.horizontal_mps:g} m/s: lower the "
+                "one or raise the other"
+            )
+        if not (math.isfinite(self.airframe_m) and self.airframe_m >= MIN_AIRFRAME_M):
+            raise ConfigError(f"airframe must be at least {MIN_AIRFRAME_M:g} m, got {self.airframe_m:g}")
+        if self.vehicle_sysid is not None and not 1 <= self.vehicle_sysid <= 255:
+            raise ConfigError(f"vehicle-sysid must be between 1 and 255, got {self.vehicle_sysid}")
+        if self.goal is not None and (problem := goal_problem(self.goal, self.failsafe)):
+            raise ConfigError(f"goal: {problem}")
+
+
+def goal_problem(goal: Goal, settings: FailsafeSettings) -> str:
+    """What is wrong with a goal; empty if nothing is."""
+    values = (goal.latitude_deg, goal.longitude_deg, 0.0 if goal.altitude_m is None else goal.altitude_m)
+    if not all(math.isfinite(value) for value in values):
+        return "coordinates must be finite"
+    if abs(goal.latitude_deg) > settings.max_latitude_deg:
+        return f"latitude {goal.latitude_deg:g} is beyond {settings.max_latitude_deg:g} degrees"
+    if abs(goal.longitude_deg) > 180.0:
+        return f"longitude {goal.longitude_deg:g} is not within 180 degrees"
+    if not -1000.0 < values[2] < 20000.0:
+        return f"altitude {values[2]:g} m is out of range"
+    return ""

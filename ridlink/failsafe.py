@@ -1,0 +1,181 @@
+"""Engage, hold, stop: which kind of setpoint may leave now. A pure function of the last rung and of what is seen.
+
+    STANDBY   nothing is steered. PX4 gets zero velocity while it is armed and waits, since it wants a stream before it
+              accepts OFFBOARD; it ignores it outside.
+    ENGAGED   the vehicle is armed and in GUIDED or OFFBOARD, an operator asked for it, the own state is fresh.
+    HOLD      engaged, but own state or loop are in doubt: zero velocity.
+    STOPPED   doubt lasted: the stream has ended on purpose, so that the native failsafe of the autopilot acts.
+
+An operator's request is consumed by the first engagement. A pilot who changes the mode ends it, and neither the return
+of the mode nor that of a lost link renews it: only another request does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import IntEnum, StrEnum
+
+
+class State(IntEnum):
+    """RIDLINK_STATE."""
+
+    STANDBY = 0
+    ENGAGED = 1
+    HOLD = 2
+    STOPPED = 3
+
+
+class Stream(StrEnum):
+    """What may be sent to the autopilot."""
+
+    NOTHING = "nothing"
+    ZERO = "zero"
+    DECISION = "decision"
+
+
+@dataclass(frozen=True, slots=True)
+class FailsafeSettings:
+    """When doubt becomes action.
+
+    Args:
+        heartbeat_lost_s: Three heartbeats of an autopilot that sends one a second.
+        hold_after_s: Own state older than this is no base for avoidance: 15 m of flight at 15 m/s.
+        stop_after_s: Own state older than this will not come back soon; the autopilot knows better what to do.
+        pause_s: A loop that slept longer first holds: the world has moved on.
+        max_latitude_deg: Closer to a pole local coordinates bend too much.
+    """
+
+    heartbeat_lost_s: float = 3.0
+    hold_after_s: float = 1.0
+    stop_after_s: float = 5.0
+    pause_s: float = 0.5
+    max_latitude_deg: float = 85.0
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What is seen in this step.
+
+    Args:
+        autopilot_heard_s: Time since the last heartbeat of the autopilot; infinite without one.
+        own_state_age_s: Time since the last trusted own position; infinite without one.
+        armed: As the last heartbeat says.
+        external_mode: GUIDED or OFFBOARD, as the last heartbeat says.
+        ready: The vehicle is neither on the ground nor in an automatic take-off, where a setpoint aborts the climb.
+        wants_stream: The autopilot (PX4) accepts OFFBOARD only with a stream.
+        rebooted: The clock of the autopilot went back since the last step.
+        latitude_deg: Own latitude.
+        since_last_step_s: Time since the last step.
+        has_goal: There is somewhere to go.
+        deciding_fails: Decisions have failed again and again.
+    """
+
+    autopilot_heard_s: float = math.inf
+    own_state_age_s: float = math.inf
+    armed: bool = False
+    external_mode: bool = False
+    ready: bool = True
+    wants_stream: bool = False
+    rebooted: bool = False
+    latitude_deg: float = 0.0
+    since_last_step_s: float = 0.0
+    has_goal: bool = False
+    deciding_fails: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """Where the ladder stands.
+
+    Attributes:
+        state: State.
+        requested: An operator's request stands.
+        stream: What may be sent in this step.
+        reason: Why, in a few words.
+    """
+
+    state: State = State.STANDBY
+    requested: bool = False
+    stream: Stream = Stream.NOTHING
+    reason: str = "waiting for an operator's request"
+
+
+def request(rung: Rung) -> Rung:
+    """An operator asks for avoidance, at the start or by MAV_CMD_DO_REPOSITION; an engaged vehicle stays engaged."""
+    state = State.STANDBY if rung.state is State.STOPPED else rung.state
+    return replace(rung, requested=True, state=state)
+
+
+def advance(rung: Rung, seen: Conditions, settings: FailsafeSettings | None = None) -> Rung:
+    """The rung of this step.
+
+    Args:
+        rung: The one before.
+        seen: What is seen now.
+        settings: When doubt becomes action.
+    """
+    settings = settings or FailsafeSettings()
+    if rung.state in (State.ENGAGED, State.HOLD):
+        return _engaged(rung, seen, settings)
+    return _waiting(rung, seen, settings)
+
+
+def _engaged(rung: Rung, seen: Conditions, settings: FailsafeSettings) -> Rung:
+    ended = _end_of_engagement(seen, settings)
+    if ended:
+        return Rung(State.STANDBY, False, Stream.NOTHING, ended)
+    if not seen.own_state_age_s <= settings.stop_after_s:
+        return Rung(State.STOPPED, False, Stream.NOTHING, "own state lost: the autopilot's own failsafe takes over")
+    doubt = _doubt(seen, settings)
+    if doubt:
+        return Rung(State.HOLD, True, Stream.ZERO, doubt)
+    return Rung(State.ENGAGED, True, Stream.DECISION, "avoiding")
+
+
+def _end_of_engagement(seen: Conditions, settings: FailsafeSettings) -> str:
+    if seen.rebooted:
+        return "the autopilot restarted"
+    if seen.autopilot_heard_s > settings.heartbeat_lost_s:
+        return "no heartbeat of the autopilot"
+    if not seen.armed:
+        return "disarmed"
+    if not seen.external_mode:
+        return "the pilot changed the mode"
+    return ""
+
+
+def _doubt(seen: Conditions, settings: FailsafeSettings) -> str:
+    if seen.since_last_step_s > settings.pause_s:
+        return "the loop paused"
+    if not seen.own_state_age_s <= settings.hold_after_s:
+        return "own state is stale"
+    if not abs(seen.latitude_deg) <= settings.max_latitude_deg:
+        return f"latitude beyond {settings.max_latitude_deg:g} degrees"
+    if seen.deciding_fails:
+        return "decisions fail"
+    return ""
+
+
+def _waiting(rung: Rung, seen: Conditions, settings: FailsafeSettings) -> Rung:
+    if not rung.requested:
+        if rung.state is State.STOPPED and seen.armed:
+            return replace(rung, stream=Stream.NOTHING)
+        reason = rung.reason if rung.state is State.STANDBY else "waiting for an operator's request"
+        return Rung(State.STANDBY, False, Stream.NOTHING, reason)
+    if seen.autopilot_heard_s > settings.heartbeat_lost_s:
+        return Rung(State.STANDBY, True, Stream.NOTHING, "waiting for an autopilot")
+    if not seen.has_goal:
+        return Rung(State.STANDBY, True, Stream.NOTHING, "waiting for a goal")
+    if not seen.armed:
+        return Rung(State.STANDBY, True, Stream.NOTHING, "waiting for the vehicle to be armed")
+    prestream = Stream.ZERO if seen.wants_stream else Stream.NOTHING
+    if not seen.external_mode:
+        return Rung(State.STANDBY, True, prestream, "waiting for GUIDED or OFFBOARD")
+    if not seen.ready:
+        return Rung(State.STANDBY, True, prestream, "waiting for the end of the take-off")
+    doubt = _doubt(seen, settings)
+    if doubt:
+        return Rung(State.STANDBY, True, prestream, f"waiting: {doubt}")
+    # The first setpoint of an engagement is zero velocity, whatever is decided.
+    return Rung(State.ENGAGED, True, Stream.ZERO, "avoiding")

@@ -1,0 +1,275 @@
+"""Own state from the telemetry of one autopilot: where we are, how wrong that may be, and what mode we are in.
+
+Positions WGS-84, altitudes above mean sea level (GLOBAL_POSITION_INT) and, where the receiver sends it, above the
+ellipsoid; velocities north-east-down in m/s; errors three standard deviations. Times are the caller's monotonic clock.
+
+Both autopilots forward heartbeats of others, and anybody can send to a listening port: what counts is the first
+autopilot heard (system id, component 1, autopilot type, address), until it has been silent for three seconds.
+
+Freshness is no proof of validity: after the loss of GNSS both autopilots go on sending positions, and one keeps its
+accuracy figure. So a position counts only with a 3-D fix and, where ESTIMATOR_STATUS is sent, with an absolute
+horizontal solution.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+from ridlink.geodesy import Geodetic
+from ridlink.mavlink.codec import Message
+from ridlink.separation.reference import ERROR_CAP_M, UNKNOWN_ERROR_BOUND_M
+from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.position_filter import PositionFilter
+from ridlink.units import deg_from_dege7, m_from_mm, mps_from_cmps
+
+AUTOPILOT_COMPONENT = 1
+ARDUPILOT, PX4 = 3, 12
+"""MAV_AUTOPILOT_ARDUPILOTMEGA and MAV_AUTOPILOT_PX4."""
+ARDUPILOT_GUIDED = 4
+PX4_OFFBOARD_MAIN_MODE = 6
+ARMED_FLAG = 128
+FIX_3D = 3
+POSITION_HORIZONTAL_ABSOLUTE = 16
+"""ESTIMATOR_POS_HORIZ_ABS."""
+LANDED_ON_GROUND, LANDED_TAKEOFF = 1, 3
+"""MAV_LANDED_STATE."""
+
+LOCK_SILENCE_S = 3.0
+ACCURACY_VALID_S = 5.0
+"""GPS_RAW_INT comes at 1 to 8 Hz and ESTIMATOR_STATUS at 1 Hz; older figures are none."""
+INFLATE_AFTER_S = 0.3
+CLOCK_BACK_MS = 1000
+"""time_boot_ms back by more is a restart of the autopilot; by less, a datagram that overtook another."""
+UNKNOWN_VERTICAL_ERROR_M = 40.0
+UNKNOWN_ACCURACY_MM = (0, 0xFFFFFFFF)
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotLock:
+    """The autopilot that is listened to."""
+
+    sysid: int
+    autopilot: int
+    source: Hashable
+
+
+class OwnShipTelemetry:
+    """Fed with the messages of the vehicle link, asked for the own state.
+
+    Args:
+        sysid: Only this system id is taken for the vehicle; without it the first autopilot heard.
+        filtered: Smooth the reported positions, see `PositionFilter`.
+
+    Attributes:
+        lock: The autopilot that is listened to, None before the first heartbeat.
+        armed: As its last heartbeat says.
+        external_mode: GUIDED or OFFBOARD, as its last heartbeat says.
+        counters: `foreign_autopilot`, `own_position_unusable`, `own_position_untrusted`, `own_position_late`,
+            `autopilot_restart`.
+    """
+
+    def __init__(self, sysid: int | None = None, *, filtered: bool = True) -> None:
+        self.counters: Counter[str] = Counter()
+        self.lock: AutopilotLock | None = None
+        self.armed = False
+        self.external_mode = False
+        self._pinned = sysid
+        self._filtered = filtered
+        self._forget()
+
+    def _forget(self) -> None:
+        self.armed = self.external_mode = False
+        self._heartbeat_at_s = -math.inf
+        self._landed_state = 0
+        self._rebooted = False
+        self._position_heard_at_s = -math.inf
+        self._clock_ms: int | None = None
+        self._filter = PositionFilter() if self._filtered else PositionFilter(time_constant_s=0.0)
+        self._latitude_deg = self._longitude_deg = self._altitude_m = self._home_altitude_m = 0.0
+        self._velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self._trusted_at_s = -math.inf
+        self._velocity_at_s = -math.inf
+        self._fix_type = -1
+        self._gps_at_s = self._estimator_at_s = -math.inf
+        self._horizontal_error_m: float | None = None
+        self._vertical_error_m: float | None = None
+        self._undulation_m: float | None = None
+        self._estimator_accuracy_m = 0.0
+        self._absolute = True
+
+    # --- in -------------------------------------------------------------------------------------------------------
+
+    def receive(self, sysid: int, compid: int, message: Message, now_s: float, source: Hashable = None) -> None:
+        """Take one message of the vehicle link.
+
+        Args:
+            sysid: System id of the frame.
+            compid: Component id of the frame.
+            message: What it carried.
+            now_s: Monotonic time.
+            source: Address that it came from.
+        """
+        if compid != AUTOPILOT_COMPONENT:
+            return
+        if message.name == "HEARTBEAT" and message.autopilot in (ARDUPILOT, PX4):
+            self._heartbeat(sysid, message, now_s, source)
+            return
+        lock = self.lock
+        if lock is None or lock.sysid != sysid or lock.source != source:
+            return
+        match message.name:
+            case "GLOBAL_POSITION_INT":
+                self._position(message, now_s)
+            case "LOCAL_POSITION_NED":
+                self._local(message, now_s)
+            case "GPS_RAW_INT":
+                self._receiver(message, now_s)
+            case "ESTIMATOR_STATUS":
+                self._estimator(message, now_s)
+            case "EXTENDED_SYS_STATE":
+                self._landed_state = message.landed_state
+
+    def _heartbeat(self, sysid: int, message: Message, now_s: float, source: Hashable) -> None:
+        offered = AutopilotLock(sysid, message.autopilot, source)
+        if self._pinned is not None and sysid != self._pinned:
+            self.counters["foreign_autopilot"] += 1
+            return
+        if offered != self.lock:
+            if self.lock is not None and now_s - self._heartbeat_at_s <= LOCK_SILENCE_S:
+                self.counters["foreign_autopilot"] += 1
+                return
+            changed = self.lock is not None
+            self._forget()
+            self._rebooted = changed
+            self.lock = offered
+        self._heartbeat_at_s = now_s
+        self.armed = bool(message.base_mode & ARMED_FLAG)
+        if message.autopilot == PX4:
+            self.external_mode = (message.custom_mode >> 16) & 0xFF == PX4_OFFBOARD_MAIN_MODE
+        else:
+            self.external_mode = message.custom_mode == ARDUPILOT_GUIDED
+
+    def _in_order(self, time_boot_ms: int) -> bool:
+        """Watch the autopilot's clock; False for a message that was overtaken."""
+        before, self._clock_ms = self._clock_ms, time_boot_ms
+        if before is None or time_boot_ms >= before:
+            return True
+        if before - time_boot_ms > CLOCK_BACK_MS:
+            self._rebooted = True
+            self.counters["autopilot_restart"] += 1
+            return True
+        self._clock_ms = before
+        return False
+
+    def _position(self, message: Message, now_s: float) -> None:
+        if not self._in_order(message.time_boot_ms):
+            self.counters["own_position_late"] += 1
+            return
+        self._position_heard_at_s = now_s
+        latitude, longitude = deg_from_dege7(message.lat), deg_from_dege7(message.lon)
+        if (message.lat == 0 and message.lon == 0) or abs(latitude) > 90.0 or abs(longitude) > 180.0:
+            self.counters["own_position_unusable"] += 1
+            return
+        if not self._trusted(now_s):
+            self.counters["own_position_untrusted"] += 1
+            return
+        velocity = (mps_from_cmps(message.vx), mps_from_cmps(message.vy), mps_from_cmps(message.vz))
+        bound = self._reported_error_m(now_s)
+        self._latitude_deg, self._longitude_deg = self._filter.update(latitude, longitude, velocity, bound, now_s)
+        self._altitude_m = m_from_mm(message.alt)
+        self._home_altitude_m = m_from_mm(message.alt - message.relative_alt)
+        self._velocity, self._velocity_at_s = velocity, now_s
+        self._trusted_at_s = now_s
+
+    def _local(self, message: Message, now_s: float) -> None:
+        """Velocity only: the local origin may move, and our coordinates begin at our own position anyway."""
+        if not self._in_order(message.time_boot_ms):
+            return
+        velocity = (message.vx, message.vy, message.vz)
+        if all(math.isfinite(value) and abs(value) < 300.0 for value in velocity) and self._trusted(now_s):
+            self._velocity, self._velocity_at_s = velocity, now_s
+
+    def _receiver(self, message: Message, now_s: float) -> None:
+        self._gps_at_s = now_s
+        self._fix_type = message.fix_type
+        self._horizontal_error_m = None if message.h_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.h_acc)
+        self._vertical_error_m = None if message.v_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.v_acc)
+        self._undulation_m = m_from_mm(message.alt_ellipsoid - message.alt) if message.alt_ellipsoid else None
+
+    def _estimator(self, message: Message, now_s: float) -> None:
+        self._estimator_at_s = now_s
+        self._absolute = bool(message.flags & POSITION_HORIZONTAL_ABSOLUTE)
+        accuracy = message.pos_horiz_accuracy
+        self._estimator_accuracy_m = accuracy if math.isfinite(accuracy) and accuracy > 0.0 else 0.0
+
+    # --- out ------------------------------------------------------------------------------------------------------
+
+    def _trusted(self, now_s: float) -> bool:
+        if now_s - self._gps_at_s <= ACCURACY_VALID_S and self._fix_type < FIX_3D:
+            return False
+        return self._absolute or now_s - self._estimator_at_s > ACCURACY_VALID_S
+
+    def _reported_error_m(self, now_s: float) -> float:
+        """Three-sigma error of a fresh position: the larger of what receiver and estimator say."""
+        if self._horizontal_error_m is None or now_s - self._gps_at_s > ACCURACY_VALID_S:
+            return UNKNOWN_ERROR_BOUND_M
+        error = self._horizontal_error_m
+        if now_s - self._estimator_at_s <= ACCURACY_VALID_S:
+            error = max(error, 3.0 * self._estimator_accuracy_m)
+        return min(error, ERROR_CAP_M)
+
+    def heard_s(self, now_s: float) -> float:
+        """Time since the last heartbeat of the autopilot [s]; infinite without one."""
+        return now_s - self._heartbeat_at_s
+
+    def age_s(self, now_s: float) -> float:
+        """Time since the last trusted position [s]; infinite without one."""
+        return now_s - self._trusted_at_s
+
+    def position_silent_s(self, now_s: float) -> float:
+        """Time since the last position message, trusted or not [s]; infinite without one."""
+        return now_s - self._position_heard_at_s
+
+    def receiver_silent_s(self, now_s: float) -> float:
+        """Time since the last word of the GNSS receiver [s]; infinite without one."""
+        return now_s - self._gps_at_s
+
+    @property
+    def ready(self) -> bool:
+        """Neither on the ground nor in an automatic take-off, as far as the autopilot tells."""
+        return self._landed_state not in (LANDED_ON_GROUND, LANDED_TAKEOFF)
+
+    @property
+    def wants_stream(self) -> bool:
+        """The autopilot accepts its external mode only with a stream of setpoints."""
+        return self.lock is not None and self.lock.autopilot == PX4
+
+    def take_reboot(self) -> bool:
+        """True once after the autopilot restarted, or another one took its place."""
+        rebooted, self._rebooted = self._rebooted, False
+        return rebooted
+
+    def state(self, now_s: float) -> OwnState | None:
+        """Own state now; None before the first trusted position."""
+        age = self.age_s(now_s)
+        if math.isinf(age):
+            return None
+        north, east, down = self._velocity
+        latitude, longitude = self._filter.extrapolate(age, self._velocity)
+        error = self._reported_error_m(now_s)
+        if age > INFLATE_AFTER_S:
+            error += math.hypot(north, east) * age
+        altitude = self._altitude_m - down * age
+        vertical = self._vertical_error_m if self._vertical_error_m is not None else UNKNOWN_VERTICAL_ERROR_M
+        return OwnState(
+            position=Geodetic(latitude, longitude, altitude),
+            altitude_ellipsoid_m=None if self._undulation_m is None else altitude + self._undulation_m,
+            velocity_ned_mps=self._velocity,
+            error_bound_m=min(error, ERROR_CAP_M),
+            vertical_error_bound_m=vertical,
+            home_altitude_m=self._home_altitude_m,
+            age_s=age,
+        )

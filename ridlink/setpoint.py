@@ -1,0 +1,150 @@
+"""Velocity -> SET_POSITION_TARGET_LOCAL_NED: the last functions before the bytes, and the last to say no.
+
+Whatever was decided above, what leaves here is finite, within the limits, no steeper than the slew allows, and in the
+one form that both PX4 and ArduPilot take for "fly this velocity". Axes: north, east, down; m/s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+from ridlink.mavlink.codec import Encoder
+
+Velocity = tuple[float, float, float]
+
+VELOCITY_ONLY_MASK = 0x0DC7
+"""Position, acceleration, yaw and yaw rate ignored; all three velocities used. A mask that ignores a single velocity
+axis stops the vehicle."""
+
+FRAME_LOCAL_NED = 1
+"""MAV_FRAME_LOCAL_NED. Body frames turn with the nose, and a vehicle that turns it into the wind would fly a curve."""
+
+STOP: Velocity = (0.0, 0.0, 0.0)
+
+FLOAT32_MARGIN = 1e-6
+"""The wire rounds to float32; limits are kept by so much, so that they hold after rounding."""
+
+LONGEST_SLEW_S = 0.5
+"""After a longer gap the slew is that of this time: a stalled loop must not buy a leap."""
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityLimits:
+    """What the autopilot may be asked for at most.
+
+    Args:
+        horizontal_mps: Horizontal speed. 15 m/s is what a category 2 multirotor reaches.
+        vertical_mps: Climb and descent. PX4 descends at 1.5 m/s at most and ArduPilot keeps 2 m/s.
+        acceleration_mps2: Change of a setpoint per second. Less than 5 m/s^2 adds a lag to that of the autopilot.
+    """
+
+    horizontal_mps: float = 15.0
+    vertical_mps: float = 2.0
+    acceleration_mps2: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name in ("horizontal_mps", "vertical_mps", "acceleration_mps2"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be positive and finite, got {value}")
+
+
+def clamp_velocity(wanted: Velocity, last: Velocity, elapsed_s: float, limits: VelocityLimits) -> Velocity:
+    """The velocity nearest to what was wanted that may be sent, north, east, down [m/s].
+
+    Zero is always allowed at once: stopping does not slew, the autopilot brakes as hard as it can. Horizontal speed is
+    cut in length, so the course is kept.
+
+    Args:
+        wanted: What was decided; not finite means stop.
+        last: What was sent last, itself within the limits.
+        elapsed_s: Time since then.
+        limits: Limits.
+    """
+    if not all(math.isfinite(value) for value in wanted):
+        return STOP
+    most = limits.horizontal_mps * (1.0 - FLOAT32_MARGIN)
+    most_down = limits.vertical_mps * (1.0 - FLOAT32_MARGIN)
+    north, east, down = wanted
+    speed = math.hypot(north, east)
+    if speed > most:
+        # Scaled down first: the square of a huge but finite speed is not finite.
+        scale = max(abs(north), abs(east))
+        north, east = north / scale, east / scale
+        length = math.hypot(north, east)
+        north, east = north * most / length, east * most / length
+    down = min(max(down, -most_down), most_down)
+    if north == east == down == 0.0:
+        return STOP
+    change = (north - last[0], east - last[1], down - last[2])
+    size = math.sqrt(change[0] ** 2 + change[1] ** 2 + change[2] ** 2)
+    room = limits.acceleration_mps2 * (1.0 - FLOAT32_MARGIN) * min(max(elapsed_s, 0.0), LONGEST_SLEW_S)
+    if size <= room:
+        return north, east, down
+    # Between two velocities within the limits every other one is, too.
+    part = room / size
+    return last[0] + part * change[0], last[1] + part * change[1], last[2] + part * change[2]
+
+
+def encode_setpoint(
+    encoder: Encoder, velocity: Velocity, time_boot_ms: int, target_system: int, target_component: int
+) -> bytes:
+    """One SET_POSITION_TARGET_LOCAL_NED (84) frame, velocity only, frame LOCAL_NED.
+
+    Args:
+        encoder: Who sends.
+        velocity: North, east, down [m/s].
+        time_boot_ms: Time since start; must not go back.
+        target_system: System id of the autopilot.
+        target_component: Its component id.
+    """
+    return encoder.encode(
+        "SET_POSITION_TARGET_LOCAL_NED",
+        time_boot_ms=time_boot_ms,
+        target_system=target_system,
+        target_component=target_component,
+        coordinate_frame=FRAME_LOCAL_NED,
+        type_mask=VELOCITY_ONLY_MASK,
+        vx=velocity[0],
+        vy=velocity[1],
+        vz=velocity[2],
+    )
+
+
+class SetpointStream:
+    """The running stream: remembers what was sent last and when, so that limits on change hold.
+
+    Attributes:
+        velocity: What was sent last; zero before the first setpoint.
+        sent: Number of setpoints.
+        counters: `setpoint_not_finite`, `setpoint_limited` (something above asked for more than the limits).
+    """
+
+    def __init__(self, limits: VelocityLimits) -> None:
+        self.limits = limits
+        self.velocity: Velocity = STOP
+        self.sent = 0
+        self.counters: Counter[str] = Counter()
+        self._time_ms = 0
+
+    def restart(self) -> None:
+        """Begin again from zero: nothing was sent for a while."""
+        self.velocity = STOP
+
+    def next(
+        self, encoder: Encoder, wanted: Velocity, time_boot_ms: int, target_system: int, target_component: int
+    ) -> bytes:
+        """The next setpoint frame; arguments as of `encode_setpoint`, and `wanted` as decided."""
+        time_ms = max(time_boot_ms, self._time_ms)
+        if not all(math.isfinite(value) for value in wanted):
+            self.counters["setpoint_not_finite"] += 1
+        # The time that an observer reads off the frames is the one that the slew counts.
+        sent = clamp_velocity(wanted, self.velocity, (time_ms - self._time_ms) / 1e3, self.limits)
+        if max(abs(sent[0] - wanted[0]), abs(sent[1] - wanted[1]), abs(sent[2] - wanted[2])) > 0.01:
+            self.counters["setpoint_limited"] += 1
+        self._time_ms = time_ms
+        self.velocity = sent
+        self.sent += 1
+        return encode_setpoint(encoder, sent, time_ms, target_system, target_component)
