@@ -15,12 +15,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ridlink.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status
 from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.solver import HalfplaneSolver
 from ridlink.avoidance.types import OwnShip, Status, Traffic
-from ridlink.decision import Conflict, DecisionRecord
-from ridlink.engine_config import EngineConfig, Goal, goal_problem
+from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status
+from ridlink.engine.config import EngineConfig, Goal, goal_problem
+from ridlink.engine.decision import Conflict, DecisionRecord
+from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
 from ridlink.geodesy import ned_from_geodetic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
@@ -37,7 +38,6 @@ from ridlink.separation.reference import (
     UNKNOWN_SPEED_MPS,
 )
 from ridlink.setpoint import STOP, SetpointStream, Velocity
-from ridlink.static_obstacles import StaticObstacles
 from ridlink.traffic.encounter import Encounters, encounters
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import PictureSettings, Snapshot, TrafficPicture

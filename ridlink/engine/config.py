@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass, field
 
 from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.engine.static_obstacles import Polygon
 from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import MIN_AIRFRAME_M
 from ridlink.setpoint import VelocityLimits
-from ridlink.static_obstacles import Polygon
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import math
 import zlib
 
 from ridlink.avoidance.types import Status
-from ridlink.decision import Conflict, DecisionRecord
+from ridlink.engine.decision import Conflict, DecisionRecord
 from ridlink.failsafe import State
 from ridlink.mavlink.codec import Encoder
 from ridlink.setpoint import STOP, Velocity
