@@ -1,1 +1,17 @@
-"""Filled below."""
+"""Captures: files of MAVLink frames, read in constant memory and whatever their damage, written record by record.
+
+    records     what every reader yields, and how damage is counted
+    tlog, raw   the formats
+    reader      captures by path: which format a file has
+    messages    records to typed messages
+    lines       messages as lines, for programs (JSON) and for eyes
+    statistics  what a capture holds, in counts
+"""
+
+from ridlink.captures.messages import MessageRecord, decode_records, read_messages
+from ridlink.captures.reader import Capture, CaptureKind, open_capture
+from ridlink.captures.records import Record, Rejects
+from ridlink.captures.tlog import TlogWriter
+
+__all__ = ["Capture", "CaptureKind", "MessageRecord", "Record", "Rejects", "TlogWriter", "decode_records",
+           "open_capture", "read_messages"]  # fmt: skip

@@ -1,0 +1,130 @@
+"""Messages as lines: one JSON object each for programs, one aligned row each for eyes.
+
+Remote ID and RIDLINK_SEPARATION have SI names, ``null`` for unknown and codes as integers; every other message keeps
+names and units of the XML. Strings are printable ASCII, other bytes ``\\xNN``: whatever a sender put into them, it is
+inert in a terminal. What is not finite is ``null``, for JSON has no NaN.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import msgspec
+
+from ridlink.captures.messages import UNKNOWN, MessageRecord
+from ridlink.mavlink.codec import MESSAGES_BY_NAME, Message, MessageSpec
+from ridlink.remote_id.messages import MAVLINK_NAMES, RemoteIdMessage
+from ridlink.remote_id.text import display_text
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_encode = msgspec.json.Encoder().encode
+
+
+def _hex_or_none(value: bytes | None) -> str | None:
+    return None if value is None else value.hex()
+
+
+_Convert = Callable[[Any], Any]
+
+_SI_BYTES: dict[str, _Convert] = {
+    "uas_id": display_text,
+    "description": display_text,
+    "operator_id": display_text,
+    "authentication_data": _hex_or_none,
+    "id_or_mac": _hex_or_none,
+}
+_SI_FIELDS: dict[type, list[tuple[str, _Convert | None]]] = {
+    kind: [(item.name, _SI_BYTES.get(item.name)) for item in dataclasses.fields(kind)] for kind in MAVLINK_NAMES
+}
+
+
+def _xml_convert(spec: MessageSpec, name: str) -> _Convert | None:
+    index = spec.fields.index(name)
+    if spec.types[index] == "char":
+        return display_text
+    return list if spec.types[index] == "uint8_t" and spec.array_lengths[index] else None
+
+
+_XML_FIELDS: dict[str, list[tuple[str, _Convert | None]]] = {
+    spec.name: [(name, _xml_convert(spec, name)) for name in spec.xml_fields] for spec in MESSAGES_BY_NAME.values()
+}
+
+
+def si_fields(message: RemoteIdMessage) -> dict[str, Any]:
+    """Fields of a Remote ID message under their SI names, fit for JSON."""
+    fields: dict[str, Any] = {}
+    for name, convert in _SI_FIELDS[type(message)]:
+        value = getattr(message, name)
+        fields[name] = value if convert is None else convert(value)
+    return fields
+
+
+def xml_fields(message: Message) -> dict[str, Any]:
+    """Fields of any message under the names and in the order of the XML, fit for JSON."""
+    raw = message.fields
+    return {
+        name: raw[name] if convert is None else convert(raw[name]) for name, convert in _XML_FIELDS[message.name]
+    }
+
+
+def fields_of(record: MessageRecord) -> dict[str, Any]:
+    """Fields of a record, in SI where it is about Remote ID; none where the dialect does not know it."""
+    if record.remote_id is not None:
+        return si_fields(record.remote_id)
+    return xml_fields(record.message) if record.message is not None else {}
+
+
+def exact_seconds(time_us: int | None) -> str:
+    """Seconds with all six digits, or ``null``: a JSON number that no float has touched."""
+    return "null" if time_us is None else f"{time_us // 1_000_000}.{time_us % 1_000_000:06d}"
+
+
+def json_line(record: MessageRecord) -> bytes:
+    """One line of JSON, with its line feed."""
+    frame = record.frame
+    head = (
+        f'{{"t":{exact_seconds(record.time_us)},"src":"{frame.sysid}/{frame.compid}","seq":{frame.seq},'
+        f'"type":"{record.name}","id":{frame.msgid},"fields":'
+    ).encode()
+    if record.message is None:
+        return b'%b{},"payload":"%b"}\n' % (head, frame.payload.hex().encode())
+    return b"%b%b}\n" % (head, _encode(fields_of(record)))
+
+
+def clock_time(time_us: int | None) -> str:
+    """UTC to the microsecond as ISO 8601, ``-`` for none; seconds where the calendar ends."""
+    if time_us is None:
+        return "-"
+    try:
+        moment = _EPOCH + timedelta(microseconds=time_us)
+    except OverflowError:
+        return exact_seconds(time_us)
+    return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+def table_line(record: MessageRecord) -> bytes:
+    """One aligned row: time, source, sequence number, message, fields."""
+    frame = record.frame
+    name = record.name
+    if record.message is None:
+        name = f"{UNKNOWN} {frame.msgid}"
+        text = f"payload={frame.payload.hex()}"
+    else:
+        text = " ".join(f"{field}={_cell(value)}" for field, value in fields_of(record).items())
+    source = f"{frame.sysid}/{frame.compid}"
+    return f"{clock_time(record.time_us):<27} {source:>7} {frame.seq:>3}  {name:<27} {text}\n".encode()
+
+
+def _cell(value: Any) -> str:
+    if value is None or value != value:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list | tuple):
+        return f"[{','.join(_cell(single) for single in value)}]"
+    return str(value)

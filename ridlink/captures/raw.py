@@ -1,0 +1,30 @@
+"""A raw MAVLink stream, as it comes out of a serial port or a TCP connection: frames, and no times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from ridlink.captures.records import Record, Rejects
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import BadFrame, Frame, FrameParser
+
+
+def read_raw(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
+    """Records of a raw stream in constant memory, however it is cut into chunks and whatever the bytes are.
+
+    Args:
+        chunks: The stream from its first byte.
+        rejects: Counts what is not a frame.
+    """
+    parser = FrameParser(CRC_EXTRAS)
+    for chunk in chunks:
+        yield from _taken(parser.feed(chunk), rejects)
+    yield from _taken(parser.flush(), rejects)
+
+
+def _taken(found: list[Frame | BadFrame], rejects: Rejects) -> Iterator[Record]:
+    for item in found:
+        if isinstance(item, Frame):
+            yield Record(None, item, item.offset)
+        else:
+            rejects.add(item.cause, item.offset, item.length)

@@ -1,0 +1,197 @@
+"""Captures by path: which format a file has, and an iterator of its records.
+
+The format is told by the content, and by the suffix only where the content says nothing: in a tlog eight bytes stand
+between one frame and the next, in a raw stream none.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import sys
+from collections.abc import Callable, Iterator
+from enum import StrEnum
+from pathlib import PurePath
+from typing import BinaryIO, Self
+
+from ridlink.captures.raw import read_raw
+from ridlink.captures.records import Record, Rejects
+from ridlink.captures.tlog import TIME_LENGTH, read_tlog
+from ridlink.errors import CaptureError
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.remote_id.text import display_name
+
+CHUNK_LENGTH = 256 * 1024
+HEAD_LENGTH = 64 * 1024
+ENOUGH_FRAMES = 16
+
+STDIN = "-"
+
+_FOREIGN = {
+    b"\xd4\xc3\xb2\xa1": "a pcap capture",
+    b"\xa1\xb2\xc3\xd4": "a pcap capture",
+    b"\x4d\x3c\xb2\xa1": "a pcap capture",
+    b"\xa1\xb2\x3c\x4d": "a pcap capture",
+    b"\x0a\x0d\x0d\x0a": "a pcapng capture",
+    b"ULog": "a PX4 ULog",
+    b"\xa3\x95\x80\x80": "an ArduPilot dataflash log",
+    b"\x1f\x8b": "a gzip file: unpack it first",
+    b"\x28\xb5\x2f\xfd": "a zstd file: unpack it first",
+}
+
+
+class CaptureKind(StrEnum):
+    """Formats that are read."""
+
+    TLOG = "tlog"
+    MAVLINK = "mavlink"
+
+
+_READERS = {CaptureKind.TLOG: read_tlog, CaptureKind.MAVLINK: read_raw}
+_SUFFIXES = {".tlog": CaptureKind.TLOG, ".mavlink": CaptureKind.MAVLINK, ".raw": CaptureKind.MAVLINK}
+
+
+class Capture:
+    """An open capture: iterate once over its records, then look at ``rejects``.
+
+    Attributes:
+        name: The path, or ``standard input``.
+        kind: Its format.
+        rejects: Damage met so far.
+        size: Length of the file in bytes, ``None`` where it cannot be known.
+        position: Bytes read so far.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        stream: BinaryIO,
+        kind: CaptureKind | None,
+        *,
+        size: int | None = None,
+        before_read: Callable[[], None] | None = None,
+    ) -> None:
+        self.name = name
+        self.rejects = Rejects()
+        self.size = size
+        self.position = 0
+        self._stream = stream
+        self._before_read = before_read
+        self._head: list[bytes] = []
+        if kind is None:
+            head = self._read_head()
+            kind = detect_kind(head, name)
+            self._head = [head]
+        self.kind = kind
+
+    def __iter__(self) -> Iterator[Record]:
+        """Records in the order of the file.
+
+        Raises:
+            CaptureError: At the end, if there was none.
+            OSError: If the file cannot be read any further.
+        """
+        records = 0
+        for record in _READERS[self.kind](itertools.chain(self._head, self._chunks()), self.rejects):
+            records += 1
+            yield record
+        if not records:
+            what = "is empty" if self.position == 0 else f"has no MAVLink frame ({self.kind})"
+            raise CaptureError(f"{self.name} {what}")
+
+    def close(self) -> None:
+        """Close the file; standard input stays open."""
+        if self._stream is not sys.stdin.buffer:
+            self._stream.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _read(self) -> bytes:
+        """What there is, at most one chunk; ``b""`` at the end. A pipe that gave something is not waited for."""
+        if self._before_read is not None:
+            self._before_read()
+        try:
+            chunk: bytes = self._stream.read1(CHUNK_LENGTH)  # type: ignore[attr-defined]
+        except OSError as error:
+            error.filename = error.filename or self.name
+            raise
+        self.position += len(chunk)
+        return chunk
+
+    def _chunks(self) -> Iterator[bytes]:
+        while chunk := self._read():
+            yield chunk
+
+    def _read_head(self) -> bytes:
+        """Enough of the beginning to tell the format; of a live pipe no more than that."""
+        head = b""
+        while len(head) < HEAD_LENGTH and (chunk := self._read()):
+            head += chunk
+            if len(_checked_frames(head)) >= ENOUGH_FRAMES:
+                break
+        return head
+
+
+def open_capture(
+    path: str | os.PathLike[str], kind: str = "auto", *, before_read: Callable[[], None] | None = None
+) -> Capture:
+    """Open a capture.
+
+    Args:
+        path: File, or ``-`` for standard input.
+        kind: ``tlog``, ``mavlink``, or ``auto`` to tell it by content and suffix.
+        before_read: Called before each read of the file, which may block on a pipe.
+
+    Raises:
+        CaptureError: If it is empty or no capture that is read.
+        OSError: If it cannot be read.
+        ValueError: If the kind is unknown.
+    """
+    wanted = None if kind == "auto" else CaptureKind(kind)
+    if os.fspath(path) == STDIN:
+        return Capture("standard input", sys.stdin.buffer, wanted, before_read=before_read)
+    stream = open(path, "rb")  # noqa: SIM115 - the capture closes it
+    try:
+        size = os.fstat(stream.fileno()).st_size or None
+        return Capture(display_name(os.fspath(path)), stream, wanted, size=size, before_read=before_read)
+    except BaseException:
+        stream.close()
+        raise
+
+
+def detect_kind(head: bytes, name: str) -> CaptureKind:
+    """Format of a capture that begins with these bytes.
+
+    Args:
+        head: The beginning, some 64 KiB where there are so many.
+        name: Path; its suffix decides where the bytes do not, and it stands in the error.
+
+    Raises:
+        CaptureError: If it is none that is read.
+    """
+    if not head:
+        raise CaptureError(f"{name} is empty")
+    for magic, what in _FOREIGN.items():
+        if head.startswith(magic):
+            raise CaptureError(f"{name} is {what}; tlog and raw MAVLink are read")
+    by_suffix = _SUFFIXES.get(PurePath(name).suffix.lower())
+    frames = _checked_frames(head)
+    gaps = [second.offset - first.offset - len(first.raw) for first, second in itertools.pairwise(frames)]
+    timed, bare = gaps.count(TIME_LENGTH), gaps.count(0)
+    if timed != bare:
+        return CaptureKind.TLOG if timed > bare else CaptureKind.MAVLINK
+    if by_suffix is not None:
+        return by_suffix
+    if not frames:
+        raise CaptureError(f"{name} is no capture that ridlink reads: no MAVLink frame near its beginning")
+    return CaptureKind.TLOG if frames[0].offset == TIME_LENGTH else CaptureKind.MAVLINK
+
+
+def _checked_frames(head: bytes) -> list[Frame]:
+    found = parse_datagram(head[:HEAD_LENGTH], CRC_EXTRAS, limit=ENOUGH_FRAMES)
+    return [item for item in found if isinstance(item, Frame) and item.checked]

@@ -1,0 +1,172 @@
+"""What captures hold, in counts: messages by type and by sender, time span, sequence gaps, damage."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from ridlink.captures.lines import clock_time, exact_seconds
+from ridlink.captures.messages import UNKNOWN, MessageRecord
+from ridlink.captures.reader import Capture
+
+SEQUENCE_NUMBERS = 256
+
+
+@dataclass(slots=True)
+class SourceCount:
+    """Messages of one system id and component id, and what is missing between their sequence numbers."""
+
+    messages: int = 0
+    gaps: int = 0
+    lost: int = 0
+    last_seq: int | None = None
+
+    def see(self, seq: int) -> None:
+        """Take the next sequence number; a repeated one is a duplicate, not 255 lost messages."""
+        self.messages += 1
+        if self.last_seq is not None and seq != self.last_seq:
+            missing = (seq - self.last_seq - 1) % SEQUENCE_NUMBERS
+            self.gaps += missing > 0
+            self.lost += missing
+        self.last_seq = seq
+
+
+@dataclass(slots=True)
+class Statistics:
+    """Counts over one or more captures.
+
+    Attributes:
+        types: Messages by name.
+        ids: Message id of each name; ``UNKNOWN`` has none.
+        unknown: Messages that the dialect does not know, by id.
+        sources: Messages by system id and component id.
+        first_us, last_us: Earliest and latest time.
+        captures: What was read, with its damage.
+        fields: Remote ID fields that were out of range.
+    """
+
+    types: Counter[str] = field(default_factory=Counter)
+    ids: dict[str, int] = field(default_factory=dict)
+    unknown: Counter[int] = field(default_factory=Counter)
+    sources: dict[tuple[int, int], SourceCount] = field(default_factory=dict)
+    first_us: int | None = None
+    last_us: int | None = None
+    captures: list[Capture] = field(default_factory=list)
+    fields: Counter[str] = field(default_factory=Counter)
+
+    def count(self, record: MessageRecord) -> None:
+        """Take one message."""
+        name = record.name
+        self.types[name] += 1
+        if record.message is not None:
+            self.ids[name] = record.frame.msgid
+        else:
+            self.unknown[record.frame.msgid] += 1
+        source = self.sources.get(record.source)
+        if source is None:
+            source = self.sources[record.source] = SourceCount()
+        source.see(record.frame.seq)
+        if record.time_us is not None:
+            if self.first_us is None or record.time_us < self.first_us:
+                self.first_us = record.time_us
+            if self.last_us is None or record.time_us > self.last_us:
+                self.last_us = record.time_us
+
+    @property
+    def messages(self) -> int:
+        """Messages in all."""
+        return self.types.total()
+
+    @property
+    def duration_s(self) -> float | None:
+        """Time between the earliest and the latest message."""
+        if self.first_us is None or self.last_us is None:
+            return None
+        return (self.last_us - self.first_us) / 1e6
+
+    @property
+    def rejects(self) -> int:
+        """Rejects of all captures."""
+        return sum(len(capture.rejects) for capture in self.captures)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same for `msgspec.json`; times are seconds, exact to the microsecond."""
+        return {
+            "messages": self.messages,
+            "first_t": msgspec.Raw(exact_seconds(self.first_us).encode()),
+            "last_t": msgspec.Raw(exact_seconds(self.last_us).encode()),
+            "duration_s": self.duration_s,
+            "types": dict(self.types.most_common()),
+            "unknown_ids": {str(msgid): count for msgid, count in self.unknown.most_common()},
+            "sources": {
+                f"{sysid}/{compid}": {"messages": source.messages, "gaps": source.gaps, "lost": source.lost}
+                for (sysid, compid), source in sorted(self.sources.items())
+            },
+            "rejects": [
+                {"file": capture.name, "cause": cause, "count": count,
+                 "first_offset": capture.rejects.first_offset[cause]}
+                for capture in self.captures
+                for cause, count in capture.rejects.counts.most_common()
+            ],
+            "fields_out_of_range": dict(self.fields.most_common()),
+        }  # fmt: skip
+
+    def as_text(self) -> str:
+        """The same as aligned tables."""
+        duration_s = self.duration_s
+        span = "no times" if duration_s is None else (
+            f"{clock_time(self.first_us)} to {clock_time(self.last_us)}, {duration_s:.3f} s"
+        )  # fmt: skip
+        types: list[tuple[str, int, int]] = [
+            (name, self.ids[name], count) for name, count in self.types.items() if name in self.ids
+        ]
+        types += [(UNKNOWN, msgid, count) for msgid, count in self.unknown.items()]
+        types.sort(key=lambda row: row[2], reverse=True)
+        kinds = [f"{capture.name} ({capture.kind}, {capture.position:,} bytes)" for capture in self.captures]
+        blocks = [
+            "\n".join([*kinds, f"{self.messages:,} messages, {span}"]),
+            _table(
+                ("message", "id", "count", "per s"),
+                [
+                    (name, msgid, f"{count:,}", f"{count / duration_s:.2f}" if duration_s else "-")
+                    for name, msgid, count in types
+                ],
+            ),
+            _table(
+                ("source", "count", "gaps", "lost"),
+                [
+                    (f"{sysid}/{compid}", f"{source.messages:,}", f"{source.gaps:,}", f"{source.lost:,}")
+                    for (sysid, compid), source in sorted(self.sources.items())
+                ],
+            ),
+        ]
+        rejects = [
+            (cause, f"{count:,}", f"{capture.rejects.first_offset[cause]:,}", *([capture.name] * (len(kinds) > 1)))
+            for capture in self.captures
+            for cause, count in capture.rejects.counts.most_common()
+        ]
+        if rejects:
+            blocks.append(_table(("reject", "count", "first at byte", *(["file"] * (len(kinds) > 1))), rejects))
+        else:
+            blocks.append("no rejects")
+        if self.fields:
+            blocks.append(
+                _table(("field out of range", "count"), [(name, f"{n:,}") for name, n in self.fields.most_common()])
+            )
+        return "\n\n".join(blocks) + "\n"
+
+
+def _table(header: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
+    """Columns as wide as they must be, the first aligned left and the others right."""
+    cells = [[str(cell) for cell in row] for row in (header, *rows)]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(header))]
+    return "\n".join(
+        "  ".join(
+            cell.rjust(width) if column else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    )

@@ -1,0 +1,41 @@
+"""A small flight to write, damage and read back."""
+
+from __future__ import annotations
+
+import pytest
+
+from ridlink.mavlink.codec import Encoder
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import Location, Separation
+
+START_US = 1_700_000_000_123_456
+
+
+def flight(count: int) -> list[tuple[int, bytes]]:
+    """Times and frames of one vehicle: HEARTBEAT, LOCATION and RIDLINK_SEPARATION in turn."""
+    encoder = Encoder(1, 1)
+    records: list[tuple[int, bytes]] = []
+    for index in range(count):
+        second = float(index % 3600)
+        if index % 3 == 0:
+            frame = encoder.encode("HEARTBEAT", type=2, autopilot=12, mavlink_version=3)
+        else:
+            name, fields = to_mavlink(
+                Location(latitude_deg=47.4, longitude_deg=8.5 + index * 1e-6, timestamp_s=second)
+                if index % 3 == 1
+                else Separation(timestamp_s=second, horizontal_error_m=3.0)
+            )
+            frame = encoder.encode(name, **fields)
+        records.append((START_US + index * 33_333, frame))
+    return records
+
+
+def tlog_bytes(records: list[tuple[int, bytes]]) -> bytes:
+    """A tlog of these records."""
+    return b"".join(time_us.to_bytes(8, "big") + frame for time_us, frame in records)
+
+
+@pytest.fixture(scope="session")
+def thousand() -> list[tuple[int, bytes]]:
+    """A thousand records."""
+    return flight(1000)
