@@ -49,6 +49,13 @@ class LazyGroup(click.Group):
             return point.load()  # type: ignore[no-any-return]
         return None
 
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:  # the reader of our stdout has gone, as `head` does; click would make it exit code 1
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            ctx.exit(EXIT_DONE)
+
 
 def _print_version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
     if not value or ctx.resilient_parsing:
@@ -86,9 +93,6 @@ def main() -> NoReturn:
         _fail(f"{error.format_message()} (see '{command} --help')", EXIT_USAGE)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(130)
-    except BrokenPipeError:  # the reader of our stdout has gone, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(EXIT_DONE)
     except (ConfigError, MissingExtraError) as error:
         _fail(str(error), EXIT_USAGE)
     except (LinkError, CaptureError, click.FileError) as error:

@@ -1,0 +1,199 @@
+"""``ridlink decode``: message dumps to lines of text or JSON, or to statistics."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import click
+
+from ridlink.cli import EXIT_DONE, EXIT_REJECTS
+
+if TYPE_CHECKING:
+    from ridlink.captures import Capture
+    from ridlink.captures.statistics import Statistics
+
+BATCH_BYTES = 64 * 1024
+PROGRESS_AFTER_S = 1.0
+PROGRESS_EVERY_S = 0.2
+
+
+@click.command()
+@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.option("--in", "kind", type=click.Choice(["auto", "tlog", "mavlink"]), default="auto", show_default=True,
+              help="Format of the files; auto tells it by content and suffix.")
+@click.option("-f", "--format", "output_format", type=click.Choice(["table", "jsonl"]), default="table",
+              show_default=True, help="One aligned row, or one JSON object, a message.")
+@click.option("-o", "--output", metavar="OUT", help="Write there instead of to standard output; whole or not at all.")
+@click.option("--types", metavar="GLOBS", help="Messages to show, such as 'OPEN_DRONE_ID_*,RIDLINK_*'.")
+@click.option("--source-system", type=click.IntRange(0, 255), metavar="N", help="Only messages of this system id.")
+@click.option("--stats", is_flag=True, help="Counts, rates, sequence gaps and damage instead of messages.")
+@click.option("--strict", is_flag=True, help="Exit with 4 if anything in the files was damaged.")
+def decode(
+    files: tuple[str, ...],
+    kind: str,
+    output_format: str,
+    output: str | None,
+    types: str | None,
+    source_system: int | None,
+    stats: bool,
+    strict: bool,
+) -> int:
+    """Decode message dumps: MAVLink telemetry logs (.tlog) and raw MAVLink streams; - is standard input.
+
+    Open Drone ID and RIDLINK_SEPARATION come in SI units, null or - where unknown; other messages as the MAVLink XML
+    has them. Damage is skipped, counted by cause, and reported on standard error.
+    """
+    from ridlink.captures.statistics import Statistics
+
+    wanted = _wanted_names(types)
+    for path in files:  # a misspelled name shows at once, not after an hour of the files before it
+        if path != "-":
+            open(path, "rb").close()
+    statistics = Statistics()
+    with _output(output) as out:
+        _decode_files(files, kind, output_format, wanted, source_system, stats, statistics, out)
+        if stats:
+            import msgspec
+
+            text = msgspec.json.encode(statistics.as_dict()) + b"\n" if output_format == "jsonl" else (
+                statistics.as_text().encode(errors="backslashreplace")
+            )  # fmt: skip
+            out.write(text)
+    if not stats:
+        for capture in statistics.captures:
+            if capture.rejects:
+                click.echo(f"ridlink: {capture.name}: damaged: {capture.rejects}", err=True)
+    return EXIT_REJECTS if strict and statistics.rejects else EXIT_DONE
+
+
+def _decode_files(
+    files: tuple[str, ...],
+    kind: str,
+    output_format: str,
+    wanted: frozenset[str] | None,
+    source_system: int | None,
+    stats: bool,
+    statistics: Statistics,
+    out: BinaryIO,
+) -> None:
+    from ridlink.captures import decode_records, open_capture
+    from ridlink.captures.lines import json_line, table_line
+
+    line_of = json_line if output_format == "jsonl" else table_line
+    batch: list[bytes] = []
+    size = 0
+
+    def write_batch() -> None:
+        nonlocal batch, size
+        if batch:
+            out.write(b"".join(batch))
+            out.flush()
+        batch, size = [], 0
+
+    progress = _Progress(out is not sys.stdout.buffer or stats or not sys.stdout.isatty())
+    for path in files:
+        # whoever reads our output live sees all there is before we wait for more
+        with open_capture(path, kind, before_read=write_batch) as capture:
+            statistics.captures.append(capture)
+            for record in decode_records(capture, statistics.fields):
+                progress.tick(capture)
+                if wanted is not None and record.name not in wanted:
+                    continue
+                if source_system is not None and record.frame.sysid != source_system:
+                    continue
+                if stats:
+                    statistics.count(record)
+                    continue
+                line = line_of(record)
+                batch.append(line)
+                size += len(line)
+                if size >= BATCH_BYTES:
+                    write_batch()
+            write_batch()
+    progress.clear()
+
+
+def _wanted_names(types: str | None) -> frozenset[str] | None:
+    """Names of the dialect that a comma-separated list of globs matches; ``None`` for all."""
+    if types is None:
+        return None
+    from fnmatch import fnmatchcase
+
+    from ridlink.captures.messages import UNKNOWN
+    from ridlink.mavlink.codec import MESSAGES_BY_NAME
+
+    names = [*MESSAGES_BY_NAME, UNKNOWN]
+    wanted: set[str] = set()
+    for pattern in (part.strip().upper() for part in types.split(",") if part.strip()):
+        matching = [name for name in names if fnmatchcase(name, pattern)]
+        if not matching:
+            raise click.BadParameter(f"no message of the dialect matches {pattern!r}", param_hint="'--types'")
+        wanted.update(matching)
+    if not wanted:
+        raise click.BadParameter("names no message", param_hint="'--types'")
+    return frozenset(wanted)
+
+
+@contextmanager
+def _output(path: str | None) -> Iterator[BinaryIO]:
+    """Standard output, or a file that appears when everything is in it."""
+    if path is None or path == "-":
+        yield sys.stdout.buffer
+        sys.stdout.buffer.flush()
+        return
+    target = Path(path)
+    if target.exists() and not target.is_file():  # a device or pipe cannot be replaced
+        with open(target, "wb") as stream:
+            yield stream
+        return
+    try:
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    except OSError as error:
+        error.filename = path
+        raise
+    try:
+        with open(handle, "wb") as stream:
+            yield stream
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)
+        os.replace(temporary, target)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+class _Progress:
+    """A line on standard error, if that is a terminal and the work takes more than a second."""
+
+    CHECK_EVERY = 4096
+
+    def __init__(self, screen_is_free: bool) -> None:
+        self._active = screen_is_free and sys.stderr.isatty()
+        self._next_s = time.monotonic() + PROGRESS_AFTER_S
+        self._shown = False
+        self._records = 0
+
+    def tick(self, capture: Capture) -> None:
+        """One record more."""
+        self._records += 1
+        if not self._active or self._records % self.CHECK_EVERY or time.monotonic() < self._next_s:
+            return
+        self._next_s = time.monotonic() + PROGRESS_EVERY_S
+        self._shown = True
+        share = f"{capture.position / capture.size:4.0%}  " if capture.size else ""
+        sys.stderr.write(f"\r{share}{self._records:,} messages\x1b[K")
+        sys.stderr.flush()
+
+    def clear(self) -> None:
+        """Take the line away."""
+        if self._shown:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

@@ -1,0 +1,238 @@
+"""``ridlink decode`` as its users run it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from ridlink.cli.decode import decode
+from ridlink.mavlink.codec import Encoder
+from tests.captures.conftest import START_US, flight, tlog_bytes
+
+REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
+
+
+def run(*arguments: str | Path) -> Result:
+    """The command within this process; its result is the exit code that `main` gives."""
+    return CliRunner().invoke(decode, [str(argument) for argument in arguments], standalone_mode=False)
+
+
+def ridlink(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[bytes]:
+    """The whole program in a process of its own."""
+    command = [sys.executable, "-m", "ridlink", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, timeout=60, **options)
+
+
+def lines(result: Result) -> list[dict[str, Any]]:
+    return [json.loads(line, parse_constant=pytest.fail) for line in result.stdout_bytes.splitlines()]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path = tmp_path / "flight.tlog"
+    path.write_bytes(tlog_bytes(flight(9)))
+    return path
+
+
+def test_json_lines_come_in_the_order_of_the_file(log: Path) -> None:
+    result = run(log, "-f", "jsonl")
+    rows = lines(result)
+    assert [row["type"] for row in rows] == ["HEARTBEAT", "OPEN_DRONE_ID_LOCATION", "RIDLINK_SEPARATION"] * 3
+    assert [row["seq"] for row in rows] == list(range(9))
+    assert result.stdout.startswith('{"t":1700000000.123456,"src":"1/1","seq":0,"type":"HEARTBEAT","id":0,')
+    assert result.stderr == "" and result.return_value == 0
+
+
+def test_a_table_is_the_default(log: Path) -> None:
+    rows = run(log).stdout.splitlines()
+    assert len(rows) == 9
+    assert len({row.index("latitude_deg=") - row.index("OPEN_DRONE_ID_LOCATION") for row in rows[1::3]}) == 1
+
+
+@pytest.mark.parametrize(
+    ("types", "count"),
+    [("OPEN_DRONE_ID_*,RIDLINK_*", 6), ("heartbeat", 3), ("*", 9), ("UNKNOWN", 0), (" HEARTBEAT , RIDLINK_STATUS", 3)],
+)
+def test_types_are_globs(log: Path, types: str, count: int) -> None:
+    assert len(lines(run(log, "-f", "jsonl", "--types", types))) == count
+
+
+@pytest.mark.parametrize("types", ["HEARTBEET", ",", "HEARTBEAT,NOPE_*"])
+def test_a_type_that_does_not_exist_is_a_usage_error(log: Path, types: str) -> None:
+    done = ridlink("decode", log, "--types", types)
+    assert done.returncode == 2 and b"--types" in done.stderr and done.stdout == b""
+
+
+def test_source_system_selects(log: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.tlog"
+    other.write_bytes(tlog_bytes([(START_US, Encoder(7, 1).encode("HEARTBEAT"))]))
+    rows = lines(run(log, other, "-f", "jsonl", "--source-system", "7"))
+    assert [row["src"] for row in rows] == ["7/1"]
+
+
+def test_raw_streams_have_no_times(tmp_path: Path) -> None:
+    path = tmp_path / "stream.bin"
+    path.write_bytes(b"".join(frame for _, frame in flight(9)))
+    for arguments in ([path], [path, "--in", "mavlink"]):
+        assert [row["t"] for row in lines(run(*arguments, "-f", "jsonl"))] == [None] * 9
+
+
+def test_statistics_as_text_and_as_json(log: Path) -> None:
+    log.write_bytes(log.read_bytes() + b"\x00" * 50)
+    text = run(log, "--stats").stdout
+    assert "9 messages, 2023-11-14T22:13:20.123456Z to 2023-11-14T22:13:20.390120Z, 0.267 s" in text
+    assert "OPEN_DRONE_ID_LOCATION  12901      3  11.25" in text
+    assert "1/1         9     0     0" in text
+    assert f"garbage      1            {len(tlog_bytes(flight(9)))}" in text
+    result = run(log, "--stats", "-f", "jsonl")
+    (statistics,) = lines(result)
+    assert statistics["types"] == {"HEARTBEAT": 3, "OPEN_DRONE_ID_LOCATION": 3, "RIDLINK_SEPARATION": 3}
+    assert statistics["sources"] == {"1/1": {"messages": 9, "gaps": 0, "lost": 0}}
+    assert statistics["rejects"] == [
+        {"file": str(log), "cause": "garbage", "count": 1, "first_offset": len(tlog_bytes(flight(9)))}
+    ]
+    assert '"first_t":1700000000.123456,"last_t":1700000000.390120' in result.stdout
+
+
+def test_fields_out_of_range_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "odd.tlog"
+    frame = Encoder(1, 1).encode("OPEN_DRONE_ID_LOCATION", direction=40000, speed_horizontal=25499)
+    path.write_bytes(tlog_bytes([(START_US, frame)]))
+    (statistics,) = lines(run(path, "--stats", "-f", "jsonl"))
+    assert statistics["fields_out_of_range"] == {
+        "OPEN_DRONE_ID_LOCATION.direction": 1, "OPEN_DRONE_ID_LOCATION.speed_horizontal": 1
+    }  # fmt: skip
+    assert "field out of range" in run(path, "--stats").stdout
+
+
+def test_damage_is_reported_and_under_strict_is_exit_code_4(log: Path) -> None:
+    log.write_bytes(log.read_bytes()[:-4])
+    lax = run(log, "-f", "jsonl")
+    assert len(lines(lax)) == 8 and lax.return_value == 0
+    assert "damaged: 1 truncated (first at byte" in lax.stderr
+    assert run(log, "--strict", "--stats").return_value == 4
+    done = ridlink("decode", log, "--strict", "-f", "jsonl")
+    assert done.returncode == 4 and len(done.stdout.splitlines()) == 8
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_output_appears_whole_or_not_at_all(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.jsonl"
+    assert run(log, "-f", "jsonl", "-o", out).stdout == ""
+    assert len(out.read_bytes().splitlines()) == 9
+    assert out.stat().st_mode & 0o777 == 0o666 & ~os.umask(os.umask(0o022))
+    broken = tmp_path / "broken.tlog"
+    broken.write_bytes(b"no frame in here")
+    before = sorted(tmp_path.iterdir())
+    done = ridlink("decode", log, broken, "-f", "jsonl", "-o", tmp_path / "other.jsonl")
+    assert done.returncode == 3 and sorted(tmp_path.iterdir()) == before
+    assert ridlink("decode", log, "-o", tmp_path / "nowhere" / "x").returncode == 3
+    assert len(ridlink("decode", log, "-f", "jsonl", "-o", "/dev/stdout").stdout.splitlines()) == 9
+
+
+def test_a_full_disk_is_one_line_and_leaves_nothing(log: Path) -> None:
+    done = ridlink("decode", log, "-o", "/dev/full")
+    assert done.returncode == 3 and b"No space left" in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "code"), [(None, 3), (b"", 3), (b"text\n" * 100, 3), (b"\xd4\xc3\xb2\xa1" + bytes(40), 3)]
+)
+def test_what_cannot_be_read_is_one_line_and_exit_code_3(tmp_path: Path, content: bytes | None, code: int) -> None:
+    path = tmp_path / "file.bin"
+    if content is not None:
+        path.write_bytes(content)
+    done = ridlink("decode", path)
+    assert done.returncode == code and done.stdout == b""
+    assert len(done.stderr.splitlines()) == 1 and str(path).encode() in done.stderr
+
+
+def test_an_absent_second_file_is_found_out_before_the_first_is_read(log: Path, tmp_path: Path) -> None:
+    done = ridlink("decode", log, tmp_path / "absent.tlog")
+    assert done.returncode == 3 and done.stdout == b""
+
+
+def test_no_file_is_a_usage_error() -> None:
+    assert ridlink("decode").returncode == 2
+
+
+def test_a_live_pipe_is_decoded_as_it_comes() -> None:
+    """The first messages are out while the writer still holds its end open."""
+    data = tlog_bytes(flight(40))
+    with subprocess.Popen(
+        [sys.executable, "-m", "ridlink", "decode", "-", "-f", "jsonl"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None
+        process.stdin.write(data)
+        process.stdin.flush()
+        assert json.loads(process.stdout.readline())["seq"] == 0
+        process.stdin.close()
+        assert len(process.stdout.read().splitlines()) == 39
+    assert process.returncode == 0
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
+    path = tmp_path / "large.tlog"
+    path.write_bytes(tlog_bytes(flight(3000)))
+    with subprocess.Popen(
+        [sys.executable, "-m", "ridlink", "decode", str(path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
+def test_an_interrupt_ends_it_without_a_traceback() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-m", "ridlink", "decode", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:  # fmt: skip
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        process.stdin.write(tlog_bytes(flight(40)))
+        process.stdin.flush()
+        process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read().strip() == b""
+    assert process.returncode == 130
+
+
+ORACLE = """
+import json, sys
+from collections import Counter
+from pymavlink import mavutil
+log = mavutil.mavlink_connection(sys.argv[1])
+types, systems = Counter(), Counter()
+while (message := log.recv_match()) is not None:
+    name = message.get_type()
+    if name.startswith("UNKNOWN"):  # of these mavutil forgets the sender
+        types["UNKNOWN"] += 1
+    else:
+        types[name] += 1
+        systems[f"{message.get_srcSystem()}/{message.get_srcComponent()}"] += 1
+print(json.dumps([types, systems]))
+"""
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the recording of real autopilots is not part of the project")
+def test_a_real_recording_holds_what_mavutil_finds_in_it() -> None:
+    environment = os.environ | {"MAVLINK20": "1", "MAVLINK_DIALECT": "common"}
+    oracle = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", ORACLE, str(REAL)], capture_output=True, check=True, env=environment
+    )
+    types, systems = json.loads(oracle.stdout.splitlines()[-1])
+    rows = lines(run(REAL, "-f", "jsonl", "--strict"))
+    assert Counter(row["type"] for row in rows) == types
+    assert Counter(row["src"] for row in rows if row["type"] != "UNKNOWN") == systems
+    (statistics,) = lines(run(REAL, "--stats", "-f", "jsonl"))
+    assert statistics["types"] == types and statistics["rejects"] == []
