@@ -31,6 +31,7 @@ class Stream(IntEnum):
     GNSS = 1
     RADIO = 2
     FLEET = 3
+    PHASE = 4
 
 
 def vehicle_generator(seed: int | Sequence[int], stream: Stream, index: int) -> np.random.Generator:

@@ -1,0 +1,157 @@
+"""What an autopilot flies by itself: climbing, going somewhere, coming down, turning its nose.
+
+Units and axes: metres, seconds, radians; north-east-down about the scenario's home. Everything steers by a
+`SteeringEstimate`, never by the truth.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from sitl_sim.autopilot.navigation import Navigation, Vector
+from sitl_sim.world import DESCENT_MPS, FLARE_HEIGHT_M, TOUCHDOWN_MPS
+
+STILL: Vector = (0.0, 0.0, 0.0)
+
+BLEND_TIME_S = 10.0
+"""How fast the steering estimate follows the receiver horizontally: slowly, so that its noise does not shake the
+vehicle."""
+
+APPROACH_PER_S = 0.6
+"""Speed by distance left; slow enough for the response of either autopilot."""
+
+HEIGHT_REACHED_M = 0.3
+YAW_RATE_RADPS = math.radians(60.0)
+
+MIN_NOSE_SPEED_MPS = 1.0
+"""Slower than this, a nose that follows the flight keeps its direction."""
+
+
+class SteeringEstimate:
+    """Where a vehicle believes to be when it steers: velocity summed up, drawn slowly towards the receiver's position.
+
+    The height is not drawn at all. A barometer holds it within decimetres over a flight, which is what the summed
+    vertical velocity does here, whereas the receiver's altitude is metres off.
+    """
+
+    def __init__(self, position_ned_m: Vector) -> None:
+        self.north_m, self.east_m, self.down_m = position_ned_m
+
+    def update(self, navigation: Navigation, dt_s: float) -> None:
+        """Let time pass."""
+        if not navigation.in_air:
+            self.down_m = 0.0
+            return
+        north, east, _ = navigation.position_ned_m
+        velocity = navigation.velocity_ned_mps
+        share = min(dt_s / BLEND_TIME_S, 1.0)
+        self.north_m += velocity[0] * dt_s + share * (north - self.north_m)
+        self.east_m += velocity[1] * dt_s + share * (east - self.east_m)
+        self.down_m += velocity[2] * dt_s
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """Fly a velocity; zero is a hover."""
+
+    velocity_ned_mps: Vector = STILL
+
+    def command(self, estimate: SteeringEstimate) -> Vector:
+        """Velocity to fly now [m/s]."""
+        return self.velocity_ned_mps
+
+
+@dataclass(frozen=True, slots=True)
+class GoTo:
+    """Fly to a point, at most this fast, and stay; `feed_forward_ned_mps` is added on the way."""
+
+    target_ned_m: Vector
+    speed_mps: float
+    climb_mps: float
+    descent_mps: float
+    feed_forward_ned_mps: Vector = STILL
+
+    def command(self, estimate: SteeringEstimate) -> Vector:
+        """Velocity to fly now [m/s]."""
+        north, east = self.target_ned_m[0] - estimate.north_m, self.target_ned_m[1] - estimate.east_m
+        left_m = math.hypot(north, east)
+        pace = min(self.speed_mps, APPROACH_PER_S * left_m) / max(left_m, 1e-9)
+        down = APPROACH_PER_S * (self.target_ned_m[2] - estimate.down_m)
+        down = min(max(down, -self.climb_mps), self.descent_mps)
+        forward = self.feed_forward_ned_mps
+        return north * pace + forward[0], east * pace + forward[1], down + forward[2]
+
+    def distance_m(self, estimate: SteeringEstimate) -> float:
+        """How far it is still."""
+        gaps = zip(self.target_ned_m, (estimate.north_m, estimate.east_m, estimate.down_m), strict=True)
+        return math.sqrt(sum((target - here) ** 2 for target, here in gaps))
+
+
+@dataclass(frozen=True, slots=True)
+class Climb:
+    """Straight up to a height above home."""
+
+    height_m: float
+    speed_mps: float
+
+    def command(self, estimate: SteeringEstimate) -> Vector:
+        """Velocity to fly now [m/s]."""
+        left_m = self.height_m + estimate.down_m
+        # no slower than this near the end: the last decimetres would take for ever
+        return 0.0, 0.0, -min(self.speed_mps, max(APPROACH_PER_S * left_m, 0.3))
+
+    def is_done(self, estimate: SteeringEstimate) -> bool:
+        """Whether the height is reached."""
+        return self.height_m + estimate.down_m <= HEIGHT_REACHED_M
+
+
+@dataclass(frozen=True, slots=True)
+class Descend:
+    """Straight down until the ground is there, slower near it."""
+
+    def command(self, estimate: SteeringEstimate) -> Vector:
+        """Velocity to fly now [m/s]."""
+        return 0.0, 0.0, TOUCHDOWN_MPS if -estimate.down_m < FLARE_HEIGHT_M else DESCENT_MPS
+
+
+Guidance = Velocity | GoTo | Climb | Descend
+
+
+class Nose:
+    """Heading of a multirotor: turned towards what was asked at 60 degrees a second, or kept."""
+
+    def __init__(self, yaw_rad: float = 0.0) -> None:
+        self.yaw_rad = yaw_rad
+        self.rate_radps = 0.0
+        self._wanted_rad: float | None = None
+        self._wanted_rate_radps: float | None = None
+
+    def turn_to(self, yaw_rad: float) -> None:
+        """Turn to a heading and keep it."""
+        self._wanted_rad, self._wanted_rate_radps = yaw_rad, None
+
+    def turn_at(self, rate_radps: float) -> None:
+        """Keep turning, no faster than the vehicle can."""
+        self._wanted_rad = None
+        self._wanted_rate_radps = min(max(rate_radps, -YAW_RATE_RADPS), YAW_RATE_RADPS)
+
+    def follow(self, velocity_ned_mps: Vector) -> None:
+        """Turn into the direction of flight; slower than 1 m/s, keep the last one."""
+        if math.hypot(velocity_ned_mps[0], velocity_ned_mps[1]) >= MIN_NOSE_SPEED_MPS:
+            self.turn_to(math.atan2(velocity_ned_mps[1], velocity_ned_mps[0]))
+
+    def keep(self) -> None:
+        """Stop turning."""
+        self._wanted_rad = self._wanted_rate_radps = None
+
+    def update(self, dt_s: float) -> None:
+        """Let time pass."""
+        turn = 0.0
+        if self._wanted_rate_radps is not None:
+            turn = self._wanted_rate_radps * dt_s
+        elif self._wanted_rad is not None:
+            gap = math.remainder(self._wanted_rad - self.yaw_rad, math.tau)
+            turn = min(max(gap, -YAW_RATE_RADPS * dt_s), YAW_RATE_RADPS * dt_s)
+        self.rate_radps = turn / dt_s if dt_s > 0.0 else 0.0
+        self.yaw_rad = math.remainder(self.yaw_rad + turn, math.tau)

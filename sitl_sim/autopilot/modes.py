@@ -1,0 +1,112 @@
+"""Flight modes and how PX4 and ArduPilot number them in HEARTBEAT.custom_mode and MAV_CMD_DO_SET_MODE."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Mode(StrEnum):
+    """Flight modes by what the vehicle does in them."""
+
+    MANUAL = "manual"
+    ALTITUDE = "altitude"
+    POSITION = "position"
+    HOLD = "hold"
+    BRAKE = "brake"
+    TAKEOFF = "takeoff"
+    MISSION = "mission"
+    RETURN = "return"
+    LAND = "land"
+    OFFBOARD = "offboard"
+    """OFFBOARD of PX4, GUIDED of ArduPilot: setpoints from outside are obeyed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flavour:
+    """How one autopilot presents itself.
+
+    Args:
+        name: As ``--autopilot`` takes it.
+        autopilot: MAV_AUTOPILOT in HEARTBEAT.
+        base_mode: MAV_MODE_FLAG of a disarmed vehicle.
+        custom_modes: Numbers of the modes that it has.
+        ground_mode: Where a disarmed vehicle without a pilot rests.
+        capabilities: MAV_PROTOCOL_CAPABILITY in AUTOPILOT_VERSION.
+        refused: MAV_RESULT of a command at the wrong moment: PX4 says TEMPORARILY_REJECTED, ArduPilot FAILED.
+    """
+
+    name: str
+    autopilot: int
+    base_mode: int
+    custom_modes: dict[Mode, int]
+    ground_mode: Mode
+    capabilities: int
+    refused: int
+
+    @property
+    def is_px4(self) -> bool:
+        """Whether it behaves like PX4."""
+        return self.autopilot == MAV_AUTOPILOT_PX4
+
+    def mode_of(self, custom_mode: int) -> Mode | None:
+        """The mode with this number, None if there is none."""
+        return next((mode for mode, number in self.custom_modes.items() if number == custom_mode), None)
+
+
+MAV_AUTOPILOT_ARDUPILOTMEGA = 3
+MAV_AUTOPILOT_PX4 = 12
+MODE_FLAG_CUSTOM = 1
+MODE_FLAG_ARMED = 128
+
+_COMMAND_INT, _SET_POSITION_TARGET_LOCAL_NED, _MAVLINK2 = 8, 128, 8192
+_PARAM_ENCODE_BYTEWISE, _PARAM_ENCODE_C_CAST = 16, 131072
+
+
+def px4_custom_mode(main: int, sub: int = 0) -> int:
+    """PX4's custom_mode: main mode in the third byte, sub-mode in the fourth."""
+    return main << 16 | sub << 24
+
+
+PX4 = Flavour(
+    name="px4",
+    autopilot=MAV_AUTOPILOT_PX4,
+    base_mode=0x1D,  # custom, auto, guided, stabilize
+    custom_modes={
+        Mode.HOLD: px4_custom_mode(4, 3),
+        Mode.OFFBOARD: px4_custom_mode(6),
+        Mode.TAKEOFF: px4_custom_mode(4, 2),
+        Mode.MISSION: px4_custom_mode(4, 4),
+        Mode.RETURN: px4_custom_mode(4, 5),
+        Mode.LAND: px4_custom_mode(4, 6),
+        Mode.MANUAL: px4_custom_mode(1),
+        Mode.ALTITUDE: px4_custom_mode(2),
+        Mode.POSITION: px4_custom_mode(3),
+    },
+    ground_mode=Mode.HOLD,
+    capabilities=_COMMAND_INT | _SET_POSITION_TARGET_LOCAL_NED | _MAVLINK2 | _PARAM_ENCODE_BYTEWISE,
+    refused=1,
+)
+
+ARDUPILOT = Flavour(
+    name="ardupilot",
+    autopilot=MAV_AUTOPILOT_ARDUPILOTMEGA,
+    base_mode=0x11,  # custom, stabilize
+    custom_modes={
+        Mode.MANUAL: 0,
+        Mode.ALTITUDE: 2,
+        Mode.MISSION: 3,
+        Mode.OFFBOARD: 4,
+        Mode.HOLD: 5,
+        Mode.RETURN: 6,
+        Mode.LAND: 9,
+        Mode.POSITION: 16,
+        Mode.BRAKE: 17,
+    },
+    ground_mode=Mode.MANUAL,
+    capabilities=_COMMAND_INT | _SET_POSITION_TARGET_LOCAL_NED | _MAVLINK2 | _PARAM_ENCODE_C_CAST,
+    refused=4,
+)
+
+FLAVOURS: dict[str, Flavour] = {"px4": PX4, "ardupilot": ARDUPILOT, "ideal": PX4}
+"""By the names that ``--autopilot`` takes. The ideal vehicle speaks like PX4; its response is the world's business."""

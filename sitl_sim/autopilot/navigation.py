@@ -1,0 +1,82 @@
+"""What a vehicle knows of itself: its navigation solution, with the error of its receiver in it.
+
+Units and axes: metres, metres a second; north-east-down about the scenario's home. Nothing here is the truth, except
+the acceleration, which an inertial sensor feels without any receiver.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ridlink.geodesy import Geodetic, geodetic_from_ned
+from sitl_sim.world import VehicleState, World
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Navigation:
+    """One vehicle at one tick. Accuracies are one standard deviation, as receivers give them."""
+
+    time_s: float
+    position_ned_m: Vector
+    velocity_ned_mps: Vector
+    acceleration_ned_mps2: Vector
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    h_acc_m: float
+    v_acc_m: float
+    vel_acc_mps: float
+    bound_3sigma_m: float
+    fix_type: int
+    state: VehicleState
+
+    @property
+    def in_air(self) -> bool:
+        """Whether it flies or lands."""
+        return self.state in (VehicleState.AIRBORNE, VehicleState.LANDING)
+
+
+class FleetNavigation:
+    """The navigation solutions of a fleet: taken from the world once a tick, handed out one by one.
+
+    The emulator's geoid is its ellipsoid: altitudes above mean sea level and above the ellipsoid are the same.
+    """
+
+    def __init__(self, world: World, home: Geodetic) -> None:
+        self.home = home
+        self._world = world
+        self._solutions: list[Navigation] = []
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Take the world as it is now."""
+        world = self._world
+        position = world.reported_position_ned_m
+        latitude, longitude, altitude = geodetic_from_ned(position, self.home)
+        vectors = zip(
+            position.tolist(),
+            world.reported_velocity_ned_mps.tolist(),
+            world.acceleration_ned_mps2.tolist(),
+            strict=True,
+        )
+        figures = zip(
+            latitude.tolist(),
+            longitude.tolist(),
+            altitude.tolist(),
+            world.h_acc_m.tolist(),
+            world.v_acc_m.tolist(),
+            world.vel_acc_mps.tolist(),
+            world.bound_3sigma_m.tolist(),
+            world.fix_type.tolist(),
+            map(VehicleState, world.state.tolist()),
+            strict=True,
+        )
+        self._solutions = [
+            Navigation(world.time_s, (*at,), (*velocity,), (*acceleration,), *rest)
+            for (at, velocity, acceleration), rest in zip(vectors, figures, strict=True)
+        ]
+
+    def __getitem__(self, index: int) -> Navigation:
+        return self._solutions[index]

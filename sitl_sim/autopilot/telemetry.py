@@ -1,0 +1,368 @@
+"""What an emulated autopilot reports: one function a message, and the rates at which they are sent unasked.
+
+Everything is the navigation solution of `Navigation`, with the receiver's error in it. Two habits of real autopilots
+are kept because a reader must survive them: PX4 sends GPS_RAW_INT with a time of 0, and ArduPilot goes on telling its
+last h_acc after it has lost its fix.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from ridlink.geodesy import Geodetic, geodetic_from_ned
+from ridlink.units import cmps_from_mps, dege7_from_deg, mm_from_m
+from sitl_sim.autopilot.modes import MODE_FLAG_ARMED, Flavour
+from sitl_sim.autopilot.pilot import Pilot
+from sitl_sim.vehicle import GRAVITY_MPS2
+from sitl_sim.world import VehicleState
+
+Fields = dict[str, Any]
+
+VERSION = 1 << 24 | 16 << 16 | 255  # 1.16.0, official
+
+_MAV_TYPE_QUADROTOR = 2
+_STANDBY, _ACTIVE, _CRITICAL = 3, 4, 5
+_ON_GROUND, _IN_AIR, _TAKING_OFF, _LANDING = 1, 2, 3, 4
+_SENSORS = 0x1 | 0x2 | 0x4 | 0x8 | 0x20 | 0x200000 | 0x2000000 | 0x10000000
+"""Gyro, accelerometer, magnetometer, barometer, GPS, AHRS, battery, pre-arm check."""
+
+_GPS_SENSOR = 0x20
+_FIX_3D = 3
+_RTK_FIXED, _NO_FIX_ARDUPILOT = 6, 1
+_LOST_H_ACC_MM = 100_000
+
+_ESTIMATOR_GROUND, _ESTIMATOR_AIR, _ESTIMATOR_LOST = 1023, 895, 869
+_DEAD_RECKONING_S = 5.0
+"""So long after a loss PX4 stops claiming a position."""
+
+_VELOCITY_TARGET_MASK, _POSITION_TARGET_MASK = 0x0DC7, 0x0DF8
+_UINT16_UNKNOWN = 0xFFFF
+_INT16_MAX = 0x7FFF
+
+DEFAULT_INTERVAL_S: dict[str, float] = {
+    "HEARTBEAT": 1.0,
+    "SYS_STATUS": 0.5,
+    "BATTERY_STATUS": 0.5,
+    "SYSTEM_TIME": 1.0,
+    "GPS_RAW_INT": 0.2,
+    "GLOBAL_POSITION_INT": 0.1,
+    "LOCAL_POSITION_NED": 0.1,
+    "ATTITUDE": 0.1,
+    "ATTITUDE_QUATERNION": 0.1,
+    "VFR_HUD": 0.2,
+    "POSITION_TARGET_LOCAL_NED": 0.1,
+    "ESTIMATOR_STATUS": 1.0,
+    "EXTENDED_SYS_STATE": 0.5,
+    "HOME_POSITION": 1.0,
+    "ALTITUDE": 1.0,
+}
+"""Time between two of each message on a fresh link."""
+
+ON_REQUEST = ("AUTOPILOT_VERSION", "GPS_GLOBAL_ORIGIN", "ODOMETRY")
+"""Messages that are sent when asked for, once or as a stream."""
+
+LEGACY_STREAMS: dict[int, tuple[str, ...]] = {
+    1: ("GPS_RAW_INT",),
+    2: ("SYS_STATUS", "BATTERY_STATUS", "GPS_RAW_INT"),
+    6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    10: ("ATTITUDE", "ATTITUDE_QUATERNION"),
+    11: ("VFR_HUD",),
+    12: ("POSITION_TARGET_LOCAL_NED", "EXTENDED_SYS_STATE"),
+}
+"""MAV_DATA_STREAM of the old REQUEST_DATA_STREAM; 0 is all of them."""
+
+
+class Telemetry:
+    """Fields of every message that one vehicle can send.
+
+    Args:
+        pilot: The vehicle.
+        flavour: Whose habits it has.
+        system_id: For AUTOPILOT_VERSION.
+        home: Origin of the scenario.
+        utc_clock: Seconds since 1970.
+    """
+
+    def __init__(
+        self, pilot: Pilot, flavour: Flavour, system_id: int, home: Geodetic, utc_clock: Callable[[], float]
+    ) -> None:
+        self._pilot, self._flavour, self._system_id, self._utc_clock = pilot, flavour, system_id, utc_clock
+        latitude, longitude, altitude = geodetic_from_ned(pilot.origin_ned_m, home)
+        self.home = Geodetic(float(latitude), float(longitude), float(altitude))
+        self._last_fix_s = 0.0
+        self._last_h_acc_mm = 0
+        self._builders: dict[str, Callable[[], Fields]] = {
+            name: getattr(self, f"_{name.lower()}") for name in (*DEFAULT_INTERVAL_S, *ON_REQUEST)
+        }
+        if not flavour.is_px4:
+            del self._builders["ESTIMATOR_STATUS"]  # ArduPilot has none
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._builders
+
+    def fields(self, name: str) -> Fields:
+        """Fields of one message now."""
+        return self._builders[name]()
+
+    @property
+    def _boot_ms(self) -> int:
+        return round(self._pilot.navigation.time_s * 1e3) & 0xFFFFFFFF
+
+    @property
+    def _boot_us(self) -> int:
+        return round(self._pilot.navigation.time_s * 1e6)
+
+    def _heartbeat(self) -> Fields:
+        pilot = self._pilot
+        status = _CRITICAL if pilot.failsafe else _ACTIVE if pilot.armed else _STANDBY
+        return {
+            "type": _MAV_TYPE_QUADROTOR,
+            "autopilot": self._flavour.autopilot,
+            "base_mode": self._flavour.base_mode | (MODE_FLAG_ARMED if pilot.armed else 0),
+            "custom_mode": self._flavour.custom_modes[pilot.mode],
+            "system_status": status,
+            "mavlink_version": 3,
+        }
+
+    def _sys_status(self) -> Fields:
+        healthy = _SENSORS if self._pilot.navigation.fix_type >= _FIX_3D else _SENSORS & ~_GPS_SENSOR
+        return {
+            "onboard_control_sensors_present": _SENSORS,
+            "onboard_control_sensors_enabled": _SENSORS,
+            "onboard_control_sensors_health": healthy,
+            "load": 150,
+            "voltage_battery": 16200,
+            "current_battery": 1000,
+            "battery_remaining": 100,
+        }
+
+    def _battery_status(self) -> Fields:
+        return {
+            "type": 1,
+            "temperature": _INT16_MAX,
+            "voltages": (4050, 4050, 4050, 4050, *(_UINT16_UNKNOWN,) * 6),
+            "current_battery": 1000,
+            "current_consumed": -1,
+            "energy_consumed": -1,
+            "battery_remaining": 100,
+            "charge_state": 1,
+        }
+
+    def _system_time(self) -> Fields:
+        return {"time_unix_usec": round(self._utc_clock() * 1e6), "time_boot_ms": self._boot_ms}
+
+    def _gps_raw_int(self) -> Fields:
+        navigation = self._pilot.navigation
+        north, east, _ = navigation.velocity_ned_mps
+        has_fix = navigation.fix_type >= _FIX_3D
+        h_acc_mm = _up_mm(navigation.h_acc_m)
+        if has_fix:
+            self._last_h_acc_mm = h_acc_mm
+        if self._flavour.is_px4:
+            fix_type, time_us, eph = navigation.fix_type, 0, 70
+            h_acc_mm = h_acc_mm if has_fix else _LOST_H_ACC_MM
+        else:
+            fix_type, time_us, eph = (_RTK_FIXED if has_fix else _NO_FIX_ARDUPILOT), self._boot_us, 121
+            h_acc_mm = self._last_h_acc_mm
+        return {
+            "time_usec": time_us,
+            "fix_type": fix_type,
+            **_position(navigation.latitude_deg, navigation.longitude_deg, "lat", "lon"),
+            "alt": mm_from_m(navigation.altitude_m),
+            "alt_ellipsoid": mm_from_m(navigation.altitude_m),
+            "eph": eph if has_fix else 9999,
+            "epv": eph if has_fix else 9999,
+            "vel": min(cmps_from_mps(math.hypot(north, east)), _UINT16_UNKNOWN - 1),
+            "cog": _cdeg(math.atan2(east, north)),
+            "satellites_visible": 14 if has_fix else 0,
+            "h_acc": h_acc_mm,
+            "v_acc": _up_mm(navigation.v_acc_m),
+            "vel_acc": _up_mm(navigation.vel_acc_mps),
+        }
+
+    def _global_position_int(self) -> Fields:
+        navigation = self._pilot.navigation
+        return {
+            "time_boot_ms": self._boot_ms,
+            **_position(navigation.latitude_deg, navigation.longitude_deg, "lat", "lon"),
+            "alt": mm_from_m(navigation.altitude_m),
+            "relative_alt": mm_from_m(navigation.altitude_m - self.home.altitude_m),
+            **{name: _int16_cmps(v) for name, v in zip(("vx", "vy", "vz"), navigation.velocity_ned_mps, strict=True)},
+            "hdg": _cdeg(self._pilot.yaw_rad),
+        }
+
+    def _local_position_ned(self) -> Fields:
+        return {
+            "time_boot_ms": self._boot_ms,
+            **dict(zip(("x", "y", "z"), self._pilot.local_position_ned_m, strict=True)),
+            **dict(zip(("vx", "vy", "vz"), self._pilot.navigation.velocity_ned_mps, strict=True)),
+        }
+
+    def _attitude_rad(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw of a multirotor that thrusts as its acceleration demands."""
+        north, east, down = self._pilot.navigation.acceleration_ned_mps2
+        yaw = self._pilot.yaw_rad
+        forward = math.cos(yaw) * north + math.sin(yaw) * east
+        right = -math.sin(yaw) * north + math.cos(yaw) * east
+        lift = max(GRAVITY_MPS2 - down, 1.0)
+        pitch = math.atan2(-forward, lift)
+        return math.atan2(right * math.cos(pitch), lift), pitch, yaw
+
+    def _quaternion(self) -> tuple[float, float, float, float]:
+        roll, pitch, yaw = (angle / 2.0 for angle in self._attitude_rad())
+        cr, sr, cp, sp, cy, sy = *_cos_sin(roll), *_cos_sin(pitch), *_cos_sin(yaw)
+        return (
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        )
+
+    def _attitude(self) -> Fields:
+        roll, pitch, yaw = self._attitude_rad()
+        rate = self._pilot.nose.rate_radps
+        return {"time_boot_ms": self._boot_ms, "roll": roll, "pitch": pitch, "yaw": yaw, "yawspeed": rate}
+
+    def _attitude_quaternion(self) -> Fields:
+        quaternion = dict(zip(("q1", "q2", "q3", "q4"), self._quaternion(), strict=True))
+        return {"time_boot_ms": self._boot_ms, **quaternion, "yawspeed": self._pilot.nose.rate_radps}
+
+    def _vfr_hud(self) -> Fields:
+        navigation = self._pilot.navigation
+        north, east, down = navigation.velocity_ned_mps
+        speed = math.hypot(north, east)
+        return {
+            "airspeed": speed,
+            "groundspeed": speed,
+            "heading": _cdeg(self._pilot.yaw_rad) // 100,
+            "throttle": 50 if navigation.in_air else 0,
+            "alt": navigation.altitude_m,
+            "climb": -down,
+        }
+
+    def _position_target_local_ned(self) -> Fields:
+        pilot = self._pilot
+        target = pilot.position_target_ned_m
+        fields: Fields = {
+            "time_boot_ms": self._boot_ms,
+            "coordinate_frame": 1,
+            "type_mask": _VELOCITY_TARGET_MASK if target is None else _POSITION_TARGET_MASK,
+            **dict(zip(("vx", "vy", "vz"), pilot.command_ned_mps, strict=True)),
+        }
+        return fields if target is None else fields | dict(zip(("x", "y", "z"), target, strict=True))
+
+    def _estimator_status(self) -> Fields:
+        navigation = self._pilot.navigation
+        if navigation.fix_type >= _FIX_3D:
+            self._last_fix_s = navigation.time_s
+        if navigation.time_s - self._last_fix_s > _DEAD_RECKONING_S:
+            flags = _ESTIMATOR_LOST
+        else:
+            flags = _ESTIMATOR_AIR if navigation.in_air else _ESTIMATOR_GROUND
+        return {
+            "time_usec": self._boot_us,
+            "flags": flags,
+            "vel_ratio": 0.05,
+            "pos_horiz_ratio": 0.05,
+            "pos_vert_ratio": 0.05,
+            "mag_ratio": 0.05,
+            "hagl_ratio": math.nan,
+            "tas_ratio": math.nan,
+            "pos_horiz_accuracy": navigation.h_acc_m,
+            "pos_vert_accuracy": navigation.v_acc_m,
+        }
+
+    def _extended_sys_state(self) -> Fields:
+        pilot = self._pilot
+        if pilot.navigation.state is VehicleState.GROUNDED:
+            landed_state = _ON_GROUND
+        elif pilot.is_climbing_out:
+            landed_state = _TAKING_OFF
+        else:
+            landed_state = _LANDING if pilot.is_landing else _IN_AIR
+        return {"vtol_state": 0, "landed_state": landed_state}
+
+    def _home_position(self) -> Fields:
+        return {
+            **_position(self.home.latitude_deg, self.home.longitude_deg, "latitude", "longitude"),
+            "altitude": mm_from_m(self.home.altitude_m),
+            "q": (1.0, 0.0, 0.0, 0.0),
+            "approach_x": math.nan,
+            "approach_y": math.nan,
+            "approach_z": math.nan,
+            "time_usec": self._boot_us,
+        }
+
+    def _altitude(self) -> Fields:
+        altitude_m = self._pilot.navigation.altitude_m
+        relative_m = altitude_m - self.home.altitude_m
+        return {
+            "time_usec": self._boot_us,
+            "altitude_monotonic": relative_m,
+            "altitude_amsl": altitude_m,
+            "altitude_local": relative_m,
+            "altitude_relative": relative_m,
+            "altitude_terrain": math.nan,
+            "bottom_clearance": math.nan,
+        }
+
+    def _gps_global_origin(self) -> Fields:
+        return {
+            **_position(self.home.latitude_deg, self.home.longitude_deg, "latitude", "longitude"),
+            "altitude": mm_from_m(self.home.altitude_m),
+            "time_usec": self._boot_us,
+        }
+
+    def _odometry(self) -> Fields:
+        navigation = self._pilot.navigation
+        pose = [math.nan] * 21
+        pose[0] = pose[6] = navigation.h_acc_m**2
+        pose[11] = navigation.v_acc_m**2
+        speed = [math.nan] * 21
+        speed[0] = speed[6] = speed[11] = navigation.vel_acc_mps**2
+        return {
+            "time_usec": self._boot_us,
+            "frame_id": 1,
+            "child_frame_id": 1,
+            **dict(zip(("x", "y", "z"), self._pilot.local_position_ned_m, strict=True)),
+            "q": self._quaternion(),
+            **dict(zip(("vx", "vy", "vz"), navigation.velocity_ned_mps, strict=True)),
+            "yawspeed": self._pilot.nose.rate_radps,
+            "pose_covariance": pose,
+            "velocity_covariance": speed,
+            "estimator_type": 4,
+            "quality": 100,
+        }
+
+    def _autopilot_version(self) -> Fields:
+        return {
+            "capabilities": self._flavour.capabilities,
+            "flight_sw_version": VERSION,
+            "middleware_sw_version": VERSION,
+            "os_sw_version": VERSION,
+            "uid": self._system_id,
+        }
+
+
+def _position(latitude_deg: float, longitude_deg: float, latitude_name: str, longitude_name: str) -> Fields:
+    return {latitude_name: dege7_from_deg(latitude_deg), longitude_name: dege7_from_deg(longitude_deg)}
+
+
+def _cos_sin(angle_rad: float) -> tuple[float, float]:
+    return math.cos(angle_rad), math.sin(angle_rad)
+
+
+def _cdeg(angle_rad: float) -> int:
+    """Whole hundredths of a degree in [0, 36000)."""
+    return round(math.degrees(angle_rad) * 100.0) % 36000
+
+
+def _int16_cmps(speed_mps: float) -> int:
+    return min(max(cmps_from_mps(speed_mps), -_INT16_MAX), _INT16_MAX)
+
+
+def _up_mm(accuracy: float) -> int:
+    """Whole millimetres (or mm/s), rounded up: an accuracy is never understated, and 0 would read as unknown."""
+    return max(1, math.ceil(accuracy * 1e3 - 1e-6))

@@ -1,0 +1,7 @@
+"""The simulator's commands, hung into ``ridlink`` by the entry-point group ``ridlink.commands``."""
+
+from __future__ import annotations
+
+from sitl_sim.cli.sim_command import sim
+
+__all__ = ["sim"]

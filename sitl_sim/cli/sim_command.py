@@ -1,0 +1,213 @@
+"""``ridlink sim``: a fleet of emulated vehicles on loopback."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from sitl_sim.server import FleetServer
+
+AUTOPILOTS = ("px4", "ardupilot", "ideal")
+GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
+TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink")
+
+REPORT_S = 1.0
+
+
+class Finite(click.FloatRange):
+    """A float in a range; "nan" and "inf" are no figures."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
+
+
+class Home(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
+    """LAT,LON,ALT in degrees and metres above mean sea level."""
+
+    name = "LAT,LON,ALT"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        try:
+            latitude, longitude, altitude = (float(part) for part in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not LAT,LON,ALT, as in 47.397742,8.545594,488.", param, ctx)
+        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and -500.0 <= altitude <= 9000.0):
+            self.fail(f"{value!r} is no place on Earth.", param, ctx)
+        return latitude, longitude, altitude
+
+
+@click.command(short_help="Emulate a fleet that MAVSDK, mavutil and MAVProxy take for real.")
+@click.option("--scenario", default="circle8", show_default=True, metavar="NAME|FILE.toml",
+              help="circle8, square24, head-on, crossing, overtake, or a file.")
+@click.option("-n", "--vehicles", "count", type=click.IntRange(0, 250), metavar="N",
+              help="Number of vehicles; 0 is the air alone.  [default: the scenario's]")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.option("--autopilot", type=click.Choice(AUTOPILOTS), default="px4", show_default=True,
+              help="Whose response and whose MAVLink.")
+@click.option("--speed", "speed_mps", type=Finite(0.0, 60.0, min_open=True), default=10.0, show_default=True,
+              metavar="M/S", help="Cruise speed of vehicles of which the scenario says nothing.")
+@click.option("--airborne", is_flag=True, help="Hover at the start and obey setpoints, instead of standing unarmed.")
+@click.option("--gnss", type=click.Choice(GNSS_MODELS), default="gauss-markov", show_default=True,
+              help="How sigma becomes a position error.")
+@click.option("--sigma", "sigma_m", type=Finite(0.0, 1000.0), default=3.5, show_default=True, metavar="M",
+              help="Standard deviation per axis, for vehicles of which the scenario says nothing; 0 = exact.")
+@click.option("--interval", "interval_s", type=Finite(0.02, 10.0), metavar="S",
+              help="Time between two Remote ID updates.  [default: the scenario's, 0.1]")
+@click.option("--technology", type=click.Choice(TECHNOLOGIES), default="ideal", show_default=True,
+              help="Way of broadcasting: shortest interval, range, delay and loss.")
+@click.option("--loss", type=Finite(0.0, 1.0), metavar="SHARE", help="Share lost.  [default: the technology's]")
+@click.option("--range", "range_m", type=Finite(0.0, 1e6, min_open=True), metavar="M",
+              help="Radio range.  [default: the technology's; ideal: 400]")
+@click.option("--home", type=Home(), help="Where the scenario's origin lies.  [default: 47.397742,8.545594,488]")
+@click.option("--duration", "duration_s", type=Finite(0.0, min_open=True), metavar="S",
+              help="Stop after this time.  [default: SIGTERM or Ctrl-C]")
+@click.option("--no-rid", is_flag=True, help="Vehicles do not broadcast Remote ID; their daemons may.")
+@click.option("--vehicle-port", type=click.IntRange(0, 65535), default=14580, show_default=True, metavar="PORT",
+              help="Port of the first vehicle, the others follow; 0 = any.")
+@click.option("--companion-port", type=click.IntRange(0, 65535), default=14540, show_default=True, metavar="PORT",
+              help="Where the first vehicle sends telemetry unasked, the others follow; 0 = nowhere.")
+@click.option("--air-port", type=click.IntRange(0, 65535), default=14650, show_default=True, metavar="PORT",
+              help="Port of the broadcast medium; 0 = any.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object a second on stdout, and the verdict at the end.")
+def sim(
+    scenario: str,
+    count: int | None,
+    seed: int,
+    autopilot: str,
+    speed_mps: float,
+    airborne: bool,
+    gnss: str,
+    sigma_m: float,
+    interval_s: float | None,
+    technology: str,
+    loss: float | None,
+    range_m: float | None,
+    home: tuple[float, float, float] | None,
+    duration_s: float | None,
+    no_rid: bool,
+    vehicle_port: int,
+    companion_port: int,
+    air_port: int,
+    as_json: bool,
+) -> int:
+    """Emulate a fleet that MAVSDK, mavutil and MAVProxy take for real.
+
+    Vehicle i has system id i, listens on UDP 127.0.0.1:14580+i-1 and sends its telemetry to 127.0.0.1:14540+i-1. Remote
+    ID is broadcast on the air, 127.0.0.1:14650: send a HEARTBEAT there and hear what that vehicle would hear, or
+    everything with system id 255.
+
+    \b
+    Examples:
+      ridlink sim -n 1
+      ridlink sim --scenario head-on --airborne --autopilot ardupilot
+      ridlink sim -n 0                    # the air alone, for your own vehicles
+    """
+    import asyncio
+    import logging
+    from dataclasses import replace
+
+    from ridlink.geodesy import Geodetic
+    from sitl_sim.autopilot import Start
+    from sitl_sim.scenario import resolve_scenario
+    from sitl_sim.server import DEFAULT_HOME, FleetConfig, FleetServer
+
+    logging.basicConfig(format="ridlink sim: %(message)s", level=logging.WARNING)
+    chosen = resolve_scenario(scenario, count, speed_mps=speed_mps)
+    if interval_s is not None:
+        chosen = replace(chosen, interval_s=interval_s)
+    config = FleetConfig(
+        seed=seed,
+        autopilot=autopilot,
+        gnss=gnss,  # type: ignore[arg-type]
+        sigma_m=sigma_m,
+        start=Start.AIRBORNE if airborne else Start.GROUND,
+        remote_id=not no_rid,
+        technology=technology,
+        range_m=range_m,
+        loss=loss,
+        home=DEFAULT_HOME if home is None else Geodetic(*home),
+        vehicle_port=vehicle_port,
+        companion_port=companion_port,
+        air_port=air_port,
+    )
+    return asyncio.run(_run(FleetServer(chosen, config), duration_s, as_json))
+
+
+async def _run(server: FleetServer, duration_s: float | None, as_json: bool) -> int:
+    """Fly until time is up or a signal comes; a second signal ends the process at once."""
+    import asyncio
+    import json
+    import signal
+
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+
+    def stop_gently(number: signal.Signals) -> None:
+        loop.remove_signal_handler(number)
+        stop.set()
+
+    await server.start()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop_gently, number)
+    click.echo(_greeting(server), err=True)
+    if duration_s is not None:
+        loop.call_later(duration_s, stop.set)
+    flying = asyncio.create_task(server.run(stop))
+    try:
+        while not stop.is_set():
+            try:
+                await asyncio.wait_for(stop.wait(), REPORT_S)
+            except TimeoutError:
+                if as_json:
+                    click.echo(json.dumps(server.snapshot(), separators=(",", ":")))
+        await flying
+    finally:
+        stop.set()
+        await asyncio.gather(flying, return_exceptions=True)
+        await server.close()
+    click.echo(json.dumps(_verdict(server), separators=(",", ":")) if as_json else _verdict_line(server))
+    return 0
+
+
+def _greeting(server: FleetServer) -> str:
+    ports, config, vehicles = server.ports, server.config, len(server.autopilots)
+    text = f"ridlink sim: {server.scenario.name}, {vehicles} vehicle{'' if vehicles == 1 else 's'}"
+    if vehicles:
+        text += f" ({config.autopilot}, {config.start}) on UDP {_range(ports.vehicles)}"
+        if config.companion_port:
+            companions = tuple(range(config.companion_port, config.companion_port + vehicles))
+            text += f", telemetry to {_range(companions)}"
+    return f"{text}, air {ports.air}"
+
+
+def _range(ports: tuple[int, ...]) -> str:
+    if len(ports) > 1 and ports == tuple(range(ports[0], ports[0] + len(ports))):
+        return f"{ports[0]}-{ports[-1]}"
+    return ",".join(map(str, ports))
+
+
+def _verdict(server: FleetServer) -> dict[str, Any]:
+    return {
+        "scenario": server.scenario.name,
+        "seed": server.config.seed,
+        "time_s": round(server.world.time_s, 2),
+        "mission_begun": server.mission_begun,
+        **server.world.verdict().as_dict(),
+    }
+
+
+def _verdict_line(server: FleetServer) -> str:
+    if not server.mission_begun:
+        return f"{server.scenario.name}: {server.world.time_s:.1f} s, no mission was flown"
+    verdict = server.world.verdict()
+    nearest = "" if verdict.min_separation_m is None else f", nearest {verdict.min_separation_m:.1f} m"
+    flown = f"{server.scenario.name}: {server.world.mission_time_s:.1f} s"
+    return f"{flown}, {verdict.arrived} of {verdict.vehicles} arrived, {verdict.macs} collisions{nearest}"

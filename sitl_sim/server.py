@@ -1,0 +1,405 @@
+"""The fleet on the network: one UDP socket a vehicle, one for the air, and real time.
+
+Everything that decides lies elsewhere and knows neither sockets nor clocks: `World`, `Autopilot`, `Broadcaster`, `Air`.
+Here the world is stepped 50 times a second, datagrams are carried to and fro, and whatever fails is counted and logged
+without taking the fleet along.
+
+All sockets are on loopback. Vehicle i listens on 14580 + i - 1 and sends its telemetry to 14540 + i - 1, as PX4's own
+simulations do; the air is 14650.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ridlink.errors import ConfigError, LinkError
+from ridlink.geodesy import Geodetic
+from ridlink.links import Link, open_link
+from sitl_sim.autopilot import FLAVOURS, Autopilot, FleetNavigation, Outgoing, Start
+from sitl_sim.broadcast import Broadcaster
+from sitl_sim.fleet import Stream, vehicle_generator
+from sitl_sim.gnss import ERROR_MODELS, ErrorModel
+from sitl_sim.radio import Air
+from sitl_sim.scenario import Scenario
+from sitl_sim.vehicle import TICK_S
+from sitl_sim.world import VehicleState, World
+
+Address = tuple[str, int]
+
+HOST = "127.0.0.1"
+
+DEFAULT_HOME = Geodetic(47.397742, 8.545594, 488.0)
+"""Where PX4's own simulations take off."""
+
+MAX_CATCH_UP_S = 0.25
+"""Longest time flown in one go after a stall; what is beyond is lost to the vehicles, as to a paused game."""
+
+MIN_DELIVERY_S = 0.005
+"""Broadcasts under way are delivered in batches no closer than this."""
+
+ERROR_LOG_S = 1.0
+"""Shortest time between two log lines about failures."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class FleetConfig:
+    """How a scenario is put on the network.
+
+    Args:
+        seed: Seed of every chance in it.
+        autopilot: "px4", "ardupilot" or "ideal".
+        gnss: How sigma becomes an error; the default wanders as real receivers do.
+        sigma_m: One standard deviation per axis, for vehicles of which the scenario says nothing.
+        start: How the fleet begins.
+        remote_id: Whether vehicles broadcast by themselves; False leaves it to their daemons.
+        technology: Way of broadcasting, see `radio.TECHNOLOGIES`.
+        range_m, loss: Radio range and share lost; None: the technology's.
+        home: Where the scenario's origin lies.
+        vehicle_port: Port of the first vehicle; 0: the kernel chooses all of them.
+        companion_port: Where the first vehicle sends its telemetry unasked; 0: nowhere.
+        air_port: Port of the air; 0: the kernel chooses.
+
+    Raises:
+        ConfigError: If a figure is out of range.
+    """
+
+    seed: int = 1
+    autopilot: str = "px4"
+    gnss: ErrorModel = "gauss-markov"
+    sigma_m: float = 3.5
+    start: Start = Start.GROUND
+    remote_id: bool = True
+    technology: str = "ideal"
+    range_m: float | None = None
+    loss: float | None = None
+    home: Geodetic = DEFAULT_HOME
+    vehicle_port: int = 14580
+    companion_port: int = 14540
+    air_port: int = 14650
+
+    def __post_init__(self) -> None:
+        if self.autopilot not in FLAVOURS:
+            raise ConfigError(f"unknown autopilot '{self.autopilot}': known are {', '.join(FLAVOURS)}")
+        if self.gnss not in ERROR_MODELS:
+            raise ConfigError(f"unknown GNSS error model '{self.gnss}': known are {', '.join(ERROR_MODELS)}")
+        if self.seed < 0:
+            raise ConfigError(f"the seed must not be negative, not {self.seed}")
+        if not (math.isfinite(self.sigma_m) and self.sigma_m >= 0.0):
+            raise ConfigError(f"sigma must be finite and not negative, not {self.sigma_m}")
+        home = self.home
+        if not (abs(home.latitude_deg) <= 90.0 and abs(home.longitude_deg) <= 180.0 and math.isfinite(home.altitude_m)):
+            raise ConfigError(f"no such home: {home.latitude_deg}, {home.longitude_deg}, {home.altitude_m}")
+
+    def check_ports(self, vehicles: int) -> None:
+        """Every port is somebody's alone.
+
+        Raises:
+            ConfigError: If the ports of so many vehicles overlap, or there are not so many ports.
+        """
+        blocks = [("vehicle", self.vehicle_port, vehicles), ("companion", self.companion_port, vehicles)]
+        blocks = [block for block in [*blocks, ("air", self.air_port, 1)] if block[1] and block[2]]
+        for name, first, count in blocks:
+            if not (first > 0 and first + count - 1 <= 65535):
+                raise ConfigError(f"the {name} port must be between 1 and {65536 - count}, not {first}")
+        for at, (name, first, count) in enumerate(blocks):
+            for other, other_first, other_count in blocks[at + 1 :]:
+                if first < other_first + other_count and other_first < first + count:
+                    raise ConfigError(
+                        f"{vehicles} vehicles: the {name} ports from {first} and the {other} ports from {other_first} "
+                        "overlap; move them with --vehicle-port, --companion-port or --air-port"
+                    )
+
+
+@dataclass(frozen=True, slots=True)
+class FleetPorts:
+    """UDP ports as bound: one a vehicle in the order of system ids, and the air's."""
+
+    vehicles: tuple[int, ...]
+    air: int
+
+
+class FleetServer:
+    """A fleet in real time on loopback.
+
+    Args:
+        scenario: What is flown.
+        config: How.
+        utc_clock: Seconds since 1970.
+
+    Attributes:
+        world: The truth; for referees, logs and pages, never for anything that steers.
+        autopilots: The vehicles' MAVLink faces, in the order of system ids.
+        air: The broadcast medium.
+        counters: Events by cause: tick, slipped_ms, error.
+        mission_begun: Whether mission time counts.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        config: FleetConfig | None = None,
+        *,
+        utc_clock: Callable[[], float] = time.time,
+    ) -> None:
+        self.config = config = config or FleetConfig()
+        self.scenario = scenario
+        config.check_ports(len(scenario.vehicles))
+        self.world = World(
+            scenario,
+            seed=config.seed,
+            autopilot=config.autopilot,
+            gnss=config.gnss,
+            sigma_m=config.sigma_m,
+            airborne=config.start is not Start.GROUND,
+        )
+        self.air = Air(
+            config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=config.home
+        )
+        self._navigation = FleetNavigation(self.world, config.home)
+        self.autopilots = [
+            Autopilot(
+                self.world,
+                index,
+                self._navigation,
+                flavour=config.autopilot,
+                utc_clock=utc_clock,
+                start=config.start,
+                companion=(HOST, config.companion_port + index) if config.companion_port else None,
+            )
+            for index in range(len(scenario.vehicles))
+        ]
+        self._broadcasters = [self._broadcaster(autopilot, utc_clock) for autopilot in self.autopilots]
+        self.counters: Counter[str] = Counter()
+        self.mission_begun = False
+        self._vehicle_links: list[Link] = []
+        self._air_link: Link | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._tick_handle: asyncio.TimerHandle | None = None
+        self._delivery_handle: asyncio.TimerHandle | None = None
+        self._flown_until_s = 0.0
+        self._expired_s = 0.0
+        self._logged_s = -math.inf
+        self._unlogged = 0
+
+    def _broadcaster(self, autopilot: Autopilot, utc_clock: Callable[[], float]) -> Broadcaster:
+        generator = vehicle_generator(self.config.seed, Stream.PHASE, autopilot.system_id - 1)
+        return Broadcaster(
+            autopilot.system_id,
+            self.scenario.vehicles[autopilot.system_id - 1],
+            autopilot.telemetry.home,
+            interval_s=max(self.scenario.interval_s, self.air.technology.period_s),
+            utc_clock=utc_clock,
+            phase=float(generator.random()),
+        )
+
+    # --- life ---------------------------------------------------------------------------------------------------------
+
+    async def start(self) -> None:
+        """Open all sockets.
+
+        Raises:
+            LinkError: If a port is in use; those opened before are released.
+        """
+        self._loop = asyncio.get_running_loop()
+        config = self.config
+        try:
+            for index in range(len(self.autopilots)):
+                port = config.vehicle_port + index if config.vehicle_port else 0
+                self._vehicle_links.append(await _listen(port, self._vehicle_handler(index), "--vehicle-port"))
+            self._air_link = await _listen(config.air_port, self._on_air_datagram, "--air-port")
+        except LinkError:
+            await self.close()
+            raise
+
+    @property
+    def ports(self) -> FleetPorts:
+        """Ports as bound, after `start`."""
+        if self._air_link is None:
+            raise RuntimeError("the fleet has not been started")
+        vehicles = tuple(link.local_address[1] for link in self._vehicle_links)
+        return FleetPorts(vehicles, self._air_link.local_address[1])
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Fly in real time until `stop` is set."""
+        if self._loop is None:
+            raise RuntimeError("the fleet has not been started")
+        self._flown_until_s = self._loop.time()
+        if self.config.start is Start.AIRBORNE or not any(v.cooperative for v in self.scenario.vehicles):
+            self.begin_mission()
+        self._tick_handle = self._loop.call_soon(self._on_tick)  # type: ignore[assignment]
+        try:
+            await stop.wait()
+        finally:
+            for handle in (self._tick_handle, self._delivery_handle):
+                if handle is not None:
+                    handle.cancel()
+            self._tick_handle = self._delivery_handle = None
+
+    async def close(self) -> None:
+        """Release all ports."""
+        for link in self._vehicle_links:
+            link.close()
+        if self._air_link is not None:
+            self._air_link.close()
+
+    def begin_mission(self) -> None:
+        """Mission time counts from now, and those who avoid nobody set out.
+
+        An airborne fleet begins with `run`. One from the ground begins when all cooperative vehicles obey setpoints in
+        the air. A holding one begins when its owner says so.
+        """
+        self.mission_begun = True
+        self.world.begin_mission()
+        for autopilot in self.autopilots:
+            autopilot.pilot.begin_mission()
+
+    # --- time ---------------------------------------------------------------------------------------------------------
+
+    def _on_tick(self) -> None:
+        assert self._loop is not None
+        now_s = self._loop.time()
+        try:
+            self._fly(now_s)
+            self._serve(now_s)
+        except Exception:
+            self._note_failure("tick")
+        self._tick_handle = self._loop.call_at(self._flown_until_s + TICK_S, self._on_tick)
+
+    def _fly(self, now_s: float) -> None:
+        """Step the world up to now, in whole ticks."""
+        behind_s = now_s - self._flown_until_s
+        if behind_s > MAX_CATCH_UP_S:
+            self.counters["slipped_ms"] += round((behind_s - MAX_CATCH_UP_S) * 1e3)
+            self._flown_until_s = now_s - MAX_CATCH_UP_S
+            behind_s = MAX_CATCH_UP_S
+        ticks = int(behind_s / TICK_S + 1e-6)
+        for _ in range(ticks):
+            self._flown_until_s += TICK_S
+            self.counters["tick"] += 1
+            self.world.step(TICK_S)
+
+    def _serve(self, now_s: float) -> None:
+        """Let everybody say what is due."""
+        self._navigation.refresh()
+        self.air.place_vehicles(self.world.position_ned_m, self.world.state != VehicleState.GONE)
+        for index, autopilot in enumerate(self.autopilots):
+            try:
+                self._send(index, autopilot.tick(now_s))
+                if self.config.remote_id:
+                    self._broadcast(index, autopilot, now_s)
+            except Exception:
+                self._note_failure(f"vehicle {autopilot.system_id}")
+        if not self.mission_begun and self.config.start is Start.GROUND:
+            self._watch_for_mission(now_s)
+        if now_s - self._expired_s >= 1.0:
+            self._expired_s = now_s
+            self.air.expire(now_s)
+        self._deliver()
+
+    def _broadcast(self, index: int, autopilot: Autopilot, now_s: float) -> None:
+        command = autopilot.pilot.command_ned_mps if autopilot.is_avoiding else None
+        for datagram in self._broadcasters[index].tick(self._navigation[index], command, now_s):
+            self.air.broadcast(autopilot.system_id, None, datagram, now_s)
+
+    def _watch_for_mission(self, now_s: float) -> None:
+        cooperative = [a for a, v in zip(self.autopilots, self.scenario.vehicles, strict=True) if v.cooperative]
+        if cooperative and all(autopilot.pilot.is_steered(now_s) for autopilot in cooperative):
+            self.begin_mission()
+
+    # --- bytes --------------------------------------------------------------------------------------------------------
+
+    def _send(self, index: int, outgoing: Outgoing) -> None:
+        for datagram, address in outgoing:
+            self._vehicle_links[index].send(datagram, address)
+
+    def _vehicle_handler(self, index: int) -> Callable[[bytes, Address], None]:
+        autopilot = self.autopilots[index]
+
+        def take(datagram: bytes, address: Address) -> None:
+            assert self._loop is not None
+            try:
+                self._send(index, autopilot.receive(datagram, address, self._loop.time()))
+            except Exception:
+                self._note_failure(f"vehicle {autopilot.system_id}")
+
+        return take
+
+    def _on_air_datagram(self, datagram: bytes, address: Address) -> None:
+        assert self._loop is not None
+        try:
+            self.air.receive(datagram, address, self._loop.time())
+            self._deliver()
+        except Exception:
+            self._note_failure("air")
+
+    def _deliver(self) -> None:
+        """Hand over what has arrived by now, and come back when the next broadcast arrives."""
+        assert self._loop is not None and self._air_link is not None
+        send = self._air_link.send
+        for datagram, address in self.air.due(self._loop.time()):
+            send(datagram, address)  # type: ignore[arg-type]
+        next_s = self.air.next_due_s()
+        if next_s is not None and self._delivery_handle is None and self._tick_handle is not None:
+            self._delivery_handle = self._loop.call_at(
+                max(next_s, self._loop.time() + MIN_DELIVERY_S), self._on_delivery
+            )
+
+    def _on_delivery(self) -> None:
+        self._delivery_handle = None
+        self._deliver()
+
+    # --- what went wrong, and what is to be seen ----------------------------------------------------------------------
+
+    def _note_failure(self, where: str) -> None:
+        """Count a failure of our own code; the log gets one of them a second."""
+        self.counters["error"] += 1
+        self._unlogged += 1
+        now_s = time.monotonic()
+        if now_s - self._logged_s >= ERROR_LOG_S:
+            log.exception("%s: %d failure(s) in the last second, the fleet goes on", where, self._unlogged)
+            self._logged_s, self._unlogged = now_s, 0
+
+    def snapshot(self) -> dict[str, Any]:
+        """Plain values for JSON: time, and for every vehicle mode, arming, state and true position."""
+        states = self.world.state.tolist()
+        positions = (np.round(self.world.position_ned_m, 2) + 0.0).tolist()  # no "-0.0"
+        velocities = (np.round(self.world.velocity_ned_mps, 2) + 0.0).tolist()
+        return {
+            "time_s": round(self.world.time_s, 2),
+            "mission_time_s": round(self.world.mission_time_s, 2) if self.mission_begun else None,
+            "vehicles": [
+                {
+                    "system_id": autopilot.system_id,
+                    "mode": str(autopilot.pilot.mode),
+                    "armed": autopilot.pilot.armed,
+                    "state": VehicleState(state).name.lower(),
+                    "avoiding": autopilot.is_avoiding,
+                    "position_ned_m": position,
+                    "velocity_ned_mps": velocity,
+                }
+                for autopilot, state, position, velocity in zip(
+                    self.autopilots, states, positions, velocities, strict=True
+                )
+            ],
+        }
+
+
+async def _listen(port: int, handler: Callable[[bytes, Address], None], option: str) -> Link:
+    try:
+        return await open_link(f"udpin:{HOST}:{port}", handler)
+    except LinkError as error:
+        raise LinkError(
+            f"cannot use UDP port {port}: another simulation may be running (ss -ulpn shows who has it); stop it, or "
+            f"choose other ports with {option}"
+        ) from error
