@@ -3,19 +3,24 @@
 The build runs this file before ridlink exists as a package, so it imports nothing of ridlink. The dialect includes
 ``common.xml``; mavgen resolves includes beside the including file only, so the definitions are copied into a
 temporary folder together with the ones that the pymavlink wheel ships.
+
+mavgen evaluates enum values as Python: it is only ever given our own XML. ``check`` reads everybody else's.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-import shutil
+import os
 import tempfile
 from importlib import resources
 from pathlib import Path
 
 LANGUAGES = {"python": "Python3", "c": "C", "lua": "WLua", "typescript": "TypeScript"}
 """Names of the bindings on our command line, and what mavgen calls them."""
+
+SUFFIXES = {"python": ".py", "lua": ".lua"}
+"""Bindings that are one file; the others are folders."""
 
 DIALECT_XML = Path(__file__).with_name("ridlink.xml")
 UPSTREAM_XML = ("common.xml", "standard.xml", "minimal.xml")
@@ -25,18 +30,87 @@ class GenerationError(Exception):
     """mavgen refused the definition; the message is what it printed."""
 
 
-def copy_definitions(folder: Path, dialect_xml: Path = DIALECT_XML) -> Path:
-    """Copy a dialect and the upstream definitions that it may include into one folder.
-
-    Returns:
-        Path of the copied dialect.
-    """
+def definition_files(dialect_xml: Path = DIALECT_XML) -> dict[str, bytes]:
+    """A dialect and the upstream definitions that it includes, by file name: complete in one folder."""
     upstream = resources.files("pymavlink") / "dialects" / "v20"
-    for name in UPSTREAM_XML:
-        (folder / name).write_bytes((upstream / name).read_bytes())
-    target = folder / dialect_xml.name
-    shutil.copyfile(dialect_xml, target)
-    return target
+    files = {name: (upstream / name).read_bytes() for name in UPSTREAM_XML}
+    return files | {dialect_xml.name: dialect_xml.read_bytes()}
+
+
+def render(language: str, stem: str = "ridlink", dialect_xml: Path = DIALECT_XML) -> dict[str, bytes]:
+    """One binding of a dialect in memory: contents by path relative to its folder.
+
+    Args:
+        language: A key of ``LANGUAGES``.
+        stem: Name of the file without its suffix, for bindings that are one file.
+        dialect_xml: The definition.
+
+    Raises:
+        GenerationError: If the language is unknown or mavgen refuses the definition.
+    """
+    if language not in LANGUAGES:
+        raise GenerationError(f"unknown language {language!r}; known: {', '.join(LANGUAGES)}")
+    from pymavlink.generator import mavgen  # the generator costs 0.2 s and lxml: only those who generate pay
+
+    printed = io.StringIO()
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in definition_files(dialect_xml).items():
+            (Path(folder) / name).write_bytes(content)
+        output = Path(folder) / "output"
+        for part in ("enums", "messages") if language == "typescript" else ("",):  # mavgen expects these folders
+            (output / part).mkdir(parents=True)
+        target = output / f"{stem}{SUFFIXES[language]}" if language in SUFFIXES else output
+        options = mavgen.Opts(str(target), wire_protocol="2.0", language=LANGUAGES[language], validate=True)
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+            try:
+                done = mavgen.mavgen(options, [str(Path(folder) / dialect_xml.name)])
+            except (SystemExit, Exception) as error:  # mavgen ends the process on a bad definition
+                print(error)
+                done = False
+        if not done:
+            raise GenerationError(printed.getvalue().strip() or f"mavgen refused {dialect_xml.name}")
+        written = [path for path in sorted(output.rglob("*")) if path.is_file()]
+        return {path.relative_to(output).as_posix(): path.read_bytes() for path in written}
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all; what is not a regular file (a device, a pipe) is written as it is.
+
+    Raises:
+        OSError: If the path cannot be written; ``filename`` is the path given.
+    """
+    target = path.resolve()
+    if target.exists() and not target.is_file() and not target.is_dir():
+        target.write_bytes(content)
+        return
+    unfinished = ""
+    try:
+        descriptor, unfinished = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+        with os.fdopen(descriptor, "wb") as stream:
+            stream.write(content)
+            os.fchmod(stream.fileno(), target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask())
+        os.replace(unfinished, target)
+    except OSError as error:
+        if unfinished:
+            Path(unfinished).unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_files(folder: Path, files: dict[str, bytes]) -> None:
+    """Write files by relative path into a folder, which is made if need be.
+
+    Raises:
+        OSError: If a path cannot be written.
+    """
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        write_file(folder / name, content)
 
 
 def generate(language: str, output: Path, dialect_xml: Path = DIALECT_XML) -> None:
@@ -49,22 +123,11 @@ def generate(language: str, output: Path, dialect_xml: Path = DIALECT_XML) -> No
 
     Raises:
         GenerationError: If the language is unknown or mavgen refuses the definition.
+        OSError: If the output cannot be written.
     """
-    if language not in LANGUAGES:
-        raise GenerationError(f"unknown language {language!r}; known: {', '.join(LANGUAGES)}")
-    from pymavlink.generator import mavgen  # the generator costs 0.2 s and lxml: only those who generate pay
-
-    printed = io.StringIO()
-    with tempfile.TemporaryDirectory() as folder:
-        definition = copy_definitions(Path(folder), dialect_xml)
-        if language == "typescript":  # mavgen does not make the folders that it writes into
-            for part in ("enums", "messages"):
-                (output / part).mkdir(parents=True, exist_ok=True)
-        options = mavgen.Opts(str(output), wire_protocol="2.0", language=LANGUAGES[language], validate=True)
-        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
-            try:
-                done = mavgen.mavgen(options, [str(definition)])
-            except SystemExit:  # mavgen ends the process on a bad definition
-                done = False
-    if not done:
-        raise GenerationError(printed.getvalue().strip() or f"mavgen refused {dialect_xml.name}")
+    files = render(language, output.stem, dialect_xml)
+    if language in SUFFIXES:
+        (content,) = files.values()
+        write_file(output, content)
+    else:
+        write_files(output, files)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import time
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -241,7 +242,7 @@ class TestStreams:
         pieces = FrameParser(CRC_EXTRAS)
         found: list[Frame | BadFrame] = []
         edges = sorted({0, len(data), *(cut for cut in cuts if cut < len(data))})
-        for begin, end in zip(edges, edges[1:], strict=False):
+        for begin, end in pairwise(edges):
             found += pieces.feed(data[begin:end])
             assert pieces.pending <= MAX_FRAME_LENGTH
         found += pieces.flush()

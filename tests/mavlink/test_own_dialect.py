@@ -76,9 +76,9 @@ def test_several_dialects_live_in_one_process() -> None:
     assert 61400 not in common.mavlink_map
     assert 61400 in dialect.mavlink_map
     for module, known in ((common, False), (minimal, False), (dialect, True)):
-        raw = dialect.MAVLink_ridlink_separation_message(
-            0, 0, [0] * 20, 1.0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 1
-        ).pack(dialect.MAVLink(None, 1, 1))
+        raw = dialect.MAVLink_ridlink_separation_message(0, 0, [0] * 20, 1.0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 1).pack(
+            dialect.MAVLink(None, 1, 1)
+        )
         (message,) = module.MAVLink(None).parse_buffer(raw)
         assert (message.get_type() == "RIDLINK_SEPARATION") is known
 

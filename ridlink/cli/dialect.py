@@ -1,0 +1,101 @@
+"""``ridlink dialect``: the message definitions in other forms, and a check of somebody else's."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import click
+
+from ridlink.errors import ConfigError
+
+FORMS = {
+    "xml": "The definition itself. Into a folder: with the upstream definitions that it includes.",
+    "python": "One importable Python file, which needs nothing of ridlink.",
+    "c": "C headers, into a folder.",
+    "lua": "A Wireshark dissector in Lua.",
+    "typescript": "TypeScript classes, into a folder.",
+}
+FOLDERS_ONLY = ("c", "typescript")
+
+
+@click.group()
+def dialect() -> None:
+    """Write the MAVLink dialect in another language, or check a definition against it."""
+
+
+def _write(form: str, output: Path | None) -> None:
+    from message_spec import generate  # mavgen is only imported where a binding is made
+
+    if output is None:
+        if form in FOLDERS_ONLY:
+            raise click.UsageError(f"{form} makes many files: name a folder with -o FOLDER")
+        click.echo(_single_file(form, "ridlink"), nl=False)
+    elif form in FOLDERS_ONLY:
+        generate.write_files(output, _render(form, "ridlink"))
+    elif output.is_dir():
+        if form == "xml":
+            generate.write_files(output, generate.definition_files())
+        else:
+            generate.write_file(output / f"ridlink{generate.SUFFIXES[form]}", _single_file(form, "ridlink"))
+    else:
+        generate.write_file(output, _single_file(form, output.stem))
+
+
+def _single_file(form: str, stem: str) -> bytes:
+    from message_spec.generate import DIALECT_XML
+
+    if form == "xml":
+        return DIALECT_XML.read_bytes()
+    (content,) = _render(form, stem).values()
+    return content
+
+
+def _render(form: str, stem: str) -> dict[str, bytes]:
+    from message_spec.generate import GenerationError, render
+
+    try:
+        return render(form, stem)
+    except GenerationError as error:
+        raise ConfigError(" ".join(str(error).split())) from error
+
+
+def _add_command(form: str, help_text: str) -> None:
+    @dialect.command(form, help=help_text)
+    @click.option(
+        "-o", "--output", type=click.Path(path_type=Path), metavar="PATH",
+        help="A folder." if form in FOLDERS_ONLY else "A file or an existing folder; without it, standard output.",
+    )  # fmt: skip
+    def command(output: Path | None) -> None:
+        _write(form, output)
+
+
+for _form, _help in FORMS.items():
+    _add_command(_form, _help)
+
+
+@dialect.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--allow-missing", is_flag=True, help="What FILE does not define is not held against it.")
+@click.pass_context
+def check(ctx: click.Context, file: Path, allow_missing: bool) -> None:
+    """Compare ids, names, sizes and CRC_EXTRA of FILE with ours and with upstream's.
+
+    Exit code 0: FILE means the same on the wire. 1: it does not, and the differences are printed. 2: FILE is no MAVLink
+    definition.
+    """
+    from message_spec.check import DefinitionError, check_file
+
+    try:
+        differences, count = check_file(file)
+    except DefinitionError as error:
+        raise ConfigError(str(error)) from error
+    if allow_missing:
+        differences = [difference for difference in differences if difference.kind != "missing"]
+    for difference in differences:
+        click.echo(f"{difference.kind:9} {difference.msgid:>8} {difference.text}")
+    if differences:
+        kinds = Counter(difference.kind for difference in differences)
+        click.echo(f"not compatible: {', '.join(f'{kinds[kind]} {kind}' for kind in sorted(kinds))}")
+        ctx.exit(1)
+    click.echo(f"compatible: {count} messages")
