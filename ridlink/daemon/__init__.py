@@ -1,1 +1,1 @@
-"""Filled below."""
+"""The daemon: configuration, the loop around the engine, and the flight recording."""

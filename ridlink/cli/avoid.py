@@ -1,0 +1,200 @@
+"""``ridlink avoid``: the avoidance daemon."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ridlink.cli import EXIT_DONE, EXIT_INTERNAL
+
+if TYPE_CHECKING:
+    from ridlink.daemon.config import DaemonConfig
+    from ridlink.daemon.service import Summary
+
+QUEUED_LINES = 1000
+
+
+def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    if value is None:
+        return None
+    try:
+        parts = tuple(float(part) for part in value.split(","))
+    except ValueError:
+        parts = ()
+    if len(parts) not in (2, 3):
+        raise click.BadParameter(f"{value!r} is not LAT,LON or LAT,LON,ALT, as in 47.39,8.54,100")
+    return parts
+
+
+@click.command()
+@click.option("--vehicle", metavar="URL", help="Link to the autopilot.  [default: udpin:127.0.0.1:14540]")
+@click.option("--rid", metavar="URL", help="Link on which Remote ID is heard.  [default: udpout:127.0.0.1:14650]")
+@click.option("--goal", metavar="LAT,LON[,ALT]", callback=_goal,
+              help="Where to fly; ALT in metres above mean sea level, the present altitude if left out.")
+@click.option("--standby", is_flag=True, default=None, help="Do nothing until MAV_CMD_DO_REPOSITION names a goal.")
+@click.option("--definition", metavar="NAME",
+              help="What sizes the discs: snmac, remote-id, odid-accuracy, candidate1 or candidate2.  "
+                   "[default: candidate2]")
+@click.option("--cruise", type=float, metavar="M/S", help="Speed towards the goal.  [default: 10]")
+@click.option("--airframe", type=float, metavar="M", help="Own largest extent, rotors turning.  [default: 0.6]")
+@click.option("--v-max", type=float, metavar="M/S", help="Horizontal speed limit of setpoints.  [default: 15]")
+@click.option("--vz-max", type=float, metavar="M/S", help="Vertical speed limit of setpoints.  [default: 2]")
+@click.option("--a-max", type=float, metavar="M/S2", help="Largest change of setpoints per second.  [default: 5]")
+@click.option("--response-time", type=float, metavar="S",
+              help="How long the vehicle flies on before it obeys; 0 for one that obeys at once.  [default: 1]")
+@click.option("--vehicle-sysid", type=click.IntRange(1, 255), metavar="N",
+              help="Listen to this system id only.  [default: the first autopilot heard]")
+@click.option("--uas-id", metavar="ID", help="Own identity in Remote ID.  [default: as the vehicle says]")
+@click.option("--config", "config_file", type=click.Path(exists=True, dir_okay=False), metavar="FILE.toml",
+              help="Keys as these options, with underscores; options win. Obstacles stand here only.")
+@click.option("--log", metavar="FILE.tlog", help="Record everything received and sent; replaces the file.")
+@click.option("--print-config", is_flag=True, help="Print the configuration that would be flown, and exit.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object a line on standard output.")
+def avoid(config_file: str | None, print_config: bool, as_json: bool, **options: Any) -> int:
+    """Keep one vehicle's distance: hear Remote ID, steer by velocity setpoints.
+
+    Engages as soon as the vehicle is armed and in GUIDED or OFFBOARD, and ends when the pilot changes the mode. Never
+    arms, takes off or changes a mode itself. SIGTERM and Ctrl-C stop the vehicle and end the program.
+
+    \b
+        ridlink avoid --goal 47.39,8.54,100
+        ridlink avoid --vehicle udpin:0.0.0.0:14540 --standby --config vehicle.toml --log flight.tlog
+    """
+    from ridlink.daemon.config import FlatConfig, as_toml, daemon_config, overridden, read_config_file
+
+    flat = overridden(read_config_file(config_file) if config_file else FlatConfig(), options)
+    config = daemon_config(flat)
+    if print_config:
+        click.echo(as_toml(config), nl=False)
+        return EXIT_DONE
+    if config.engine.goal is None and not config.engine.standby:
+        raise click.UsageError("where to? Give --goal LAT,LON[,ALT], or --standby to wait for MAV_CMD_DO_REPOSITION")
+    return _fly(config, as_json)
+
+
+def _fly(config: DaemonConfig, as_json: bool) -> int:
+    from ridlink.daemon.service import DecisionError
+
+    printer = _JsonPrinter() if as_json else _HumanPrinter()
+    code = EXIT_DONE
+    try:
+        summary = asyncio.run(_run(config, printer))
+        printer.final(summary)
+    except DecisionError as error:
+        click.echo(f"ridlink: {error}", err=True)
+        code = EXIT_INTERNAL
+    finally:
+        printer.close()
+    return code
+
+
+async def _run(config: DaemonConfig, printer: _Printer) -> Summary:
+    from ridlink.daemon.service import AvoidDaemon
+
+    stop = asyncio.Event()
+
+    def on_signal(number: int) -> None:
+        if stop.is_set():
+            os._exit(128 + number)
+        stop.set()
+
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, on_signal, number)
+    return await AvoidDaemon(config, on_event=printer.event).run(stop)
+
+
+class _Printer:
+    """Prints from a thread of its own: a reader that stops reading must not stop the vehicle."""
+
+    def __init__(self) -> None:
+        self._queue: queue.Queue[tuple[str, bool] | None] = queue.Queue(QUEUED_LINES)
+        self._thread = threading.Thread(target=self._run, name="printer", daemon=True)
+        self._thread.start()
+
+    def _put(self, text: str, *, error: bool) -> None:
+        with contextlib.suppress(queue.Full):
+            self._queue.put_nowait((text, error))
+
+    def _run(self) -> None:
+        while (item := self._queue.get()) is not None:
+            text, error = item
+            stream = sys.stderr if error else sys.stdout
+            try:
+                stream.write(text)
+                stream.flush()
+            except OSError:  # the reader has gone; the flight goes on
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+    def close(self) -> None:
+        """Print what is queued, for a second at most."""
+        try:
+            self._queue.put(None, timeout=0.5)
+        except queue.Full:
+            return
+        self._thread.join(1.0)
+
+    def event(self, facts: dict[str, Any]) -> None:
+        raise NotImplementedError
+
+    def final(self, summary: Summary) -> None:
+        raise NotImplementedError
+
+
+class _JsonPrinter(_Printer):
+    def event(self, facts: dict[str, Any]) -> None:
+        self._put(json.dumps(facts) + "\n", error=False)
+
+    def final(self, summary: Summary) -> None:
+        self.event({"event": "final", **summary.as_dict()})
+
+
+class _HumanPrinter(_Printer):
+    """A line for every change of state, and on a terminal a status line that is rewritten every second."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._live = sys.stderr.isatty()
+
+    def event(self, facts: dict[str, Any]) -> None:
+        if facts["event"] == "state":
+            self._put(f"{self._clear}{facts['state']}: {facts['reason']}\n", error=True)
+        elif self._live:
+            self._put(f"{self._clear}{_status_line(facts)}", error=True)
+
+    @property
+    def _clear(self) -> str:
+        return "\r\x1b[K" if self._live else ""
+
+    def final(self, summary: Summary) -> None:
+        decision, gap = summary.decision_ms, summary.setpoint_gap_ms
+        self._put(
+            f"{self._clear}{summary.setpoints} setpoints (gap p99 {gap['p99']:.0f} ms, max {gap['max']:.0f} ms), "
+            f"{summary.reports_received} reports, decisions p99 {decision['p99']:.1f} ms, "
+            f"{summary.infeasible_steps} steps without an admissible velocity\n",
+            error=True,
+        )
+
+
+def _status_line(facts: dict[str, Any]) -> str:
+    parts = [facts["state"], f"{facts['tracks']} tracks"]
+    if facts["conflicts"]:
+        parts.append(f"{facts['conflicts']} in conflict")
+    if facts["nearest_margin_m"] is not None:
+        parts.append(f"nearest disc {facts['nearest_margin_m']:.0f} m")
+    if facts["speed_mps"] is not None:
+        parts.append(f"{facts['speed_mps']:.1f} m/s")
+    if facts["goal_distance_m"] is not None:
+        parts.append(f"goal {facts['goal_distance_m']:.0f} m")
+    if facts["status"] is not None:
+        parts.append(facts["status"])
+    return " | ".join(parts)

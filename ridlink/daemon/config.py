@@ -1,0 +1,256 @@
+"""What a daemon is told: one TOML file, overridden by flags, over defaults.
+
+    vehicle = "udpin:127.0.0.1:14540"
+    rid = "udpout:127.0.0.1:14650"
+    goal = [47.39, 8.54, 100.0]        # degrees, degrees, metres above mean sea level (may be left out)
+    definition = "candidate2"
+    cruise = 10.0
+
+    [halfplane]                        # constants of the solver
+    response_time_s = 1.0
+
+    [[obstacle]]                       # static, never entered
+    polygon = [[47.391, 8.541], [47.392, 8.541], [47.392, 8.543]]
+
+A key that is not known is an error, for a misspelt key must not pass as a default; so is a number that is none.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.engine import EngineConfig, Goal
+from ridlink.errors import ConfigError
+from ridlink.links import LinkUrl, parse_link_url
+from ridlink.separation.definitions import Definition
+from ridlink.setpoint import VelocityLimits
+
+DEFAULT_VEHICLE = "udpin:127.0.0.1:14540"
+DEFAULT_REMOTE_ID = "udpout:127.0.0.1:14650"
+CONTROL_PERIOD_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class DaemonConfig:
+    """One daemon.
+
+    Args:
+        vehicle: Link to the autopilot.
+        remote_id: Link on which the Remote ID of others is heard.
+        engine: What the engine is told.
+        log: Recording of everything received and sent, a .tlog; None for none.
+        period_s: Time between decisions. The response study holds for 0.1 s.
+    """
+
+    vehicle: LinkUrl = field(default_factory=lambda: parse_link_url(DEFAULT_VEHICLE))
+    remote_id: LinkUrl = field(default_factory=lambda: parse_link_url(DEFAULT_REMOTE_ID))
+    engine: EngineConfig = field(default_factory=EngineConfig)
+    log: Path | None = None
+    period_s: float = CONTROL_PERIOD_S
+
+    def __post_init__(self) -> None:
+        for name in ("vehicle", "remote_id"):  # a connection string is as good as what it names
+            value = getattr(self, name)
+            if isinstance(value, str):
+                object.__setattr__(self, name, parse_link_url(value))
+        if not 0.02 <= self.period_s <= 0.25:
+            raise ConfigError(f"period must lie between 0.02 and 0.25 s, got {self.period_s}")
+
+
+class _Table(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """One [[obstacle]]."""
+
+    polygon: list[tuple[float, float]]
+
+
+class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
+    """The keys of a file, which are those of the command line with underscores; None where a key is not given."""
+
+    vehicle: str | None = None
+    rid: str | None = None
+    goal: tuple[float, float] | tuple[float, float, float] | None = None
+    standby: bool | None = None
+    definition: str | None = None
+    cruise: float | None = None
+    airframe: float | None = None
+    v_max: float | None = None
+    vz_max: float | None = None
+    a_max: float | None = None
+    response_time: float | None = None
+    vehicle_sysid: int | None = None
+    uas_id: str | None = None
+    filter_positions: bool | None = None
+    log: str | None = None
+    halfplane: dict[str, float] | None = None
+    obstacle: list[_Table] | None = None
+
+
+def _line_of(text: str, key: str) -> str:
+    """":line" of a key or table in a TOML text, empty if it cannot be told."""
+    pattern = re.compile(rf"\s*(?:\[+\s*)?[\"']?{re.escape(key)}[\"']?\s*(?:=|\])")
+    for number, line in enumerate(text.splitlines(), start=1):
+        if pattern.match(line):
+            return f":{number}"
+    return ""
+
+
+def _refuse_unknown(given: Mapping[str, Any], known: list[str], where: str, text: str) -> None:
+    for key in given:
+        if key not in known:
+            near = difflib.get_close_matches(key.replace("-", "_"), known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+            raise ConfigError(f"{where}{_line_of(text, key)}: unknown key {key!r}: {hint}")
+
+
+def _refuse_not_finite(value: Any, key: str, where: str, text: str) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{where}{_line_of(text, key)}: {key} must be a finite number, not {value}")
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            # Infinite means "stops at once" to the solver, and only there.
+            if key != "halfplane" or inner != math.inf:
+                _refuse_not_finite(inner, name, where, text)
+    if isinstance(value, list):
+        for inner in value:
+            _refuse_not_finite(inner, key, where, text)
+
+
+def read_config_file(path: str | Path) -> FlatConfig:
+    """Keys of a configuration file.
+
+    Raises:
+        ConfigError: If it is not TOML, has an unknown key, or a value of the wrong kind; the text names file, line and
+            key.
+        OSError: If it cannot be read.
+    """
+    where = str(path)
+    try:
+        text = Path(path).read_bytes().decode("utf-8")
+        document = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{where}: is not UTF-8 text: {error.reason}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{where}: is not TOML: {' '.join(str(error).split())}") from error
+    known = [item.name for item in msgspec.structs.fields(FlatConfig)]
+    _refuse_unknown(document, known, where, text)
+    if isinstance(document.get("halfplane"), dict):
+        names = [item.name for item in fields(HalfplaneSettings)]
+        _refuse_unknown(document["halfplane"], names, where, text)
+    for table in document.get("obstacle", []) if isinstance(document.get("obstacle"), list) else []:
+        if isinstance(table, dict):
+            _refuse_unknown(table, ["polygon"], where, text)
+    for key, value in document.items():
+        _refuse_not_finite(value, key, where, text)
+        try:
+            msgspec.convert({key: value}, FlatConfig)
+        except msgspec.ValidationError as error:
+            raise ConfigError(f"{where}{_line_of(text, key)}: {_explained(key, error)}") from error
+    return msgspec.convert(document, FlatConfig)
+
+
+def _explained(key: str, error: Exception) -> str:
+    if key == "goal":
+        return "goal must be [latitude, longitude] or [latitude, longitude, altitude]"
+    return f"{key}: {str(error).partition(' - at')[0]}"
+
+
+def overridden(flat: FlatConfig, over: Mapping[str, Any]) -> FlatConfig:
+    """The same with every value that is not None put in its place: flag over file over default."""
+    return msgspec.structs.replace(flat, **{key: value for key, value in over.items() if value is not None})
+
+
+def daemon_config(flat: FlatConfig) -> DaemonConfig:
+    """The configuration that the keys describe.
+
+    Raises:
+        ConfigError: If a value is out of range; the text names it.
+    """
+
+    def or_default(value: Any, default: Any) -> Any:
+        return default if value is None else value
+
+    engine = EngineConfig()
+    limits = engine.limits
+    halfplane = dict(flat.halfplane or {})
+    if flat.response_time is not None:
+        halfplane["response_time_s"] = flat.response_time
+    try:
+        definition = Definition(or_default(flat.definition, engine.definition))
+    except ValueError:
+        near = difflib.get_close_matches(str(flat.definition), list(Definition), n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise ConfigError(f"unknown definition {flat.definition!r}: {hint}known are {', '.join(Definition)}") from None
+    try:
+        engine = EngineConfig(
+            goal=None if flat.goal is None else Goal(*flat.goal),
+            standby=or_default(flat.standby, False),
+            definition=definition,
+            cruise_mps=or_default(flat.cruise, engine.cruise_mps),
+            airframe_m=or_default(flat.airframe, engine.airframe_m),
+            limits=VelocityLimits(
+                or_default(flat.v_max, limits.horizontal_mps),
+                or_default(flat.vz_max, limits.vertical_mps),
+                or_default(flat.a_max, limits.acceleration_mps2),
+            ),
+            halfplane=replace(engine.halfplane, **halfplane),
+            obstacles=tuple(tuple(table.polygon) for table in flat.obstacle or ()),
+            vehicle_sysid=flat.vehicle_sysid,
+            uas_id=flat.uas_id,
+            filter_positions=or_default(flat.filter_positions, engine.filter_positions),
+        )
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    return DaemonConfig(
+        vehicle=parse_link_url(or_default(flat.vehicle, DEFAULT_VEHICLE)),
+        remote_id=parse_link_url(or_default(flat.rid, DEFAULT_REMOTE_ID)),
+        engine=engine,
+        log=None if flat.log is None else Path(flat.log),
+    )
+
+
+def as_toml(config: DaemonConfig) -> str:
+    """The whole configuration as a file that `read_config_file` takes, defaults included."""
+    engine = config.engine
+    lines = [
+        f'vehicle = "{config.vehicle}"',
+        f'rid = "{config.remote_id}"',
+        f'definition = "{engine.definition}"',
+        f"cruise = {engine.cruise_mps}",
+        f"airframe = {engine.airframe_m}",
+        f"v_max = {engine.limits.horizontal_mps}",
+        f"vz_max = {engine.limits.vertical_mps}",
+        f"a_max = {engine.limits.acceleration_mps2}",
+        f"standby = {str(engine.standby).lower()}",
+        f"filter_positions = {str(engine.filter_positions).lower()}",
+    ]
+    if engine.goal is not None:
+        altitude = [] if engine.goal.altitude_m is None else [engine.goal.altitude_m]
+        lines.append(f"goal = {[engine.goal.latitude_deg, engine.goal.longitude_deg, *altitude]}")
+    if engine.vehicle_sysid is not None:
+        lines.append(f"vehicle_sysid = {engine.vehicle_sysid}")
+    if engine.uas_id is not None:
+        lines.append(f"uas_id = {_quoted(engine.uas_id)}")
+    if config.log is not None:
+        lines.append(f"log = {_quoted(str(config.log))}")
+    lines += ["", "[halfplane]"]
+    lines += [f"{item.name} = {getattr(engine.halfplane, item.name)}" for item in fields(engine.halfplane)]
+    for polygon in engine.obstacles:
+        lines += ["", "[[obstacle]]", f"polygon = {[list(vertex) for vertex in polygon]}"]
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """A TOML basic string: JSON's escapes are TOML's."""
+    return msgspec.json.encode(text).decode()

@@ -1,0 +1,313 @@
+"""The daemon: two links, an engine, and a loop that keeps time.
+
+The engine decides on the grid of a monotonic clock. A tick that comes late is made up for by none: after a stall the
+next decision is made from what is known then, and the grid goes on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ridlink.avoidance.solver import warm_up
+from ridlink.daemon.config import DaemonConfig
+from ridlink.daemon.recorder import Recorder
+from ridlink.engine import Engine, StepOutput
+from ridlink.errors import RidlinkError
+from ridlink.links import Address, Link, open_link
+
+STOP_SPACING_S = 0.05
+"""Between the last setpoints: a burst would be lost as one."""
+
+FATAL_STEPS = 3
+"""A step that fails sends nothing; after so many in a row the autopilot must not wait any longer."""
+
+KEPT_STEPS = 36_000
+"""An hour of steps; percentiles are of this hour, maxima of the whole flight."""
+
+EventSink = Callable[[dict[str, Any]], None]
+
+
+class DecisionError(RidlinkError):
+    """Decisions failed again and again; the vehicle was told to stop."""
+
+
+class _Spread:
+    """Median, 99th percentile and maximum of a running quantity."""
+
+    def __init__(self) -> None:
+        self._recent: deque[float] = deque(maxlen=KEPT_STEPS)
+        self._most = 0.0
+
+    def add(self, value: float) -> None:
+        self._recent.append(value)
+        self._most = max(self._most, value)
+
+    def summary(self) -> dict[str, float]:
+        if not self._recent:
+            return {"p50": 0.0, "p99": 0.0, "max": 0.0}
+        p50, p99 = np.percentile(np.fromiter(self._recent, np.float64), (50, 99))
+        return {"p50": round(float(p50), 3), "p99": round(float(p99), 3), "max": round(self._most, 3)}
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What a flight came to. Times in milliseconds as `p50`, `p99` and `max`."""
+
+    setpoints: int
+    reports_received: int
+    decision_ms: dict[str, float]
+    setpoint_gap_ms: dict[str, float]
+    rejects: dict[str, int]
+    tracks: int
+    state: str
+    infeasible_steps: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+class AvoidDaemon:
+    """One daemon; several may run in one loop.
+
+    Args:
+        config: What it is told.
+        on_event: Called with a dictionary for every change of state and once a second; keys `event`, `t`, ... .
+
+    Attributes:
+        engine: The engine.
+        vehicle_address: Local end of the vehicle link, once `run` has opened it.
+        remote_id_address: Local end of the Remote ID link.
+        ready: Set once both links are open.
+    """
+
+    def __init__(self, config: DaemonConfig, *, on_event: EventSink | None = None) -> None:
+        self.config = config
+        self.engine = Engine(config.engine)
+        self.ready = asyncio.Event()
+        self.vehicle_address: Address | None = None
+        self.remote_id_address: Address | None = None
+        self._on_event = on_event
+        self._vehicle: Link | None = None
+        self._air: Link | None = None
+        self._recorder: Recorder | None = None
+        self._counters: Counter[str] = Counter()
+        self._decision_ms = _Spread()
+        self._gap_ms = _Spread()
+        self._last_setpoint_s: float | None = None
+        self._announced: tuple[str, str] | None = None
+        self._next_summary_s = 0.0
+        self._failed_in_a_row = 0
+
+    async def run(self, stop: asyncio.Event) -> Summary:
+        """Fly until told to stop; then three zero setpoints, and the links are closed.
+
+        Args:
+            stop: Set it to end.
+
+        Raises:
+            LinkError: If a link or the recording cannot be opened.
+            DecisionError: If decisions kept failing.
+        """
+        await _warm_up_unless(stop)
+        # What lives now lives for ever: no collection needs to walk through the compiled kernels and the dialect again.
+        gc.collect()
+        gc.freeze()
+        if self.config.log is not None:
+            self._recorder = Recorder(self.config.log)
+        try:
+            self._vehicle = await open_link(self.config.vehicle, self._from_vehicle)
+            self._air = await open_link(self.config.remote_id, self._from_air)
+            self.vehicle_address, self.remote_id_address = self._vehicle.local_address, self._air.local_address
+            self.ready.set()
+            try:
+                await self._keep_time(stop)
+            finally:
+                await self._end()
+        finally:
+            for link in (self._vehicle, self._air):
+                if link is not None:
+                    link.close()
+            if self._recorder is not None:
+                await asyncio.to_thread(self._recorder.close)
+        if self.engine.fatal:
+            raise DecisionError(f"decisions failed: {self.engine.last_error}; the vehicle was told to stop")
+        return self.summary()
+
+    # --- time -----------------------------------------------------------------------------------------------------
+
+    async def _keep_time(self, stop: asyncio.Event) -> None:
+        period = self.config.period_s
+        due = time.monotonic()
+        while not stop.is_set() and not self.engine.fatal:
+            self._tick()
+            due += period
+            late = time.monotonic() - due
+            if late >= 0.0:
+                missed = int(late / period) + 1
+                self._counters["missed_tick"] += missed
+                due += missed * period
+            try:
+                await asyncio.wait_for(stop.wait(), due - time.monotonic())
+            except TimeoutError:
+                continue
+
+    def _tick(self) -> None:
+        begin = time.perf_counter()
+        try:
+            output = self.engine.step(time.monotonic())
+        except Exception as error:
+            self._counters["step_failed"] += 1
+            self._failed_in_a_row += 1
+            if self._failed_in_a_row >= FATAL_STEPS:
+                raise DecisionError(f"steps failed: {type(error).__name__}: {error}") from error
+            return
+        self._failed_in_a_row = 0
+        took = time.perf_counter() - begin
+        self.engine.note_decision_time(took)
+        self._decision_ms.add(took * 1e3)
+        self._send(output)
+        self._report(output)
+
+    async def _end(self) -> None:
+        for frame in self.engine.stop(time.monotonic()):
+            self._to_vehicle(frame)
+            await asyncio.sleep(STOP_SPACING_S)
+
+    # --- bytes ----------------------------------------------------------------------------------------------------
+
+    def _from_vehicle(self, data: bytes, address: Address) -> None:
+        self._record(data)
+        self.engine.receive_vehicle(data, time.monotonic(), source=address, utc_s=time.time())
+
+    def _from_air(self, data: bytes, address: Address) -> None:
+        self._record(data)
+        self.engine.receive_remote_id(data, address, time.monotonic(), utc_s=time.time())
+
+    def _send(self, output: StepOutput) -> None:
+        for frame in output.to_vehicle:
+            self._to_vehicle(frame)
+        for frame in output.to_air:
+            if self._air is not None:
+                self._air.send(frame)
+                self._record(frame)
+        for frame, address in output.replies:
+            if self._vehicle is not None and isinstance(address, tuple):
+                self._vehicle.send(frame, address)
+                self._record(frame)
+        if output.decision.commanded_ned_mps is None:
+            self._last_setpoint_s = None
+            return
+        now = time.monotonic()
+        if self._last_setpoint_s is not None:
+            self._gap_ms.add((now - self._last_setpoint_s) * 1e3)
+        self._last_setpoint_s = now
+
+    def _to_vehicle(self, frame: bytes) -> None:
+        if self._vehicle is None:
+            return
+        address = self.engine.vehicle_source
+        self._vehicle.send(frame, address if isinstance(address, tuple) else None)
+        self._record(frame)
+
+    def _record(self, data: bytes) -> None:
+        if self._recorder is not None:
+            self._recorder.record(time.time_ns() // 1000, data)
+
+    # --- words ----------------------------------------------------------------------------------------------------
+
+    def _report(self, output: StepOutput) -> None:
+        if self._on_event is None:
+            return
+        record = output.decision
+        state = (self.engine.rung.state.name.lower(), self.engine.rung.reason)
+        if state != self._announced:
+            self._announced = state
+            self._emit("state", state=state[0], reason=state[1])
+        if record.time_s < self._next_summary_s:
+            return
+        self._next_summary_s = record.time_s + 1.0
+        command = record.commanded_ned_mps
+        self._emit(
+            "summary",
+            state=state[0],
+            reason=state[1],
+            tracks=record.tracks,
+            conflicts=len(record.conflicts),
+            nearest_margin_m=_finite(record.nearest_margin_m),
+            time_to_violation_s=_finite(record.time_to_violation_s),
+            goal_distance_m=_finite(record.goal_distance_m),
+            speed_mps=_finite(record.own.speed_mps if record.own is not None else None),
+            commanded_ned_mps=None if command is None else [round(value, 2) for value in command],
+            status=None if record.status is None else record.status.name.lower(),
+            setpoints=self.engine.setpoints.sent,
+        )
+
+    def _emit(self, event: str, **facts: Any) -> None:
+        if self._on_event is None:
+            return
+        try:
+            self._on_event({"event": event, "t": round(time.time(), 3), **facts})
+        except Exception:  # whoever watches must not be able to end the flight
+            self._counters["event_sink_failed"] += 1
+            self._on_event = None
+
+    def summary(self) -> Summary:
+        """Totals so far."""
+        totals = self.engine.summary()
+        rejects = Counter(totals.rejects) + self._counters
+        for name, link in (("vehicle", self._vehicle), ("rid", self._air)):
+            if link is not None:
+                rejects.update({f"{name}_link_{cause}": count for cause, count in link.counters.items()})
+        if self._recorder is not None:
+            rejects.update(self._recorder.counters)
+        return Summary(
+            setpoints=totals.setpoints,
+            reports_received=totals.reports_received,
+            decision_ms=self._decision_ms.summary(),
+            setpoint_gap_ms=self._gap_ms.summary(),
+            rejects=dict(sorted(rejects.items())),
+            tracks=totals.tracks,
+            state=totals.state,
+            infeasible_steps=totals.infeasible_steps,
+        )
+
+
+async def _warm_up_unless(stop: asyncio.Event) -> None:
+    """Compile the kernels before the first deadline; cold that takes seconds, and a signal must not wait for them."""
+    loop = asyncio.get_running_loop()
+    done = loop.create_future()
+
+    def report(error: BaseException | None) -> None:
+        if not done.done():
+            done.set_result(error)
+
+    def compile_all() -> None:
+        problem: BaseException | None = None
+        try:
+            warm_up()
+        except Exception as error:
+            problem = error
+        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+            loop.call_soon_threadsafe(report, problem)
+
+    threading.Thread(target=compile_all, name="warm-up", daemon=True).start()
+    stopped = asyncio.ensure_future(stop.wait())
+    await asyncio.wait({done, stopped}, return_when=asyncio.FIRST_COMPLETED)
+    stopped.cancel()
+    if done.done() and done.result() is not None:
+        raise done.result()
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else round(value, 2)
