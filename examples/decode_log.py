@@ -1,0 +1,78 @@
+"""Read a telemetry log: write a short one, look into it message by message, see who comes close to whom.
+
+    python examples/decode_log.py
+"""
+
+import math
+import tempfile
+from pathlib import Path
+
+from ridlink.captures import TlogWriter, read_messages
+from ridlink.mavlink.codec import Encoder
+from ridlink.remote_id.assembler import ReportAssembler
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import Location, Separation
+
+START_US = 1_700_000_000_000_000
+HOME_DEG = (47.4, 8.5)
+METRES_PER_DEGREE_NORTH = 111_195.0
+METRES_PER_DEGREE_EAST = METRES_PER_DEGREE_NORTH * math.cos(math.radians(HOME_DEG[0]))
+
+
+def write_log(path: Path) -> None:
+    """Two vehicles fly north and south past each other, 10 m/s each, 12 m apart; one says how well it knows itself."""
+    north, south = Encoder(1, 1), Encoder(2, 1)
+    with TlogWriter(path) as log:
+        for tenth in range(100):
+            way_m = tenth * 0.1 * 10.0
+            for encoder, metres, east_m, direction in ((north, way_m - 50, 0, 0.0), (south, 50 - way_m, 12, 180.0)):
+                location = Location(
+                    latitude_deg=HOME_DEG[0] + metres / METRES_PER_DEGREE_NORTH,
+                    longitude_deg=HOME_DEG[1] + east_m / METRES_PER_DEGREE_EAST,
+                    speed_horizontal_mps=10.0,
+                    direction_deg=direction,
+                    timestamp_s=tenth / 10,
+                )
+                messages: list[Location | Separation] = [location]
+                if encoder is north:
+                    messages.append(Separation(timestamp_s=tenth / 10, horizontal_error_m=3.0, airframe_size_m=0.6))
+                for message in messages:
+                    name, fields = to_mavlink(message)
+                    log.write(START_US + tenth * 100_000, encoder.encode(name, **fields))
+
+
+def main() -> None:
+    """Print every second how far apart they are, then the closest approach and what each says about itself."""
+    assembler = ReportAssembler()
+    ground_ne_m: dict[int, tuple[float, float]] = {}
+    error_m: dict[int, float | None] = {}
+    closest_m, closest_at_s = math.inf, 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "two_vehicles.tlog"
+        write_log(path)
+        for record in read_messages(path):
+            if record.remote_id is None or record.time_us is None:
+                continue
+            at_s = (record.time_us - START_US) / 1e6
+            report = assembler.receive(record.source, record.remote_id, at_s)
+            if report is None or report.latitude_deg is None or report.longitude_deg is None:
+                continue
+            vehicle = report.source[0]
+            error_m[vehicle] = report.horizontal_error_m
+            ground_ne_m[vehicle] = (
+                (report.latitude_deg - HOME_DEG[0]) * METRES_PER_DEGREE_NORTH,
+                (report.longitude_deg - HOME_DEG[1]) * METRES_PER_DEGREE_EAST,
+            )
+            if vehicle != 2:
+                continue
+            distance_m = math.dist(ground_ne_m[1], ground_ne_m[2])
+            if distance_m < closest_m:
+                closest_m, closest_at_s = distance_m, at_s
+            if at_s % 1.0 == 0.0:
+                print(f"{at_s:4.1f} s  {distance_m:6.1f} m apart")
+    print(f"closest approach: {closest_m:.1f} m after {closest_at_s:.1f} s")
+    for vehicle, bound_m in error_m.items():
+        print(f"vehicle {vehicle}: position error {'not told, 40 m is assumed' if bound_m is None else f'{bound_m} m'}")
+
+
+main()
