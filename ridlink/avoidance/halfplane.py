@@ -55,6 +55,9 @@ CLEAR_FACTOR = 0.5
 """The rule of the road gives way when own-ship is so many radii on the other side already. A side is held until the
 miss distance is HOLD_FACTOR radii."""
 
+DODGE_MPS = 1.0
+"""A neighbour that moves to its right across the line of sight by more than this dodges to the right."""
+
 APPROACH_OFFSET_MPS = 0.3
 """Keeps the last metre to a goal from taking for ever."""
 
@@ -126,12 +129,14 @@ def rule_side(v_1, v_2, u_1, u_2, reciprocal, settings):  # type: ignore[no-unty
 
 @kernel
 def passing_side(  # type: ignore[no-untyped-def]
-    memory, r_1, r_2, v_1, v_2, u_1, u_2, reciprocal, radius_m, horizon_s, settings
+    memory, r_1, r_2, v_1, v_2, u_1, u_2, c_1, c_2, reciprocal, radius_m, horizon_s, settings
 ):
     """Side on which own-ship passes a neighbour where the nearest boundary will not do: 1 right, -1 left, 0 nearest.
 
     Both vehicles must see the same case, so only reported velocities count, no private commands. The choice is held
-    until the encounter is over, so that noise cannot turn it.
+    until the encounter is over, so that noise cannot turn it, with one exception: where the two disagree, because one
+    of them saw itself clear on the left and the other did not, right wins. Otherwise both dodge the same way and lock
+    on.
 
     Args:
         memory: Side of the last step.
@@ -141,6 +146,8 @@ def passing_side(  # type: ignore[no-untyped-def]
         v_2: East of it.
         u_1: North of the neighbour's reported velocity.
         u_2: East of it.
+        c_1: North of what the neighbour was told to fly, its velocity where it does not say.
+        c_2: East of it.
         reciprocal: Not zero if the neighbour takes its half of the avoidance.
         radius_m: Disc with its buffer.
         horizon_s: Conflict horizon.
@@ -155,6 +162,8 @@ def passing_side(  # type: ignore[no-untyped-def]
     miss = (r_1 * w_2 - r_2 * w_1) / closing
     if abs(miss) > HOLD_FACTOR * radius_m:
         return 0
+    if memory < 0 and reciprocal != 0.0 and r_2 * c_1 - r_1 * c_2 > DODGE_MPS * distance:
+        return 1
     if memory != 0:
         return memory
     if distance >= closing * horizon_s + radius_m:
@@ -198,7 +207,8 @@ def time_to_entry(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
 
 @kernel
 def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
-    """Distance [m] aimed at from obstacles. As with discs, a clearance that is grazed with a drifting position is lost."""
+    """Distance [m] aimed at from obstacles. As with discs, a clearance that is grazed with a drifting position is
+    lost."""
     return own[CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
 
 
@@ -311,12 +321,17 @@ def avoid_one(  # type: ignore[no-untyped-def]
             left = max(left, weight)
         else:
             right = max(right, weight)
-        side[j] = passing_side(side[j], r_1, r_2, v_1, v_2, u_1, u_2, row[RECIPROCAL], radius, horizon, settings)
-        share = 0.5 if row[RECIPROCAL] != 0.0 else 1.0
-        # The neighbour's own midpoint, where it says what it was told: then both see the same relative velocity.
-        x_1, x_2 = u_1, u_2
+        c_1, c_2 = u_1, u_2
         if not math.isnan(row[N_COMMAND]) and not math.isnan(row[N_COMMAND + 1]):
-            x_1, x_2 = (u_1 + row[N_COMMAND]) / 2.0, (u_2 + row[N_COMMAND + 1]) / 2.0
+            c_1, c_2 = row[N_COMMAND], row[N_COMMAND + 1]
+        side[j] = passing_side(
+            side[j], r_1, r_2, v_1, v_2, u_1, u_2, c_1, c_2, row[RECIPROCAL], radius, horizon, settings
+        )
+        share = 0.5 if row[RECIPROCAL] != 0.0 else 1.0
+        # Head-on, the neighbour's own midpoint: then both see the same relative velocity.
+        x_1, x_2 = u_1, u_2
+        if side[j] != 0:
+            x_1, x_2 = (u_1 + c_1) / 2.0, (u_2 + c_2) / 2.0
         w_1, w_2 = o_1 - x_1, o_2 - x_2
         for end in range(2):
             wait = settings[RESPONSE] * end

@@ -179,6 +179,7 @@ def route_aim(vertex, start, p_1, p_2, goal_1, goal_2, clearance_m, memory, ring
         nearest = 2.0
         nearest_polygon = -1
         nearest_clearance = 0.0
+        lacking = away_1 = away_2 = 0.0
         target_1, target_2 = aim[0], aim[1]
         for polygon in range(len(start) - 1):
             first, last = start[polygon], start[polygon + 1]
@@ -192,11 +193,13 @@ def route_aim(vertex, start, p_1, p_2, goal_1, goal_2, clearance_m, memory, ring
             if far <= 0.0 or polygon == last_polygon:
                 continue
             # Closer than the clearance the ring is drawn just inside own-ship, so that the way along it stays defined.
-            clearance = min(clearance_m, 0.98 * own, 0.98 * far)
+            wanted = min(clearance_m, 0.98 * far)
+            clearance = min(wanted, 0.98 * own)
             count = grow(vertex, first, last, clearance, ring)
             at = entry(ring, count, p_1, p_2, target_1, target_2)
             if at < nearest:
                 nearest, nearest_polygon, nearest_clearance = at, polygon, clearance
+                lacking, away_1, away_2 = max(1.0 - own / wanted, 0.0), out_1, out_2
         aim[0], aim[1] = target_1, target_2
         if nearest_polygon < 0:
             break
@@ -213,7 +216,9 @@ def route_aim(vertex, start, p_1, p_2, goal_1, goal_2, clearance_m, memory, ring
         if depth == 0:
             chosen = side * (nearest_polygon + 1)
         touch = tangent(ring, count, p_1, p_2, target_1, target_2, side)
-        aim[0], aim[1] = ring[touch, 0], ring[touch, 1]
+        # Too near, the way along the ring leans outwards, or its chords would lead nearer and nearer.
+        outwards = min(4.0 * lacking, 1.0) * math.hypot(ring[touch, 0] - p_1, ring[touch, 1] - p_2)
+        aim[0], aim[1] = ring[touch, 0] + outwards * away_1, ring[touch, 1] + outwards * away_2
         last_polygon = nearest_polygon
     return chosen
 

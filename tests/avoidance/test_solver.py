@@ -1,0 +1,288 @@
+"""One decision of one own-ship: properties that hold for every input, and the rules of the road."""
+
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ridlink.avoidance import HalfplaneSettings, Obstacles, OwnShip, Status, Traffic
+from ridlink.avoidance.solver import HalfplaneSolver, warm_up
+
+SOLVER = HalfplaneSolver()
+GOAL = (1000.0, 0.0)
+SQUARE = Obstacles.from_polygons([[[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]]])
+
+
+def own_ship(position=(0.0, 0.0), velocity=(10.0, 0.0), command=None, limit=10.0):
+    return OwnShip(np.array(position), np.array(velocity), np.array(velocity if command is None else command), 1.0,
+    limit)
+
+
+def traffic(*rows, radius=24.0, error=21.0, age=0.0, reciprocal=True, command=(math.nan, math.nan)):
+    """Neighbours at (north, east) with velocity (north, east)."""
+    table = np.array(rows, float).reshape(-1, 4)
+    count = len(table)
+    return Traffic(
+        table[:, :2], table[:, 2:], np.tile(command, (count, 1)), np.full(count, age), np.full(count, radius),
+        np.full(count, error), np.full(count, reciprocal), np.zeros(count, np.int8),
+    )  # fmt: skip
+
+
+def solve(own, others, solver=SOLVER, **options):
+    return solver.solve(own, others, **({"goal_ne_m": GOAL, "cruise_mps": 10.0} | options))
+
+
+def turned(vectors, angle):
+    c, s = math.cos(angle), math.sin(angle)
+    return np.asarray(vectors) @ np.array([[c, s], [-s, c]])
+
+
+coordinate = st.floats(-300.0, 300.0)
+speed = st.floats(-12.0, 12.0)
+neighbour = st.tuples(coordinate, coordinate, speed, speed)
+crowd = st.lists(neighbour, min_size=0, max_size=12)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    crowd, st.tuples(coordinate, coordinate), st.tuples(speed, speed), st.tuples(speed, speed), st.floats(0.0, 10.0),
+    st.floats(0.0, 120.0), st.booleans(), st.booleans(), st.floats(-2.0, 2.0),
+)  # fmt: skip
+def test_every_answer_is_finite_and_within_the_limit(
+    rows, position, velocity, command, age, radius, reciprocal, walled, turn
+):
+    own = own_ship(position, velocity, command, limit=9.0)
+    others = traffic(*rows, age=age, radius=radius, error=radius, reciprocal=reciprocal, command=(1.0, -2.0))
+    decision = solve(
+        own, others, obstacles=SQUARE if walled else None, own_clearance_m=12.0, extra_right_turn_rad=turn
+    )
+    for vector in (decision.velocity_ne_mps, decision.command_ne_mps, decision.preferred_ne_mps):
+        assert np.all(np.isfinite(vector))
+        assert np.linalg.norm(vector) <= 9.0 + 1e-9
+    assert len(decision.binding) <= 3
+    assert all(0 <= j < len(rows) for j in decision.binding)
+    assert (decision.nearest_index == -1) == (not rows)
+    assert decision.passing_side.shape == (len(rows),)
+    if decision.status is not Status.INFEASIBLE:
+        assert decision.worst_slack_mps >= -1e-6
+
+
+@settings(max_examples=100, deadline=None)
+@given(crowd, st.floats(-math.pi, math.pi), st.tuples(speed, speed))
+def test_turning_the_world_turns_the_answer(rows, angle, velocity):
+    straight = solve(own_ship(velocity=velocity), traffic(*rows))
+    table = np.array(rows, float).reshape(-1, 4)
+    table = np.hstack([turned(table[:, :2], angle), turned(table[:, 2:], angle)])
+    around = solve(own_ship(velocity=turned(velocity, angle)), traffic(*table), goal_ne_m=turned(GOAL, angle))
+    # Knife edges (two boundaries equally near) may fall either way; their worst slack is the same.
+    assert around.worst_slack_mps == pytest.approx(straight.worst_slack_mps, abs=1e-3) or math.isinf(
+        straight.worst_slack_mps
+    )
+    if straight.status is not Status.INFEASIBLE and straight.status is around.status:
+        assert around.velocity_ne_mps == pytest.approx(turned(straight.velocity_ne_mps, angle), abs=1e-3)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.permutations(range(6)), st.lists(neighbour, min_size=6, max_size=6))
+def test_the_order_of_the_neighbours_does_not_matter(order, rows):
+    first = solve(own_ship(), traffic(*rows))
+    second = solve(own_ship(), traffic(*(rows[k] for k in order)))
+    assert second.worst_slack_mps == pytest.approx(first.worst_slack_mps, abs=1e-3)
+    if first.status is not Status.INFEASIBLE:
+        assert second.velocity_ne_mps == pytest.approx(first.velocity_ne_mps, abs=1e-6)
+
+
+def test_a_free_path_keeps_the_preferred_velocity():
+    decision = solve(own_ship(), traffic((-300.0, 0.0, -10.0, 0.0), (0.0, 350.0, 0.0, 10.0)))
+    assert decision.status is Status.FREE
+    assert decision.velocity_ne_mps == pytest.approx([10.0, 0.0])
+    assert decision.binding == ()
+    assert math.isinf(decision.time_to_violation_s)
+
+
+def test_alone_the_preferred_velocity_may_be_given_instead_of_a_goal():
+    decision = SOLVER.solve(own_ship(), Traffic.empty(), preferred_ne_mps=(3.0, 4.0), cruise_mps=10.0)
+    assert decision.velocity_ne_mps == pytest.approx([3.0, 4.0])
+    assert decision.command_ne_mps == pytest.approx([6.5, 2.0])
+    fast = SOLVER.solve(own_ship(), Traffic.empty(), preferred_ne_mps=(30.0, 40.0), cruise_mps=10.0)
+    assert fast.velocity_ne_mps == pytest.approx([6.0, 8.0])
+
+
+def test_it_slows_down_towards_the_goal_and_stops_there():
+    speeds = [
+        np.linalg.norm(solve(own_ship(), Traffic.empty(), goal_ne_m=(far, 0.0)).velocity_ne_mps)
+        for far in (100.0, 20.0, 5.0, 1.0, 0.01, 0.0)
+    ]
+    assert speeds[0] == pytest.approx(10.0)
+    assert speeds[1] == pytest.approx(math.sqrt(2.4 * 20.0) + 0.3)
+    assert all(a > b for a, b in pairwise(speeds))
+    assert speeds[-1] == 0.0
+
+
+@pytest.mark.parametrize("heading", np.linspace(-math.pi, math.pi, 7))
+def test_head_on_each_turns_right_so_they_pass_port_to_port(heading):
+    """Flying north with the other coming south, right is east: (-e, n) of the own heading in (n, e) axes."""
+    velocity = turned([10.0, 0.0], heading)
+    right = np.array([-velocity[1], velocity[0]]) / 10.0
+    ahead = turned([150.0, 0.0], heading)
+    mine = solve(own_ship(velocity=velocity), traffic((*ahead, *-velocity)), goal_ne_m=4.0 * ahead)
+    other = solve(own_ship(ahead, -velocity), traffic((0.0, 0.0, *velocity)), goal_ne_m=-4.0 * ahead)
+    assert mine.velocity_ne_mps @ right > 1.0
+    assert other.velocity_ne_mps @ -right > 1.0
+    assert mine.velocity_ne_mps == pytest.approx(-other.velocity_ne_mps, abs=1e-6)
+    assert mine.passing_side.tolist() == other.passing_side.tolist() == [1]
+
+
+def test_east_is_to_the_right_of_north():
+    decision = solve(own_ship(), traffic((150.0, 0.0, -10.0, 0.0)))
+    assert decision.velocity_ne_mps[1] > 1.0
+
+
+def test_well_clear_on_the_left_both_pass_starboard_to_starboard():
+    decision = solve(own_ship(), traffic((120.0, 25.0, -10.0, 0.0)))
+    assert decision.passing_side.tolist() == [-1]
+    assert decision.velocity_ne_mps[1] < 0.0
+
+
+def test_the_side_is_held_against_noise_but_right_wins_a_disagreement():
+    others = traffic((120.0, 12.0, -10.0, 0.0))
+    held = replace(others, passing_side=np.array([-1], np.int8))
+    assert solve(own_ship(), others).passing_side.tolist() == [1]
+    assert solve(own_ship(), held).passing_side.tolist() == [-1]
+    dodging = replace(held, command_ne_mps=np.array([[-9.0, -4.0]]))
+    assert solve(own_ship(), dodging).passing_side.tolist() == [1]
+
+
+@pytest.mark.parametrize("east", [-90.0, 90.0])
+def test_crossing_traffic_that_avoids_nobody_is_passed_astern(east):
+    """It comes from one side and flies to the other; astern is where it came from."""
+    others = traffic((90.0, east, 0.0, -math.copysign(10.0, east)), reciprocal=False)
+    decision = solve(own_ship(), others)
+    assert decision.velocity_ne_mps[1] * east > 0.0
+    assert decision.passing_side[0] == math.copysign(1, east)
+
+
+def test_a_neighbour_that_avoids_nobody_is_left_all_of_the_work():
+    shared = solve(own_ship(), traffic((120.0, 0.0, -10.0, 0.0)))
+    alone = solve(own_ship(), traffic((120.0, 0.0, -10.0, 0.0), reciprocal=False))
+    assert alone.velocity_ne_mps[1] > shared.velocity_ne_mps[1]
+
+
+def test_an_overlap_separates():
+    decision = solve(own_ship(velocity=(0.0, 0.0)), traffic((10.0, 0.0, 0.0, 0.0)), goal_ne_m=(10.0, 0.0))
+    assert decision.status is Status.OVERLAPPED
+    assert decision.velocity_ne_mps[0] < -1.0
+    assert decision.nearest_margin_m == pytest.approx(-14.0)
+    assert decision.time_to_violation_s == 0.0
+    assert decision.binding == (0,)
+
+
+def test_exactly_on_top_of_each_other_it_still_leaves():
+    decision = solve(own_ship(velocity=(0.0, 0.0)), traffic((0.0, 0.0, 0.0, 0.0)))
+    assert np.linalg.norm(decision.velocity_ne_mps) > 1.0
+
+
+def test_a_barrier_never_asks_for_more_than_the_vehicle_can_fly():
+    decision = solve(own_ship(velocity=(0.0, 0.0)), traffic((10.0, 0.0, 0.0, 0.0), radius=170.0), goal_ne_m=(10.0, 0.0))
+    assert decision.status is Status.OVERLAPPED
+    assert np.linalg.norm(decision.velocity_ne_mps) <= 10.0
+
+
+def test_surrounded_it_takes_the_least_bad_velocity_and_says_so():
+    angles = np.arange(8) * math.pi / 4
+    ring = [(30.0 * math.cos(a), 30.0 * math.sin(a), -9.0 * math.cos(a), -9.0 * math.sin(a)) for a in angles]
+    decision = solve(own_ship(velocity=(0.0, 0.0)), traffic(*ring, reciprocal=False))
+    assert decision.status is Status.INFEASIBLE
+    assert decision.worst_slack_mps < 0.0
+    assert 1 <= len(decision.binding) <= 3
+
+
+def test_time_margin_and_neighbour_of_the_picture():
+    decision = solve(own_ship(), traffic((300.0, 0.0, 0.0, 0.0), (124.0, 0.0, -10.0, 0.0), radius=24.0))
+    assert decision.nearest_index == 1
+    assert decision.nearest_margin_m == pytest.approx(100.0)
+    assert decision.time_to_violation_s == pytest.approx(5.0)
+
+
+def test_an_old_report_is_extrapolated_and_its_disc_grows():
+    fresh = solve(own_ship(), traffic((150.0, 0.0, -10.0, 0.0)))
+    old = solve(own_ship(), traffic((180.0, 0.0, -10.0, 0.0), age=3.0))
+    assert old.nearest_margin_m == pytest.approx(fresh.nearest_margin_m)
+    assert old.velocity_ne_mps[1] > fresh.velocity_ne_mps[1]
+
+
+def test_obstacles_stay_hard_when_traffic_leaves_no_way():
+    """Pressed against a wall: the wall is kept, the disc is exceeded."""
+    own = own_ship(position=(-55.0, 0.0), velocity=(0.0, 0.0))
+    pressing = traffic((-60.0, -5.0, 8.0, 0.0), (-60.0, 5.0, 8.0, 0.0), reciprocal=False)
+    decision = solve(own, pressing, obstacles=SQUARE, own_clearance_m=12.0, goal_ne_m=(-300.0, 0.0))
+    assert decision.status is Status.INFEASIBLE
+    assert decision.velocity_ne_mps[0] <= 0.5
+    assert decision.command_ne_mps[0] <= 0.5
+    free = solve(own, pressing, goal_ne_m=(-300.0, 0.0))
+    assert free.velocity_ne_mps[0] > decision.velocity_ne_mps[0]
+
+
+def test_inside_the_clearance_of_an_obstacle_it_leaves():
+    decision = solve(own_ship(position=(0.0, 45.0)), Traffic.empty(), obstacles=SQUARE, own_clearance_m=12.0)
+    assert decision.status is Status.OVERLAPPED
+    assert decision.obstacle_binding
+    assert decision.velocity_ne_mps[1] > 1.0
+
+
+@pytest.mark.parametrize("name", ["cruise_mps", "own_clearance_m", "extra_right_turn_rad", "goal_ne_m"])
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_value_that_is_not_finite_is_named(name, value):
+    with pytest.raises(ValueError, match=name):
+        solve(own_ship(), Traffic.empty(), **{name: (0.0, value) if name == "goal_ne_m" else value})
+
+
+def test_exactly_one_of_goal_and_preferred_velocity_is_wanted():
+    with pytest.raises(ValueError, match="either"):
+        solve(own_ship(), Traffic.empty(), preferred_ne_mps=(1.0, 0.0))
+    with pytest.raises(ValueError, match="preferred_ne_mps"):
+        SOLVER.solve(own_ship(), Traffic.empty(), preferred_ne_mps=(math.nan, 0.0), cruise_mps=1.0)
+
+
+def test_more_neighbours_than_ever_before_are_no_problem():
+    random = np.random.default_rng(3)
+    rows = np.hstack([random.uniform(-400, 400, (300, 2)), random.uniform(-10, 10, (300, 2))])
+    decision = solve(own_ship(), traffic(*rows))
+    assert decision.passing_side.shape == (300,)
+    assert np.linalg.norm(decision.velocity_ne_mps) <= 10.0 + 1e-9
+
+
+def test_equal_questions_get_equal_answers():
+    rows = [(150.0, 5.0, -10.0, 0.0), (80.0, -90.0, 0.0, 10.0)]
+    first = solve(own_ship(), traffic(*rows))
+    solve(own_ship(velocity=(0.0, 0.0)), traffic((5.0, 0.0, 0.0, 0.0)))
+    again = solve(own_ship(), traffic(*rows), solver=HalfplaneSolver(HalfplaneSettings()))
+    assert np.array_equal(first.velocity_ne_mps, again.velocity_ne_mps)
+    assert np.array_equal(first.command_ne_mps, again.command_ne_mps)
+
+
+def test_the_kernels_are_plain_python_where_compilation_is_off():
+    code = (
+        "import numpy as np;"
+        "from tests.avoidance.test_solver import own_ship, solve, traffic;"
+        "from ridlink.avoidance.halfplane import avoid_one;"
+        "assert not hasattr(avoid_one, 'py_func');"
+        "d = solve(own_ship(), traffic((150.0, 5.0, -10.0, 0.0), (80.0, -90.0, 0.0, 10.0)));"
+        "print(repr(d.velocity_ne_mps.tolist()))"
+    )
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    plain = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
+    compiled = solve(own_ship(), traffic((150.0, 5.0, -10.0, 0.0), (80.0, -90.0, 0.0, 10.0)))
+    assert eval(plain.stdout) == pytest.approx(compiled.velocity_ne_mps.tolist(), abs=1e-9)
+
+
+def test_warm_up_leaves_nothing_to_compile():
+    warm_up()
+    assert warm_up() < 0.2

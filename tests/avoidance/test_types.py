@@ -1,0 +1,106 @@
+"""What the solver accepts: every value that is not finite or out of range is named."""
+
+import math
+import subprocess
+import sys
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from ridlink.avoidance import HalfplaneSettings, OwnShip, ProgressWatch, Traffic, halfplane
+
+OWN = OwnShip(np.zeros(2), np.zeros(2), np.zeros(2), 0.5, 10.0)
+PAIR, ONE = np.ones((1, 2)), np.ones(1)
+TRAFFIC = Traffic(PAIR, PAIR, PAIR, ONE, ONE, ONE, np.ones(1, np.bool_), np.zeros(1, np.int8))
+
+
+def test_the_kernels_read_the_settings_in_field_order():
+    names = {
+        "horizon_s": halfplane.HORIZON,
+        "response_time_s": halfplane.RESPONSE,
+        "barrier_gain_per_s": halfplane.BARRIER,
+        "barrier_share": halfplane.BARRIER_SHARE,
+        "smoothing": halfplane.SMOOTHING,
+        "right_turn_rad": halfplane.RIGHT_TURN,
+        "age_acceleration_mps2": halfplane.AGE_ACCELERATION,
+        "buffer_share": halfplane.BUFFER_SHARE,
+        "arrival_deceleration_mps2": halfplane.ARRIVAL,
+        "head_on_cosine": halfplane.HEAD_ON_COSINE,
+        "head_on_speed_mps": halfplane.HEAD_ON_SPEED,
+        "obstacle_horizon_s": halfplane.OBSTACLE_HORIZON,
+        "obstacle_deceleration_mps2": halfplane.OBSTACLE_DECELERATION,
+        "obstacle_response_s": halfplane.OBSTACLE_RESPONSE,
+        "route_margin_m": halfplane.ROUTE_MARGIN,
+    }
+    assert list(names) == [item.name for item in fields(HalfplaneSettings)]
+    assert list(names.values()) == list(range(len(names)))
+    assert HalfplaneSettings().as_vector() == pytest.approx([getattr(HalfplaneSettings(), name) for name in names])
+
+
+@pytest.mark.parametrize("name", [item.name for item in fields(HalfplaneSettings)])
+def test_every_setting_refuses_nan_and_a_value_out_of_range(name):
+    out_of_range = 3.0 if name in ("smoothing", "barrier_share", "head_on_cosine", "right_turn_rad") else -1.0
+    for value in (math.nan, -math.inf, out_of_range):
+        with pytest.raises(ValueError, match=name):
+            replace(HalfplaneSettings(), **{name: value})
+
+
+@pytest.mark.parametrize("name", ["position_ne_m", "velocity_ne_mps", "command_ne_mps"])
+def test_own_ship_refuses_vectors_that_are_not_finite(name):
+    with pytest.raises(ValueError, match=name):
+        replace(OWN, **{name: np.array([1.0, math.nan])})
+    with pytest.raises(ValueError, match=name):
+        replace(OWN, **{name: np.zeros(3)})
+
+
+@pytest.mark.parametrize("name", ["airframe_m", "speed_limit_mps"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_own_ship_refuses_sizes_and_limits_that_are_not_positive(name, value):
+    with pytest.raises(ValueError, match=name):
+        replace(OWN, **{name: value})
+
+
+@pytest.mark.parametrize("name", ["position_ne_m", "velocity_ne_mps", "age_s", "radius_m", "error_sum_m"])
+def test_traffic_refuses_values_that_are_not_finite(name):
+    broken = np.array(getattr(TRAFFIC, name))
+    broken[...] = math.nan
+    with pytest.raises(ValueError, match=name):
+        replace(TRAFFIC, **{name: broken})
+
+
+@pytest.mark.parametrize("name", ["age_s", "radius_m", "error_sum_m"])
+def test_traffic_refuses_negative_values_and_wrong_lengths(name):
+    with pytest.raises(ValueError, match=name):
+        replace(TRAFFIC, **{name: np.array([-1.0])})
+    with pytest.raises(ValueError, match=name):
+        replace(TRAFFIC, **{name: np.ones(2)})
+
+
+def test_a_neighbour_need_not_say_what_it_commands():
+    assert len(replace(TRAFFIC, command_ne_mps=np.full((1, 2), math.nan))) == 1
+    with pytest.raises(ValueError, match="passing_side"):
+        replace(TRAFFIC, passing_side=np.array([2], np.int8))
+
+
+def test_the_package_itself_does_not_load_the_compiler():
+    code = "import sys, ridlink.avoidance; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_extra_turn_grows_while_stalled_and_goes_away_with_progress():
+    watch = ProgressWatch(window_s=5.0, share=0.1, growth_rad_per_s=0.1, most_rad=0.5)
+    clock = np.arange(0.0, 20.0, 0.1)
+    stalled = [watch.update(now, 100.0, 10.0) for now in clock]
+    assert stalled[45] == 0.0
+    assert stalled[99] == pytest.approx(0.5, abs=0.02)
+    assert max(stalled) == pytest.approx(0.5)
+    moving = [watch.update(20.0 + now, 100.0 - 10.0 * now, 10.0) for now in np.arange(0.0, 9.0, 0.1)]
+    assert moving[-1] == 0.0
+
+
+def test_a_vehicle_at_its_goal_is_not_stalled():
+    watch = ProgressWatch()
+    assert max(watch.update(now, 2.0, 10.0) for now in np.arange(0.0, 20.0, 0.1)) == 0.0
+    with pytest.raises(ValueError, match="goal_distance_m"):
+        watch.update(30.0, math.nan, 10.0)
