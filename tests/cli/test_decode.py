@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
+import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,10 +17,12 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
+from ridlink.captures import open_capture
 from ridlink.cli.decode import decode
 from ridlink.mavlink.codec import Encoder
 from tests.captures.conftest import START_US, flight, tlog_bytes
 
+decode_module = importlib.import_module("ridlink.cli.decode")  # the attribute of the package is the command
 REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
 
 
@@ -101,6 +106,36 @@ def test_statistics_as_text_and_as_json(log: Path) -> None:
         {"file": str(log), "cause": "garbage", "count": 1, "first_offset": len(tlog_bytes(flight(9)))}
     ]
     assert '"first_t":1700000000.123456,"last_t":1700000000.390120' in result.stdout
+
+
+def test_statistics_of_several_files_say_which_is_damaged(log: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.tlog"
+    other.write_bytes(log.read_bytes()[:-1])
+    text = run(log, other, "--stats").stdout
+    assert "17 messages" in text
+    assert re.search(rf"^truncated +1 +\d+ +{re.escape(str(other))}$", text, re.MULTILINE)
+
+
+def test_progress_is_shown_on_a_terminal_and_taken_away(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    def shown(screen_is_free: bool) -> str:
+        terminal = Terminal()
+        monkeypatch.setattr("sys.stderr", terminal)
+        progress = decode_module._Progress(screen_is_free)
+        with open_capture(log) as capture:
+            assert len(list(capture)) == 9
+            for _ in range(progress.CHECK_EVERY):
+                progress.tick(capture)
+        progress.clear()
+        return terminal.getvalue()
+
+    assert shown(True) == ""  # not before a second has passed
+    monkeypatch.setattr(decode_module, "PROGRESS_AFTER_S", 0.0)
+    assert shown(False) == ""
+    assert shown(True) == "\r100%  4,096 messages\x1b[K\r\x1b[K"
 
 
 def test_fields_out_of_range_are_counted(tmp_path: Path) -> None:
