@@ -31,7 +31,7 @@ from sitl_sim.gnss import ERROR_MODELS, ErrorModel
 from sitl_sim.radio import Air
 from sitl_sim.scenario import Scenario
 from sitl_sim.vehicle import TICK_S
-from sitl_sim.world import VehicleState, World
+from sitl_sim.world import FloatArray, VehicleState, World
 
 Address = tuple[str, int]
 
@@ -136,6 +136,7 @@ class FleetServer:
         scenario: What is flown.
         config: How.
         utc_clock: Seconds since 1970.
+        pair_radius: uNMAC radii that the referee counts violations of; the world's default unless given.
 
     Attributes:
         world: The truth; for referees, logs and pages, never for anything that steers.
@@ -151,6 +152,7 @@ class FleetServer:
         config: FleetConfig | None = None,
         *,
         utc_clock: Callable[[], float] = time.time,
+        pair_radius: Callable[[World], FloatArray] | None = None,
     ) -> None:
         self.config = config = config or FleetConfig()
         self.scenario = scenario
@@ -162,6 +164,7 @@ class FleetServer:
             gnss=config.gnss,
             sigma_m=config.sigma_m,
             airborne=config.start is not Start.GROUND,
+            pair_radius=pair_radius,
         )
         self.air = Air(
             config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=config.home
@@ -357,7 +360,10 @@ class FleetServer:
 
     def _on_delivery(self) -> None:
         self._delivery_handle = None
-        self._deliver()
+        try:
+            self._deliver()
+        except Exception:
+            self._note_failure("air")
 
     # --- what went wrong, and what is to be seen ----------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from sitl_sim.cli.demo_command import demo
 from sitl_sim.cli.sim_command import sim
 
-__all__ = ["sim"]
+__all__ = ["demo", "sim"]

@@ -2,71 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from sitl_sim.cli.options import Finite, fleet_config, fleet_options
+
 if TYPE_CHECKING:
     from sitl_sim.server import FleetServer
-
-AUTOPILOTS = ("px4", "ardupilot", "ideal")
-GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
-TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink")
 
 REPORT_S = 1.0
 
 
-class Finite(click.FloatRange):
-    """A float in a range; "nan" and "inf" are no figures."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        number: float = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value!r} is not a finite number.", param, ctx)
-        return number
-
-
-class Home(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
-    """LAT,LON,ALT in degrees and metres above mean sea level."""
-
-    name = "LAT,LON,ALT"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        try:
-            latitude, longitude, altitude = (float(part) for part in value.split(","))
-        except ValueError:
-            self.fail(f"{value!r} is not LAT,LON,ALT, as in 47.397742,8.545594,488.", param, ctx)
-        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and -500.0 <= altitude <= 9000.0):
-            self.fail(f"{value!r} is no place on Earth.", param, ctx)
-        return latitude, longitude, altitude
-
-
 @click.command(short_help="Emulate a fleet that MAVSDK, mavutil and MAVProxy take for real.")
-@click.option("--scenario", default="circle8", show_default=True, metavar="NAME|FILE.toml",
-              help="circle8, square24, head-on, crossing, overtake, or a file.")
-@click.option("-n", "--vehicles", "count", type=click.IntRange(0, 250), metavar="N",
-              help="Number of vehicles; 0 is the air alone.  [default: the scenario's]")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
-@click.option("--autopilot", type=click.Choice(AUTOPILOTS), default="px4", show_default=True,
-              help="Whose response and whose MAVLink.")
-@click.option("--speed", "speed_mps", type=Finite(0.0, 60.0, min_open=True), default=10.0, show_default=True,
-              metavar="M/S", help="Cruise speed of vehicles of which the scenario says nothing.")
+@fleet_options
 @click.option("--airborne", is_flag=True, help="Hover at the start and obey setpoints, instead of standing unarmed.")
-@click.option("--gnss", type=click.Choice(GNSS_MODELS), default="gauss-markov", show_default=True,
-              help="How sigma becomes a position error.")
-@click.option("--sigma", "sigma_m", type=Finite(0.0, 1000.0), default=3.5, show_default=True, metavar="M",
-              help="Standard deviation per axis, for vehicles of which the scenario says nothing; 0 = exact.")
-@click.option("--interval", "interval_s", type=Finite(0.02, 10.0), metavar="S",
-              help="Time between two Remote ID updates.  [default: the scenario's, 0.1]")
-@click.option("--technology", type=click.Choice(TECHNOLOGIES), default="ideal", show_default=True,
-              help="Way of broadcasting: shortest interval, range, delay and loss.")
-@click.option("--loss", type=Finite(0.0, 1.0), metavar="SHARE", help="Share lost.  [default: the technology's]")
-@click.option("--range", "range_m", type=Finite(0.0, 1e6, min_open=True), metavar="M",
-              help="Radio range.  [default: the technology's; ideal: 400]")
-@click.option("--home", type=Home(), help="Where the scenario's origin lies.  [default: 47.397742,8.545594,488]")
 @click.option("--duration", "duration_s", type=Finite(0.0, min_open=True), metavar="S",
               help="Stop after this time.  [default: SIGTERM or Ctrl-C]")
 @click.option("--no-rid", is_flag=True, help="Vehicles do not broadcast Remote ID; their daemons may.")
@@ -78,19 +28,8 @@ class Home(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
               help="Port of the broadcast medium; 0 = any.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a second on stdout, and the verdict at the end.")
 def sim(
-    scenario: str,
-    count: int | None,
-    seed: int,
-    autopilot: str,
-    speed_mps: float,
+    fleet: dict[str, Any],
     airborne: bool,
-    gnss: str,
-    sigma_m: float,
-    interval_s: float | None,
-    technology: str,
-    loss: float | None,
-    range_m: float | None,
-    home: tuple[float, float, float] | None,
     duration_s: float | None,
     no_rid: bool,
     vehicle_port: int,
@@ -114,26 +53,18 @@ def sim(
     import logging
     from dataclasses import replace
 
-    from ridlink.geodesy import Geodetic
     from sitl_sim.autopilot import Start
     from sitl_sim.scenario import resolve_scenario
-    from sitl_sim.server import DEFAULT_HOME, FleetConfig, FleetServer
+    from sitl_sim.server import FleetServer
 
     logging.basicConfig(format="ridlink sim: %(message)s", level=logging.WARNING)
-    chosen = resolve_scenario(scenario, count, speed_mps=speed_mps)
-    if interval_s is not None:
-        chosen = replace(chosen, interval_s=interval_s)
-    config = FleetConfig(
-        seed=seed,
-        autopilot=autopilot,
-        gnss=gnss,  # type: ignore[arg-type]
-        sigma_m=sigma_m,
-        start=Start.AIRBORNE if airborne else Start.GROUND,
+    chosen = resolve_scenario(fleet["scenario"], fleet["count"], speed_mps=fleet["speed_mps"])
+    if fleet["interval_s"] is not None:
+        chosen = replace(chosen, interval_s=fleet["interval_s"])
+    config = fleet_config(
+        fleet,
+        Start.AIRBORNE if airborne else Start.GROUND,
         remote_id=not no_rid,
-        technology=technology,
-        range_m=range_m,
-        loss=loss,
-        home=DEFAULT_HOME if home is None else Geodetic(*home),
         vehicle_port=vehicle_port,
         companion_port=companion_port,
         air_port=air_port,
@@ -200,6 +131,7 @@ def _verdict(server: FleetServer) -> dict[str, Any]:
         "seed": server.config.seed,
         "time_s": round(server.world.time_s, 2),
         "mission_begun": server.mission_begun,
+        "internal_errors": server.counters["error"],
         **server.world.verdict().as_dict(),
     }
 

@@ -1,0 +1,117 @@
+"""``ridlink demo``: an emulated fleet and its avoidance daemons, flown and judged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
+from sitl_sim.cli.options import fleet_options
+
+DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2")
+COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
+
+
+@click.command(short_help="Fly emulated vehicles through one point, each with its daemon, and judge it.")
+@fleet_options
+@click.option("--definition", type=click.Choice(DEFINITIONS), default="candidate2", show_default=True,
+              help="What sizes the disc of a pair.")
+@click.option("--compare", is_flag=True, help=f"Fly the same seed under {', '.join(COMPARED)}, one after the other.")
+@click.option("--processes", is_flag=True, help="Each daemon in an operating-system process of its own.")
+@click.option("--headless", is_flag=True, help="Show nothing but the verdict.")
+@click.option("--json", "as_json", is_flag=True, help="The verdict of each flight as one line of JSON on stdout.")
+@click.option("--any-ports", is_flag=True, help="Ports that the kernel chooses, to fly several demos side by side.")
+@click.option("--log", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.tlog",
+              help="Record the flight there.  [default: a new file in the temporary folder]")
+def demo(
+    fleet: dict[str, Any],
+    definition: str,
+    compare: bool,
+    processes: bool,
+    headless: bool,
+    as_json: bool,
+    any_ports: bool,
+    log: Path | None,
+) -> int:
+    """Fly emulated vehicles through one point, each with its avoidance daemon, and judge it.
+
+    Every message is real MAVLink on UDP of this machine. The daemons know what Remote ID tells them; only the referee
+    knows where the vehicles truly are. Ends with 0 if every vehicle arrived and none collided, with 1 otherwise.
+
+    \b
+    Examples:
+      ridlink demo
+      ridlink demo --scenario square24 --headless --json
+      ridlink demo --compare --autopilot ideal --gnss white-radial --sigma 10 --speed 30.7
+    """
+    import asyncio
+    from dataclasses import replace
+
+    import msgspec
+
+    from ridlink.separation.definitions import Definition
+    from sitl_sim.autopilot import Start
+    from sitl_sim.cli.options import fleet_config
+    from sitl_sim.demo.flight import fly
+    from sitl_sim.demo.options import DemoOptions, any_free_ports
+    from sitl_sim.demo.screen import Screen
+
+    config = fleet_config(fleet, Start.HOLDING)
+    options = DemoOptions(
+        scenario=fleet["scenario"],
+        definition=Definition(definition),
+        count=fleet["count"],
+        speed_mps=fleet["speed_mps"],
+        interval_s=fleet["interval_s"],
+        fleet=any_free_ports(config) if any_ports else config,
+        processes=processes,
+        log=log,
+    )
+    screen = Screen(quiet=headless)
+    verdicts = Screen(quiet=as_json)
+    results: list[dict[str, Any]] = []
+    for each in COMPARED if compare else (definition,):
+        chosen = replace(options, definition=Definition(each))
+        if compare and log is not None:
+            chosen = replace(chosen, log=log.with_stem(f"{log.stem}-{each}"))
+        result = asyncio.run(_until_signal(fly(chosen, screen)))
+        results.append(result)
+        if as_json:
+            click.echo(msgspec.json.encode(result))
+        elif not compare:
+            verdicts.verdict(result)
+        else:
+            screen.say(f"{each}: {result['arrived']} of {result['vehicles']} arrived, {result['macs']} MACs")
+    if compare:
+        verdicts.comparison(results)
+    if not as_json:
+        for result in results:
+            click.echo(result["log"])
+    return EXIT_DONE if all(result["passed"] for result in results) else EXIT_NEGATIVE
+
+
+async def _until_signal(flight: Any) -> dict[str, Any]:
+    """The flight, or a clean end of everything it started when SIGTERM or Ctrl-C comes."""
+    import asyncio
+    import os
+    import signal
+
+    task = asyncio.ensure_future(flight)
+    loop = asyncio.get_running_loop()
+    caught: list[int] = []
+
+    def on_signal(number: int) -> None:
+        if caught:
+            os._exit(128 + number)
+        caught.append(number)
+        task.cancel()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, on_signal, number)
+    try:
+        return await task  # type: ignore[no-any-return]
+    except asyncio.CancelledError:
+        click.echo("ridlink: ended before the verdict", err=True)
+        raise click.exceptions.Exit(EXIT_NEGATIVE) from None

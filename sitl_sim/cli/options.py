@@ -1,0 +1,113 @@
+"""Options that every command with a fleet has: what is flown, by whom, with which receiver and radio, where."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from sitl_sim.autopilot import Start
+    from sitl_sim.server import FleetConfig
+
+AUTOPILOTS = ("px4", "ardupilot", "ideal")
+GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
+TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink")
+
+
+class Finite(click.FloatRange):
+    """A float in a range; "nan" and "inf" are no figures."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
+
+
+class Home(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
+    """LAT,LON,ALT in degrees and metres above mean sea level."""
+
+    name = "LAT,LON,ALT"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        try:
+            latitude, longitude, altitude = (float(part) for part in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not LAT,LON,ALT, as in 47.397742,8.545594,488.", param, ctx)
+        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and -500.0 <= altitude <= 9000.0):
+            self.fail(f"{value!r} is no place on Earth.", param, ctx)
+        return latitude, longitude, altitude
+
+
+_OPTIONS = (
+    click.option("--scenario", default="circle8", show_default=True, metavar="NAME|FILE.toml",
+                 help="circle8, square24, head-on, crossing, overtake, or a file."),
+    click.option("-n", "--vehicles", "count", type=click.IntRange(0, 250), metavar="N",
+                 help="Number of vehicles.  [default: the scenario's]"),
+    click.option("--seed", type=click.IntRange(0), default=1, show_default=True),
+    click.option("--autopilot", type=click.Choice(AUTOPILOTS), default="px4", show_default=True,
+                 help="Whose response and whose MAVLink."),
+    click.option("--speed", "speed_mps", type=Finite(0.0, 60.0, min_open=True), default=10.0, show_default=True,
+                 metavar="M/S", help="Cruise speed of vehicles of which the scenario says nothing."),
+    click.option("--gnss", type=click.Choice(GNSS_MODELS), default="gauss-markov", show_default=True,
+                 help="How sigma becomes a position error."),
+    click.option("--sigma", "sigma_m", type=Finite(0.0, 1000.0), default=3.5, show_default=True, metavar="M",
+                 help="Standard deviation per axis, for vehicles of which the scenario says nothing; 0 = exact."),
+    click.option("--interval", "interval_s", type=Finite(0.02, 10.0), metavar="S",
+                 help="Time between two Remote ID updates.  [default: the scenario's, 0.1]"),
+    click.option("--technology", type=click.Choice(TECHNOLOGIES), default="ideal", show_default=True,
+                 help="Way of broadcasting: shortest interval, range, delay and loss."),
+    click.option("--loss", type=Finite(0.0, 1.0), metavar="SHARE", help="Share lost.  [default: the technology's]"),
+    click.option("--range", "range_m", type=Finite(0.0, 1e6, min_open=True), metavar="M",
+                 help="Radio range.  [default: the technology's; ideal: 400]"),
+    click.option("--home", type=Home(), help="Where the scenario's origin lies.  [default: 47.397742,8.545594,488]"),
+)  # fmt: skip
+
+_NAMES = ("scenario", "count", "seed", "autopilot", "speed_mps", "gnss", "sigma_m", "interval_s", "technology",
+          "loss", "range_m", "home")  # fmt: skip
+
+
+def fleet_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator: adds the options, and hands them over as one dictionary, the argument ``fleet``."""
+
+    @functools.wraps(command)
+    def collected(**given: Any) -> Any:
+        return command(fleet={name: given.pop(name) for name in _NAMES}, **given)
+
+    for option in reversed(_OPTIONS):
+        collected = option(collected)
+    return collected
+
+
+def fleet_config(fleet: dict[str, Any], start: Start, **ports_and_more: Any) -> FleetConfig:
+    """The configuration that the options describe.
+
+    Args:
+        fleet: As `fleet_options` hands it over.
+        start: How the fleet begins.
+        ports_and_more: Further fields of `FleetConfig`.
+
+    Raises:
+        ConfigError: If a figure is out of range.
+    """
+    from ridlink.geodesy import Geodetic
+    from sitl_sim.server import DEFAULT_HOME, FleetConfig
+
+    return FleetConfig(
+        seed=fleet["seed"],
+        autopilot=fleet["autopilot"],
+        gnss=fleet["gnss"],
+        sigma_m=fleet["sigma_m"],
+        start=start,
+        technology=fleet["technology"],
+        range_m=fleet["range_m"],
+        loss=fleet["loss"],
+        home=DEFAULT_HOME if fleet["home"] is None else Geodetic(*fleet["home"]),
+        **ports_and_more,
+    )

@@ -1,0 +1,184 @@
+"""One flight from the first socket to the verdict."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ridlink.avoidance.solver import warm_up
+from ridlink.daemon.recorder import Recorder
+from ridlink.separation.definitions import Definition, separation_discs
+from sitl_sim.demo.conductor import Conductor
+from sitl_sim.demo.daemons import DaemonProcesses, Daemons, DaemonsHere, assignments
+from sitl_sim.demo.options import DemoOptions
+from sitl_sim.demo.screen import Screen
+from sitl_sim.scenario import Scenario, resolve_scenario
+from sitl_sim.server import FleetServer
+from sitl_sim.world import FloatArray, World
+
+HAND_OVER_TIMEOUT_S = 20.0
+LOOK_S = 0.2
+WORTH_A_WORD_S = 1.0
+ODID_CLASSES_M = (1.0, 3.0, 10.0, 30.0, 92.6, 185.2)
+"""Bounds of the accuracy codes that a fleet's sigma can fall into."""
+
+
+def scenario_of(options: DemoOptions) -> Scenario:
+    """What is to be flown.
+
+    Raises:
+        ConfigError: If there is no such scenario or something is wrong with it.
+        OSError: If its file cannot be read.
+    """
+    scenario = resolve_scenario(options.scenario, options.count, speed_mps=options.speed_mps)
+    return scenario if options.interval_s is None else replace(scenario, interval_s=options.interval_s)
+
+
+def pair_radius_under(definition: Definition) -> Callable[[World], FloatArray]:
+    """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles report of themselves."""
+
+    def radii(world: World) -> FloatArray:
+        airframe = np.array([vehicle.airframe_m for vehicle in world.scenario.vehicles])
+        bound = np.array(world.bound_3sigma_m)
+        speed = np.hypot(world.reported_velocity_ned_mps[:, 0], world.reported_velocity_ned_mps[:, 1])
+        sigma = bound / 3.0
+        classes = np.array(ODID_CLASSES_M)
+        coded = 3.0 * classes[np.minimum(np.searchsorted(classes, sigma), len(classes) - 1)]
+        discs = separation_discs(
+            definition,
+            own_airframe_m=airframe[:, None],
+            own_error_bound_m=bound[:, None],
+            own_accuracy_bound_m=coded[:, None],
+            own_speed_mps=speed[:, None],
+            airframe_m=airframe,
+            error_bound_m=bound,
+            accuracy_bound_m=coded,
+            speed_mps=speed,
+        )
+        return discs.radius_m
+
+    return radii
+
+
+async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
+    """Fly once; the result has the keys of ``ridlink demo --json`` and, beside them, ``passed`` and ``details``.
+
+    Raises:
+        ConfigError: If the scenario is wrong.
+        LinkError: If a port is in use, a daemon does not come up, or a vehicle is not handed over.
+        OSError: If the scenario cannot be read or the log not be written.
+    """
+    scenario = scenario_of(options)
+    log = _log_path(options, scenario)
+    recorder = Recorder(log)
+    server = FleetServer(scenario, options.fleet, pair_radius=pair_radius_under(options.definition))
+    daemons: Daemons | None = None
+    conductor: Conductor | None = None
+    landed = asyncio.Event()
+    flying: asyncio.Task[None] | None = None
+    summaries: list[dict[str, Any]] = []
+    try:
+        await server.start()
+        flying = asyncio.create_task(server.run(landed))
+        ports = server.ports
+        conductor = Conductor(
+            ports.vehicles, ports.air, lambda data: recorder.record(time.time_ns() // 1000, data)
+        )
+        await conductor.open()
+        assigned = assignments(scenario, options.definition, options.fleet, ports)
+        await _warm(screen, options.processes, len(assigned))
+        daemons = (DaemonProcesses if options.processes else DaemonsHere)(assigned)
+        await daemons.start()
+        await conductor.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
+        server.begin_mission()
+        await _watch(server, daemons, screen, _title(options, scenario), flying)
+        summaries = await daemons.stop()
+        daemons = None
+    finally:
+        if daemons is not None:
+            await daemons.stop()
+        if conductor is not None:
+            await conductor.close()
+        landed.set()
+        if flying is not None:
+            await asyncio.gather(flying, return_exceptions=True)
+        await server.close()
+        await asyncio.to_thread(recorder.close)
+    return _result(options, server, summaries, log)
+
+
+def _log_path(options: DemoOptions, scenario: Scenario) -> Path:
+    if options.log is not None:
+        return options.log
+    stem = f"ridlink-{Path(scenario.name).stem}-{options.definition}-{options.fleet.seed}-"
+    handle, name = tempfile.mkstemp(prefix=stem, suffix=".tlog")
+    os.close(handle)
+    return Path(name)
+
+
+def _title(options: DemoOptions, scenario: Scenario) -> str:
+    return f"{scenario.name}, {len(scenario.vehicles)} vehicles under {options.definition}, seed {options.fleet.seed}"
+
+
+async def _warm(screen: Screen, processes: bool, count: int) -> None:
+    """Load the solver before anybody flies, and say so where that takes a while."""
+    warming = asyncio.create_task(asyncio.to_thread(warm_up))
+    done, _ = await asyncio.wait([warming], timeout=WORTH_A_WORD_S)
+    if not done:
+        screen.say("Compiling the solver, once for this installation (up to half a minute) ...")
+    await warming
+    if processes:
+        screen.say(f"Starting {count} daemons, each a process of its own ...")
+
+
+async def _watch(
+    server: FleetServer, daemons: Daemons, screen: Screen, title: str, flying: asyncio.Task[None]
+) -> None:
+    """Show the flight until nobody is left to wait for."""
+    if not screen.is_terminal:
+        screen.say(f"Flying {title} (at most {server.scenario.duration_s:.0f} s) ...")
+    with screen.flight(title):
+        while not server.world.finished:
+            screen.update(server.world, title, daemons.status)
+            await asyncio.wait([flying], timeout=LOOK_S)
+            if flying.done():
+                await flying
+                return
+
+
+def _result(
+    options: DemoOptions, server: FleetServer, summaries: Sequence[dict[str, Any]], log: Path
+) -> dict[str, Any]:
+    verdict = server.world.verdict()
+    judged = verdict.as_dict()
+    details = judged.pop("details", [])
+    return {
+        "scenario": server.scenario.name,
+        "definition": str(options.definition),
+        "seed": options.fleet.seed,
+        **judged,
+        "setpoints": sum(summary["setpoints"] for summary in summaries),
+        "reports_received": sum(summary["reports_received"] for summary in summaries),
+        "decision_ms": _worst(summaries, "decision_ms", ("p50", "p99", "max")),
+        "setpoint_gap_ms": _worst(summaries, "setpoint_gap_ms", ("p99", "max")),
+        "infeasible_steps": sum(summary["infeasible_steps"] for summary in summaries),
+        "autopilot": options.fleet.autopilot,
+        "gnss": options.fleet.gnss,
+        "passed": verdict.passed,
+        "details": details,
+        "log": str(log),
+    }
+
+
+def _worst(summaries: Sequence[dict[str, Any]], quantity: str, figures: Sequence[str]) -> dict[str, float]:
+    """The worst daemon's figure, each: no average hides a daemon that stutters."""
+    return {figure: max((s[quantity][figure] for s in summaries), default=math.nan) for figure in figures}
