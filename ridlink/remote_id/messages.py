@@ -3,7 +3,8 @@
 ``None`` means unknown. Angles in degrees clockwise from true north, altitudes in metres, speeds in metres a second
 (``speed_vertical_mps`` is positive upwards, as in ASTM F3411), times in seconds after the full UTC hour, of SYSTEM and
 AUTHENTICATION in seconds since 2019-01-01 UTC. Accuracy codes stay integers (reserved ones included);
-``*_accuracy_m`` and ``*_accuracy_mps`` are the bounds that the codes stand for. ``id_or_mac`` is ``None`` for the sender's own data. Conversion to and from the wire lives in ``convert``.
+``*_accuracy_m`` and ``*_accuracy_mps`` are the bounds that the codes stand for. ``id_or_mac`` is
+``None`` for the sender's own data. Conversion to and from the wire lives in ``convert``.
 """
 
 from __future__ import annotations
