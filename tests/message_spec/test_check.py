@@ -1,0 +1,211 @@
+"""The check of foreign definitions: what differs on the wire is found, and a hostile file does no harm."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from message_spec.check import DefinitionError, check_file, read_definitions
+from message_spec.generate import DIALECT_XML, definition_files, write_files
+from ridlink.mavlink.codec import MESSAGES
+
+OURS = DIALECT_XML.read_text()
+
+Edit = Callable[[str, str], Path]
+
+
+@pytest.fixture
+def edited(tmp_path: Path) -> Edit:
+    def edit(old: str, new: str) -> Path:
+        assert old in OURS
+        path = tmp_path / "theirs.xml"
+        path.write_text(OURS.replace(old, new, 1))
+        return path
+
+    return edit
+
+
+def lines(path: Path) -> list[str]:
+    return [f"{d.kind} {d.msgid} {d.text}" for d in check_file(path)[0]]
+
+
+def test_reads_what_mavgen_reads() -> None:
+    definitions = read_definitions(DIALECT_XML)
+    assert {d.msgid: (d.name, d.size, d.crc_extra, tuple(f.name for f in d.fields)) for d in definitions} == {
+        s.msgid: (s.name, s.size, s.crc_extra, s.fields) for s in MESSAGES.values()
+    }
+    assert next(d.origin for d in definitions if d.msgid == 12901) == "common.xml"
+
+
+def test_our_own_file_is_compatible() -> None:
+    assert check_file(DIALECT_XML) == ([], len(MESSAGES))
+
+
+def test_a_dialect_that_includes_ours_and_adds_to_it_is_compatible(tmp_path: Path) -> None:
+    write_files(tmp_path, definition_files())
+    theirs = tmp_path / "theirs.xml"
+    theirs.write_text(
+        "<mavlink><include>ridlink.xml</include><messages>"
+        '<message id="52000" name="THEIRS"><field type="uint8_t" name="a">b</field></message></messages></mavlink>'
+    )
+    assert check_file(theirs) == ([], len(MESSAGES) + 1)
+
+
+def test_missing(edited: Edit) -> None:
+    assert lines(edited("<include>common.xml</include>", "<include>minimal.xml</include>"))[:2] == [
+        "missing 1 SYS_STATUS of common.xml",
+        "missing 2 SYSTEM_TIME of common.xml",
+    ]
+
+
+def test_changed_type(edited: Edit) -> None:
+    (line,) = lines(edited('"uint16_t" name="airframe_size"', '"uint32_t" name="airframe_size"'))
+    assert line.startswith("changed 61400 RIDLINK_SEPARATION: 47 bytes, 45 in ridlink.xml; CRC_EXTRA ")
+    assert line.endswith("field 1 on the wire is uint32_t airframe_size, not uint16_t horizontal_error")
+
+
+def test_renamed_field(edited: Edit) -> None:
+    (line,) = lines(edited('name="airframe_height"', 'name="height"'))
+    assert "37 in ridlink.xml" in line
+    assert "uint16_t height, not uint16_t airframe_height" in line
+
+
+def test_appended_extension_outside_the_checksum(edited: Edit) -> None:
+    extra = '<extensions/><field type="uint8_t" name="colour">x</field>\n    </message>\n    <message id="61401"'
+    (line,) = lines(edited('</message>\n    <message id="61401"', extra))
+    assert line == "changed 61400 RIDLINK_SEPARATION: 46 bytes, 45 in ridlink.xml; added: colour"
+
+
+def test_changed_upstream_message(tmp_path: Path) -> None:
+    files = definition_files()
+    files["common.xml"] = files["common.xml"].replace(b'name="speed_horizontal"', b'name="speed"')
+    write_files(tmp_path, files)
+    (line,) = lines(tmp_path / "ridlink.xml")
+    assert line.startswith("changed 12901 OPEN_DRONE_ID_LOCATION: CRC_EXTRA ")
+    assert "254 in common.xml" in line
+
+
+def test_colliding_ids(edited: Edit) -> None:
+    assert lines(edited('name="RIDLINK_STATUS"', 'name="THEIR_STATUS"')) == [
+        "collision 61401 THEIR_STATUS, which is RIDLINK_STATUS in ridlink.xml",
+    ]
+    assert lines(edited('id="61401"', 'id="61400"')) == [
+        "collision 61400 defined 2 times: RIDLINK_SEPARATION, RIDLINK_STATUS",
+        "collision 61400 RIDLINK_STATUS, which is RIDLINK_SEPARATION in ridlink.xml",
+    ]
+    assert lines(edited('id="61401" name="RIDLINK_STATUS"', 'id="61499" name="OTHER"')) == [
+        "missing 61401 RIDLINK_STATUS of ridlink.xml",
+        "collision 61499 OTHER takes an id that is reserved for ridlink",
+    ]
+
+
+def test_moved_id(edited: Edit) -> None:
+    assert lines(edited('id="61401"', 'id="52001"')) == ["changed 52001 RIDLINK_STATUS has this id, 61401 in ours"]
+
+
+BOMB = '<!DOCTYPE l [<!ENTITY a "ha">' + "".join(
+    f'<!ENTITY {b} "{f"&{a};" * 20}">' for a, b in zip("abcdefghijkl", "bcdefghijklm", strict=True)
+) + "]>"  # fmt: skip
+
+MESSAGE = (
+    '<mavlink><messages><message id="{id}" name="A"><field type="{type}" name="b">c</field></message></messages>'
+    "</mavlink>"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "no element found"),
+        ("<mavlink>", "no element found"),
+        ("<mavlink><a></mavlink>", "mismatched tag"),
+        ("\x00\x01\x02", "not well-formed"),
+        ("<html/>", "the root is <html>, not <mavlink>"),
+        ('<?xml version="1.0" encoding="klingon"?><mavlink/>', "unknown encoding"),
+        (BOMB + "<mavlink>&m;</mavlink>", "a document type is declared"),
+        ('<!DOCTYPE m SYSTEM "file:///etc/passwd"><mavlink/>', "a document type is declared"),
+        ("<mavlink>&undeclared;</mavlink>", "undefined entity"),
+        ("<mavlink><include>gone.xml</include></mavlink>", "includes 'gone.xml', which is neither"),
+        ("<mavlink><include>/dev/zero</include></mavlink>", "includes '/dev/zero', which is neither"),
+        ('<mavlink><messages><message name="A"/></messages></mavlink>', "line 1: <message> has no id"),
+        ('<mavlink><messages><message id="1" name="A"/></messages></mavlink>', "A has 0 bytes"),
+        (MESSAGE.format(id=1 << 24, type="uint8_t"), "is not a number of 24 bits"),
+        (MESSAGE.format(id="9" * 100_000, type="uint8_t"), "is not a number of 24 bits"),
+        (MESSAGE.format(id="__import__('os')", type="uint8_t"), "is not a number of 24 bits"),
+        (MESSAGE.format(id=1, type="colour"), "unknown type 'colour'"),
+        (MESSAGE.format(id=1, type="uint8_t[0]"), "unknown type"),
+        (MESSAGE.format(id=1, type="uint8_t[256]"), "an array of 256"),
+        (MESSAGE.format(id=1, type="uint64_t[32]"), "A has 256 bytes"),
+    ],
+)
+def test_what_is_no_definition_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
+    path = tmp_path / "bad.xml"
+    path.write_text(text)
+    begin = time.process_time()
+    with pytest.raises(DefinitionError) as caught:
+        check_file(path)
+    assert reason in str(caught.value)
+    assert str(caught.value).startswith("bad.xml: ")
+    assert "\n" not in str(caught.value)
+    assert time.process_time() - begin < 5.0
+
+
+def test_enum_values_are_never_evaluated(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.xml"
+    trap = tmp_path / "trap"
+    value = f"open({str(trap)!r}, 'w').close() or 1"
+    path.write_text(OURS.replace('<entry value="1"', f'<entry value="{value}"', 1))
+    assert check_file(path)[0] == []
+    assert not trap.exists()
+
+
+def test_includes_may_go_in_a_circle(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text("<mavlink><include>b.xml</include></mavlink>")
+    (tmp_path / "b.xml").write_text("<mavlink><include>a.xml</include><include>ridlink.xml</include></mavlink>")
+    write_files(tmp_path, definition_files())
+    assert check_file(tmp_path / "a.xml") == ([], len(MESSAGES))
+
+
+def test_a_chain_of_includes_ends(tmp_path: Path) -> None:
+    for index in range(100):
+        (tmp_path / f"{index}.xml").write_text(f"<mavlink><include>{index + 1}.xml</include></mavlink>")
+    with pytest.raises(DefinitionError, match="more than 64 files"):
+        check_file(tmp_path / "0.xml")
+
+
+def test_deep_nesting_takes_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "deep.xml"
+    path.write_text("<mavlink>" + "<a>" * 500_000 + "</a>" * 500_000 + "</mavlink>")
+    begin = time.process_time()
+    assert read_definitions(path) == []
+    assert time.process_time() - begin < 5.0
+
+
+def test_large_files_folders_and_devices_are_not_read(tmp_path: Path) -> None:
+    with (tmp_path / "large.xml").open("wb") as stream:
+        stream.truncate(20 * 1024 * 1024)
+    with pytest.raises(DefinitionError, match="larger than 16 MiB"):
+        check_file(tmp_path / "large.xml")
+    for path in (tmp_path, Path("/dev/zero")):
+        with pytest.raises(DefinitionError, match="not a file"):
+            check_file(path)
+    with pytest.raises(FileNotFoundError):
+        check_file(tmp_path / "gone.xml")
+
+
+@settings(max_examples=50)
+@given(st.integers(0, len(OURS) - 1), st.integers(0, 40), st.text(max_size=5))
+def test_a_damaged_definition_gives_differences_or_one_error(
+    tmp_path_factory: pytest.TempPathFactory, at: int, cut: int, put: str
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "damaged.xml"
+    path.write_text(OURS[:at] + put + OURS[at + cut :], encoding="utf-8")
+    try:
+        check_file(path)
+    except DefinitionError as error:
+        assert "\n" not in str(error)
