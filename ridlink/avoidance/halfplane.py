@@ -89,8 +89,8 @@ def cone_half_plane(r_1, r_2, radius_m, horizon_s, w_1, w_2, side, line):  # typ
             line[0], line[1] = off_1 / off, off_2 / off
             line[2] = radius_m / horizon_s - off
             return
-        # Straight on is passed on the right.
-        chosen = 1 if r_1 * off_2 - r_2 * off_1 >= 0.0 else -1
+        # Straight on is passed on the right, also when rounding says left.
+        chosen = 1 if r_1 * off_2 - r_2 * off_1 >= -EPSILON * math.sqrt(square) * off else -1
     leg = math.sqrt(max(square - radius_m * radius_m, 0.0))
     # Leg of the cone: r turned by asin(R / |r|) to the chosen side; its outward normal is a quarter turn further.
     leg_1 = (r_1 * leg - chosen * r_2 * radius_m) / square
@@ -339,10 +339,10 @@ def avoid_one(  # type: ignore[no-untyped-def]
             ahead = math.hypot(s_1, s_2)
             if ahead < radius:
                 if ahead < EPSILON:
-                    # Exactly on top of each other: any direction separates, own right-hand side is as good as any.
-                    speed = math.hypot(v_1, v_2)
-                    line[0] = -v_2 / speed if speed > EPSILON else 1.0
-                    line[1] = v_1 / speed if speed > EPSILON else 0.0
+                    # Exactly on top of each other: any direction separates, the one to the own goal is as good as any.
+                    speed = math.hypot(preferred[0], preferred[1])
+                    line[0] = preferred[0] / speed if speed > EPSILON else 1.0
+                    line[1] = preferred[1] / speed if speed > EPSILON else 0.0
                 else:
                     line[0], line[1] = -s_1 / ahead, -s_2 / ahead
                 parting = min(settings[BARRIER] * (radius - ahead), settings[BARRIER_SHARE] * limit)

@@ -21,8 +21,12 @@ def assert_safe_arrival(out, seed):
 
 @pytest.mark.parametrize(
     ("response", "speed", "t63", "after_3_s"),
-    [("ardupilot", 5.0, 1.60, 8.0), ("ardupilot", 10.0, 2.92, None), ("px4", 5.0, 0.96, 8.9), ("px4", 10.0, 1.36,
-    None)],
+    [
+        ("ardupilot", 5.0, 1.60, 8.0),
+        ("ardupilot", 10.0, 2.92, None),
+        ("px4", 5.0, 0.96, 8.9),
+        ("px4", 10.0, 1.36, None),
+    ],
 )
 def test_the_models_answer_a_step_like_the_autopilots_did(response, speed, t63, after_3_s):
     """Times to 63 % and metres flown 3 s after a step from rest, measured on ArduPilot 4.6-dev and PX4 1.17 in SITL."""

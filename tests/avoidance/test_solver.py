@@ -21,8 +21,8 @@ SQUARE = Obstacles.from_polygons([[[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], 
 
 
 def own_ship(position=(0.0, 0.0), velocity=(10.0, 0.0), command=None, limit=10.0):
-    return OwnShip(np.array(position), np.array(velocity), np.array(velocity if command is None else command), 1.0,
-    limit)
+    told = velocity if command is None else command
+    return OwnShip(np.array(position), np.array(velocity), np.array(told), 1.0, limit)
 
 
 def traffic(*rows, radius=24.0, error=21.0, age=0.0, reciprocal=True, command=(math.nan, math.nan)):
@@ -89,7 +89,7 @@ def test_turning_the_world_turns_the_answer(rows, angle, velocity):
         assert around.velocity_ne_mps == pytest.approx(turned(straight.velocity_ne_mps, angle), abs=1e-3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.permutations(range(6)), st.lists(neighbour, min_size=6, max_size=6))
 def test_the_order_of_the_neighbours_does_not_matter(order, rows):
     first = solve(own_ship(), traffic(*rows))
