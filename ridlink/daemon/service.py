@@ -22,6 +22,7 @@ from ridlink.avoidance.solver import warm_up
 from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.recorder import Recorder
 from ridlink.engine import Engine, StepOutput
+from ridlink.engine.periodic import Periodic
 from ridlink.errors import RidlinkError
 from ridlink.links import Address, Link, open_link
 
@@ -106,7 +107,7 @@ class AvoidDaemon:
         self._gap_ms = _Spread()
         self._last_setpoint_s: float | None = None
         self._announced: tuple[str, str] | None = None
-        self._next_summary_s = 0.0
+        self._summary_due = Periodic(1.0)
         self._failed_in_a_row = 0
 
     async def run(self, stop: asyncio.Event) -> Summary:
@@ -234,9 +235,8 @@ class AvoidDaemon:
         if state != self._announced:
             self._announced = state
             self._emit("state", state=state[0], reason=state[1])
-        if record.time_s < self._next_summary_s:
+        if not self._summary_due.due(record.time_s):
             return
-        self._next_summary_s = record.time_s + 1.0
         command = record.commanded_ned_mps
         self._emit(
             "summary",

@@ -22,6 +22,7 @@ from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, s
 from ridlink.engine.config import EngineConfig, Goal, goal_problem
 from ridlink.engine.decision import Conflict, DecisionRecord
 from ridlink.engine.static_obstacles import StaticObstacles
+from ridlink.engine.periodic import Periodic
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
 from ridlink.geodesy import ned_from_geodetic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
@@ -106,22 +107,6 @@ class EngineSummary:
     infeasible_steps: int
 
 
-class _Every:
-    """True once a period."""
-
-    def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
-        self._next_s = -math.inf
-
-    def due(self, now_s: float) -> bool:
-        if now_s < self._next_s - 1e-9:
-            return False
-        # On the grid of the period, unless that was missed: no drift, no burst.
-        on_grid = now_s - self._next_s < self._period_s
-        self._next_s = (self._next_s if on_grid else now_s) + self._period_s
-        return True
-
-
 class Engine:
     """Fed with datagrams, asked once a step.
 
@@ -169,9 +154,9 @@ class Engine:
         self._infeasible = 0
         self._failures: deque[float] = deque(maxlen=FATAL_FAILURES)
         self._decision_time_s = 0.0
-        self._heartbeat_due = _Every(1.0)
-        self._status_due = _Every(1.0)
-        self._request_due = _Every(1.0)
+        self._heartbeat_due = Periodic(1.0)
+        self._status_due = Periodic(1.0)
+        self._request_due = Periodic(1.0)
         self._warned_at_s: dict[TrackKey, float] = {}
 
     # --- in -------------------------------------------------------------------------------------------------------

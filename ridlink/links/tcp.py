@@ -136,6 +136,8 @@ async def open_tcp_link(url: LinkUrl, on_datagram: OnDatagram) -> TcpLink:
         await link._open()
     except TimeoutError as error:
         raise LinkError(f"{url}: no answer within {OPEN_TIMEOUT_S:g} s") from error
+    except UnicodeError as error:
+        raise LinkError(f"{url}: no such host: {error}") from error
     except OSError as error:
         raise LinkError(open_failure(url, error)) from error
     return link

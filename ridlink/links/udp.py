@@ -103,8 +103,8 @@ async def open_udp_link(url: LinkUrl, on_datagram: OnDatagram) -> UdpLink:
     loop = asyncio.get_running_loop()
     try:
         found = await loop.getaddrinfo(url.host, url.port, type=socket.SOCK_DGRAM)
-    except OSError as error:
-        raise LinkError(f"{url}: no such host: {error.strerror or error}") from error
+    except (OSError, UnicodeError) as error:  # a name with a label of more than 63 letters is no OSError
+        raise LinkError(f"{url}: no such host: {getattr(error, 'strerror', None) or error}") from error
     family, kind, protocol, _, address = found[0]
     sock = socket.socket(family, kind, protocol)
     try:

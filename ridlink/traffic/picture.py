@@ -158,7 +158,6 @@ class TrafficPicture:
             self.counters["track_refused"] += 1
             return
         self.tracks[key] = track
-        self.counters["track_begun"] += 1
 
     def _is_echo(self, report: RemoteIdReport, own_sysid: int | None, own_uas_id: bytes | None) -> bool:
         """Our own report come back: our identity *and* our place. Our identity elsewhere is an intruder."""

@@ -117,6 +117,8 @@ class Track:
                 return Update.OLDER
             same_instant = newer_s == 0.0
         if same_instant:
+            if report == last:  # its RIDLINK_SEPARATION said nothing new
+                return Update.COMPLETED
             report = replace(report, received_at_s=last.received_at_s)
             same_place = report.latitude_deg == last.latitude_deg and report.longitude_deg == last.longitude_deg
             if not report.extended or not same_place or report == last:

@@ -1,0 +1,321 @@
+"""Links on the real loopback: what goes in comes out, and nothing that the network does is raised."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from ridlink.errors import ConfigError, LinkError
+from ridlink.links import Address, Link, memory_link_pair, open_link
+from ridlink.links.tcp import TcpLink
+from ridlink.links.udp import UdpLink
+from ridlink.mavlink.codec import Encoder
+
+PATIENCE_S = 5.0
+
+
+class Inbox:
+    """Collects what a link hands over, and can be waited for."""
+
+    def __init__(self) -> None:
+        self.datagrams: list[tuple[bytes, Address]] = []
+        self._changed = asyncio.Event()
+
+    def __call__(self, data: bytes, address: Address) -> None:
+        self.datagrams.append((data, address))
+        self._changed.set()
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():
+                self._changed.clear()
+                await self._changed.wait()
+
+    async def count(self, number: int) -> list[bytes]:
+        await self.until(lambda: len(self.datagrams) >= number)
+        return [data for data, _ in self.datagrams]
+
+
+def run(test: Callable[[], Awaitable[None]]) -> None:
+    async def main() -> None:
+        await test()
+
+    asyncio.run(main())
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():
+            await asyncio.sleep(0.001)  # the loop must turn for sockets to be read
+
+
+def heartbeat(seq: int = 0) -> bytes:
+    encoder = Encoder(1, 1)
+    encoder.seq = seq
+    return encoder.encode("HEARTBEAT", type=2, autopilot=12)
+
+
+def test_udp_both_ways() -> None:
+    async def test() -> None:
+        at_server, at_client = Inbox(), Inbox()
+        server = await open_link("udpin:127.0.0.1:0", at_server)
+        client = await open_link(f"udpout:127.0.0.1:{server.local_address[1]}", at_client)
+        assert not server.send(b"nobody there yet")
+        assert server.counters["no_peer"] == 1
+        assert client.send(b"one") and client.send(b"")
+        assert await at_server.count(2) == [b"one", b""]
+        assert at_server.datagrams[0][1] == client.local_address
+        assert server.send(b"to whoever spoke last")
+        assert server.send(b"by address", client.local_address)
+        assert await at_client.count(2) == [b"to whoever spoke last", b"by address"]
+        server.close()
+        server.close()
+        client.close()
+        assert not client.send(b"closed")
+
+    run(test)
+
+
+def test_udpin_answers_whoever_spoke_last() -> None:
+    async def test() -> None:
+        at_server, at_first, at_second = Inbox(), Inbox(), Inbox()
+        server = await open_link("udpin:127.0.0.1:0", at_server)
+        url = f"udpout:127.0.0.1:{server.local_address[1]}"
+        first, second = await open_link(url, at_first), await open_link(url, at_second)
+        first.send(b"1")
+        await at_server.count(1)
+        second.send(b"2")
+        await at_server.count(2)
+        server.send(b"answer")
+        assert await at_second.count(1) == [b"answer"]
+        assert at_first.datagrams == []
+        for link in (server, first, second):
+            link.close()
+
+    run(test)
+
+
+def test_udpout_hears_its_peer_only() -> None:
+    async def test() -> None:
+        at_server, at_client = Inbox(), Inbox()
+        server = await open_link("udpin:127.0.0.1:0", at_server)
+        client = await open_link(f"udpout:127.0.0.1:{server.local_address[1]}", at_client)
+        stranger = await open_link(f"udpout:127.0.0.1:{client.local_address[1]}", Inbox())
+        stranger.send(b"forged")
+        client.send(b"hello")
+        await at_server.count(1)
+        server.send(b"true")
+        assert await at_client.count(1) == [b"true"]
+        for link in (server, client, stranger):
+            link.close()
+
+    run(test)
+
+
+def test_refused_datagrams_are_counted_and_the_link_lives_on() -> None:
+    async def test() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        inbox = Inbox()
+        client = await open_link(f"udpout:127.0.0.1:{port}", inbox)
+        for _ in range(5):
+            client.send(b"into the void")
+        await until(lambda: client.counters["refused"] > 0)
+        server = await open_link(f"udpin:127.0.0.1:{port}", at_server := Inbox())
+        client.send(b"now")
+        client.send(b"and again")
+        await at_server.count(1)
+        server.send(b"alive")
+        await inbox.count(1)
+        client.close()
+        server.close()
+
+    run(test)
+
+
+def test_receive_buffer_is_asked_for_and_the_answer_can_be_read() -> None:
+    async def test() -> None:
+        link = await open_link("udpin:127.0.0.1:0", Inbox())
+        assert isinstance(link, UdpLink)
+        assert link.receive_buffer_bytes >= 64 * 1024
+        link.close()
+
+    run(test)
+
+
+def test_a_handler_that_raises_costs_its_datagram_only() -> None:
+    async def test() -> None:
+        heard: list[bytes] = []
+
+        def fragile(data: bytes, _: Address) -> None:
+            if data == b"poison":
+                raise RuntimeError("no")
+            heard.append(data)
+
+        server = await open_link("udpin:127.0.0.1:0", fragile)
+        client = await open_link(f"udpout:127.0.0.1:{server.local_address[1]}", Inbox())
+        client.send(b"poison")
+        client.send(b"good")
+        await until(lambda: heard == [b"good"])
+        assert server.counters["handler_error"] == 1
+        assert server.counters["handler_error_RuntimeError"] == 1
+        server.close()
+        client.close()
+
+    run(test)
+
+
+def test_a_handler_may_close_its_link() -> None:
+    async def test() -> None:
+        links: list[Link] = []
+        server = await open_link("udpin:127.0.0.1:0", lambda data, address: links[0].close())
+        links.append(server)
+        client = await open_link(f"udpout:127.0.0.1:{server.local_address[1]}", Inbox())
+        client.send(b"1")
+        client.send(b"2")
+        await until(lambda: not server.send(b"", ("127.0.0.1", 9)))
+        client.close()
+
+    run(test)
+
+
+def test_a_datagram_larger_than_udp_is_counted_not_raised() -> None:
+    async def test() -> None:
+        client = await open_link("udpout:127.0.0.1:9", Inbox())
+        assert not client.send(bytes(70_000))
+        assert client.counters["network_error"] == 1
+        client.close()
+
+    run(test)
+
+
+@pytest.mark.parametrize("scheme", ["udpin", "tcpin"])
+def test_a_port_in_use_is_named_with_a_way_out(scheme: str) -> None:
+    async def test() -> None:
+        first = await open_link(f"{scheme}:127.0.0.1:0", Inbox())
+        port = first.local_address[1]
+        with pytest.raises(LinkError, match=f"port {port} is in use") as caught:
+            await open_link(f"{scheme}:127.0.0.1:{port}", Inbox())
+        assert f"{scheme}:127.0.0.1:{port + 1}" in str(caught.value)
+        first.close()
+
+    run(test)
+
+
+def test_addresses_that_are_none_of_ours() -> None:
+    async def test() -> None:
+        with pytest.raises(LinkError, match="no address of this machine"):
+            await open_link("udpin:192.0.2.1:14540", Inbox())
+        with pytest.raises(LinkError, match="nobody listens there"):
+            with socket.socket() as free:
+                free.bind(("127.0.0.1", 0))
+                port = free.getsockname()[1]
+            await open_link(f"tcpout:127.0.0.1:{port}", Inbox())
+        for scheme in ("udpout", "tcpout"):
+            with pytest.raises(LinkError, match="no such host"):
+                await open_link(f"{scheme}:{'long' * 20}:1", Inbox())
+
+    run(test)
+
+
+def test_serial_says_what_to_do_instead() -> None:
+    async def test() -> None:
+        with pytest.raises(ConfigError, match="mavlink-router"):
+            await open_link("serial:/dev/ttyACM0:57600", Inbox())
+
+    run(test)
+
+
+def test_tcp_streams_come_out_as_frames() -> None:
+    async def test() -> None:
+        at_server, at_client = Inbox(), Inbox()
+        server = await open_link("tcpin:127.0.0.1:0", at_server)
+        assert not server.send(b"nobody")
+        client = await open_link(f"tcpout:127.0.0.1:{server.local_address[1]}", at_client)
+        frames = [heartbeat(seq) for seq in range(5)]
+        stream = b"".join(frames)
+        assert client.send(stream[:7]) and client.send(stream[7:30]) and client.send(b"junk" + stream[30:])
+        # The junk tears one frame; what is whole arrives whole, in order.
+        got = await at_server.count(4)
+        assert got == [frame for frame in frames if frame in got] and len(got) == 4
+        assert server.counters["garbage"] + server.counters["bad_checksum"] > 0
+        server.send(frames[0])
+        assert await at_client.count(1) == [frames[0]]
+        server.send(frames[1], at_server.datagrams[0][1])
+        assert await at_client.count(2) == frames[:2]
+        client.close()
+        await until(lambda: server.counters["peer_left"] == 1)
+        assert not server.send(frames[0])
+        server.close()
+
+    run(test)
+
+
+def test_tcp_client_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ridlink.links.tcp.RECONNECT_S", 0.01)
+
+    async def test() -> None:
+        at_server = Inbox()
+        server = await open_link("tcpin:127.0.0.1:0", at_server)
+        port = server.local_address[1]
+        client = await open_link(f"tcpout:127.0.0.1:{port}", Inbox())
+        client.send(heartbeat())
+        await at_server.count(1)
+        server.close()
+        await until(lambda: client.counters["refused"] > 0)
+        server = await open_link(f"tcpin:127.0.0.1:{port}", at_server)
+        await until(lambda: client.send(heartbeat(1)))
+        await at_server.count(2)
+        client.close()
+        server.close()
+
+    run(test)
+
+
+def test_tcp_peer_that_does_not_read_loses_what_is_stale() -> None:
+    async def test() -> None:
+        server = await open_link("tcpin:127.0.0.1:0", Inbox())
+        with contextlib.closing(socket.create_connection(server.local_address)):
+            await until(lambda: server.send(bytes(16_000)))
+            for _ in range(2000):
+                if not server.send(bytes(16_000)):
+                    break
+            assert server.counters["send_buffer_full"] >= 1
+        server.close()
+        assert isinstance(server, TcpLink)
+
+    run(test)
+
+
+def test_tcp_peers_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ridlink.links.tcp.MAX_PEERS", 1)
+
+    async def test() -> None:
+        at_server = Inbox()
+        server = await open_link("tcpin:127.0.0.1:0", at_server)
+        with socket.create_connection(server.local_address) as first:
+            first.sendall(heartbeat())
+            await at_server.count(1)
+            with socket.create_connection(server.local_address):
+                await until(lambda: server.counters["too_many_peers"] == 1)
+        server.close()
+
+    run(test)
+
+
+def test_memory_pair() -> None:
+    at_first: list[tuple[bytes, Address]] = []
+    at_second: list[tuple[bytes, Address]] = []
+    first, second = memory_link_pair(lambda *a: at_first.append(a), lambda *a: at_second.append(a))
+    assert first.send(b"there") and second.send(b"back", first.local_address)
+    assert at_second == [(b"there", first.local_address)]
+    assert at_first == [(b"back", second.local_address)]
+    assert not first.send(b"elsewhere", ("memory", 9))
+    first.close()
+    first.close()
+    assert not first.send(b"") and not second.send(b"")

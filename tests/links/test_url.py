@@ -1,0 +1,77 @@
+"""Connection strings: what is right, and that every mistake is answered with something right."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.errors import ConfigError
+from ridlink.links import LinkUrl, Scheme, parse_link_url
+
+
+@pytest.mark.parametrize(
+    ("text", "url"),
+    [
+        ("udpin:127.0.0.1:14540", LinkUrl(Scheme.UDPIN, "127.0.0.1", 14540)),
+        ("udpin://127.0.0.1:14540", LinkUrl(Scheme.UDPIN, "127.0.0.1", 14540)),
+        (" UDPOUT:drone.local:14550 ", LinkUrl(Scheme.UDPOUT, "drone.local", 14550)),
+        ("udpin:0.0.0.0:0", LinkUrl(Scheme.UDPIN, "0.0.0.0", 0)),
+        ("udpin::14540", LinkUrl(Scheme.UDPIN, "127.0.0.1", 14540)),
+        ("tcpout:[::1]:5760", LinkUrl(Scheme.TCPOUT, "::1", 5760)),
+        ("tcpin:127.0.0.1:65535", LinkUrl(Scheme.TCPIN, "127.0.0.1", 65535)),
+        ("serial:/dev/ttyACM0:57600", LinkUrl(Scheme.SERIAL, "/dev/ttyACM0", 57600)),
+        ("serial:COM3:921600", LinkUrl(Scheme.SERIAL, "COM3", 921600)),
+    ],
+)
+def test_right_spellings(text: str, url: LinkUrl) -> None:
+    assert parse_link_url(text) == url
+    assert parse_link_url(str(url)) == url
+
+
+@pytest.mark.parametrize(
+    ("text", "right"),
+    [
+        ("udp:127.0.0.1:14540", "udpin:127.0.0.1:14540"),
+        ("udp://127.0.0.1:14540", "udpout:127.0.0.1:14540"),
+        ("udp:", "udpin:127.0.0.1:14540"),
+        ("tcp:10.0.0.1:5760", "tcpout:10.0.0.1:5760"),
+        ("udpinn:127.0.0.1:14541", "udpin:127.0.0.1:14541"),
+        ("udb-out:host:1", "udpout:host:1"),
+        ("127.0.0.1:14540", "udpin:127.0.0.1:14540"),
+        ("", "udpin:127.0.0.1:14540"),
+        ("udpin:127.0.0.1", "udpin:127.0.0.1:14540"),
+        ("udpin:127.0.0.1:", "udpin:127.0.0.1:14540"),
+        ("udpin:14540", "udpin:127.0.0.1:14540"),
+        ("udpin:127.0.0.1:65536", "udpin:127.0.0.1:14540"),
+        ("udpin:127.0.0.1:-1", "udpin:127.0.0.1:14540"),
+        ("udpin:127.0.0.1:1454O", "udpin:127.0.0.1:14540"),
+        ("udpout:127.0.0.1:0", "udpout:127.0.0.1:14540"),
+        ("udpin:::1:14540", "udpin:127.0.0.1:14540"),
+        ("udpin:a b:14540", "udpin:127.0.0.1:14540"),
+        ("udpin:127.0.0.1:٣", "udpin:127.0.0.1:14540"),
+        ("serial:/dev/ttyACM0", "serial:/dev/ttyACM0:57600"),
+        ("serial:/dev/ttyACM0:fast", "serial:/dev/ttyACM0:57600"),
+        ("serial:", "serial:/dev/ttyACM0:57600"),
+    ],
+)
+def test_mistakes_are_answered_with_a_right_spelling(text: str, right: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_link_url(text)
+    assert right in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@given(st.text(alphabet="udpintcoserl:/[].0123456789 @\u0663-", max_size=30))
+def test_any_text_parses_or_is_refused_with_a_spelling_that_parses(text: str) -> None:
+    try:
+        url = parse_link_url(text)
+    except ConfigError as error:
+        spelling = re.findall(r"(?:udpin|udpout|tcpin|tcpout|serial):[^\s,]+", str(error).rpartition("write ")[2])
+        assert spelling
+        for right in spelling:
+            parse_link_url(right)
+    else:
+        assert parse_link_url(str(url)) == url

@@ -1,0 +1,156 @@
+"""The ladder: when the stream begins, holds and ends, and that nothing but an operator begins it again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
+
+FLYING = Conditions(
+    autopilot_heard_s=0.3,
+    own_state_age_s=0.05,
+    armed=True,
+    external_mode=True,
+    wants_stream=True,
+    latitude_deg=47.0,
+    since_last_step_s=0.1,
+    has_goal=True,
+)
+ASKED = request(Rung())
+
+
+def climb(rung: Rung, *steps: Conditions) -> Rung:
+    for seen in steps:
+        rung = advance(rung, seen)
+    return rung
+
+
+ENGAGED = climb(ASKED, FLYING, FLYING)
+
+
+def test_an_operators_request_engages_and_the_first_setpoint_is_zero() -> None:
+    first = climb(ASKED, FLYING)
+    assert (first.state, first.stream) == (State.ENGAGED, Stream.ZERO)
+    second = climb(first, FLYING)
+    assert (second.state, second.stream) == (State.ENGAGED, Stream.DECISION)
+
+
+def test_nothing_engages_unasked() -> None:
+    rung = climb(Rung(), FLYING, FLYING)
+    assert (rung.state, rung.stream) == (State.STANDBY, Stream.NOTHING)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"autopilot_heard_s": math.inf}, "autopilot"),
+        ({"has_goal": False}, "goal"),
+        ({"armed": False}, "armed"),
+        ({"external_mode": False}, "OFFBOARD"),
+        ({"ready": False}, "take-off"),
+        ({"own_state_age_s": math.inf}, "own state"),
+        ({"latitude_deg": 85.1}, "latitude"),
+        ({"latitude_deg": math.nan}, "latitude"),
+        ({"since_last_step_s": 0.6}, "paused"),
+        ({"deciding_fails": True}, "decisions"),
+    ],
+)
+def test_what_an_engagement_waits_for(change: dict[str, object], reason: str) -> None:
+    rung = climb(ASKED, replace(FLYING, **change))
+    assert rung.state is State.STANDBY
+    assert reason in rung.reason
+    assert rung.requested
+    assert climb(rung, FLYING).state is State.ENGAGED
+
+
+def test_px4_gets_a_stream_while_it_waits_armed_and_ardupilot_does_not() -> None:
+    waiting = replace(FLYING, external_mode=False)
+    assert climb(ASKED, waiting).stream is Stream.ZERO
+    assert climb(ASKED, replace(waiting, wants_stream=False)).stream is Stream.NOTHING
+    assert climb(ASKED, replace(waiting, armed=False)).stream is Stream.NOTHING
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"external_mode": False}, "pilot"),
+        ({"armed": False}, "disarmed"),
+        ({"autopilot_heard_s": 3.1}, "heartbeat"),
+        ({"rebooted": True}, "restarted"),
+    ],
+)
+def test_what_ends_an_engagement_is_not_undone_by_its_return(change: dict[str, object], reason: str) -> None:
+    ended = climb(ENGAGED, replace(FLYING, **change))
+    assert (ended.state, ended.stream) == (State.STANDBY, Stream.NOTHING)
+    assert reason in ended.reason
+    again = climb(ended, FLYING, FLYING, FLYING)
+    assert (again.state, again.stream) == (State.STANDBY, Stream.NOTHING)
+    assert reason in again.reason
+    assert climb(request(again), FLYING).state is State.ENGAGED
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"own_state_age_s": 1.1}, {"since_last_step_s": 0.6}, {"latitude_deg": -85.5}, {"deciding_fails": True}],
+)
+def test_doubt_holds_and_goes_by(change: dict[str, object]) -> None:
+    held = climb(ENGAGED, replace(FLYING, **change))
+    assert (held.state, held.stream) == (State.HOLD, Stream.ZERO)
+    back = climb(held, FLYING)
+    assert (back.state, back.stream) == (State.ENGAGED, Stream.DECISION)
+
+
+def test_lasting_doubt_stops_the_stream_for_good() -> None:
+    held = climb(ENGAGED, replace(FLYING, own_state_age_s=4.9))
+    assert held.state is State.HOLD
+    stopped = climb(held, replace(FLYING, own_state_age_s=5.1))
+    assert (stopped.state, stopped.stream) == (State.STOPPED, Stream.NOTHING)
+    still = climb(stopped, FLYING, FLYING)
+    assert (still.state, still.stream) == (State.STOPPED, Stream.NOTHING)
+    assert climb(still, replace(FLYING, armed=False)).state is State.STANDBY
+    assert climb(request(still), FLYING).state is State.ENGAGED
+
+
+def test_a_request_while_engaged_changes_nothing_of_the_stream() -> None:
+    assert request(ENGAGED) == ENGAGED
+
+
+def test_every_way_out_of_engaged_with_nan_ages_is_safe() -> None:
+    rung = climb(ENGAGED, replace(FLYING, own_state_age_s=math.nan))
+    assert rung.stream is not Stream.DECISION
+
+
+conditions = st.builds(
+    Conditions,
+    autopilot_heard_s=st.sampled_from([0.1, 2.9, 3.1, math.inf]),
+    own_state_age_s=st.sampled_from([0.1, 0.9, 1.1, 4.9, 5.1, math.inf]),
+    armed=st.booleans(),
+    external_mode=st.booleans(),
+    ready=st.booleans(),
+    wants_stream=st.booleans(),
+    rebooted=st.booleans(),
+    latitude_deg=st.sampled_from([0.0, 86.0]),
+    since_last_step_s=st.sampled_from([0.1, 0.6]),
+    has_goal=st.booleans(),
+    deciding_fails=st.booleans(),
+)
+
+
+@given(st.lists(conditions, max_size=12), st.booleans())
+def test_decisions_are_streamed_only_to_an_armed_vehicle_in_its_mode(seen: list[Conditions], asked: bool) -> None:
+    rung = ASKED if asked else Rung()
+    for step in seen:
+        before, rung = rung, advance(rung, step)
+        if rung.stream is Stream.DECISION:
+            assert step.armed and step.external_mode and step.own_state_age_s <= 1.0 and step.autopilot_heard_s <= 3.0
+            assert before.state in (State.ENGAGED, State.HOLD)
+        if rung.stream is Stream.ZERO:
+            assert step.armed and step.autopilot_heard_s <= 3.0
+            assert step.external_mode or (step.wants_stream and rung.requested)
+        if not before.requested and before.state is not State.ENGAGED:
+            assert rung.stream is Stream.NOTHING

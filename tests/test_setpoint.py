@@ -1,0 +1,109 @@
+"""Whatever is asked for, what leaves keeps every limit: the last line of defence, tested as if nothing stood above."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.setpoint import STOP, SetpointStream, VelocityLimits, clamp_velocity, encode_setpoint
+
+LIMITS = VelocityLimits()
+anything = st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 3)
+sane = st.tuples(st.floats(-40, 40), st.floats(-40, 40), st.floats(-9, 9))
+
+
+def decoded(frame: bytes) -> Message:
+    (found,) = parse_datagram(frame, CRC_EXTRAS)
+    assert isinstance(found, Frame)
+    return decode_message(found)
+
+
+def size(velocity: tuple[float, ...]) -> float:
+    return math.sqrt(sum(value * value for value in velocity))
+
+
+def test_the_wire_form_is_velocity_only_in_local_ned() -> None:
+    message = decoded(encode_setpoint(Encoder(7, 196), (1.0, -2.0, 0.5), 1234, 7, 1))
+    assert message.name == "SET_POSITION_TARGET_LOCAL_NED"
+    assert message.type_mask == 0x0DC7
+    assert message.coordinate_frame == 1
+    assert (message.vx, message.vy, message.vz) == (1.0, -2.0, 0.5)
+    assert (message.target_system, message.target_component, message.time_boot_ms) == (7, 1, 1234)
+    assert (message.x, message.afx, message.yaw, message.yaw_rate) == (0, 0, 0, 0)
+
+
+@given(st.lists(st.tuples(anything, st.integers(0, 3000)), min_size=1, max_size=30))
+def test_every_stream_keeps_the_limits_whatever_is_asked(steps: list[tuple[tuple[float, float, float], int]]) -> None:
+    stream, encoder = SetpointStream(LIMITS), Encoder(1, 196)
+    last, last_ms, time_ms = STOP, 0, 0
+    for wanted, later_ms in steps:
+        time_ms += later_ms
+        message = decoded(stream.next(encoder, wanted, time_ms, 1, 1))
+        sent = (message.vx, message.vy, message.vz)
+        assert all(math.isfinite(value) for value in sent)
+        assert math.hypot(sent[0], sent[1]) <= LIMITS.horizontal_mps
+        assert abs(sent[2]) <= LIMITS.vertical_mps
+        if sent != STOP:
+            change = size((sent[0] - last[0], sent[1] - last[1], sent[2] - last[2]))
+            assert change <= LIMITS.acceleration_mps2 * (message.time_boot_ms - last_ms) / 1e3 + 1e-4
+        assert message.time_boot_ms >= last_ms
+        last, last_ms = sent, message.time_boot_ms
+
+
+@given(anything.filter(lambda v: not all(math.isfinite(x) for x in v)), sane)
+def test_what_is_not_finite_becomes_zero(wanted: tuple[float, float, float], last: tuple[float, float, float]) -> None:
+    assert clamp_velocity(wanted, last, 0.1, LIMITS) == STOP
+
+
+def test_not_finite_is_counted() -> None:
+    stream = SetpointStream(LIMITS)
+    stream.next(Encoder(1, 196), (math.nan, 0.0, 0.0), 100, 1, 1)
+    assert stream.counters["setpoint_not_finite"] == 1
+    assert stream.velocity == STOP
+
+
+def test_zero_does_not_slew() -> None:
+    assert clamp_velocity(STOP, (15.0, 0.0, 2.0), 0.0, LIMITS) == STOP
+
+
+def test_the_course_is_kept_when_speed_is_cut() -> None:
+    north, east, _ = clamp_velocity((30.0, 40.0, 0.0), (9.0, 12.0, 0.0), 0.1, LIMITS)
+    assert (north, east) == pytest.approx((9.0, 12.0), rel=1e-5)
+
+
+@given(sane)
+def test_a_velocity_within_limits_passes_unchanged_when_there_is_time(wanted: tuple[float, float, float]) -> None:
+    loose = VelocityLimits(horizontal_mps=60.0, vertical_mps=10.0, acceleration_mps2=1000.0)
+    assert clamp_velocity(wanted, STOP, 0.5, loose) == wanted
+
+
+def test_a_long_gap_does_not_buy_a_leap() -> None:
+    north, _, _ = clamp_velocity((15.0, 0.0, 0.0), STOP, 60.0, LIMITS)
+    assert north == pytest.approx(2.5, rel=1e-5)
+
+
+def test_time_never_goes_back() -> None:
+    stream, encoder = SetpointStream(LIMITS), Encoder(1, 196)
+    stream.next(encoder, STOP, 500, 1, 1)
+    assert decoded(stream.next(encoder, STOP, 400, 1, 1)).time_boot_ms == 500
+
+
+def test_restart_begins_from_zero() -> None:
+    stream, encoder = SetpointStream(LIMITS), Encoder(1, 196)
+    stream.next(encoder, (0.4, 0.0, 0.0), 100, 1, 1)
+    assert stream.velocity != STOP
+    stream.restart()
+    assert stream.velocity == STOP
+    assert stream.sent == 1
+
+
+@pytest.mark.parametrize("field", ["horizontal_mps", "vertical_mps", "acceleration_mps2"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_limits_are_checked(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=field):
+        VelocityLimits(**{field: value})
