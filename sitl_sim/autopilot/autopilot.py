@@ -162,13 +162,12 @@ class Autopilot:
 
     def tick(self, now_s: float) -> Outgoing:
         """Let time pass, and give what is to be sent now."""
-        first = math.isinf(self._now_s)
         self._now_s = now_s
         navigation = self._navigation[self._index]
         if navigation.state is VehicleState.GONE:
             return []  # a wreck is silent
         self.pilot.update(navigation, now_s)
-        if first and self._companion is not None:
+        if self._companion is not None and self._companion not in self._links:
             self._open_link(self._companion, math.inf)
         self._payloads.clear()
         changed = self._announced != (self.pilot.mode, self.pilot.armed, self.pilot.failsafe)
@@ -209,6 +208,9 @@ class Autopilot:
 
     def receive(self, datagram: bytes, address: Address, now_s: float) -> Outgoing:
         """Take a datagram from a peer, and give the answers to it; never raises, whatever the bytes."""
+        self._now_s = max(self._now_s, now_s)
+        if self._navigation[self._index].state is VehicleState.GONE:
+            return []
         frames: list[bytes] = []
         link: Link | None = None
         for frame in parse_datagram(datagram, CRC_EXTRAS):
@@ -224,7 +226,6 @@ class Autopilot:
             message = decode_message(frame)
             if self._is_for_us(message):
                 self.counters["taken"] += 1
-                self._now_s = max(self._now_s, now_s)
                 frames += handler(message, frame, link)
         return [(answer, address) for answer in _packed(frames)]
 
@@ -251,7 +252,7 @@ class Autopilot:
     def _stream(self, link: Link, name: str, interval_s: float) -> None:
         """Start a stream; the same messages of different vehicles fall into different moments."""
         phase = (self.system_id * _PHASE_STEP) % 1.0 * min(interval_s, 0.1) if math.isfinite(interval_s) else 0.0
-        link.stream(name, interval_s, max(self._now_s, 0.0) + phase)
+        link.stream(name, interval_s, self._now_s + phase)
 
     def _is_for_us(self, message: Message) -> bool:
         target_system = message.fields.get("target_system", 0)
@@ -335,7 +336,7 @@ class Autopilot:
         if name is None or name not in self.telemetry:
             if self._flavour.is_px4:
                 return Result.ACCEPTED  # as PX4 answers, although nothing will come
-            self._say(Severity.WARNING, f"no ap_message for mavlink id ({int(command[1] or 0)})")
+            self._say(Severity.WARNING, "message interval refused: unknown message")
             return Result.DENIED
         if interval_us is None:
             interval_s = DEFAULT_INTERVAL_S.get(name, math.inf)

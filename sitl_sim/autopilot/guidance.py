@@ -21,6 +21,12 @@ vehicle."""
 APPROACH_PER_S = 0.6
 """Speed by distance left; slow enough for the response of either autopilot."""
 
+APPROACH_MPS2 = 1.5
+"""Deceleration towards a point that either autopilot can fly."""
+
+LANDING_DRIFT_MPS = 1.0
+"""How fast a landing vehicle moves sideways onto its point."""
+
 HEIGHT_REACHED_M = 0.3
 YAW_RATE_RADPS = math.radians(60.0)
 
@@ -74,13 +80,11 @@ class GoTo:
 
     def command(self, estimate: SteeringEstimate) -> Vector:
         """Velocity to fly now [m/s]."""
-        north, east = self.target_ned_m[0] - estimate.north_m, self.target_ned_m[1] - estimate.east_m
-        left_m = math.hypot(north, east)
-        pace = min(self.speed_mps, APPROACH_PER_S * left_m) / max(left_m, 1e-9)
+        north, east = _horizontally(self.target_ned_m[0], self.target_ned_m[1], self.speed_mps, estimate)
         down = APPROACH_PER_S * (self.target_ned_m[2] - estimate.down_m)
         down = min(max(down, -self.climb_mps), self.descent_mps)
         forward = self.feed_forward_ned_mps
-        return north * pace + forward[0], east * pace + forward[1], down + forward[2]
+        return north + forward[0], east + forward[1], down + forward[2]
 
     def distance_m(self, estimate: SteeringEstimate) -> float:
         """How far it is still."""
@@ -108,11 +112,25 @@ class Climb:
 
 @dataclass(frozen=True, slots=True)
 class Descend:
-    """Straight down until the ground is there, slower near it."""
+    """Down until the ground is there, slower near it; straight down, or onto a point (north, east)."""
+
+    onto_ne_m: tuple[float, float] | None = None
 
     def command(self, estimate: SteeringEstimate) -> Vector:
         """Velocity to fly now [m/s]."""
-        return 0.0, 0.0, TOUCHDOWN_MPS if -estimate.down_m < FLARE_HEIGHT_M else DESCENT_MPS
+        north = east = 0.0
+        if self.onto_ne_m is not None:
+            north, east = _horizontally(*self.onto_ne_m, LANDING_DRIFT_MPS, estimate)
+        return north, east, TOUCHDOWN_MPS if -estimate.down_m < FLARE_HEIGHT_M else DESCENT_MPS
+
+
+def _horizontally(north_m: float, east_m: float, speed_mps: float, estimate: SteeringEstimate) -> tuple[float, float]:
+    """Velocity towards a point [m/s], slower the nearer it is."""
+    north_m, east_m = north_m - estimate.north_m, east_m - estimate.east_m
+    left_m = math.hypot(north_m, east_m)
+    speed_mps = min(speed_mps, APPROACH_PER_S * left_m, math.sqrt(2.0 * APPROACH_MPS2 * left_m))
+    pace = speed_mps / max(left_m, 1e-9)
+    return north_m * pace, east_m * pace
 
 
 Guidance = Velocity | GoTo | Climb | Descend

@@ -239,7 +239,7 @@ class Pilot:
                 self.mode = Mode.HOLD
         elif self.mode is Mode.RETURN and isinstance(guidance, GoTo):
             if guidance.distance_m(self.estimate) < HOME_REACHED_M:
-                self._guidance = Descend()
+                self._guidance = Descend(guidance.target_ned_m[:2])
         elif isinstance(guidance, Velocity) and self.navigation.state is VehicleState.GROUNDED:
             asks_to_climb = -guidance.velocity_ned_mps[2] > LIFT_OFF_MPS
             if self._flavour.is_px4 and self.armed and self.mode is Mode.OFFBOARD and asks_to_climb:
@@ -306,8 +306,8 @@ class Pilot:
             case Mode.MISSION:
                 self._say(Severity.WARNING, "no mission")
                 return Result.DENIED
-        if not (self.mode is mode and mode is Mode.HOLD):  # asked to hold again, it goes on to where it was sent
-            self._enter(mode, Velocity())
+        # asked to hold again, it goes on to where it was sent
+        self._enter(mode, self._guidance if self.mode is mode and mode is Mode.HOLD else Velocity())
         return Result.ACCEPTED
 
     def _enter_offboard(self, now_s: float) -> Result:

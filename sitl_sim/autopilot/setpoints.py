@@ -2,7 +2,7 @@
 
 The mask is read bit by bit, because every client sets its own: MAVSDK 0x09C7, MAVProxy 0x0FC7, ArduPilot's examples
 0x0DC7. A set bit means "ignore". What both real autopilots do is kept: a mask that ignores only some velocity axes is
-no velocity at all and stops the vehicle, and what is not finite is not taken.
+no velocity at all and stops the vehicle, and what is not finite (or beyond all reason) is not taken.
 
 Axes: north-east-down about the vehicle's own origin; frames 8 and 9 turn with its heading.
 """
@@ -15,6 +15,10 @@ from enum import IntEnum, IntFlag
 
 from ridlink.mavlink.codec import Message
 from sitl_sim.autopilot.navigation import Vector
+
+
+LARGEST = 1e6
+"""Largest metres or metres a second that are taken; finite figures near the end of a float do not survive a rotation."""
 
 
 class TypeMask(IntFlag):
@@ -94,7 +98,7 @@ def decode_setpoint(message: Message, position_ned_m: Vector, yaw_rad: float) ->
 
 
 def _finite(x: float, y: float, z: float) -> Vector:
-    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+    if not (abs(x) <= LARGEST and abs(y) <= LARGEST and abs(z) <= LARGEST):  # also catches NaN
         raise RefusedSetpoint("setpoint ignored: not finite")
     return x, y, z
 

@@ -1,0 +1,138 @@
+"""One emulated vehicle and one client in virtual time: bytes go to and fro, no socket is opened."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ridlink.geodesy import Geodetic
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
+from ridlink.mavlink.frames import Frame, parse_datagram
+from sitl_sim.autopilot import Autopilot, FleetNavigation, Start
+from sitl_sim.scenario import Scenario, VehicleSpec
+from sitl_sim.vehicle import TICK_S
+from sitl_sim.world import World
+
+HOME = Geodetic(47.397742, 8.545594, 488.0)
+COMPANION = ("127.0.0.1", 14540)
+GROUND_STATION = ("127.0.0.1", 50000)
+START_NED_M = (-200.0, 0.0, -50.0)
+UTC_S = 1_800_000_000.0
+
+ARMED = 128
+PX4_HOLD, PX4_OFFBOARD, PX4_LAND, PX4_TAKEOFF = 0x03040000, 0x00060000, 0x06040000, 0x02040000
+GUIDED = 4
+
+VELOCITY_ONLY = 0x0DC7
+
+
+def one_vehicle(**details: Any) -> Scenario:
+    details = {"start_ned_m": START_NED_M, "goal_ned_m": (200.0, 0.0, -50.0), "sigma_m": 0.0} | details
+    return Scenario("one", 600.0, (VehicleSpec(**details),))
+
+
+class Flight:
+    """A vehicle, its world, and everything that its peers have heard."""
+
+    def __init__(
+        self,
+        flavour: str = "px4",
+        start: Start = Start.GROUND,
+        *,
+        scenario: Scenario | None = None,
+        gnss: Any = "gauss-markov",
+        seed: int = 1,
+    ) -> None:
+        self.flavour = flavour
+        self.world = World(
+            scenario or one_vehicle(),
+            autopilot=flavour,
+            gnss=gnss,
+            seed=seed,
+            airborne=start is not Start.GROUND,
+        )
+        self.navigation = FleetNavigation(self.world, HOME)
+        self.autopilot = Autopilot(
+            self.world,
+            0,
+            self.navigation,
+            flavour=flavour,
+            utc_clock=lambda: UTC_S,
+            start=start,
+            companion=COMPANION,
+        )
+        self.client = Encoder(255, 190)
+        self.now_s = 1000.0
+        self.heard: dict[tuple[str, int], list[tuple[float, Message]]] = {}
+
+    def advance(self, duration_s: float) -> None:
+        """Let the world and the vehicle live on, tick by tick."""
+        for _ in range(round(duration_s / TICK_S)):
+            self.world.step(TICK_S)
+            self.now_s += TICK_S
+            self.navigation.refresh()
+            self._note(self.autopilot.tick(self.now_s))
+
+    def _note(self, outgoing: list[tuple[bytes, tuple[str, int]]]) -> list[Message]:
+        messages = []
+        for datagram, address in outgoing:
+            for frame in parse_datagram(datagram, CRC_EXTRAS):
+                assert isinstance(frame, Frame) and (frame.sysid, frame.compid) == (1, 1)
+                messages.append(decode_message(frame))
+                self.heard.setdefault(address, []).append((self.now_s, messages[-1]))
+        return messages
+
+    def send(self, name: str, *, sender: Encoder | None = None, address: Any = GROUND_STATION, **fields: Any) -> list[Message]:
+        """Send one message to the vehicle; the answers."""
+        datagram = (sender or self.client).encode(name, **fields)
+        return self._note(self.autopilot.receive(datagram, address, self.now_s))
+
+    def command(self, number: int, *parameters: float, address: Any = GROUND_STATION) -> int:
+        """Send a COMMAND_LONG; the result that is acknowledged."""
+        fields = {f"param{at}": value for at, value in enumerate(parameters, start=1)}
+        answers = self.send(
+            "COMMAND_LONG", target_system=1, target_component=1, command=number, address=address, **fields
+        )
+        (acknowledgement,) = [answer for answer in answers if answer.name == "COMMAND_ACK"]
+        assert (acknowledgement.command, acknowledgement.target_system) == (number, 255)
+        return int(acknowledgement.result)
+
+    def set_mode(self, main: int, sub: int = 0) -> int:
+        return self.command(176, 1.0, main, sub)
+
+    def setpoint(self, *velocity: float, mask: int = VELOCITY_ONLY, frame: int = 1, **fields: Any) -> list[Message]:
+        vx, vy, vz = velocity or (0.0, 0.0, 0.0)
+        target = {"target_system": 1, "target_component": 1, "coordinate_frame": frame, "type_mask": mask}
+        return self.send("SET_POSITION_TARGET_LOCAL_NED", **target, vx=vx, vy=vy, vz=vz, **fields)
+
+    def fly(self, duration_s: float, *velocity: float, **fields: Any) -> None:
+        """Stream a setpoint at 10 Hz."""
+        for _ in range(round(duration_s / 0.1)):
+            self.setpoint(*velocity, **fields)
+            self.advance(0.1)
+
+    def messages(self, name: str, address: Any = COMPANION) -> list[tuple[float, Message]]:
+        return [(at, message) for at, message in self.heard.get(address, []) if message.name == name]
+
+    def last(self, name: str, address: Any = COMPANION) -> Message:
+        return self.messages(name, address)[-1][1]
+
+    @property
+    def texts(self) -> list[str]:
+        return [message.text.rstrip(b"\x00").decode() for _, message in self.messages("STATUSTEXT")]
+
+    @property
+    def mode(self) -> int:
+        """As the last heartbeat told it."""
+        return int(self.last("HEARTBEAT").custom_mode)
+
+    @property
+    def armed(self) -> bool:
+        return bool(self.last("HEARTBEAT").base_mode & ARMED)
+
+    @property
+    def velocity(self) -> list[float]:
+        return [float(value) for value in self.world.velocity_ned_mps[0]]
+
+    @property
+    def height_m(self) -> float:
+        return -float(self.world.position_ned_m[0, 2])
