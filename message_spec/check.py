@@ -29,6 +29,7 @@ OWN_IDS = range(61400, 61500)
 _SIZES = {"char": 1, "int8_t": 1, "uint8_t": 1, "int16_t": 2, "uint16_t": 2, "int32_t": 4, "uint32_t": 4,
           "int64_t": 8, "uint64_t": 8, "float": 4, "double": 8}  # fmt: skip
 _FIELD_TYPE = re.compile(r"(\w+?)(?:\[(\d{1,3})\])?", re.ASCII)
+_NAME = re.compile(r"\w{1,64}", re.ASCII)
 _MESSAGE = ("mavlink", "messages", "message")
 
 
@@ -119,7 +120,7 @@ def _included(name: str, by: Path) -> Path:
         return beside
     shipped = Path(str(resources.files("pymavlink") / "dialects" / "v20")) / Path(name).name
     if not shipped.is_file():
-        raise DefinitionError(f"{by.name}: includes {name!r}, which is neither beside it nor one of pymavlink's")
+        raise DefinitionError(f"{by.name}: includes {name[:80]!a}, which is neither beside it nor one of pymavlink's")
     return shipped
 
 
@@ -174,8 +175,8 @@ class _Reader:
         if where == _MESSAGE:
             msgid = self._attribute(attributes, "id", tag)
             if not re.fullmatch(r"\d{1,8}", msgid, re.ASCII) or int(msgid) >= 1 << 24:
-                raise self._error(f"message id {msgid[:20]!r} is not a number of 24 bits")
-            self._header = (int(msgid), self._attribute(attributes, "name", tag))
+                raise self._error(f"message id {msgid[:20]!a} is not a number of 24 bits")
+            self._header = (int(msgid), self._name(attributes, tag))
             self._fields, self._extensions = [], False
         elif where == (*_MESSAGE, "extensions"):
             self._extensions = True
@@ -204,16 +205,22 @@ class _Reader:
             raise self._error(f"<{tag}> has no {name}")
         return attributes[name]
 
+    def _name(self, attributes: dict[str, str], tag: str) -> str:
+        name = self._attribute(attributes, "name", tag)
+        if not _NAME.fullmatch(name):  # it is printed: nothing that a terminal would obey
+            raise self._error(f"{name[:40]!a} is no name")
+        return name
+
     def _field(self, attributes: dict[str, str]) -> Field:
         written = self._attribute(attributes, "type", "field")
         match = _FIELD_TYPE.fullmatch(written)
         kind = match[1].replace("uint8_t_mavlink_version", "uint8_t") if match else ""
         if match is None or kind not in _SIZES or match[2] == "0":
-            raise self._error(f"unknown type {written[:40]!r}")
+            raise self._error(f"unknown type {written[:40]!a}")
         length = int(match[2] or 0)
         if length > MAX_PAYLOAD:
             raise self._error(f"an array of {length}: a payload has {MAX_PAYLOAD} bytes")
-        return Field(self._attribute(attributes, "name", "field"), kind, length, self._extensions)
+        return Field(self._name(attributes, "field"), kind, length, self._extensions)
 
 
 def compare(theirs: Iterable[Definition], ours: Iterable[Definition]) -> list[Difference]:

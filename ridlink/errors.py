@@ -88,4 +88,4 @@ class LinkError(RidlinkError, OSError):
     """A socket, port or device that cannot be opened or used."""
 
     def __str__(self) -> str:  # OSError would print a tuple when it has an errno
-        return str(self.args[0]) if self.args else ""
+        return self.strerror or (str(self.args[0]) if self.args else "")

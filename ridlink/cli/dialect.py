@@ -19,7 +19,7 @@ FORMS = {
 FOLDERS_ONLY = ("c", "typescript")
 
 
-@click.group()
+@click.group(short_help="Write the MAVLink dialect in another language; check an XML.")
 def dialect() -> None:
     """Write the MAVLink dialect in another language, or check a definition against it."""
 
@@ -79,7 +79,9 @@ for _form, _help in FORMS.items():
 @click.option("--allow-missing", is_flag=True, help="What FILE does not define is not held against it.")
 @click.pass_context
 def check(ctx: click.Context, file: Path, allow_missing: bool) -> None:
-    """Compare ids, names, sizes and CRC_EXTRA of FILE with ours and with upstream's.
+    """Compare a definition with ours and upstream's.
+
+    Ids, names, sizes, CRC_EXTRA and fields of every message in FILE and in what it includes.
 
     Exit code 0: FILE means the same on the wire. 1: it does not, and the differences are printed. 2: FILE is no MAVLink
     definition.

@@ -138,6 +138,9 @@ MESSAGE = (
         (MESSAGE.format(id="9" * 100_000, type="uint8_t"), "is not a number of 24 bits"),
         (MESSAGE.format(id="__import__('os')", type="uint8_t"), "is not a number of 24 bits"),
         (MESSAGE.format(id=1, type="colour"), "unknown type 'colour'"),
+        (MESSAGE.format(id=1, type="\x9b2J"), r"unknown type '\x9b2J'"),
+        (MESSAGE.format(id=1, type="uint8_t").replace('"A"', '"A&#10;B"'), r"'A\nB' is no name"),
+        (MESSAGE.format(id=1, type="uint8_t").replace('"b"', '"\x9b2J"'), r"'\x9b2J' is no name"),
         (MESSAGE.format(id=1, type="uint8_t[0]"), "unknown type"),
         (MESSAGE.format(id=1, type="uint8_t[256]"), "an array of 256"),
         (MESSAGE.format(id=1, type="uint64_t[32]"), "A has 256 bytes"),
@@ -145,7 +148,7 @@ MESSAGE = (
 )
 def test_what_is_no_definition_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
     path = tmp_path / "bad.xml"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     begin = time.process_time()
     with pytest.raises(DefinitionError) as caught:
         check_file(path)

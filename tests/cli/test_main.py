@@ -1,0 +1,171 @@
+"""The command line as a whole: quick help, one-line errors, documented exit codes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+import click
+import pytest
+
+import ridlink.cli
+from ridlink.errors import (
+    CaptureError,
+    ConfigError,
+    FrameError,
+    LinkError,
+    MissingExtraError,
+    PayloadError,
+    RidlinkError,
+    UnknownMessageError,
+)
+
+HEAVY = ("numpy", "numba", "pymavlink", "pymap3d", "lxml", "mavsdk", "rich", "ridlink.mavlink")
+
+
+def ridlink_process(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "ridlink", *arguments], capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+Run = Callable[..., int]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run main() in this process with a command ``try`` that raises or returns what it is given: its exit code."""
+
+    def run_main(outcome: object, *arguments: str) -> int:
+        @click.command()
+        def attempt() -> object:
+            if isinstance(outcome, BaseException):
+                raise outcome
+            return outcome
+
+        monkeypatch.setattr(ridlink.cli, "COMMANDS", {"try": f"{__name__}:attempt"})
+        monkeypatch.setattr(sys.modules[__name__], "attempt", attempt, raising=False)
+        monkeypatch.setattr(sys, "argv", ["ridlink", *(arguments or ("try",))])
+        monkeypatch.delenv("RIDLINK_DEBUG", raising=False)
+        with pytest.raises(SystemExit) as stopped:
+            ridlink.cli.main()
+        assert isinstance(stopped.value.code, int)
+        return stopped.value.code
+
+    return run_main
+
+
+class TestHelp:
+    def test_lists_every_command_with_its_purpose(self) -> None:
+        done = ridlink_process("--help")
+        assert done.returncode == 0
+        assert done.stderr == ""
+        for name in ridlink.cli.COMMANDS:
+            assert f"\n  {name} " in done.stdout
+
+    def test_imports_nothing_heavy(self) -> None:
+        program = (
+            "import sys; sys.argv = ['ridlink', '--help']\n"
+            "import ridlink.cli\n"
+            "try: ridlink.cli.main()\n"
+            f"except SystemExit: print([m for m in {HEAVY!r} if m in sys.modules], file=sys.stderr)\n"
+        )
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+        assert done.stderr.strip() == "[]"
+
+    def test_takes_less_than_three_tenths_of_a_second(self) -> None:
+        best = float("inf")
+        for _ in range(5):
+            begin = os.times()
+            ridlink_process("--help")
+            end = os.times()
+            spent = end.children_user - begin.children_user + end.children_system - begin.children_system
+            best = min(best, spent)
+        assert best < 0.3
+
+    @pytest.mark.parametrize("arguments", [("-h",), ("dialect", "--help"), ("dialect", "check", "-h")])
+    def test_help_of_a_command(self, arguments: tuple[str, ...]) -> None:
+        done = ridlink_process(*arguments)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.startswith("Usage: ridlink")
+
+    def test_version_names_the_generator(self) -> None:
+        done = ridlink_process("--version")
+        assert done.returncode == 0
+        assert done.stdout.startswith("ridlink ")
+        assert "pymavlink" in done.stdout
+
+
+class TestUsage:
+    def test_unknown_command(self) -> None:
+        done = ridlink_process("fly-me-to-the-moon")
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert done.stderr == "ridlink: No such command 'fly-me-to-the-moon'. (see 'ridlink --help')\n"
+
+    def test_unknown_option(self) -> None:
+        done = ridlink_process("dialect", "xml", "--colour")
+        assert done.returncode == 2
+        assert done.stderr.startswith("ridlink: ")
+        assert "(see 'ridlink dialect xml --help')" in done.stderr
+        assert done.stderr.count("\n") == 1
+
+    def test_a_reader_that_goes_away_is_no_error(self) -> None:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "ridlink", "dialect", "lua"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.read(10)
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        process.stderr.close()
+        assert process.wait(timeout=60) == 0
+
+
+class TestExitCodes:
+    @pytest.mark.parametrize(
+        ("error", "code", "text"),
+        [
+            (ConfigError("x = 3: unknown key"), 2, "ridlink: x = 3: unknown key"),
+            (MissingExtraError("mqtt", "mqtt"), 2, "ridlink: mqtt needs the extra 'mqtt': pip install 'ridlink[mqtt]'"),
+            (click.UsageError("no goal"), 2, "ridlink: no goal (see 'ridlink try --help')"),
+            (click.BadParameter("not a port"), 2, "ridlink: Invalid value: not a port (see 'ridlink try --help')"),
+            (UnknownMessageError("NO_SUCH"), 2, "ridlink: the dialect has no message 'NO_SUCH'"),
+            (PayloadError("A.b takes 1 byte", message="A", field="b"), 2, "ridlink: A.b takes 1 byte"),
+            (FrameError("bad frame"), 2, "ridlink: bad frame"),
+            (RidlinkError("anything else on purpose"), 2, "ridlink: anything else on purpose"),
+            (LinkError("udpin:127.0.0.1:14540: in use"), 3, "ridlink: udpin:127.0.0.1:14540: in use"),
+            (CaptureError("a.tlog: no capture"), 3, "ridlink: a.tlog: no capture"),
+            (FileNotFoundError(2, "No such file", "a.tlog"), 3, "ridlink: a.tlog: No such file"),
+            (PermissionError(13, "Permission denied"), 3, "ridlink: Permission denied"),
+            (click.FileError("a.tlog", "gone"), 3, "ridlink: Could not open file 'a.tlog': gone"),
+            (ZeroDivisionError("by nothing"), 70,
+             "ridlink: internal error: ZeroDivisionError: by nothing (RIDLINK_DEBUG=1 shows where)"),
+        ],
+        ids=lambda value: type(value).__name__ if isinstance(value, Exception) else "",
+    )  # fmt: skip
+    def test_every_error_is_one_line(
+        self, run: Run, capsys: pytest.CaptureFixture[str], error: Exception, code: int, text: str
+    ) -> None:
+        assert run(error) == code
+        assert capsys.readouterr() == ("", text + "\n")
+
+    def test_internal_errors_show_where_on_request(self, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+        run(None)
+        monkeypatch.setattr(sys.modules[__name__], "attempt", click.command()(lambda: 1 / 0))
+        monkeypatch.setenv("RIDLINK_DEBUG", "1")
+        with pytest.raises(ZeroDivisionError):
+            ridlink.cli.main()
+
+    @pytest.mark.parametrize("interrupt", [KeyboardInterrupt(), click.Abort()])
+    def test_an_interrupt_is_128_and_its_signal(self, run: Run, interrupt: BaseException) -> None:
+        assert run(interrupt) == 130
+
+    @pytest.mark.parametrize(("outcome", "code"), [(None, 0), (0, 0), (1, 1), (4, 4), ("text", 0)])
+    def test_a_returned_number_is_the_exit_code(self, run: Run, outcome: object, code: int) -> None:
+        assert run(outcome) == code
+
+    def test_a_command_may_leave_by_exit(self, run: Run) -> None:
+        assert run(click.exceptions.Exit(4)) == 4

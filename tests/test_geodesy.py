@@ -1,0 +1,61 @@
+"""WGS-84 and local north-east-down: there and back, the axes, and the places where maps tear."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.geodesy import Geodetic, geodetic_from_ned, ned_from_geodetic
+
+latitudes = st.floats(-85.0, 85.0)
+longitudes = st.floats(-180.0, 180.0)
+altitudes = st.floats(-400.0, 9000.0)
+metres = st.floats(-20_000.0, 20_000.0)
+
+
+@given(st.builds(Geodetic, latitudes, longitudes, altitudes), metres, metres, st.floats(-500.0, 500.0))
+def test_there_and_back(origin: Geodetic, north: float, east: float, down: float) -> None:
+    position = np.array([north, east, down])
+    latitude, longitude, altitude = geodetic_from_ned(position, origin)
+    again = ned_from_geodetic(latitude, longitude, altitude, origin)
+    np.testing.assert_allclose(again, position, atol=1e-6)
+
+
+def test_axes() -> None:
+    origin = Geodetic(47.4, 8.54, 500.0)
+    north = ned_from_geodetic(47.401, 8.54, 500.0, origin)
+    east = ned_from_geodetic(47.4, 8.541, 500.0, origin)
+    up = ned_from_geodetic(47.4, 8.54, 510.0, origin)
+    # WGS-84 at 47.4 deg: 111.18 km per degree of latitude, 75.49 km per degree of longitude, at 500 m
+    np.testing.assert_allclose(north, [111.19, 0.0, 0.0], atol=0.02)
+    np.testing.assert_allclose(east, [0.0, 75.49, 0.0], atol=0.02)
+    np.testing.assert_allclose(up, [0.0, 0.0, -10.0], atol=1e-6)
+
+
+def test_the_plane_is_tangent_and_the_earth_falls_away() -> None:
+    origin = Geodetic(47.4, 8.54, 0.0)
+    down = ned_from_geodetic(47.4, 8.54 + 1000.0 / 75_483.0, 0.0, origin)[2]
+    assert down == pytest.approx(1000.0**2 / (2 * 6_388_000.0), rel=0.01)  # 8 cm at 1 km
+
+
+def test_across_the_antimeridian() -> None:
+    position = ned_from_geodetic(-17.0, -179.9999, 0.0, Geodetic(-17.0, 179.9999, 0.0))
+    assert position[1] == pytest.approx(21.3, abs=0.1)
+    longitude = geodetic_from_ned([0.0, 21.3, 0.0], Geodetic(-17.0, 179.9999, 0.0))[1]
+    assert float(longitude) == pytest.approx(-179.9999, abs=1e-6)
+
+
+def test_shapes_broadcast() -> None:
+    origin = Geodetic(0.0, 0.0)
+    assert ned_from_geodetic(0.0, 0.0, 0.0, origin).shape == (3,)
+    assert ned_from_geodetic([0.0, 1e-4], 0.0, 0.0, origin).shape == (2, 3)
+    assert ned_from_geodetic(np.zeros((4, 2)), np.zeros(2), 0.0, origin).shape == (4, 2, 3)
+    latitude, longitude, altitude = geodetic_from_ned(np.zeros((4, 2, 3)), origin)
+    assert latitude.shape == longitude.shape == altitude.shape == (4, 2)
+
+
+def test_an_unknown_altitude_stays_unknown() -> None:
+    position = ned_from_geodetic(47.4, 8.54, np.nan, Geodetic(47.4, 8.54, 0.0))
+    assert np.isnan(position).any()
