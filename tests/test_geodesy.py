@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned, ned_from_geodetic
+
+unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+"""A busy machine is no failure."""
 
 latitudes = st.floats(-85.0, 85.0)
 longitudes = st.floats(-180.0, 180.0)
@@ -15,6 +18,7 @@ altitudes = st.floats(-400.0, 9000.0)
 metres = st.floats(-20_000.0, 20_000.0)
 
 
+@unhurried
 @given(st.builds(Geodetic, latitudes, longitudes, altitudes), metres, metres, st.floats(-500.0, 500.0))
 def test_there_and_back(origin: Geodetic, north: float, east: float, down: float) -> None:
     position = np.array([north, east, down])

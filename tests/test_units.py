@@ -5,22 +5,28 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ridlink import units
 
+unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+"""A busy machine is no failure."""
 
+
+@unhurried
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_degrees_come_back_exactly(value: int) -> None:
     assert units.dege7_from_deg(units.deg_from_dege7(value)) == value
 
 
+@unhurried
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_millimetres_come_back_exactly(value: int) -> None:
     assert units.mm_from_m(units.m_from_mm(value)) == value
 
 
+@unhurried
 @given(st.integers(-(2**15), 2**16 - 1))
 def test_centimetres_a_second_come_back_exactly(value: int) -> None:
     assert units.cmps_from_mps(units.mps_from_cmps(value)) == value
@@ -42,6 +48,7 @@ def test_golden_values(got: float, expected: float) -> None:
     assert got == expected
 
 
+@unhurried
 @given(st.floats(0.0, 1e6), st.sampled_from([0.001, 0.01, 0.02, 0.1, 0.5, 1.0]))
 def test_rounding_up_never_understates_by_more_than_noise(value: float, unit: float) -> None:
     count = units.ceil_units(value, unit)
@@ -49,6 +56,7 @@ def test_rounding_up_never_understates_by_more_than_noise(value: float, unit: fl
     assert (count - 1) * unit < value or count == 0
 
 
+@unhurried
 @given(st.integers(0, 65535), st.sampled_from([0.001, 0.01, 0.02, 0.1, 0.5]))
 def test_whole_units_are_not_rounded_up(count: int, unit: float) -> None:
     assert units.ceil_units(count * unit, unit) == count
@@ -61,6 +69,7 @@ def test_rounding_up_golden(value: float, unit: float, count: int) -> None:
     assert units.ceil_units(value, unit) == count
 
 
+@unhurried
 @given(st.floats(-1e6, 1e6))
 def test_wrapped_angle_is_the_same_angle(value: float) -> None:
     wrapped = units.wrap_deg(value)

@@ -9,7 +9,7 @@ import struct
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
@@ -26,6 +26,9 @@ from ridlink.mavlink.codec import (
     message_spec,
 )
 from ridlink.mavlink.frames import Frame, encode_frame, parse_datagram
+
+unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+"""A busy machine is no failure."""
 
 RANGES = {
     f"{sign}int{bits}_t": (-(1 << bits - 1) if not sign else 0, (1 << bits - (not sign)) - 1)
@@ -93,7 +96,7 @@ def plain(spec: MessageSpec, message: Any) -> dict[str, Any]:
 
 
 class TestRoundTrip:
-    @settings(max_examples=200)
+    @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
     @given(
         st.sampled_from(sorted(MESSAGES))
         .map(MESSAGES.__getitem__)
@@ -110,6 +113,7 @@ class TestRoundTrip:
             if not isinstance(value, float) or not math.isnan(value):
                 assert repr(message.fields[name]) == repr(value)
 
+    @unhurried
     @given(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=255))
     def test_any_payload_decodes_and_encodes_to_itself(self, msgid: int, payload: bytes) -> None:
         spec = MESSAGES[msgid]

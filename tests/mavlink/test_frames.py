@@ -7,7 +7,7 @@ import time
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
@@ -23,6 +23,9 @@ from ridlink.mavlink.frames import (
     encode_frame,
     parse_datagram,
 )
+
+unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+"""A busy machine is no failure."""
 
 POISON = bytes.fromhex("fdff0000000001010000")
 """A HEARTBEAT header that claims 255 bytes of payload: an unguarded parser waits for them and swallows what follows."""
@@ -207,6 +210,7 @@ class TestDatagrams:
         # eight times the bytes: 8 if linear, 64 if quadratic; the constant keeps short timings out of it
         assert cost(64_000) < 20 * cost(8_000) + 0.02
 
+    @unhurried
     @given(st.binary(max_size=400))
     def test_any_bytes_are_accounted_for(self, data: bytes) -> None:
         found = parse_datagram(data, CRC_EXTRAS)
@@ -216,11 +220,13 @@ class TestDatagrams:
             at += len(item.raw) if isinstance(item, Frame) else item.length
         assert at == len(data)
 
+    @unhurried
     @given(st.lists(st.sampled_from([0xFD, 0xFE, 0x00, 0x01, 0x02, 0xFF]), max_size=300).map(bytes))
     def test_any_bytes_that_look_like_headers_are_accounted_for(self, data: bytes) -> None:
         found = parse_datagram(data, CRC_EXTRAS, limit=1000)
         assert sum(len(i.raw) if isinstance(i, Frame) else i.length for i in found) == len(data)
 
+    @unhurried
     @given(st.lists(st.tuples(noise, good_frames), max_size=8), noise)
     def test_frames_with_garbage_between_all_come_out(self, parts: list[tuple[bytes, bytes]], tail: bytes) -> None:
         data = b"".join(garbage + frame for garbage, frame in parts) + tail
@@ -231,6 +237,7 @@ class TestDatagrams:
 
 
 class TestStreams:
+    @unhurried
     @given(
         st.lists(st.one_of(good_frames, st.binary(max_size=30), st.just(POISON), st.just(unknown_frame())), max_size=6),
         st.lists(st.integers(0, 600), max_size=10),
@@ -287,6 +294,7 @@ class TestDamage:
             damaged[bit // 8] ^= 1 << bit % 8
             assert not [f for f in frames_in(parse_datagram(bytes(damaged), CRC_EXTRAS)) if f.checked], bit
 
+    @unhurried
     @given(good_frames, st.data())
     def test_no_flipped_bit_of_a_payload_passes(self, good: bytes, data: st.DataObject) -> None:
         damaged = bytearray(good)
