@@ -170,6 +170,19 @@ class TestRefusals:
         assert field in str(caught.value)
         assert "\n" not in str(caught.value)
 
+    @pytest.mark.parametrize(
+        ("name", "fields", "text"),
+        [
+            ("RIDLINK_SEPARATION", {"colour": 1}, "RIDLINK_SEPARATION has no field 'colour'"),
+            ("RIDLINK_SEPARATION", {"id_or_mac": bytes(21)}, "RIDLINK_SEPARATION.id_or_mac takes 20 bytes, not 21"),
+            ("ATTITUDE_QUATERNION_COV", {"q": (1.0, 0.0)}, "ATTITUDE_QUATERNION_COV.q takes 4 values, not 2"),
+        ],
+    )
+    def test_the_text_says_what_would_fit(self, name: str, fields: dict[str, Any], text: str) -> None:
+        with pytest.raises(PayloadError) as caught:
+            Encoder(1, 1).encode(name, **fields)
+        assert str(caught.value) == text
+
     def test_a_refused_message_takes_no_sequence_number(self) -> None:
         encoder = Encoder(1, 1)
         with pytest.raises(PayloadError):
