@@ -61,6 +61,5 @@ def _degrees(vertices_ne_m: FloatArray, origin: Geodetic) -> tuple[FloatArray, F
 
 
 def _metres(vertices_deg: tuple[FloatArray, FloatArray], origin: Geodetic) -> FloatArray:
-    # Walls stand at every height, so own height is no part of the conversion.
-    level = Geodetic(origin.latitude_deg, origin.longitude_deg)
-    return np.ascontiguousarray(ned_from_geodetic(*vertices_deg, 0.0, level)[:, :2])
+    # Walls stand at every height: their distance is that at ours.
+    return np.ascontiguousarray(ned_from_geodetic(*vertices_deg, origin.altitude_m, origin)[:, :2])

@@ -96,6 +96,11 @@ def _known(value: float | None) -> float:
     return math.nan if value is None else value
 
 
+def _bare(identity: bytes | None) -> bytes | None:
+    """An identity without the zeros that fill its field."""
+    return None if identity is None else identity.rstrip(b"\x00")
+
+
 class TrafficPicture:
     """All tracks of one own-ship.
 
@@ -162,7 +167,7 @@ class TrafficPicture:
     def _is_echo(self, report: RemoteIdReport, own_sysid: int | None, own_uas_id: bytes | None) -> bool:
         """Our own report come back: our identity *and* our place. Our identity elsewhere is an intruder."""
         by_sysid = own_sysid is not None and report.source[0] == own_sysid and report.id_or_mac is None
-        by_uas_id = own_uas_id is not None and own_uas_id in (report.uas_id, report.id_or_mac)
+        by_uas_id = own_uas_id is not None and _bare(own_uas_id) in (_bare(report.uas_id), _bare(report.id_or_mac))
         if not (by_sysid or by_uas_id):
             return False
         own = self._own

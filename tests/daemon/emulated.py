@@ -1,0 +1,217 @@
+"""A vehicle for the tests of the engine and the daemon: a point that obeys at once, and speaks as an autopilot does.
+
+It stands in for no measured response; what matters here are the bytes and the order of events.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ridlink.geodesy import Geodetic, geodetic_from_ned
+from ridlink.links import Address, Link, open_link
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import Location, Separation, SeparationFlags
+from ridlink.setpoint import VelocityLimits
+
+HOME = Geodetic(47.3977, 8.5456, 500.0)
+GEOID_M = 47.0
+OFFBOARD, POSITION_MODE = 6 << 16, 3 << 16
+GUIDED, LOITER = 4, 5
+PATIENCE_S = 8.0
+
+
+def messages(data: bytes) -> list[Message]:
+    """Messages of a datagram; anything but good frames is a failure of the sender."""
+    found = parse_datagram(data, CRC_EXTRAS)
+    assert all(isinstance(frame, Frame) and frame.checked for frame in found), found
+    return [decode_message(frame) for frame in found if isinstance(frame, Frame)]
+
+
+def at(north_m: float, east_m: float = 0.0, up_m: float = 50.0) -> tuple[float, float, float]:
+    """Latitude, longitude, altitude above mean sea level of a point about home."""
+    return tuple(float(value) for value in geodetic_from_ned((north_m, east_m, -up_m), HOME))  # type: ignore[return-value]
+
+
+@dataclass
+class Observer:
+    """Checks invariant I1 on every setpoint that it is shown, and keeps them."""
+
+    limits: VelocityLimits = field(default_factory=VelocityLimits)
+    target: int = 1
+    setpoints: list[Message] = field(default_factory=list)
+    _last: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    _last_ms: int = 0
+
+    def watch(self, data: bytes) -> list[Message]:
+        """Messages of a datagram, checked."""
+        found = messages(data)
+        for message in found:
+            if message.name == "SET_POSITION_TARGET_LOCAL_NED":
+                self._check(message)
+                self.setpoints.append(message)
+        return found
+
+    def _check(self, message: Message) -> None:
+        velocity = (message.vx, message.vy, message.vz)
+        assert all(math.isfinite(value) for value in velocity)
+        assert math.hypot(message.vx, message.vy) <= self.limits.horizontal_mps
+        assert abs(message.vz) <= self.limits.vertical_mps
+        assert message.type_mask == 0x0DC7
+        assert message.coordinate_frame == 1
+        assert (message.target_system, message.target_component) == (self.target, 1)
+        assert message.time_boot_ms >= self._last_ms
+        if velocity != (0.0, 0.0, 0.0):
+            change = math.dist(velocity, self._last)
+            elapsed_s = (message.time_boot_ms - self._last_ms) / 1e3
+            assert change <= self.limits.acceleration_mps2 * elapsed_s + 1e-4, (velocity, self._last, elapsed_s)
+        self._last, self._last_ms = velocity, message.time_boot_ms
+
+
+class Emulated:
+    """A point mass with an autopilot's voice."""
+
+    def __init__(self, sysid: int = 1, *, ned_m: tuple[float, float, float] = (0.0, 0.0, -50.0), autopilot: int = 12,
+                 error_m: float = 3.0, airframe_m: float = 0.6) -> None:  # fmt: skip
+        self.sysid, self.autopilot = sysid, autopilot
+        self.position, self.velocity = np.array(ned_m), np.zeros(3)
+        self.mode = OFFBOARD if autopilot == 12 else GUIDED
+        self.armed, self.fix_type = True, 3
+        self.error_m, self.airframe_m = error_m, airframe_m
+        self.landed_state: int | None = None
+        self.observer = Observer(target=sysid)
+        self.heard: list[Message] = []
+        self.encoder = Encoder(sysid, 1)
+
+    def heartbeat(self) -> bytes:
+        base_mode = 1 | (128 if self.armed else 0)
+        return self.encoder.encode(
+            "HEARTBEAT", type=2, autopilot=self.autopilot, base_mode=base_mode, custom_mode=self.mode
+        )
+
+    def position_messages(self, now_s: float) -> bytes:
+        latitude, longitude, altitude = (float(value) for value in geodetic_from_ned(self.position, HOME))
+        place = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7), "alt": round(altitude * 1e3)}
+        vx, vy, vz = (round(100 * value) for value in self.velocity)
+        ellipsoid = round((altitude + GEOID_M) * 1e3)
+        relative = round((altitude - HOME.altitude_m) * 1e3)
+        encode = self.encoder.encode
+        return encode(
+            "GPS_RAW_INT", fix_type=self.fix_type, h_acc=round(self.error_m / 3 * 1e3), v_acc=1000,
+            alt_ellipsoid=ellipsoid, **place,
+        ) + encode(
+            "GLOBAL_POSITION_INT", time_boot_ms=round(1e3 * now_s), relative_alt=relative, vx=vx, vy=vy, vz=vz, **place,
+        )  # fmt: skip
+
+    def telemetry(self, now_s: float) -> bytes:
+        landed = b""
+        if self.landed_state is not None:
+            landed = self.encoder.encode("EXTENDED_SYS_STATE", landed_state=self.landed_state)
+        return self.heartbeat() + landed + self.position_messages(now_s)
+
+    def remote_id(
+        self, now_s: float, *, command: tuple[float, float, float] | None = None, extended: bool = True, **fields: Any
+    ) -> bytes:
+        latitude, longitude, altitude = (float(value) for value in geodetic_from_ned(self.position, HOME))
+        north, east, down = (float(value) for value in self.velocity)
+        location = Location(**({
+            "status": 2, "latitude_deg": latitude, "longitude_deg": longitude,
+            "altitude_geodetic_m": altitude + GEOID_M, "speed_horizontal_mps": math.hypot(north, east),
+            "speed_vertical_mps": -down, "direction_deg": math.degrees(math.atan2(east, north)) % 360.0,
+            "timestamp_s": now_s % 3600.0,
+        } | fields))  # fmt: skip
+        parts: list[Any] = [location]
+        if extended:
+            flags = SeparationFlags.AVOIDING
+            flags |= SeparationFlags.COMMANDED_VELOCITY_GIVEN if command else SeparationFlags(0)
+            vx, vy, vz = command or (None, None, None)
+            parts.append(Separation(
+                timestamp_s=location.timestamp_s, horizontal_error_m=self.error_m, vertical_error_m=3.0,
+                velocity_error_mps=0.3, airframe_size_m=self.airframe_m, airframe_height_m=0.3, update_interval_s=0.1,
+                commanded_vx_mps=vx, commanded_vy_mps=vy, commanded_vz_mps=vz, flags=flags,
+                id_or_mac=location.id_or_mac,
+            ))  # fmt: skip
+        return b"".join(self.encoder.encode(name, **values) for name, values in map(to_mavlink, parts))
+
+    def hear(self, data: bytes) -> list[Message]:
+        """Take what the daemon sends; setpoints are obeyed at once, in the right mode."""
+        found = self.observer.watch(data)
+        self.heard += found
+        for message in found:
+            if message.name == "SET_POSITION_TARGET_LOCAL_NED" and self.armed and self.mode in (OFFBOARD, GUIDED):
+                self.velocity = np.array([message.vx, message.vy, message.vz])
+        return found
+
+    def advance(self, elapsed_s: float) -> None:
+        self.position = self.position + self.velocity * elapsed_s
+
+
+class LoopbackVehicle:
+    """An `Emulated` on a real UDP socket, telling its state every 20 ms and its heartbeat at once when it changes.
+
+    Args:
+        port: Where the daemon listens.
+    """
+
+    def __init__(self, emulated: Emulated, port: int) -> None:
+        self.vehicle, self.port = emulated, port
+        self.silent = False
+        self.frozen = False
+        self.sources: set[Address] = set()
+        self._link: Link | None = None
+        self._changed = asyncio.Event()
+        self._failure: BaseException | None = None
+
+    async def __aenter__(self) -> LoopbackVehicle:
+        self._link = await open_link(f"udpout:127.0.0.1:{self.port}", self._hear)
+        self._task = asyncio.create_task(self._speak())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._task.cancel()
+        assert self._link is not None
+        self._link.close()
+        if self._failure is not None:
+            raise self._failure
+
+    def _hear(self, data: bytes, address: Address) -> None:
+        try:
+            self.vehicle.hear(data)
+        except AssertionError as failure:  # the link would only count it
+            self._failure = failure
+        self.sources.add(address)
+        self._changed.set()
+
+    def send(self, data: bytes) -> None:
+        assert self._link is not None
+        self._link.send(data)
+
+    async def _speak(self) -> None:
+        begin = asyncio.get_running_loop().time()
+        while True:
+            now_s = asyncio.get_running_loop().time() - begin
+            if not self.silent:
+                self.send(self.vehicle.heartbeat())
+                if not self.frozen:
+                    self.send(self.vehicle.position_messages(now_s))
+            self.vehicle.advance(0.02)
+            await asyncio.sleep(0.02)
+
+    def setpoints(self) -> list[Message]:
+        return self.vehicle.observer.setpoints
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        """Wait for something that comes with a datagram."""
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():
+                if self._failure is not None:
+                    raise self._failure
+                self._changed.clear()
+                await self._changed.wait()

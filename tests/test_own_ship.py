@@ -1,0 +1,227 @@
+"""Own state: one autopilot is believed, as long as what it says can be, and its age is that of the caller's clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable
+
+import pytest
+
+from ridlink.mavlink.codec import Encoder, decode_message
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.own_ship import OwnShipTelemetry
+from ridlink.traffic.position_filter import moved, offset_m
+
+HERE = (47.3977, 8.5456)
+
+
+class Autopilot:
+    """Says things to a telemetry, as real frames."""
+
+    def __init__(self, telemetry: OwnShipTelemetry, sysid: int = 1, compid: int = 1, source: Hashable = "a") -> None:
+        self.telemetry, self.encoder, self.source = telemetry, Encoder(sysid, compid), source
+
+    def say(self, now_s: float, name: str, **fields: object) -> None:
+        (frame,) = parse_datagram(self.encoder.encode(name, **fields), CRC_EXTRAS)
+        assert isinstance(frame, Frame)
+        self.telemetry.receive(frame.sysid, frame.compid, decode_message(frame), now_s, self.source)
+
+    def heartbeat(self, now_s: float, *, autopilot: int = 12, mode: int = 6 << 16, armed: bool = True) -> None:
+        self.say(now_s, "HEARTBEAT", type=2, autopilot=autopilot, base_mode=129 if armed else 1, custom_mode=mode)
+
+    def position(self, now_s: float, **fields: object) -> None:
+        given = {"lat": round(HERE[0] * 1e7), "lon": round(HERE[1] * 1e7), "alt": 540_000, "relative_alt": 50_000}
+        given |= {"time_boot_ms": round(now_s * 1e3)} | fields
+        self.say(now_s, "GLOBAL_POSITION_INT", **given)
+
+    def receiver(self, now_s: float, **fields: object) -> None:
+        self.say(now_s, "GPS_RAW_INT", **({"fix_type": 3, "h_acc": 900, "v_acc": 1500, "alt": 540_000} | fields))
+
+
+def flying(now_s: float = 0.0, **options: object) -> tuple[OwnShipTelemetry, Autopilot]:
+    telemetry = OwnShipTelemetry(**options)  # type: ignore[arg-type]
+    autopilot = Autopilot(telemetry)
+    autopilot.heartbeat(now_s)
+    autopilot.receiver(now_s)
+    autopilot.position(now_s)
+    return telemetry, autopilot
+
+
+def test_state_of_a_px4() -> None:
+    telemetry, autopilot = flying()
+    autopilot.receiver(0.0, alt_ellipsoid=587_500)
+    autopilot.position(0.0, vx=500, vy=-200, vz=100)
+    state = telemetry.state(0.2)
+    assert state is not None
+    assert offset_m(HERE, (state.position.latitude_deg, state.position.longitude_deg)) == pytest.approx((1.0, -0.4), abs=0.02)
+    assert state.position.altitude_m == pytest.approx(539.8)
+    assert state.altitude_ellipsoid_m == pytest.approx(587.3)
+    assert state.velocity_ned_mps == (5.0, -2.0, 1.0)
+    assert state.speed_mps == pytest.approx(math.hypot(5, 2))
+    assert state.error_bound_m == pytest.approx(2.7)
+    assert state.vertical_error_bound_m == pytest.approx(4.5)
+    assert state.home_altitude_m == pytest.approx(490.0)
+    assert state.age_s == pytest.approx(0.2)
+    assert telemetry.armed and telemetry.external_mode and telemetry.wants_stream
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "external"),
+    [(12, 6 << 16, True), (12, 4 << 16 | 3 << 24, False), (12, 4, False), (3, 4, True), (3, 6 << 16, False), (3, 5, False)],
+)
+def test_external_mode_of_both_autopilots(autopilot: int, mode: int, external: bool) -> None:
+    telemetry = OwnShipTelemetry()
+    Autopilot(telemetry).heartbeat(0.0, autopilot=autopilot, mode=mode, armed=False)
+    assert telemetry.external_mode is external
+    assert not telemetry.armed
+    assert telemetry.wants_stream is (autopilot == 12)
+
+
+def test_nothing_is_known_before_an_autopilot_is_heard() -> None:
+    telemetry = OwnShipTelemetry()
+    Autopilot(telemetry).position(0.0)
+    assert telemetry.lock is None
+    assert telemetry.state(0.0) is None
+    assert math.isinf(telemetry.age_s(0.0)) and math.isinf(telemetry.heard_s(0.0))
+    assert not telemetry.wants_stream
+
+
+def test_an_unknown_error_is_the_worst_of_the_standard() -> None:
+    telemetry = OwnShipTelemetry()
+    autopilot = Autopilot(telemetry)
+    autopilot.heartbeat(0.0)
+    autopilot.position(0.0)
+    state = telemetry.state(0.0)
+    assert state is not None
+    assert state.error_bound_m == 40.0
+    assert state.altitude_ellipsoid_m is None
+    autopilot.receiver(0.0, h_acc=0, v_acc=0)
+    assert telemetry.state(0.0).error_bound_m == 40.0  # type: ignore[union-attr]
+
+
+def test_the_larger_of_receiver_and_estimator_counts_and_is_capped() -> None:
+    telemetry, autopilot = flying()
+    autopilot.say(0.0, "ESTIMATOR_STATUS", flags=831, pos_horiz_accuracy=2.4)
+    assert telemetry.state(0.0).error_bound_m == pytest.approx(7.2)  # type: ignore[union-attr]
+    autopilot.say(0.0, "ESTIMATOR_STATUS", flags=831, pos_horiz_accuracy=math.nan)
+    assert telemetry.state(0.0).error_bound_m == pytest.approx(2.7)  # type: ignore[union-attr]
+    autopilot.receiver(0.0, h_acc=100_000)
+    assert telemetry.state(0.0).error_bound_m == 185.0  # type: ignore[union-attr]
+
+
+def test_an_old_position_is_less_certain() -> None:
+    telemetry, autopilot = flying()
+    autopilot.position(0.0, vx=1000)
+    assert telemetry.state(0.3).error_bound_m == pytest.approx(2.7)  # type: ignore[union-attr]
+    assert telemetry.state(0.8).error_bound_m == pytest.approx(2.7 + 8.0)  # type: ignore[union-attr]
+
+
+def test_positions_without_a_fix_do_not_count_however_fresh() -> None:
+    telemetry, autopilot = flying()
+    autopilot.receiver(1.0, fix_type=1, h_acc=300)
+    for tick in range(20):
+        autopilot.position(1.0 + tick * 0.1)
+    assert telemetry.age_s(3.0) == pytest.approx(3.0)
+    assert telemetry.counters["own_position_untrusted"] == 20
+    assert telemetry.position_silent_s(3.0) == pytest.approx(0.1)
+
+
+def test_positions_without_an_absolute_solution_do_not_count() -> None:
+    telemetry, autopilot = flying()
+    autopilot.say(1.0, "ESTIMATOR_STATUS", flags=869 & ~16, pos_horiz_accuracy=2.4)
+    autopilot.position(1.0)
+    assert telemetry.age_s(1.0) == 1.0
+    autopilot.position(7.0)  # the estimator has been silent for longer than its word counts
+    assert telemetry.age_s(7.0) == 0.0
+
+
+@pytest.mark.parametrize("fields", [{"lat": 0, "lon": 0}, {"lat": 910_000_000}, {"lon": -1_810_000_000}])
+def test_impossible_positions_do_not_count(fields: dict[str, int]) -> None:
+    telemetry, autopilot = flying()
+    autopilot.position(1.0, **fields)
+    assert telemetry.counters["own_position_unusable"] == 1
+    assert telemetry.age_s(1.0) == 1.0
+
+
+def test_foreign_heartbeats_are_ignored_until_ours_is_silent() -> None:
+    telemetry, autopilot = flying()
+    stranger = Autopilot(telemetry, sysid=42, source="b")
+    stranger.heartbeat(1.0, armed=False)
+    Autopilot(telemetry, source="b").heartbeat(1.0, armed=False)  # our system id from another address
+    Autopilot(telemetry, sysid=255, compid=190).say(1.0, "HEARTBEAT", type=6, autopilot=8)
+    Autopilot(telemetry, compid=191).heartbeat(1.0, armed=False)
+    assert telemetry.armed
+    assert telemetry.lock is not None and telemetry.lock.source == "a"
+    assert telemetry.counters["foreign_autopilot"] == 2
+    stranger.position(1.0, lat=0, lon=1)
+    assert telemetry.age_s(1.0) == 1.0
+    stranger.heartbeat(3.1)
+    assert telemetry.lock.sysid == 42  # type: ignore[union-attr]
+    assert telemetry.take_reboot()
+    assert telemetry.state(3.1) is None
+
+
+def test_a_pinned_vehicle_is_never_exchanged() -> None:
+    telemetry = OwnShipTelemetry(sysid=7)
+    Autopilot(telemetry, sysid=1).heartbeat(0.0)
+    assert telemetry.lock is None
+    Autopilot(telemetry, sysid=7).heartbeat(0.0)
+    Autopilot(telemetry, sysid=1).heartbeat(9.0)
+    assert telemetry.lock is not None and telemetry.lock.sysid == 7
+
+
+def test_a_clock_that_goes_back_is_a_restart_and_a_little_is_a_late_datagram() -> None:
+    telemetry, autopilot = flying()
+    autopilot.position(60.0)
+    autopilot.position(60.1, time_boot_ms=59_500)
+    assert telemetry.counters["own_position_late"] == 1
+    assert not telemetry.take_reboot()
+    autopilot.position(60.2, time_boot_ms=900)
+    assert telemetry.counters["autopilot_restart"] == 1
+    assert telemetry.take_reboot()
+    assert not telemetry.take_reboot()
+    autopilot.say(60.3, "LOCAL_POSITION_NED", time_boot_ms=100, vx=3.0)
+    assert telemetry.state(60.3).velocity_ned_mps == (0.0, 0.0, 0.0)  # type: ignore[union-attr]
+
+
+def test_local_velocity_counts_if_it_is_a_number() -> None:
+    telemetry, autopilot = flying()
+    autopilot.say(0.1, "LOCAL_POSITION_NED", time_boot_ms=100, vx=3.0, vy=1.0, vz=0.0)
+    assert telemetry.state(0.1).velocity_ned_mps == (3.0, 1.0, 0.0)  # type: ignore[union-attr]
+    autopilot.say(0.2, "LOCAL_POSITION_NED", time_boot_ms=200, vx=math.nan, vy=1.0, vz=0.0)
+    assert telemetry.state(0.2).velocity_ned_mps == (3.0, 1.0, 0.0)  # type: ignore[union-attr]
+
+
+def test_neither_on_the_ground_nor_taking_off() -> None:
+    telemetry, autopilot = flying()
+    assert telemetry.ready
+    for landed_state, ready in ((1, False), (3, False), (2, True), (4, True)):
+        autopilot.say(0.0, "EXTENDED_SYS_STATE", landed_state=landed_state)
+        assert telemetry.ready is ready
+
+
+def test_white_noise_in_positions_is_smoothed_and_a_jump_is_followed() -> None:
+    telemetry, autopilot = flying()
+    autopilot.receiver(0.0, h_acc=3500)
+    for tick in range(1, 101):
+        latitude, longitude = moved(*HERE, 5.0 * (-1.0) ** tick, 0.0)
+        autopilot.receiver(tick * 0.1, h_acc=3500)
+        autopilot.position(tick * 0.1, lat=round(latitude * 1e7), lon=round(longitude * 1e7))
+    state = telemetry.state(10.0)
+    assert state is not None
+    assert abs(offset_m(HERE, (state.position.latitude_deg, state.position.longitude_deg))[0]) < 1.0
+    latitude, longitude = moved(*HERE, 40.0, 0.0)
+    autopilot.position(10.1, lat=round(latitude * 1e7), lon=round(longitude * 1e7))
+    state = telemetry.state(10.1)
+    assert state is not None
+    assert offset_m(HERE, (state.position.latitude_deg, state.position.longitude_deg))[0] == pytest.approx(40.0, abs=0.1)
+
+
+def test_the_filter_can_be_switched_off() -> None:
+    telemetry, autopilot = flying(filtered=False)
+    latitude, longitude = moved(*HERE, 1.0, 0.0)
+    autopilot.position(0.1, lat=round(latitude * 1e7), lon=round(longitude * 1e7))
+    state = telemetry.state(0.1)
+    assert state is not None
+    assert offset_m(HERE, (state.position.latitude_deg, state.position.longitude_deg))[0] == pytest.approx(1.0, abs=0.01)

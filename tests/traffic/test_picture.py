@@ -1,0 +1,216 @@
+"""The picture: who counts as traffic, where, and how many at most."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ridlink.geodesy import Geodetic
+from ridlink.remote_id.report import RemoteIdReport
+from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.picture import PictureSettings, Snapshot, TrafficPicture
+from ridlink.traffic.position_filter import moved
+
+HERE = (47.3977, 8.5456)
+SETTINGS = PictureSettings(unknown_error_m=40.0, unusable_error_m=185.0, unknown_speed_mps=30.7)
+OWN = OwnState(
+    position=Geodetic(*HERE, 540.0),
+    altitude_ellipsoid_m=587.0,
+    velocity_ned_mps=(10.0, 0.0, 0.0),
+    error_bound_m=3.0,
+    vertical_error_bound_m=5.0,
+    home_altitude_m=490.0,
+    age_s=0.0,
+)
+
+
+def report(sysid: int = 5, north: float = 100.0, east: float = 0.0, **fields: object) -> RemoteIdReport:
+    latitude, longitude = moved(*HERE, north, east)
+    plain = RemoteIdReport(
+        source=(sysid, 1), status=2, latitude_deg=latitude, longitude_deg=longitude, altitude_geodetic_m=587.0,
+        velocity_ned_mps=(-10.0, 0.0, 0.0), speed_horizontal_mps=10.0, horizontal_error_m=3.0, vertical_error_m=5.0,
+        airframe_size_m=0.6, airframe_height_m=0.3, avoiding=True, extended=True, timestamp_s=100.0, received_at_s=10.0,
+    )  # fmt: skip
+    return replace(plain, **fields)
+
+
+def picture(*reports: RemoteIdReport, settings: PictureSettings = SETTINGS, own: OwnState | None = OWN) -> TrafficPicture:
+    made = TrafficPicture(settings)
+    if own is not None:
+        made.snapshot(own, 10.0)
+    for one in reports:
+        made.receive("rid", one)
+    return made
+
+
+def seen(*reports: RemoteIdReport, own: OwnState = OWN, now_s: float = 10.0) -> Snapshot:
+    return picture(*reports).snapshot(own, now_s)
+
+
+def test_arrays_about_the_own_position() -> None:
+    snapshot = seen(report(commanded_ned_mps=(-9.0, 1.0, 0.0)), now_s=10.5)
+    assert len(snapshot) == 1
+    assert snapshot.position_ned_m[0] == pytest.approx((100.0, 0.0, 0.0), abs=0.05)
+    assert snapshot.velocity_ned_mps[0].tolist() == [-10.0, 0.0, 0.0]
+    assert snapshot.command_ned_mps[0].tolist() == [-9.0, 1.0, 0.0]
+    assert snapshot.age_s[0] == pytest.approx(0.5)
+    assert snapshot.error_bound_m[0] == 3.0
+    assert snapshot.airframe_m[0] == 0.6
+    assert snapshot.avoiding.tolist() == [True]
+    assert snapshot.blind_growth_m[0] == 0.0
+
+
+def test_unknowns_leave_as_nan_and_a_blind_speed_grows_the_area() -> None:
+    bare = report(
+        velocity_ned_mps=None, speed_horizontal_mps=None, horizontal_error_m=None, airframe_size_m=None,
+        accuracy_bound_m=None,
+    )  # fmt: skip
+    snapshot = seen(bare, now_s=12.0)
+    for array in (snapshot.error_bound_m, snapshot.airframe_m, snapshot.accuracy_bound_m, snapshot.speed_mps):
+        assert math.isnan(array[0])
+    assert snapshot.command_ned_mps.shape == (1, 3) and np.isnan(snapshot.command_ned_mps).all()
+    assert snapshot.velocity_ned_mps[0].tolist() == [0.0, 0.0, 0.0]
+    assert snapshot.blind_growth_m[0] == pytest.approx(2.0 * 30.7)
+    known = seen(replace(bare, speed_horizontal_mps=4.0), now_s=12.0)
+    assert known.blind_growth_m[0] == pytest.approx(8.0)
+
+
+def test_nobody() -> None:
+    snapshot = seen()
+    assert len(snapshot) == 0
+    assert snapshot.position_ned_m.shape == (0, 3)
+
+
+def test_on_the_ground_is_no_traffic() -> None:
+    assert len(seen(report(status=1))) == 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "counts"),
+    [
+        ({"altitude_geodetic_m": 587.0 + 60.0}, False),
+        ({"altitude_geodetic_m": 587.0 - 60.0}, False),
+        ({"altitude_geodetic_m": 587.0 + 19.0}, True),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "vertical_error_m": None}, True),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "vertical_error_m": 50.0}, True),
+        ({"altitude_geodetic_m": None, "altitude_barometric_m": 900.0}, True),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "velocity_ned_mps": (-10.0, 0.0, 9.0)}, True),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "velocity_ned_mps": (-10.0, 0.0, 30.0)}, True),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "velocity_ned_mps": (-10.0, 0.0, -9.0)}, False),
+        ({"altitude_geodetic_m": 587.0 + 30.0, "airframe_height_m": 20.0}, True),
+    ],
+)
+def test_other_altitudes_count_only_if_they_are_known_to_be_other(fields: dict[str, object], counts: bool) -> None:
+    assert len(seen(report(**fields))) == counts
+
+
+def test_without_an_own_ellipsoidal_altitude_everybody_is_at_our_height() -> None:
+    snapshot = seen(report(altitude_geodetic_m=900.0), own=replace(OWN, altitude_ellipsoid_m=None))
+    assert len(snapshot) == 1
+    assert abs(snapshot.position_ned_m[0, 2]) < 0.01
+
+
+def test_the_senders_age_counts_if_it_is_plausible() -> None:
+    for utc_s, age in ((3700.0 + 0.3, 0.3), (7299.9, 0.0), (100.0 + 4.0, 4.0), (100.0 + 6.0, 0.0), (0.0, 0.0)):
+        made = picture()
+        made.receive("rid", report(), utc_s=utc_s)
+        assert made.snapshot(OWN, 10.0).age_s[0] == pytest.approx(age)
+    assert made.counters["timestamp_implausible"] == 1
+    made.receive("rid", report(sysid=6, timestamp_s=None), utc_s=5.0)
+    assert made.counters["timestamp_implausible"] == 1
+
+
+def test_own_echo_is_our_identity_at_our_place() -> None:
+    here, elsewhere = report(north=10.0), report(north=200.0)
+    for one, echo in ((here, True), (elsewhere, False)):
+        made = picture()
+        made.receive("rid", one, own_sysid=5)
+        assert (len(made) == 0) is echo
+        assert made.counters["own_echo" if echo else "own_id_elsewhere"] == 1
+    relayed = replace(here, source=(9, 236), id_or_mac=b"US1")
+    made = picture()
+    made.receive("vehicle", relayed, own_sysid=9)
+    assert len(made) == 1, "our system id on relayed data is the receiver's, not the sender's"
+    made.receive("vehicle", relayed, own_sysid=9, own_uas_id=b"US1")
+    assert made.counters["own_echo"] == 1
+    made = picture(own=None)
+    made.receive("rid", here, own_sysid=5)
+    assert len(made) == 0
+    made.receive("rid", replace(elsewhere, horizontal_error_m=None), own_sysid=6)
+    assert len(made) == 1
+
+
+def test_an_echo_with_unknown_or_absurd_error_has_a_bounded_gate() -> None:
+    made = picture()
+    made.receive("rid", report(north=60.0, horizontal_error_m=None), own_sysid=5)
+    assert made.counters["own_echo"] == 1
+    made.receive("rid", report(north=500.0, horizontal_error_m=655.35), own_sysid=5)
+    assert made.counters["own_id_elsewhere"] == 1
+
+
+def test_the_same_sender_on_two_links_is_two_tracks() -> None:
+    made = picture(report())
+    made.receive("vehicle", report())
+    assert len(made) == 2
+
+
+def test_repeats_and_nonsense_are_counted() -> None:
+    made = picture(report(), report(received_at_s=11.0), report(timestamp_s=99.0), report(sysid=6, latitude_deg=None))
+    assert made.counters["report_repeated"] == 1
+    assert made.counters["report_older"] == 1
+    assert made.counters["report_without_position"] == 1
+    made.receive("rid", report(timestamp_s=101.0, received_at_s=11.0, horizontal_error_m=655.35))
+    assert made.counters["position_unusable"] == 1
+
+
+def test_silent_tracks_are_dropped() -> None:
+    made = picture(report())
+    made.drop_silent(14.9)
+    assert len(made) == 1
+    made.drop_silent(15.1)
+    assert len(made) == 0
+    assert made.counters["track_lost"] == 1
+
+
+def test_a_full_picture_gives_up_whoever_matters_least() -> None:
+    small = replace(SETTINGS, max_tracks=3)
+    made = picture(*(report(sysid=k, north=100.0 * k) for k in (1, 2, 3)), settings=small)
+    made.snapshot(OWN, 10.0)
+    made.receive("rid", report(sysid=9, north=1000.0))
+    assert made.counters["track_refused"] == 1
+    made.receive("rid", report(sysid=8, north=50.0))
+    assert sorted(key[1] for key in made.tracks) == [1, 2, 8]
+    made.receive("rid", report(sysid=7, north=60.0))
+    assert sorted(key[1] for key in made.tracks) == [1, 7, 8]
+    made.drop_silent(20.0)
+    made.receive("rid", report(sysid=4, received_at_s=20.0))
+    assert len(made) == 1
+
+
+def test_a_flood_of_identities_does_not_displace_a_real_threat() -> None:
+    small = replace(SETTINGS, max_tracks=50)
+    made = picture(report(sysid=200, north=80.0), settings=small)
+    for k in range(500):
+        ghost = report(sysid=k % 100, north=300.0 + k, id_or_mac=b"ghost%d" % k)
+        made.receive("rid", ghost)
+        if k % 100 == 99:
+            assert len(made.snapshot(OWN, 10.0)) == 50
+    assert any(key[1] == 200 for key in made.tracks)
+    assert len(made) == 50
+
+
+def test_a_full_picture_that_was_never_looked_at_refuses() -> None:
+    made = picture(report(sysid=1), report(sysid=2), settings=replace(SETTINGS, max_tracks=1), own=None)
+    assert len(made) == 1
+    assert made.counters["track_refused"] == 1
+
+
+def test_the_solver_gets_the_most_urgent_only() -> None:
+    few = replace(SETTINGS, max_considered=2)
+    made = picture(*(report(sysid=k, north=100.0 * k) for k in (3, 1, 2)), settings=few)
+    snapshot = made.snapshot(OWN, 10.0)
+    assert [track.key[1] for track in snapshot.tracks] == [1, 2]
+    assert made.counters["not_considered"] == 1

@@ -1,0 +1,126 @@
+"""Tracks: what moves them, what only completes them, and what is not allowed to touch them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.remote_id.report import RemoteIdReport
+from ridlink.traffic.track import Track, Update, hours_apart_s, new_track
+
+REPORT = RemoteIdReport(
+    source=(5, 1), status=2, latitude_deg=47.0, longitude_deg=8.0, velocity_ned_mps=(3.0, 4.0, 0.0),
+    speed_horizontal_mps=5.0, horizontal_error_m=3.0, timestamp_s=100.0, received_at_s=10.0,
+)  # fmt: skip
+
+
+def track(report: RemoteIdReport = REPORT, *, filtered: bool = False) -> Track:
+    made = new_track(("rid", *report.key), report, report.received_at_s, filtered=filtered)
+    assert made is not None
+    return made
+
+
+def update(at: Track, report: RemoteIdReport) -> Update:
+    return at.update(report, report.received_at_s, 40.0)
+
+
+@given(st.floats(0, 3600), st.floats(-1799, 1799))
+def test_times_past_the_hour_wrap(earlier: float, apart: float) -> None:
+    assert hours_apart_s((earlier + apart) % 3600.0, earlier) == pytest.approx(apart, abs=1e-6)
+
+
+def test_a_newer_report_moves() -> None:
+    moved = track()
+    assert update(moved, replace(REPORT, latitude_deg=47.001, timestamp_s=100.1, received_at_s=10.1)) is Update.MOVED
+    assert (moved.latitude_deg, moved.measured_at_s, moved.received_at_s) == (47.001, 10.1, 10.1)
+    assert moved.age_s(10.3) == pytest.approx(0.2)
+    assert moved.age_s(10.0) == 0.0
+
+
+def test_across_the_full_hour() -> None:
+    moved = track(replace(REPORT, timestamp_s=3599.9))
+    assert update(moved, replace(REPORT, timestamp_s=0.1, received_at_s=10.2)) is Update.MOVED
+    assert update(moved, replace(REPORT, timestamp_s=3599.9, received_at_s=10.3)) is Update.OLDER
+
+
+def test_a_repeat_changes_and_refreshes_nothing() -> None:
+    seen = track()
+    before = seen.report
+    for later in (0.5, 2.0, 4.0):
+        repeat = replace(REPORT, latitude_deg=47.9, received_at_s=10.0 + later)
+        assert update(seen, repeat) is Update.REPEATED
+    assert seen.report == before
+    assert (seen.latitude_deg, seen.received_at_s) == (47.0, 10.0)
+    assert seen.expired(15.1)
+
+
+def test_an_older_report_never_rolls_back() -> None:
+    seen = track()
+    assert update(seen, replace(REPORT, latitude_deg=46.0, timestamp_s=99.9, received_at_s=10.1)) is Update.OLDER
+    assert seen.latitude_deg == 47.0
+
+
+def test_a_separation_completes_the_same_instant_once() -> None:
+    seen = track()
+    complete = replace(REPORT, extended=True, airframe_size_m=0.6, horizontal_error_m=2.0)
+    assert update(seen, complete) is Update.COMPLETED
+    assert seen.report.airframe_size_m == 0.6
+    assert update(seen, complete) is Update.COMPLETED
+    assert update(seen, replace(complete, received_at_s=11.0)) is Update.REPEATED
+    # Late, behind a duplicate of its LOCATION: still what completes it, and still no refreshment.
+    late = replace(complete, horizontal_error_m=2.5, received_at_s=11.0)
+    assert update(seen, late) is Update.COMPLETED
+    assert seen.report.horizontal_error_m == 2.5
+    assert seen.received_at_s == seen.report.received_at_s == 10.0
+    elsewhere = replace(late, latitude_deg=47.5, airframe_size_m=9.0)
+    assert update(seen, elsewhere) is Update.REPEATED
+
+
+def test_without_timestamps_receive_time_tells_instants_apart() -> None:
+    seen = track(replace(REPORT, timestamp_s=None))
+    assert update(seen, replace(REPORT, timestamp_s=None, received_at_s=10.1)) is Update.MOVED
+
+
+def test_a_report_without_a_position_leaves_the_track_coasting() -> None:
+    seen = track()
+    nowhere = replace(REPORT, latitude_deg=None, longitude_deg=None, timestamp_s=101.0, received_at_s=11.0)
+    assert update(seen, nowhere) is Update.NO_POSITION
+    assert seen.received_at_s == 10.0
+    assert new_track(("rid", 1, 1, None), nowhere, 0.0, filtered=True) is None
+
+
+def test_fast_senders_are_dropped_after_five_seconds_and_slow_ones_after_ten() -> None:
+    fast = track()
+    assert not fast.expired(14.9) and fast.expired(15.1)
+    fast.in_conflict = True
+    assert not fast.expired(19.9) and fast.expired(20.1)
+    slow = track(replace(REPORT, update_interval_s=1.0))
+    assert not slow.expired(19.9) and slow.expired(20.1)
+    silent_about_it = track()
+    for second in range(1, 4):
+        update(silent_about_it, replace(REPORT, timestamp_s=100.0 + second, received_at_s=10.0 + second))
+    assert not silent_about_it.expired(22.9) and silent_about_it.expired(23.1)
+
+
+def test_unknown_velocity_is_no_velocity() -> None:
+    blind = track(replace(REPORT, velocity_ned_mps=None))
+    assert blind.velocity_ned_mps == (0.0, 0.0, 0.0)
+
+
+def test_on_the_ground() -> None:
+    assert track(replace(REPORT, status=1)).on_ground
+    assert not track().on_ground
+
+
+def test_the_accuracy_code_bounds_the_filter_where_nothing_better_is_known() -> None:
+    for bound, smoothed in ((30.0, True), (1.0, False)):
+        seen = track(replace(REPORT, velocity_ned_mps=(0.0, 0.0, 0.0)), filtered=True)
+        report = replace(
+            REPORT, velocity_ned_mps=(0.0, 0.0, 0.0), latitude_deg=47.0001, timestamp_s=100.1, received_at_s=10.1,
+            horizontal_error_m=None, accuracy_bound_m=bound,
+        )  # fmt: skip
+        update(seen, report)
+        assert (seen.latitude_deg < 47.0001) is smoothed
