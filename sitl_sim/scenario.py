@@ -154,7 +154,14 @@ SQUARE_OBSTACLE_SIDE_M = 80.0
 PAIR_PATH_M = 400.0
 
 _PATIENCE = 9.0
-"""A built-in scenario is given up after this many times the straight flight (circle of eight at 10 m/s: 180 s)."""
+"""A built-in scenario is given up after this many times the straight flight (circle of eight at 10 m/s: 180 s), ..."""
+
+_LEAST_PATIENCE_S = 120.0
+"""... but not before this, the cut-off of the paper's simulation."""
+
+
+def _cut_off_s(path_m: float, speed_mps: float) -> float:
+    return max(_PATIENCE * path_m / speed_mps, _LEAST_PATIENCE_S)
 
 
 def _circle(count: int | None, speed_mps: float) -> Scenario:
@@ -165,7 +172,7 @@ def _circle(count: int | None, speed_mps: float) -> Scenario:
         angle = 2.0 * math.pi * k / count
         north, east = CIRCLE_RADIUS_M * math.cos(angle), CIRCLE_RADIUS_M * math.sin(angle)
         vehicles.append(_vehicle((north, east), (-north, -east), speed_mps))
-    return Scenario("circle8", _PATIENCE * 2.0 * CIRCLE_RADIUS_M / speed_mps, tuple(vehicles))
+    return Scenario("circle8", _cut_off_s(2.0 * CIRCLE_RADIUS_M, speed_mps), tuple(vehicles))
 
 
 def _square(count: int | None, speed_mps: float) -> Scenario:
@@ -183,7 +190,7 @@ def _square(count: int | None, speed_mps: float) -> Scenario:
     obstacle = ObstacleSpec(((-side, -side), (side, -side), (side, side), (-side, side)))
     return Scenario(
         "square24",
-        _PATIENCE * SQUARE_SIDE_M / speed_mps,
+        _cut_off_s(SQUARE_SIDE_M, speed_mps),
         (*south_north, *west_east, *north_south, *east_west),
         (obstacle,),
     )
@@ -228,7 +235,7 @@ def _vehicle(start_ne_m: Point2, goal_ne_m: Point2, speed_mps: float) -> Vehicle
 def _pair(name: str, count: int | None, speed_mps: float, vehicles: list[VehicleSpec]) -> Scenario:
     if count is not None and count > len(vehicles):
         raise ConfigError(f"{name} has {len(vehicles)} vehicles, not {count}; circle8 and square24 take other numbers")
-    return Scenario(name, _PATIENCE * PAIR_PATH_M / speed_mps, tuple(vehicles[:count]))
+    return Scenario(name, _cut_off_s(PAIR_PATH_M, speed_mps), tuple(vehicles[:count]))
 
 
 BUILT_IN: Mapping[str, Callable[[int | None, float], Scenario]] = {

@@ -138,7 +138,7 @@ def test_built_in_scenarios_share_one_altitude_and_scale_with_speed(name: str) -
     points = [point for v in scenario.vehicles for point in (v.start_ned_m, v.goal_ned_m)]
     assert {point[2] for point in points} == {-50.0}
     assert {v.airframe_m for v in scenario.vehicles} == {0.6}
-    assert faster.duration_s == pytest.approx(scenario.duration_s / 2.0)
+    assert faster.duration_s == pytest.approx(max(scenario.duration_s / 2.0, 120.0)), "the paper's cut-off at least"
     for vehicle in scenario.vehicles:
         way = np.linalg.norm(np.subtract(vehicle.goal_ned_m, vehicle.start_ned_m))
         assert scenario.duration_s > 3.0 * way / vehicle.speed_mps
