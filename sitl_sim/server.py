@@ -41,7 +41,7 @@ DEFAULT_HOME = Geodetic(47.397742, 8.545594, 488.0)
 """Where PX4's own simulations take off."""
 
 MAX_CATCH_UP_S = 0.25
-"""Longest time flown in one go after a stall; what is beyond is lost to the vehicles, as to a paused game."""
+"""Longest time flown in one go after a stall; for what is beyond, the vehicles stood still."""
 
 MIN_DELIVERY_S = 0.005
 """Broadcasts under way are delivered in batches no closer than this."""
@@ -58,7 +58,8 @@ class FleetConfig:
 
     Args:
         seed: Seed of every chance in it.
-        autopilot: "px4", "ardupilot" or "ideal".
+        autopilot: "px4", "ardupilot" or "ideal". Who has arrived lands; with "ideal" it is gone at once, as in the
+            paper.
         gnss: How sigma becomes an error; the default wanders as real receivers do.
         sigma_m: One standard deviation per axis, for vehicles of which the scenario says nothing.
         start: How the fleet begins.
@@ -164,6 +165,7 @@ class FleetServer:
             gnss=config.gnss,
             sigma_m=config.sigma_m,
             airborne=config.start is not Start.GROUND,
+            arrival="leave" if config.autopilot == "ideal" else "land",
             pair_radius=pair_radius,
         )
         self.air = Air(
