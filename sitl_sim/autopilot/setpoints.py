@@ -16,9 +16,8 @@ from enum import IntEnum, IntFlag
 from ridlink.mavlink.codec import Message
 from sitl_sim.autopilot.navigation import Vector
 
-
 LARGEST = 1e6
-"""Largest metres or metres a second that are taken; finite figures near the end of a float do not survive a rotation."""
+"""Most metres or metres a second that are taken; figures near the end of a float do not survive a rotation."""
 
 
 class TypeMask(IntFlag):

@@ -26,8 +26,8 @@ VELOCITY_ONLY = 0x0DC7
 
 
 def one_vehicle(**details: Any) -> Scenario:
-    details = {"start_ned_m": START_NED_M, "goal_ned_m": (200.0, 0.0, -50.0), "sigma_m": 0.0} | details
-    return Scenario("one", 600.0, (VehicleSpec(**details),))
+    usual: dict[str, Any] = {"start_ned_m": START_NED_M, "goal_ned_m": (200.0, 0.0, -50.0), "sigma_m": 0.0}
+    return Scenario("one", 600.0, (VehicleSpec(**(usual | details)),))
 
 
 class Flight:
@@ -81,14 +81,16 @@ class Flight:
                 self.heard.setdefault(address, []).append((self.now_s, messages[-1]))
         return messages
 
-    def send(self, name: str, *, sender: Encoder | None = None, address: Any = GROUND_STATION, **fields: Any) -> list[Message]:
+    def send(
+        self, name: str, *, sender: Encoder | None = None, address: Any = GROUND_STATION, **fields: Any
+    ) -> list[Message]:
         """Send one message to the vehicle; the answers."""
         datagram = (sender or self.client).encode(name, **fields)
         return self._note(self.autopilot.receive(datagram, address, self.now_s))
 
     def command(self, number: int, *parameters: float, address: Any = GROUND_STATION) -> int:
         """Send a COMMAND_LONG; the result that is acknowledged."""
-        fields = {f"param{at}": value for at, value in enumerate(parameters, start=1)}
+        fields: dict[str, Any] = {f"param{at}": value for at, value in enumerate(parameters, start=1)}
         answers = self.send(
             "COMMAND_LONG", target_system=1, target_component=1, command=number, address=address, **fields
         )
@@ -101,7 +103,7 @@ class Flight:
 
     def setpoint(self, *velocity: float, mask: int = VELOCITY_ONLY, frame: int = 1, **fields: Any) -> list[Message]:
         vx, vy, vz = velocity or (0.0, 0.0, 0.0)
-        target = {"target_system": 1, "target_component": 1, "coordinate_frame": frame, "type_mask": mask}
+        target: dict[str, Any] = {"target_system": 1, "target_component": 1, "coordinate_frame": frame, "type_mask": mask}
         return self.send("SET_POSITION_TARGET_LOCAL_NED", **target, vx=vx, vy=vy, vz=vz, **fields)
 
     def fly(self, duration_s: float, *velocity: float, **fields: Any) -> None:

