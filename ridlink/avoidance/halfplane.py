@@ -55,6 +55,9 @@ CLEAR_FACTOR = 0.5
 """The rule of the road gives way when own-ship is so many radii on the other side already. A side is held until the
 miss distance is HOLD_FACTOR radii."""
 
+HORIZON_RADII = 1.5
+"""The conflict horizon is at least the time in which own-ship flies so many radii of the disc."""
+
 DODGE_MPS = 1.0
 """A neighbour that moves to its right across the line of sight by more than this dodges to the right."""
 
@@ -309,8 +312,8 @@ def avoid_one(  # type: ignore[no-untyped-def]
         r_1, r_2 = row[N_POSITION] + u_1 * age - p_1, row[N_POSITION + 1] + u_2 * age - p_2
         radius = row[RADIUS] + settings[BUFFER_SHARE] * row[ERROR_SUM]
         radius += settings[AGE_ACCELERATION] * age * age / 2.0
-        # A large disc must be seen earlier: one and a half of its radii of own flight.
-        horizon = max(settings[HORIZON], 1.5 * radius / max(own[CRUISE], 1.0))
+        # A large disc must be seen earlier.
+        horizon = max(settings[HORIZON], HORIZON_RADII * radius / max(own[CRUISE], 1.0))
         distance = math.hypot(r_1, r_2)
         if distance - row[RADIUS] < margin:
             margin, nearest = distance - row[RADIUS], j

@@ -17,13 +17,15 @@ class ProgressWatch:
     Args:
         window_s: Progress is judged over so long.
         share: Stalled below this share of the distance that cruise would have covered.
-        growth_rad_per_s: The turn grows so fast while stalled, and shrinks so fast otherwise.
+        growth_rad_per_s: The turn grows so fast while stalled.
+        decay_rad_per_s: It shrinks so fast otherwise: a turn that outlives its cause is a detour.
         most_rad: Largest turn.
     """
 
     window_s: float = 5.0
     share: float = 0.1
     growth_rad_per_s: float = 0.1
+    decay_rad_per_s: float = 0.5
     most_rad: float = 1.2
     extra_right_turn_rad: float = 0.0
     _history: deque[tuple[float, float]] = field(default_factory=deque)
@@ -52,7 +54,7 @@ class ProgressWatch:
             stalled = False
         else:
             stalled = distance - goal_distance_m < self.share * cruise_mps * span
-        change = self.growth_rad_per_s * step
-        turn = self.extra_right_turn_rad + (change if stalled else -change)
+        rate = self.growth_rad_per_s if stalled else -self.decay_rad_per_s
+        turn = self.extra_right_turn_rad + rate * step
         self.extra_right_turn_rad = min(max(turn, 0.0), self.most_rad)
         return self.extra_right_turn_rad

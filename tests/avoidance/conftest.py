@@ -1,4 +1,4 @@
-"""One thread for the batches of the tests: they are small, and threads that wait for each other cost more than they win."""
+"""One thread for the batches of the tests: they are small, and threads that wait for each other cost more than that."""
 
 import numba
 import pytest

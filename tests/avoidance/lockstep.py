@@ -18,6 +18,7 @@ import numpy as np
 
 from ridlink.avoidance import halfplane
 from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.types import HalfplaneSettings
 from ridlink.avoidance.worlds import avoid_worlds
@@ -27,6 +28,8 @@ STEP_S = 0.02
 PHASES = 5
 ARRIVED_M = 5.0
 MEMORY = 8
+WATCH = ProgressWatch()
+"""Only its constants: here its rule is written out for whole arrays."""
 
 
 @dataclass(frozen=True)
@@ -259,7 +262,7 @@ def fly(
     least_clearance = np.full(worlds, np.inf)
     bound = 3.0 * sigma_m
     turn = np.zeros(shape)
-    window = 50
+    window = round(WATCH.window_s / 0.1)
     distances = np.full((window, *shape), np.nan)
     last_lateral = np.zeros(shape)
     reversals = decisions = infeasible = 0
@@ -324,8 +327,9 @@ def fly(
         if watch and step % PHASES == 0:
             here = np.linalg.norm(goal - reported, axis=-1)
             before = distances[(step // PHASES) % window]
-            stalled = (before - here < 0.1 * speed * 5.0) & (here > speed)
-            turn = np.clip(turn + np.where(stalled, 0.01, -0.01), 0.0, 1.2)
+            stalled = (before - here < WATCH.share * speed * WATCH.window_s) & (here > speed)
+            rate = np.where(stalled, WATCH.growth_rad_per_s, -WATCH.decay_rad_per_s)
+            turn = np.clip(turn + rate * PHASES * STEP_S, 0.0, WATCH.most_rad)
             distances[(step // PHASES) % window] = here
 
         both = present[:, :, None] & present[:, None, :] & ~itself
