@@ -24,7 +24,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
@@ -67,7 +67,7 @@ class DaemonConfig:
             raise ConfigError(f"period must lie between 0.02 and 0.25 s, got {self.period_s}")
 
 
-class _Table(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+class ObstacleTable(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """One [[obstacle]]."""
 
     polygon: list[tuple[float, float]]
@@ -78,7 +78,7 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
 
     vehicle: str | None = None
     rid: str | None = None
-    goal: tuple[float, float] | tuple[float, float, float] | None = None
+    goal: Annotated[list[float], msgspec.Meta(min_length=2, max_length=3)] | None = None
     standby: bool | None = None
     definition: str | None = None
     cruise: float | None = None
@@ -92,7 +92,7 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     filter_positions: bool | None = None
     log: str | None = None
     halfplane: dict[str, float] | None = None
-    obstacle: list[_Table] | None = None
+    obstacle: list[ObstacleTable] | None = None
 
 
 def _line_of(text: str, key: str) -> str:

@@ -69,7 +69,7 @@ class Recorder:
                     if isinstance(found, Frame):
                         self._writer.write(time_us, found.raw)
             self._writer.close()
-        except (OSError, ValueError) as error:
+        except OSError as error:  # the writer has closed its file behind the last complete record
             self.failure = str(error)
             self.counters["recording_failed"] += 1
 

@@ -1,0 +1,217 @@
+"""``ridlink avoid`` as a process of its own: what it prints, how it ends, and what it refuses."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import socket
+import sys
+from asyncio.subprocess import PIPE, Process
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from ridlink.cli import cli
+from ridlink.daemon.config import daemon_config, read_config_file
+from ridlink.errors import ConfigError
+from tests.daemon.emulated import Emulated, LoopbackVehicle, at
+
+START_S = 60.0
+"""A cold cache of compiled kernels."""
+
+GOAL = ",".join(f"{value:.7f}" for value in at(300.0))
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+def invoke(*arguments: str) -> Result:
+    return CliRunner().invoke(cli, ["avoid", *arguments])
+
+
+@asynccontextmanager
+async def daemon(*arguments: str) -> AsyncIterator[tuple[Process, int]]:
+    port = free_port()
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "ridlink", "avoid", "--vehicle", f"udpin:127.0.0.1:{port}",
+        "--rid", f"udpout:127.0.0.1:{free_port()}", *arguments, stdout=PIPE, stderr=PIPE,
+    )  # fmt: skip
+    try:
+        yield process, port
+    finally:
+        if process.returncode is None:
+            process.kill()
+        await process.wait()
+
+
+async def line(stream: asyncio.StreamReader | None) -> str:
+    assert stream is not None
+    async with asyncio.timeout(START_S):
+        return (await stream.readline()).decode()
+
+
+def run(test: Callable[[], Awaitable[None]]) -> None:
+    async def main() -> None:
+        await test()
+
+    asyncio.run(main())
+
+
+def test_flies_reports_and_ends_on_sigterm() -> None:
+    async def test() -> None:
+        async with daemon("--goal", GOAL, "--json") as (process, port):
+            first = json.loads(await line(process.stdout))
+            assert (first["event"], first["state"]) == ("state", "standby")
+            async with LoopbackVehicle(Emulated(), port) as vehicle:
+                await vehicle.until(lambda: len(vehicle.setpoints()) >= 12)
+                process.send_signal(signal.SIGTERM)
+                async with asyncio.timeout(2.0):
+                    out, err = await process.communicate()
+                assert process.returncode == 0, err.decode()
+                assert [message.vx for message in vehicle.setpoints()[-3:]] == [0.0, 0.0, 0.0]
+                events: list[dict[str, Any]] = [json.loads(text) for text in out.decode().splitlines()]
+                assert {event["event"] for event in events} == {"state", "summary", "final"}
+                final = events[-1]
+                assert final["event"] == "final"
+                assert final["setpoints"] == len(vehicle.setpoints())
+                assert final.keys() >= {
+                    "setpoints", "reports_received", "decision_ms", "setpoint_gap_ms", "rejects", "tracks", "state",
+                    "infeasible_steps",
+                }  # fmt: skip
+                assert final["setpoint_gap_ms"].keys() == {"p50", "p99", "max"}
+
+    run(test)
+
+
+def test_tells_people_what_happens_and_ends_on_ctrl_c() -> None:
+    async def test() -> None:
+        async with daemon("--standby") as (process, _):
+            assert "standby: waiting for an operator's request" in await line(process.stderr)
+            process.send_signal(signal.SIGINT)
+            out, err = await process.communicate()
+            assert process.returncode == 0
+            assert out == b""
+            assert b"0 setpoints" in err
+
+    run(test)
+
+
+def test_a_second_signal_forces_the_end() -> None:
+    async def test() -> None:
+        async with daemon("--goal", GOAL, "--json") as (process, port):
+            await line(process.stdout)
+            async with LoopbackVehicle(Emulated(), port) as vehicle:
+                await vehicle.until(lambda: len(vehicle.setpoints()) >= 3)
+                process.send_signal(signal.SIGTERM)
+                await vehicle.until(lambda: vehicle.setpoints()[-1].vx == 0.0)
+                process.send_signal(signal.SIGTERM)
+                async with asyncio.timeout(2.0):
+                    await process.wait()
+                assert process.returncode == 128 + signal.SIGTERM
+
+    run(test)
+
+
+def test_a_reader_that_goes_away_does_not_end_the_flight() -> None:
+    async def test() -> None:
+        async with daemon("--goal", GOAL, "--json") as (process, port):
+            await line(process.stdout)
+            process._transport.get_pipe_transport(1).close()  # type: ignore[attr-defined]
+            async with LoopbackVehicle(Emulated(), port) as vehicle:
+                await vehicle.until(lambda: len(vehicle.setpoints()) >= 15)
+                process.send_signal(signal.SIGTERM)
+                async with asyncio.timeout(2.0):
+                    await process.wait()
+                assert process.returncode == 0
+
+    run(test)
+
+
+def test_a_port_in_use_is_exit_code_3() -> None:
+    async def test() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+            taken.bind(("127.0.0.1", 0))
+            port = taken.getsockname()[1]
+            async with daemon("--standby", "--vehicle", f"udpin:127.0.0.1:{port}") as (process, _):
+                async with asyncio.timeout(START_S):
+                    _, err = await process.communicate()
+                assert process.returncode == 3
+                assert f"port {port} is in use".encode() in err
+                assert err.count(b"\n") == 1
+
+    run(test)
+
+
+def test_without_a_goal_it_asks_for_one() -> None:
+    result = invoke()
+    assert result.exit_code == 2
+    assert "--goal" in result.output and "--standby" in result.output
+
+
+@pytest.mark.parametrize("goal", ["47.39", "47.39,8.54,1,2", "here", "47.39;8.54"])
+def test_a_goal_that_is_none(goal: str) -> None:
+    result = invoke("--goal", goal)
+    assert result.exit_code == 2
+    assert "LAT,LON" in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--goal", "86,8"], "latitude"),
+        (["--goal", "nan,8"], "finite"),
+        (["--goal", "47,8", "--cruise", "16"], "v-max"),
+        (["--goal", "47,8", "--vehicle", "udp:127.0.0.1:14540"], "udpin:127.0.0.1:14540"),
+        (["--goal", "47,8", "--definition", "candidat1"], "candidate1"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_before_anything_is_opened(arguments: list[str], text: str) -> None:
+    result = invoke(*arguments)
+    assert isinstance(result.exception, ConfigError)
+    assert text in str(result.exception)
+
+
+def test_print_config_is_a_file_that_reads_back(tmp_path: Path) -> None:
+    (tmp_path / "given.toml").write_text("cruise = 8.0\nairframe = 1.0\n")
+    result = invoke("--config", str(tmp_path / "given.toml"), "--cruise", "9", "--goal", "47,8,100", "--print-config")
+    assert result.exit_code == 0
+    (tmp_path / "printed.toml").write_text(result.output)
+    engine = daemon_config(read_config_file(tmp_path / "printed.toml")).engine
+    assert (engine.cruise_mps, engine.airframe_m) == (9.0, 1.0)
+
+
+def test_an_unknown_key_of_a_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "given.toml").write_text("cruize = 8.0\n")
+    result = invoke("--config", str(tmp_path / "given.toml"), "--standby")
+    assert isinstance(result.exception, ConfigError)
+    assert "given.toml:1: unknown key 'cruize': did you mean 'cruise'?" in str(result.exception)
+
+
+def test_on_a_terminal_there_is_a_status_line() -> None:
+    async def test() -> None:
+        ours, theirs = os.openpty()
+        port = free_port()
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "ridlink", "avoid", "--standby", "--vehicle", f"udpin:127.0.0.1:{port}",
+            "--rid", f"udpout:127.0.0.1:{free_port()}", stderr=theirs, stdout=PIPE,
+        )  # fmt: skip
+        os.close(theirs)
+        shown = b""
+        async with asyncio.timeout(START_S):
+            while b"standby | 0 tracks" not in shown:
+                shown += await asyncio.to_thread(os.read, ours, 4096)
+        process.send_signal(signal.SIGTERM)
+        await process.communicate()
+        os.close(ours)
+        assert process.returncode == 0
+
+    run(test)

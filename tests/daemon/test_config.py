@@ -1,0 +1,151 @@
+"""Configuration: flag over file over default, and every mistake is named with its file, line and key."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from ridlink.daemon.config import (
+    DaemonConfig,
+    FlatConfig,
+    as_toml,
+    daemon_config,
+    overridden,
+    read_config_file,
+)
+from ridlink.engine import Goal
+from ridlink.errors import ConfigError
+from ridlink.links import parse_link_url
+from ridlink.separation import Definition
+
+WHOLE = """
+vehicle = "udpin:127.0.0.1:14541"
+rid = "udpout:127.0.0.1:14651"
+goal = [47.39, 8.54, 100]
+definition = "candidate1"
+cruise = 12
+airframe = 1.2
+v_max = 14.0
+vz_max = 1.5
+a_max = 4.0
+vehicle_sysid = 2
+uas_id = "FA-1"
+standby = true
+filter_positions = false
+log = "flight.tlog"
+
+[halfplane]
+horizon_s = 9.0
+response_time_s = 0.5
+arrival_deceleration_mps2 = inf
+
+[[obstacle]]
+polygon = [[47.391, 8.541], [47.392, 8.541], [47.392, 8.543]]
+"""
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    def to_file(text: str) -> Path:
+        path = tmp_path / "vehicle.toml"
+        path.write_text(text)
+        return path
+
+    return to_file
+
+
+def test_every_key_arrives(write) -> None:
+    config = daemon_config(read_config_file(write(WHOLE)))
+    engine = config.engine
+    assert str(config.vehicle) == "udpin:127.0.0.1:14541"
+    assert str(config.remote_id) == "udpout:127.0.0.1:14651"
+    assert engine.goal == Goal(47.39, 8.54, 100.0)
+    assert engine.definition is Definition.CANDIDATE1
+    assert (engine.cruise_mps, engine.airframe_m, engine.vehicle_sysid, engine.uas_id) == (12.0, 1.2, 2, "FA-1")
+    assert engine.limits.horizontal_mps == 14.0
+    assert (engine.limits.vertical_mps, engine.limits.acceleration_mps2) == (1.5, 4.0)
+    assert engine.standby and not engine.filter_positions
+    assert engine.halfplane.horizon_s == 9.0 and engine.halfplane.response_time_s == 0.5
+    assert math.isinf(engine.halfplane.arrival_deceleration_mps2)
+    assert engine.obstacles == (((47.391, 8.541), (47.392, 8.541), (47.392, 8.543)),)
+    assert config.log == Path("flight.tlog")
+
+
+def test_printed_configuration_reads_back_as_the_same(write) -> None:
+    for text in (WHOLE, "", "goal = [47.0, 8.0]"):
+        config = daemon_config(read_config_file(write(text)))
+        assert daemon_config(read_config_file(write(as_toml(config)))) == config
+
+
+def test_flag_over_file_over_default(write) -> None:
+    flat = read_config_file(write("cruise = 7.0\nairframe = 2.0"))
+    config = daemon_config(overridden(flat, {"cruise": 8.0, "airframe": None, "response_time": 0.0}))
+    assert config.engine.cruise_mps == 8.0
+    assert config.engine.airframe_m == 2.0
+    assert config.engine.limits.horizontal_mps == 15.0
+    assert config.engine.halfplane.response_time_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("cruize = 7.0", [":1", "'cruize'", "did you mean 'cruise'"]),
+        ("\nv-max = 7.0", [":2", "did you mean 'v_max'"]),
+        ("xyzzy = 1", ["known are vehicle, rid, goal"]),
+        ("[halfplane]\nhorizon = 7.0", [":2", "'horizon_s'"]),
+        ("[[obstacle]]\npoligon = []", [":2", "'polygon'"]),
+        ("cruise = nan", [":1", "cruise must be a finite number, not nan"]),
+        ("goal = [nan, 8.0]", [":1", "goal must be a finite number"]),
+        ("[halfplane]\nhorizon_s = nan", [":2", "horizon_s must be a finite number"]),
+        ("[halfplane]\nhorizon_s = inf", ["horizon_s must be finite"]),
+        ("[[obstacle]]\npolygon = [[47.0, inf]]", ["polygon must be a finite number"]),
+        ('cruise = "fast"', [":1", "cruise: Expected `float | null`, got `str`"]),
+        ("goal = [47.0]", [":1", "[latitude, longitude] or [latitude, longitude, altitude]"]),
+        ("goal = 47.0", [":1", "[latitude, longitude]"]),
+        ("[[obstacle]]\npolygon = [[47.0, 8.0, 1.0]]", [":1", "obstacle"]),
+        ("obstacle = 1", [":1", "obstacle"]),
+        ("obstacle = [1]", [":1", "obstacle"]),
+        ("halfplane = 1", [":1", "halfplane"]),
+        ("cruise = \nairframe = 1.0", ["is not TOML", "line 1"]),
+        ('definition = "candidat2"', ["'candidate2'"]),
+        ('definition = "xyz"', ["known are snmac, remote-id"]),
+        ('vehicle = "udp:127.0.0.1:14540"', ["udpin:127.0.0.1:14540"]),
+        ("cruise = 16.0", ["above v-max"]),
+        ("v_max = -1.0", ["horizontal_mps must be positive"]),
+        ("response_time = -1.0", ["response_time_s must not be negative"]),
+        ("goal = [86.0, 8.0]", ["latitude"]),
+        ("vehicle_sysid = 256", ["between 1 and 255"]),
+    ],
+)
+def test_mistakes_are_named(write, text: str, words: list[str]) -> None:
+    with pytest.raises(ConfigError) as caught:
+        daemon_config(read_config_file(write(text)))
+    for word in words:
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_no_text_and_one_that_is_not_there(tmp_path: Path) -> None:
+    (tmp_path / "x.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="not UTF-8"):
+        read_config_file(tmp_path / "x.toml")
+    with pytest.raises(OSError, match="No such file"):
+        read_config_file(tmp_path / "none.toml")
+
+
+def test_defaults_are_those_of_the_documentation() -> None:
+    config = daemon_config(FlatConfig())
+    assert config == DaemonConfig()
+    assert str(config.vehicle) == "udpin:127.0.0.1:14540"
+    assert str(config.remote_id) == "udpout:127.0.0.1:14650"
+    assert (config.engine.cruise_mps, config.engine.airframe_m) == (10.0, 0.6)
+    assert config.engine.definition is Definition.CANDIDATE2
+
+
+def test_links_may_be_given_as_text_and_the_period_is_bounded() -> None:
+    assert DaemonConfig(vehicle="udpin:127.0.0.1:1").vehicle == parse_link_url("udpin:127.0.0.1:1")  # type: ignore[arg-type]
+    for period in (0.0, 0.5, math.nan):
+        with pytest.raises(ConfigError, match="period"):
+            DaemonConfig(period_s=period)

@@ -1,0 +1,304 @@
+"""The daemon on real loopback sockets, against a vehicle that speaks MAVLink."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ridlink.captures.records import Rejects
+from ridlink.captures.tlog import read_tlog
+from ridlink.daemon.config import DaemonConfig
+from ridlink.daemon.service import AvoidDaemon, DecisionError, Summary
+from ridlink.engine import EngineConfig, Goal
+from ridlink.errors import LinkError
+from ridlink.failsafe import State
+from ridlink.links import Link, open_link
+from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, at, messages
+
+
+class Air:
+    """The other end of the Remote ID link: remembers who subscribed."""
+
+    def __init__(self) -> None:
+        self.link: Link | None = None
+        self.heard: list[bytes] = []
+        self.changed = asyncio.Event()
+
+    async def __aenter__(self) -> Air:
+        self.link = await open_link("udpin:127.0.0.1:0", self._hear)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        assert self.link is not None
+        self.link.close()
+
+    def _hear(self, data: bytes, _: object) -> None:
+        self.heard.append(data)
+        self.changed.set()
+
+    @property
+    def port(self) -> int:
+        assert self.link is not None
+        return self.link.local_address[1]
+
+
+class Running:
+    """A daemon, its vehicle and its air."""
+
+    def __init__(self, daemon: AvoidDaemon, vehicle: LoopbackVehicle, air: Air, events: list[dict[str, Any]]) -> None:
+        self.daemon, self.vehicle, self.air, self.events = daemon, vehicle, air, events
+        self.stop = asyncio.Event()
+        self.task: asyncio.Task[Summary] | None = None
+
+    async def end(self) -> Summary:
+        assert self.task is not None
+        self.stop.set()
+        async with asyncio.timeout(PATIENCE_S):
+            return await self.task
+
+
+@asynccontextmanager
+async def running(*, emulated: Emulated | None = None, **options: Any) -> AsyncIterator[Running]:
+    engine = options.pop("engine", EngineConfig(goal=Goal(*at(300.0))))
+    events: list[dict[str, Any]] = []
+    async with Air() as air:
+        config = DaemonConfig(
+            vehicle="udpin:127.0.0.1:0", remote_id=f"udpout:127.0.0.1:{air.port}", engine=engine, **options
+        )
+        daemon = AvoidDaemon(config, on_event=events.append)
+        stop = asyncio.Event()
+        task = asyncio.create_task(daemon.run(stop))
+        async with asyncio.timeout(60.0):  # a cold cache of compiled kernels
+            await daemon.ready.wait()
+        assert daemon.vehicle_address is not None
+        async with LoopbackVehicle(emulated or Emulated(), daemon.vehicle_address[1]) as vehicle:
+            run = Running(daemon, vehicle, air, events)
+            run.stop, run.task = stop, task
+            try:
+                yield run
+            finally:
+                stop.set()
+                await asyncio.gather(task, return_exceptions=True)
+
+
+def run(test: Callable[[], Awaitable[None]]) -> None:
+    async def main() -> None:
+        await test()
+
+    asyncio.run(main())
+
+
+def test_flies_and_says_so() -> None:
+    async def test() -> None:
+        async with running() as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 15)
+            assert vehicle.setpoints()[0].vx == 0.0
+            assert vehicle.setpoints()[-1].vx > 1.0
+            for data in (Emulated(9, ned_m=(250.0, 0.0, -50.0)).remote_id(0.0), b"junk"):
+                assert flight.air.link is not None
+                flight.air.link.send(data)
+            await vehicle.until(lambda: len(flight.daemon.engine.picture) == 1)
+            await vehicle.until(lambda: len({event["event"] for event in flight.events}) == 2)
+            names = {message.name for message in vehicle.vehicle.heard}
+            assert names == {"HEARTBEAT", "RIDLINK_STATUS", "SET_POSITION_TARGET_LOCAL_NED"}
+            assert messages(flight.air.heard[0])[0].name == "HEARTBEAT"
+            summary = await flight.end()
+            assert summary.state == "standby"
+            assert summary.reports_received == 1
+            assert summary.rejects["garbage"] == 1
+            assert summary.tracks == 1
+            assert summary.infeasible_steps == 0
+            assert 0.0 < summary.decision_ms["p50"] <= summary.decision_ms["p99"] <= summary.decision_ms["max"]
+            assert 90.0 < summary.setpoint_gap_ms["p50"] < 110.0
+            assert summary.as_dict().keys() >= {"setpoints", "reports_received", "decision_ms", "setpoint_gap_ms"}
+            await vehicle.until(lambda: len(vehicle.setpoints()) == summary.setpoints)
+            assert [message.vx for message in vehicle.setpoints()[-3:]] == [0.0, 0.0, 0.0]
+
+    run(test)
+
+
+def test_the_stream_ends_with_the_pilots_mode_change_and_does_not_come_back() -> None:
+    async def test() -> None:
+        async with running() as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 5)
+            vehicle.vehicle.mode = POSITION_MODE
+            await vehicle.until(lambda: flight.daemon.engine.rung.state is State.STANDBY)
+            count = len(vehicle.setpoints())
+            beats = len(vehicle.vehicle.heard)
+            vehicle.vehicle.mode = Emulated().mode
+            # Two more heartbeats of the daemon are a second or two in which nothing else came.
+            await vehicle.until(lambda: len(vehicle.vehicle.heard) >= beats + 3)
+            assert len(vehicle.setpoints()) <= count + 1
+            assert [event["state"] for event in flight.events if event["event"] == "state"][-1] == "standby"
+
+    run(test)
+
+
+def test_a_stale_own_state_holds() -> None:
+    async def test() -> None:
+        async with running() as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 8)
+            vehicle.frozen = True
+            await vehicle.until(lambda: flight.daemon.engine.rung.state is State.HOLD)
+            await vehicle.until(lambda: [m.vx for m in vehicle.setpoints()[-2:]] == [0.0, 0.0])
+            vehicle.frozen = False
+            await vehicle.until(lambda: vehicle.setpoints()[-1].vx > 0.0)
+
+    run(test)
+
+
+def test_telemetry_of_strangers_does_not_redirect_the_stream() -> None:
+    async def test() -> None:
+        async with running() as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 2)
+            async with LoopbackVehicle(Emulated(42), vehicle.port) as stranger:
+                await vehicle.until(lambda: flight.daemon.engine.counters["foreign_autopilot"] > 5)
+                count = len(vehicle.setpoints())
+                await vehicle.until(lambda: len(vehicle.setpoints()) > count)
+                assert stranger.vehicle.heard == []
+
+    run(test)
+
+
+def test_everything_received_and_sent_is_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "flight.tlog"
+
+    async def test() -> None:
+        async with running(log=path) as flight:
+            await flight.vehicle.until(lambda: len(flight.vehicle.setpoints()) >= 3)
+            assert flight.air.link is not None
+            await asyncio.wait_for(flight.air.changed.wait(), PATIENCE_S)
+            flight.air.link.send(Emulated(9).remote_id(0.0))
+            await flight.vehicle.until(lambda: flight.daemon.engine.summary().reports_received == 1)
+
+    run(test)
+    rejects = Rejects()
+    frames = [record.frame for record in read_tlog([path.read_bytes()], rejects)]
+    senders = {(frame.sysid, frame.compid, frame.msgid) for frame in frames}
+    assert senders >= {(1, 1, 0), (1, 1, 33), (1, 196, 84), (1, 196, 0), (9, 1, 12901), (9, 1, 61400)}
+
+
+def test_a_port_in_use_and_a_log_that_cannot_be_written_are_errors_at_the_start(tmp_path: Path) -> None:
+    async def test() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+            taken.bind(("127.0.0.1", 0))
+            port = taken.getsockname()[1]
+            config = DaemonConfig(vehicle=f"udpin:127.0.0.1:{port}", remote_id="udpout:127.0.0.1:9")  # type: ignore[arg-type]
+            with pytest.raises(LinkError, match=f"port {port} is in use"):
+                await AvoidDaemon(config).run(asyncio.Event())
+            bad_log = replace(config, log=tmp_path / "none" / "x.tlog")
+            with pytest.raises(LinkError, match="log"):
+                await AvoidDaemon(bad_log).run(asyncio.Event())
+
+    run(test)
+
+
+def test_decisions_that_keep_failing_end_the_daemon_after_a_stop() -> None:
+    async def test() -> None:
+        async with running() as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 5)
+            flight.daemon.engine._solver.solve = lambda *_, **__: 1 / 0  # type: ignore[method-assign,assignment]
+            assert flight.task is not None
+            with pytest.raises(DecisionError, match="ZeroDivisionError"):
+                await asyncio.wait_for(flight.task, PATIENCE_S)
+            await vehicle.until(lambda: [m.vx for m in vehicle.setpoints()[-3:]] == [0.0, 0.0, 0.0])
+
+    run(test)
+
+
+def test_steps_that_keep_failing_end_the_daemon_after_a_stop() -> None:
+    async def test() -> None:
+        async with running() as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 5)
+            flight.daemon.engine._announce = lambda *_: 1 / 0  # type: ignore[method-assign,assignment]
+            assert flight.task is not None
+            with pytest.raises(DecisionError, match="steps failed"):
+                await asyncio.wait_for(flight.task, PATIENCE_S)
+            await vehicle.until(lambda: [m.vx for m in vehicle.setpoints()[-3:]] == [0.0, 0.0, 0.0])
+            assert flight.daemon.summary().rejects["step_failed"] == 3
+
+    run(test)
+
+
+def test_a_watcher_that_fails_does_not_end_the_flight() -> None:
+    async def test() -> None:
+        async with running() as flight:
+            flight.daemon._on_event = lambda _: 1 / 0
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: flight.daemon.summary().rejects.get("event_sink_failed") == 1)
+            count = len(vehicle.setpoints())
+            await vehicle.until(lambda: len(vehicle.setpoints()) > count + 3)
+
+    run(test)
+
+
+def test_a_stall_is_followed_by_one_tick_and_a_hold() -> None:
+    async def test() -> None:
+        async with running() as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 5)
+            threading.Event().wait(0.75)  # blocks the loop, as a stalled machine does
+            count = len(vehicle.setpoints())
+            await vehicle.until(lambda: len(vehicle.setpoints()) > count)
+            stalled = vehicle.setpoints()[count:]
+            assert len(stalled) == 1 and stalled[0].vx == 0.0
+            assert flight.daemon.summary().rejects["missed_tick"] >= 6
+            await vehicle.until(lambda: vehicle.setpoints()[-1].vx > 0.0)
+
+    run(test)
+
+
+def test_several_daemons_share_a_process() -> None:
+    async def test() -> None:
+        async with running() as first, running(emulated=Emulated(2)) as second:
+            for flight in (first, second):
+                await flight.vehicle.until(lambda f=flight: len(f.vehicle.setpoints()) >= 5)  # type: ignore[misc]
+
+    run(test)
+
+
+def test_stopping_during_the_warm_up_is_prompt(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def test() -> None:
+        loop = asyncio.get_running_loop()
+        begun, release = asyncio.Event(), threading.Event()
+
+        def endless() -> float:
+            loop.call_soon_threadsafe(begun.set)
+            release.wait()
+            return 0.0
+
+        monkeypatch.setattr("ridlink.daemon.service.warm_up", endless)
+        async with Air() as air:
+            stop = asyncio.Event()
+            config = DaemonConfig(vehicle="udpin:127.0.0.1:0", remote_id=f"udpout:127.0.0.1:{air.port}")  # type: ignore[arg-type]
+            task = asyncio.create_task(AvoidDaemon(config).run(stop))
+            await asyncio.wait_for(begun.wait(), PATIENCE_S)
+            stop.set()
+            summary = await asyncio.wait_for(task, 1.0)
+            assert summary.setpoints == 0
+            release.set()
+
+    run(test)
+
+
+def test_a_warm_up_that_fails_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def test() -> None:
+        monkeypatch.setattr("ridlink.daemon.service.warm_up", lambda: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            await AvoidDaemon(DaemonConfig()).run(asyncio.Event())
+
+    run(test)
