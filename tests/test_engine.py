@@ -358,7 +358,7 @@ def test_stop_is_three_zero_setpoints_and_only_while_streaming() -> None:
     assert flight.engine.stop(flight.now_s) == []
 
 
-# --- commands -----------------------------------------------------------------------------------------------------------
+# --- commands -----------------------------------------------------------------------------------------------------
 
 
 def reposition(**fields: Any) -> dict[str, Any]:
@@ -437,7 +437,7 @@ def test_commands_from_the_host_of_the_autopilot_are_taken_and_answered_where_th
     assert engine.counters["foreign_command"] == 1
 
 
-# --- Remote ID can do nothing but make tracks -----------------------------------------------------------------------------
+# --- Remote ID can do nothing but make tracks ---------------------------------------------------------------------
 
 
 def test_nothing_on_the_remote_id_link_changes_own_state_goal_or_request() -> None:
@@ -509,7 +509,7 @@ def test_any_bytes_on_either_link_leave_a_valid_stream(datagrams: list[bytes], s
     assert flight.engine.counters["decision_failed"] == 0
 
 
-# --- failing decisions, obstacles, configuration ------------------------------------------------------------------------
+# --- failing decisions, obstacles, configuration ------------------------------------------------------------------
 
 
 def test_decisions_that_fail_become_zero_velocity_and_then_a_hold(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,8 +7,7 @@ from collections.abc import Hashable
 
 import pytest
 
-from ridlink.mavlink.codec import Encoder, decode_message
-from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.traffic.position_filter import moved, offset_m
@@ -39,6 +38,13 @@ class Autopilot:
         self.say(now_s, "GPS_RAW_INT", **({"fix_type": 3, "h_acc": 900, "v_acc": 1500, "alt": 540_000} | fields))
 
 
+def north_east(telemetry: OwnShipTelemetry, now_s: float) -> tuple[float, float]:
+    """Where it says it is [m], about HERE."""
+    state = telemetry.state(now_s)
+    assert state is not None
+    return offset_m(HERE, (state.position.latitude_deg, state.position.longitude_deg))
+
+
 def flying(now_s: float = 0.0, **options: object) -> tuple[OwnShipTelemetry, Autopilot]:
     telemetry = OwnShipTelemetry(**options)  # type: ignore[arg-type]
     autopilot = Autopilot(telemetry)
@@ -54,7 +60,7 @@ def test_state_of_a_px4() -> None:
     autopilot.position(0.0, vx=500, vy=-200, vz=100)
     state = telemetry.state(0.2)
     assert state is not None
-    assert offset_m(HERE, (state.position.latitude_deg, state.position.longitude_deg)) == pytest.approx((1.0, -0.4), abs=0.02)
+    assert north_east(telemetry, 0.2) == pytest.approx((1.0, -0.4), abs=0.02)
     assert state.position.altitude_m == pytest.approx(539.8)
     assert state.altitude_ellipsoid_m == pytest.approx(587.3)
     assert state.velocity_ned_mps == (5.0, -2.0, 1.0)
@@ -68,7 +74,14 @@ def test_state_of_a_px4() -> None:
 
 @pytest.mark.parametrize(
     ("autopilot", "mode", "external"),
-    [(12, 6 << 16, True), (12, 4 << 16 | 3 << 24, False), (12, 4, False), (3, 4, True), (3, 6 << 16, False), (3, 5, False)],
+    [
+        (12, 6 << 16, True),
+        (12, 4 << 16 | 3 << 24, False),
+        (12, 4, False),
+        (3, 4, True),
+        (3, 6 << 16, False),
+        (3, 5, False),
+    ],
 )
 def test_external_mode_of_both_autopilots(autopilot: int, mode: int, external: bool) -> None:
     telemetry = OwnShipTelemetry()
@@ -145,7 +158,7 @@ def test_impossible_positions_do_not_count(fields: dict[str, int]) -> None:
 
 
 def test_foreign_heartbeats_are_ignored_until_ours_is_silent() -> None:
-    telemetry, autopilot = flying()
+    telemetry, _ = flying()
     stranger = Autopilot(telemetry, sysid=42, source="b")
     stranger.heartbeat(1.0, armed=False)
     Autopilot(telemetry, source="b").heartbeat(1.0, armed=False)  # our system id from another address
@@ -208,20 +221,14 @@ def test_white_noise_in_positions_is_smoothed_and_a_jump_is_followed() -> None:
         latitude, longitude = moved(*HERE, 5.0 * (-1.0) ** tick, 0.0)
         autopilot.receiver(tick * 0.1, h_acc=3500)
         autopilot.position(tick * 0.1, lat=round(latitude * 1e7), lon=round(longitude * 1e7))
-    state = telemetry.state(10.0)
-    assert state is not None
-    assert abs(offset_m(HERE, (state.position.latitude_deg, state.position.longitude_deg))[0]) < 1.0
+    assert abs(north_east(telemetry, 10.0)[0]) < 1.0
     latitude, longitude = moved(*HERE, 40.0, 0.0)
     autopilot.position(10.1, lat=round(latitude * 1e7), lon=round(longitude * 1e7))
-    state = telemetry.state(10.1)
-    assert state is not None
-    assert offset_m(HERE, (state.position.latitude_deg, state.position.longitude_deg))[0] == pytest.approx(40.0, abs=0.1)
+    assert north_east(telemetry, 10.1)[0] == pytest.approx(40.0, abs=0.1)
 
 
 def test_the_filter_can_be_switched_off() -> None:
     telemetry, autopilot = flying(filtered=False)
     latitude, longitude = moved(*HERE, 1.0, 0.0)
     autopilot.position(0.1, lat=round(latitude * 1e7), lon=round(longitude * 1e7))
-    state = telemetry.state(0.1)
-    assert state is not None
-    assert offset_m(HERE, (state.position.latitude_deg, state.position.longitude_deg))[0] == pytest.approx(1.0, abs=0.01)
+    assert north_east(telemetry, 0.1)[0] == pytest.approx(1.0, abs=0.01)

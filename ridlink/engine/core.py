@@ -21,8 +21,8 @@ from ridlink.avoidance.types import OwnShip, Status, Traffic
 from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status
 from ridlink.engine.config import EngineConfig, Goal, goal_problem
 from ridlink.engine.decision import Conflict, DecisionRecord
-from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.engine.periodic import Periodic
+from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
 from ridlink.geodesy import ned_from_geodetic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message

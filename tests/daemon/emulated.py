@@ -20,6 +20,7 @@ from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Location, Separation, SeparationFlags
 from ridlink.setpoint import VelocityLimits
+from ridlink.traffic.position_filter import moved
 
 HOME = Geodetic(47.3977, 8.5456, 500.0)
 GEOID_M = 47.0
@@ -90,6 +91,11 @@ class Emulated:
         self.heard: list[Message] = []
         self.encoder = Encoder(sysid, 1)
 
+    def _place(self) -> tuple[float, float, float]:
+        """Latitude, longitude, altitude; within a few hundred metres flat coordinates are as good as exact ones."""
+        north, east, down = (float(value) for value in self.position)
+        return *moved(HOME.latitude_deg, HOME.longitude_deg, north, east), HOME.altitude_m - down
+
     def heartbeat(self) -> bytes:
         base_mode = 1 | (128 if self.armed else 0)
         return self.encoder.encode(
@@ -97,7 +103,7 @@ class Emulated:
         )
 
     def position_messages(self, now_s: float) -> bytes:
-        latitude, longitude, altitude = (float(value) for value in geodetic_from_ned(self.position, HOME))
+        latitude, longitude, altitude = self._place()
         place = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7), "alt": round(altitude * 1e3)}
         vx, vy, vz = (round(100 * value) for value in self.velocity)
         ellipsoid = round((altitude + GEOID_M) * 1e3)
@@ -119,7 +125,7 @@ class Emulated:
     def remote_id(
         self, now_s: float, *, command: tuple[float, float, float] | None = None, extended: bool = True, **fields: Any
     ) -> bytes:
-        latitude, longitude, altitude = (float(value) for value in geodetic_from_ned(self.position, HOME))
+        latitude, longitude, altitude = self._place()
         north, east, down = (float(value) for value in self.velocity)
         location = Location(**({
             "status": 2, "latitude_deg": latitude, "longitude_deg": longitude,

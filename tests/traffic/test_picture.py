@@ -37,7 +37,9 @@ def report(sysid: int = 5, north: float = 100.0, east: float = 0.0, **fields: ob
     return replace(plain, **fields)
 
 
-def picture(*reports: RemoteIdReport, settings: PictureSettings = SETTINGS, own: OwnState | None = OWN) -> TrafficPicture:
+def picture(
+    *reports: RemoteIdReport, settings: PictureSettings = SETTINGS, own: OwnState | None = OWN
+) -> TrafficPicture:
     made = TrafficPicture(settings)
     if own is not None:
         made.snapshot(own, 10.0)
