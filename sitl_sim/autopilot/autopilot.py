@@ -15,8 +15,7 @@ from collections.abc import Callable
 
 from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES, Encoder, Message, decode_message, encode_payload, message_spec
 from ridlink.mavlink.frames import BadFrame, Frame, encode_frame, parse_datagram
-from sitl_sim.autopilot import commands
-from sitl_sim.autopilot.commands import Command, Commands, read_command
+from sitl_sim.autopilot.commands import Command, Commands, MavCommand, read_command
 from sitl_sim.autopilot.modes import FLAVOURS
 from sitl_sim.autopilot.navigation import FleetNavigation
 from sitl_sim.autopilot.parameters import Parameters
@@ -304,16 +303,16 @@ class Autopilot:
         command = read_command(message)
         asked_for: list[bytes] = []
         match command.number:
-            case commands.SET_MESSAGE_INTERVAL:
+            case MavCommand.SET_MESSAGE_INTERVAL:
                 result = self._set_interval(command, link)
-            case commands.REQUEST_MESSAGE:
+            case MavCommand.REQUEST_MESSAGE:
                 result, asked_for = self._once(_message_name(command[1]), link)
-            case commands.GET_HOME_POSITION:
+            case MavCommand.GET_HOME_POSITION:
                 result, asked_for = self._once("HOME_POSITION", link)
-            case commands.REQUEST_AUTOPILOT_CAPABILITIES:
+            case MavCommand.REQUEST_PROTOCOL_VERSION:
+                result, asked_for = self._once("PROTOCOL_VERSION", link)
+            case MavCommand.REQUEST_AUTOPILOT_CAPABILITIES:
                 result, asked_for = self._once("AUTOPILOT_VERSION", link)
-            case commands.REQUEST_PROTOCOL_VERSION:
-                result = Result.UNSUPPORTED
             case _:
                 result = self._commands.execute(command, self._now_s)
         acknowledgement = self._reply(

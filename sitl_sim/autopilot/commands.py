@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 
 from ridlink.geodesy import Geodetic, ned_from_geodetic
 from ridlink.mavlink.codec import Message
@@ -16,18 +17,23 @@ from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM, Flavour, Mode, px4_custom
 from sitl_sim.autopilot.parameters import Parameters
 from sitl_sim.autopilot.pilot import Pilot, Result
 
-NAV_RETURN_TO_LAUNCH = 20
-NAV_LAND = 21
-NAV_TAKEOFF = 22
-DO_SET_MODE = 176
-DO_CHANGE_SPEED = 178
-DO_REPOSITION = 192
-COMPONENT_ARM_DISARM = 400
-GET_HOME_POSITION = 410
-SET_MESSAGE_INTERVAL = 511
-REQUEST_MESSAGE = 512
-REQUEST_PROTOCOL_VERSION = 519
-REQUEST_AUTOPILOT_CAPABILITIES = 520
+
+class MavCommand(IntEnum):
+    """MAV_CMD."""
+
+    NAV_RETURN_TO_LAUNCH = 20
+    NAV_LAND = 21
+    NAV_TAKEOFF = 22
+    DO_SET_MODE = 176
+    DO_CHANGE_SPEED = 178
+    DO_REPOSITION = 192
+    COMPONENT_ARM_DISARM = 400
+    GET_HOME_POSITION = 410
+    SET_MESSAGE_INTERVAL = 511
+    REQUEST_MESSAGE = 512
+    REQUEST_PROTOCOL_VERSION = 519
+    REQUEST_AUTOPILOT_CAPABILITIES = 520
+
 
 REPOSITION_CHANGES_MODE = 1
 GLOBAL_FRAMES = (0, 5)
@@ -91,13 +97,13 @@ class Commands:
         self._pilot, self._flavour, self._parameters = pilot, flavour, parameters
         self._scenario_home, self._own_home = scenario_home, own_home
         self._actions: dict[int, Callable[[Command, float], Result]] = {
-            NAV_RETURN_TO_LAUNCH: lambda _, now_s: pilot.set_mode(Mode.RETURN, now_s),
-            NAV_LAND: lambda _, __: pilot.land(),
-            NAV_TAKEOFF: self._take_off,
-            DO_SET_MODE: self._set_mode,
-            DO_CHANGE_SPEED: self._change_speed,
-            DO_REPOSITION: self._reposition,
-            COMPONENT_ARM_DISARM: lambda command, _: pilot.arm(command[1] is not None),
+            MavCommand.NAV_RETURN_TO_LAUNCH: lambda _, now_s: pilot.set_mode(Mode.RETURN, now_s),
+            MavCommand.NAV_LAND: lambda _, __: pilot.land(),
+            MavCommand.NAV_TAKEOFF: self._take_off,
+            MavCommand.DO_SET_MODE: self._set_mode,
+            MavCommand.DO_CHANGE_SPEED: self._change_speed,
+            MavCommand.DO_REPOSITION: self._reposition,
+            MavCommand.COMPONENT_ARM_DISARM: lambda command, _: pilot.arm(command[1] is not None),
         }
 
     def execute(self, command: Command, now_s: float) -> Result:

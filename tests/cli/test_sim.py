@@ -158,6 +158,6 @@ def test_help_is_light_and_names_every_documented_option() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ)
     assert done.stdout.strip() == "[]"
     text = CliRunner().invoke(sim, ["--help"]).output
-    options = "--scenario -n --seed --autopilot --speed --airborne --gnss --sigma --interval --technology --loss --range"
-    for option in (*options.split(), "--home", "--duration", "--no-rid", "--json"):
+    options = "--scenario -n --seed --autopilot --speed --airborne --gnss --sigma --interval --technology --loss"
+    for option in (*options.split(), "--range", "--home", "--duration", "--no-rid", "--json"):
         assert option in text

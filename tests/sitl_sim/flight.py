@@ -103,8 +103,8 @@ class Flight:
 
     def setpoint(self, *velocity: float, mask: int = VELOCITY_ONLY, frame: int = 1, **fields: Any) -> list[Message]:
         vx, vy, vz = velocity or (0.0, 0.0, 0.0)
-        target: dict[str, Any] = {"target_system": 1, "target_component": 1, "coordinate_frame": frame, "type_mask": mask}
-        return self.send("SET_POSITION_TARGET_LOCAL_NED", **target, vx=vx, vy=vy, vz=vz, **fields)
+        fields |= {"target_system": 1, "target_component": 1, "coordinate_frame": frame, "type_mask": mask}
+        return self.send("SET_POSITION_TARGET_LOCAL_NED", vx=vx, vy=vy, vz=vz, **fields)
 
     def fly(self, duration_s: float, *velocity: float, **fields: Any) -> None:
         """Stream a setpoint at 10 Hz."""
