@@ -309,8 +309,6 @@ class Autopilot:
                 result, asked_for = self._once(_message_name(command[1]), link)
             case MavCommand.GET_HOME_POSITION:
                 result, asked_for = self._once("HOME_POSITION", link)
-            case MavCommand.REQUEST_PROTOCOL_VERSION:
-                result, asked_for = self._once("PROTOCOL_VERSION", link)
             case MavCommand.REQUEST_AUTOPILOT_CAPABILITIES:
                 result, asked_for = self._once("AUTOPILOT_VERSION", link)
             case _:

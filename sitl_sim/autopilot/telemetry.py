@@ -61,7 +61,7 @@ DEFAULT_INTERVAL_S: dict[str, float] = {
 }
 """Time between two of each message on a fresh link; a client that waits for one that never comes waits for ever."""
 
-ON_REQUEST = ("AUTOPILOT_VERSION", "GPS_GLOBAL_ORIGIN", "PROTOCOL_VERSION")
+ON_REQUEST = ("AUTOPILOT_VERSION", "GPS_GLOBAL_ORIGIN")
 """Messages that are sent when asked for, once or as a stream."""
 
 LEGACY_STREAMS: dict[int, tuple[str, ...]] = {
@@ -336,9 +336,6 @@ class Telemetry:
             "estimator_type": 4,
             "quality": 100,
         }
-
-    def _protocol_version(self) -> Fields:
-        return {"version": 200, "min_version": 200, "max_version": 200}
 
     def _autopilot_version(self) -> Fields:
         return {
