@@ -27,7 +27,7 @@ from ridlink.separation import Definition, separation_discs
 STEP_S = 0.02
 PHASES = 5
 ARRIVED_M = 5.0
-MEMORY = 8
+MEMORY = 16
 WATCH = ProgressWatch()
 """Only its constants: here its rule is written out for whole arrays."""
 
