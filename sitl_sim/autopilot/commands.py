@@ -133,7 +133,7 @@ class Commands:
 
     def _change_speed(self, command: Command, now_s: float) -> Result:
         if command[2] is not None and command[2] > 0.0:
-            self._pilot.speed_limit_mps = command[2]
+            self._pilot.commanded_cruise_mps = command[2]
         return Result.ACCEPTED
 
     def _reposition(self, command: Command, now_s: float) -> Result:

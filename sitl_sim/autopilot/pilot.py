@@ -114,7 +114,7 @@ class Pilot:
         self.armed = start is not Start.GROUND
         self.failsafe = False
         self.command_ned_mps: Vector = STILL
-        self.speed_limit_mps: float | None = None
+        self.commanded_cruise_mps: float | None = None
         self._guidance: Guidance | None = Velocity()
         self._setpoint: Setpoint | None = None
         self._setpoint_at_s: float | None = None
@@ -414,8 +414,8 @@ class Pilot:
 
     @property
     def _cruise_mps(self) -> float:
-        if self.speed_limit_mps is not None:
-            return self.speed_limit_mps
+        if self.commanded_cruise_mps is not None:
+            return self.commanded_cruise_mps
         return self._parameters["MPC_XY_CRUISE"] if self._flavour.is_px4 else self._parameters["WPNAV_SPEED"] / 100.0
 
     @property
