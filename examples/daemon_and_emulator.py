@@ -44,7 +44,8 @@ async def main() -> None:
     while not fleet.world.finished:
         first, second = fleet.world.position_ned_m[:, :2]
         apart = float(np.hypot(*(first - second)))
-        print(f"{fleet.world.time_s:5.1f} s {first[0]:8.1f} {first[1]:8.1f} {second[0]:9.1f} {second[1]:8.1f} {apart:7.1f} m")
+        where = f"{first[0]:8.1f} {first[1]:8.1f} {second[0]:9.1f} {second[1]:8.1f}"
+        print(f"{fleet.world.time_s:5.1f} s {where} {apart:7.1f} m")
         await asyncio.sleep(1.0)
     stop.set()
     await asyncio.gather(*tasks)

@@ -144,9 +144,7 @@ class Broadcaster:
             timestamp_accuracy_s=_TIMESTAMP_ACCURACY_S,
         )
 
-    def _separation(
-        self, navigation: Navigation, command_ned_mps: Vector | None, timestamp_s: float
-    ) -> Separation:
+    def _separation(self, navigation: Navigation, command_ned_mps: Vector | None, timestamp_s: float) -> Separation:
         flags = SeparationFlags.SIMULATED
         if navigation.fix_type >= _FIX_3D:
             flags |= SeparationFlags.ERROR_MEASURED

@@ -168,9 +168,7 @@ class FleetServer:
             arrival="leave" if config.autopilot == "ideal" else "land",
             pair_radius=pair_radius,
         )
-        self.air = Air(
-            config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=config.home
-        )
+        self.air = Air(config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=config.home)
         self._navigation = FleetNavigation(self.world, config.home)
         self.autopilots = [
             Autopilot(

@@ -119,13 +119,9 @@ class Autopilot:
         self._flavour = FLAVOURS[flavour]
         self._parameters = Parameters(self._flavour, self.system_id)
         spec = world.scenario.vehicles[index]
-        self.pilot = Pilot(
-            world, index, spec, self._flavour, self._parameters, navigation[index], start, self._say
-        )
+        self.pilot = Pilot(world, index, spec, self._flavour, self._parameters, navigation[index], start, self._say)
         self.telemetry = Telemetry(self.pilot, self._flavour, self.system_id, navigation.home, utc_clock)
-        self._commands = Commands(
-            self.pilot, self._flavour, self._parameters, navigation.home, self.telemetry.home
-        )
+        self._commands = Commands(self.pilot, self._flavour, self._parameters, navigation.home, self.telemetry.home)
         self.counters: Counter[str] = Counter()
         self._companion = companion
         self._links: dict[Address, Link] = {}

@@ -16,15 +16,24 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
 
 @click.command(short_help="Fly emulated vehicles through one point, each with its daemon, and judge it.")
 @fleet_options
-@click.option("--definition", type=click.Choice(DEFINITIONS), default="candidate2", show_default=True,
-              help="What sizes the disc of a pair.")
+@click.option(
+    "--definition",
+    type=click.Choice(DEFINITIONS),
+    default="candidate2",
+    show_default=True,
+    help="What sizes the disc of a pair.",
+)
 @click.option("--compare", is_flag=True, help=f"Fly the same seed under {', '.join(COMPARED)}, one after the other.")
 @click.option("--processes", is_flag=True, help="Each daemon in an operating-system process of its own.")
 @click.option("--headless", is_flag=True, help="Show nothing but the verdict.")
 @click.option("--json", "as_json", is_flag=True, help="The verdict of each flight as one line of JSON on stdout.")
 @click.option("--any-ports", is_flag=True, help="Ports that the kernel chooses, to fly several demos side by side.")
-@click.option("--log", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.tlog",
-              help="Record the flight there.  [default: a new file in the temporary folder]")
+@click.option(
+    "--log",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.tlog",
+    help="Record the flight there.  [default: a new file in the temporary folder]",
+)
 def demo(
     fleet: dict[str, Any],
     definition: str,

@@ -17,15 +17,38 @@ REPORT_S = 1.0
 @click.command(short_help="Emulate a fleet that MAVSDK, mavutil and MAVProxy take for real.")
 @fleet_options
 @click.option("--airborne", is_flag=True, help="Hover at the start and obey setpoints, instead of standing unarmed.")
-@click.option("--duration", "duration_s", type=Finite(0.0, min_open=True), metavar="S",
-              help="Stop after this time.  [default: SIGTERM or Ctrl-C]")
+@click.option(
+    "--duration",
+    "duration_s",
+    type=Finite(0.0, min_open=True),
+    metavar="S",
+    help="Stop after this time.  [default: SIGTERM or Ctrl-C]",
+)
 @click.option("--no-rid", is_flag=True, help="Vehicles do not broadcast Remote ID; their daemons may.")
-@click.option("--vehicle-port", type=click.IntRange(0, 65535), default=14580, show_default=True, metavar="PORT",
-              help="Port of the first vehicle, the others follow; 0 = any.")
-@click.option("--companion-port", type=click.IntRange(0, 65535), default=14540, show_default=True, metavar="PORT",
-              help="Where the first vehicle sends telemetry unasked, the others follow; 0 = nowhere.")
-@click.option("--air-port", type=click.IntRange(0, 65535), default=14650, show_default=True, metavar="PORT",
-              help="Port of the broadcast medium; 0 = any.")
+@click.option(
+    "--vehicle-port",
+    type=click.IntRange(0, 65535),
+    default=14580,
+    show_default=True,
+    metavar="PORT",
+    help="Port of the first vehicle, the others follow; 0 = any.",
+)
+@click.option(
+    "--companion-port",
+    type=click.IntRange(0, 65535),
+    default=14540,
+    show_default=True,
+    metavar="PORT",
+    help="Where the first vehicle sends telemetry unasked, the others follow; 0 = nowhere.",
+)
+@click.option(
+    "--air-port",
+    type=click.IntRange(0, 65535),
+    default=14650,
+    show_default=True,
+    metavar="PORT",
+    help="Port of the broadcast medium; 0 = any.",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a second on stdout, and the verdict at the end.")
 def sim(
     fleet: dict[str, Any],

@@ -122,7 +122,11 @@ class Conductor:
             for link in self._links:
                 link.send(
                     self._encoder.encode(
-                        "HEARTBEAT", type=MAV_TYPE_GCS, autopilot=MAV_AUTOPILOT_INVALID, system_status=4, mavlink_version=3
+                        "HEARTBEAT",
+                        type=MAV_TYPE_GCS,
+                        autopilot=MAV_AUTOPILOT_INVALID,
+                        system_status=4,
+                        mavlink_version=3,
                     )
                 )
             await asyncio.sleep(HEARTBEAT_S)

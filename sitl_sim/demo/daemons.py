@@ -49,9 +49,7 @@ class Assignment:
     config: DaemonConfig
 
 
-def assignments(
-    scenario: Scenario, definition: Definition, fleet: FleetConfig, ports: FleetPorts
-) -> list[Assignment]:
+def assignments(scenario: Scenario, definition: Definition, fleet: FleetConfig, ports: FleetPorts) -> list[Assignment]:
     """One daemon for every vehicle that cooperates, with its goal in degrees.
 
     With the documented ports it listens where the vehicle sends its telemetry, as an offboard program does with PX4.
@@ -61,9 +59,7 @@ def assignments(
     ideal = fleet.autopilot == "ideal"
     halfplane = HalfplaneSettings()
     if ideal:
-        halfplane = replace(
-            halfplane, response_time_s=0.0, smoothing=1.0, arrival_deceleration_mps2=float("inf")
-        )
+        halfplane = replace(halfplane, response_time_s=0.0, smoothing=1.0, arrival_deceleration_mps2=float("inf"))
     obstacles = tuple(_in_degrees(obstacle.polygon_ne_m, fleet.home) for obstacle in scenario.obstacles)
     assigned = []
     for index, vehicle in enumerate(scenario.vehicles):
@@ -196,9 +192,7 @@ class DaemonProcesses(Daemons):
         if ended:
             raise LinkError(f"the daemon of vehicle {ended[0]} ended at once: its line above says why")
 
-    async def _read(
-        self, system_id: int, process: asyncio.subprocess.Process, up: asyncio.Event
-    ) -> dict[str, Any]:
+    async def _read(self, system_id: int, process: asyncio.subprocess.Process, up: asyncio.Event) -> dict[str, Any]:
         assert process.stdout is not None
         last: dict[str, Any] = {}
         async for line in process.stdout:

@@ -90,9 +90,7 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         await server.start()
         flying = asyncio.create_task(server.run(landed))
         ports = server.ports
-        conductor = Conductor(
-            ports.vehicles, ports.air, lambda data: recorder.record(time.time_ns() // 1000, data)
-        )
+        conductor = Conductor(ports.vehicles, ports.air, lambda data: recorder.record(time.time_ns() // 1000, data))
         await conductor.open()
         assigned = assignments(scenario, options.definition, options.fleet, ports)
         await _warm(screen, options.processes, len(assigned))
@@ -140,9 +138,7 @@ async def _warm(screen: Screen, processes: bool, count: int) -> None:
         screen.say(f"Starting {count} daemons, each a process of its own ...")
 
 
-async def _watch(
-    server: FleetServer, daemons: Daemons, screen: Screen, title: str, flying: asyncio.Task[None]
-) -> None:
+async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: str, flying: asyncio.Task[None]) -> None:
     """Show the flight until nobody is left to wait for."""
     if not screen.is_terminal:
         screen.say(f"Flying {title} (at most {server.scenario.duration_s:.0f} s) ...")

@@ -100,7 +100,9 @@ def flight_table(world: World, title: str, solver: dict[int, str]) -> Renderable
             str(nearest + 1) if np.isfinite(distance) else "",
             solver.get(index + 1, "" if spec.cooperative else "none: flies straight on"),
         )
-    footer = Text(f"{world.mission_time_s:5.1f} s   arrived {int(world.arrived.sum())} of {len(world.scenario.vehicles)}")
+    footer = Text(
+        f"{world.mission_time_s:5.1f} s   arrived {int(world.arrived.sum())} of {len(world.scenario.vehicles)}"
+    )
     return Group(table, footer)
 
 
@@ -137,7 +139,9 @@ def verdict_table(result: dict[str, Any]) -> RenderableType:
 def comparison_table(results: list[dict[str, Any]]) -> RenderableType:
     """The same seed under several definitions."""
     first = results[0]
-    table = Table(title=f"{first['scenario']}, seed {first['seed']}, {first['vehicles']} vehicles", box=None, title_justify="left")
+    table = Table(
+        title=f"{first['scenario']}, seed {first['seed']}, {first['vehicles']} vehicles", box=None, title_justify="left"
+    )
     for heading in ("definition", "arrived", "median s", "slowest s", "nearest m", "MACs", "discs entered"):
         table.add_column(heading, justify="left" if heading == "definition" else "right")
     for result in results:

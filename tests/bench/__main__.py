@@ -1,7 +1,7 @@
 """Print the benchmark tables, and write them as JSON: ``python -m tests.bench [-o FILE.json]``.
 
-Machines are shared and noisy: peers run interleaved, figures are medians of CPU time over rounds, with their spread, and
-the ratio is what counts.
+Machines are shared and noisy: peers run interleaved, figures are medians of CPU time over rounds, with their spread,
+and the ratio is what counts.
 """
 
 from __future__ import annotations

@@ -19,8 +19,14 @@ SEEDS = range(1, 6)
 
 def flights(quick: bool) -> list[list[str]]:
     seeds = list(SEEDS)[:1] if quick else list(SEEDS)
-    chosen = [["--scenario", scenario, "--seed", str(seed)] for scenario in ("circle8", "head-on", "crossing") for seed in seeds]
-    chosen += [["--scenario", scenario, "--seed", "1", "--processes"] for scenario in ("circle8", "head-on", "crossing")]
+    chosen = [
+        ["--scenario", scenario, "--seed", str(seed)]
+        for scenario in ("circle8", "head-on", "crossing")
+        for seed in seeds
+    ]
+    chosen += [
+        ["--scenario", scenario, "--seed", "1", "--processes"] for scenario in ("circle8", "head-on", "crossing")
+    ]
     chosen += [["--scenario", "circle8", "--seed", "2", "--autopilot", "ardupilot"]]
     chosen += [["--scenario", "overtake", "--seed", "1"], ["--scenario", "square24", "--seed", "1"]]
     return chosen
@@ -50,25 +56,28 @@ def faults(code: int, result: dict[str, Any]) -> list[str]:
     return found
 
 
+def row(arguments: list[str], result: dict[str, Any], found: list[str], took_s: float) -> str:
+    if not result:
+        return f"{' '.join(arguments):52} {'; '.join(found)}"
+    times = result["mission_time_s"]
+    figures = (
+        f"{result['arrived']:>3}/{result['vehicles']:<3} {result['macs']:>4} {times['median'] or 0:>8.1f} "
+        f"{times['max'] or 0:>6.1f} {result['min_separation_m']:>6.1f} {result['decision_ms']['p99']:>6.2f} "
+        f"{result['setpoint_gap_ms']['max']:>6.0f}"
+    )
+    return f"{' '.join(arguments):52} {figures}  {'; '.join(found) or 'ok'} ({took_s:.0f} s)"
+
+
 def main() -> int:
     failed = 0
-    print(f"{'flight':58} {'arrived':>7} {'MACs':>4} {'median s':>8} {'max s':>6} {'min m':>6} {'p99 ms':>6} {'gap ms':>6}  verdict")
+    headings = f"{'arrived':>7} {'MACs':>4} {'median s':>8} {'max s':>6} {'min m':>6} {'p99 ms':>6} {'gap ms':>6}"
+    print(f"{'flight':52} {headings}  verdict")
     for arguments in flights("quick" in sys.argv[1:]):
         begun = time.monotonic()
         code, result = fly(arguments)
         found = faults(code, result)
         failed += bool(found)
-        if result:
-            times = result["mission_time_s"]
-            print(
-                f"{' '.join(arguments):58} {result['arrived']:>3}/{result['vehicles']:<3} {result['macs']:>4} "
-                f"{times['median'] or 0:>8.1f} {times['max'] or 0:>6.1f} {result['min_separation_m']:>6.1f} "
-                f"{result['decision_ms']['p99']:>6.2f} {result['setpoint_gap_ms']['max']:>6.0f}  "
-                f"{'; '.join(found) or 'ok'} ({time.monotonic() - begun:.0f} s)",
-                flush=True,
-            )
-        else:
-            print(f"{' '.join(arguments):58} {'; '.join(found)}", flush=True)
+        print(row(arguments, result, found, time.monotonic() - begun), flush=True)
     print(f"{failed} failed" if failed else "all passed")
     return 1 if failed else 0
 

@@ -12,9 +12,11 @@ import tempfile
 import time
 from pathlib import Path
 
+from sitl_sim.autopilot import Start
 from sitl_sim.demo.flight import fly
-from sitl_sim.demo.options import DemoOptions
+from sitl_sim.demo.options import DemoOptions, any_free_ports
 from sitl_sim.demo.screen import Screen
+from sitl_sim.server import FleetConfig
 
 GROWTH_MB = 20.0
 
@@ -35,17 +37,15 @@ def main() -> int:
         while time.monotonic() < end:
             seed += 1
             log = Path(folder) / "flight.tlog"
-            result = asyncio.run(fly(DemoOptions(seed=seed, fixed_ports=False, log=log), Screen(quiet=True)))
+            fleet = any_free_ports(FleetConfig(seed=seed, start=Start.HOLDING))
+            result = asyncio.run(fly(DemoOptions(fleet=fleet, log=log), Screen(quiet=True)))
             log.unlink(missing_ok=True)
             memory = resident_mb()
             first = first or memory
             failed += not result["passed"]
-            print(
-                f"seed {seed:4d}  arrived {result['arrived']}/{result['vehicles']}  MACs {result['macs']}  "
-                f"gap max {result['setpoint_gap_ms']['max']:.0f} ms  decision p99 {result['decision_ms']['p99']:.2f} ms  "
-                f"memory {memory:.0f} MB ({memory - first:+.1f})",
-                flush=True,
-            )
+            timing = f"gap max {result['setpoint_gap_ms']['max']:.0f} ms, p99 {result['decision_ms']['p99']:.2f} ms"
+            verdict = f"arrived {result['arrived']}/{result['vehicles']}  MACs {result['macs']}"
+            print(f"seed {seed:4d}  {verdict}  {timing}  memory {memory:.0f} MB ({memory - first:+.1f})", flush=True)
     grown = resident_mb() - first
     print(f"{seed} flights, {failed} failed, memory grew by {grown:.1f} MB")
     return 1 if failed or grown > GROWTH_MB else 0
