@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -146,16 +145,14 @@ class HalfplaneSolver:
         )
 
 
-def warm_up() -> float:
-    """Compile the kernels, or load them from the cache, once; returns the time it took [s].
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache, once.
 
     Seconds when cold, a fraction of one from the cache. Call it before the first deadline, not within one.
     """
-    begin = time.perf_counter()
     square = Obstacles.from_polygons([[[50.0, 50.0], [60.0, 50.0], [60.0, 60.0], [50.0, 60.0]]])
     pair = np.zeros((1, 2))
     one = np.ones(1)
     traffic = Traffic(pair + 20.0, pair, pair, one, one, one, np.ones(1, np.bool_), np.zeros(1, np.int8))
     own = OwnShip(np.zeros(2), np.zeros(2), np.zeros(2), 0.5, 10.0)
     HalfplaneSolver().solve(own, traffic, goal_ne_m=(100.0, 100.0), cruise_mps=5.0, obstacles=square)
-    return time.perf_counter() - begin
