@@ -154,10 +154,10 @@ SQUARE_OBSTACLE_SIDE_M = 80.0
 PAIR_PATH_M = 400.0
 
 _PATIENCE = 9.0
-"""A built-in scenario is given up after this many times the straight flight (circle of eight at 10 m/s: 180 s), ..."""
+"""A built-in scenario is given up after this many times the straight flight, ..."""
 
-_LEAST_PATIENCE_S = 120.0
-"""... but not before this, the cut-off of the paper's simulation."""
+_LEAST_PATIENCE_S = 300.0
+"""... but not before this: under the largest discs vehicles wait for each other at their goals for minutes."""
 
 
 def _cut_off_s(path_m: float, speed_mps: float) -> float:

@@ -6,7 +6,6 @@ import asyncio
 import math
 import os
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ridlink.avoidance.solver import warm_up
+from ridlink.captures.recorder import steady_clock
 from ridlink.daemon.recorder import Recorder
 from ridlink.separation.definitions import Definition, separation_discs
 from sitl_sim.demo.conductor import Conductor
@@ -78,9 +78,8 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         OSError: If the scenario cannot be read or the log not be written.
     """
     scenario = scenario_of(options)
-    log = _log_path(options, scenario)
-    recorder = Recorder(log)
     server = FleetServer(scenario, options.fleet, pair_radius=pair_radius_under(options.definition))
+    recorder: Recorder | None = None
     daemons: Daemons | None = None
     conductor: Conductor | None = None
     landed = asyncio.Event()
@@ -88,9 +87,11 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
     summaries: list[dict[str, Any]] = []
     try:
         await server.start()
+        log = _log_path(options, scenario)
+        recorder = Recorder(log)
         flying = asyncio.create_task(server.run(landed))
         ports = server.ports
-        conductor = Conductor(ports.vehicles, ports.air, lambda data: recorder.record(time.time_ns() // 1000, data))
+        conductor = Conductor(ports.vehicles, ports.air, _writing_to(recorder))
         await conductor.open()
         assigned = assignments(scenario, options.definition, options.fleet, ports)
         await _warm(screen, options.processes, len(assigned))
@@ -110,7 +111,8 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         if flying is not None:
             await asyncio.gather(flying, return_exceptions=True)
         await server.close()
-        await asyncio.to_thread(recorder.close)
+        if recorder is not None:
+            await asyncio.to_thread(recorder.close)
     return _result(options, server, summaries, log)
 
 
@@ -121,6 +123,11 @@ def _log_path(options: DemoOptions, scenario: Scenario) -> Path:
     handle, name = tempfile.mkstemp(prefix=stem, suffix=".tlog")
     os.close(handle)
     return Path(name)
+
+
+def _writing_to(recorder: Recorder) -> Callable[[bytes], None]:
+    now_us = steady_clock()
+    return lambda datagram: recorder.record(now_us(), datagram)
 
 
 def _title(options: DemoOptions, scenario: Scenario) -> str:

@@ -1,0 +1,174 @@
+"""``ridlink demo`` as a user runs it: real daemons, real sockets, short flights on ports that the kernel chooses."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ridlink.captures import read_messages
+
+HEAD_ON = """
+name = "short head-on"
+duration_s = 60.0
+[[vehicle]]
+start_ned_m = [-50.0, 0.0, -50.0]
+goal_ned_m = [50.0, 0.0, -50.0]
+speed_mps = 20.0
+sigma_m = 1.0
+[[vehicle]]
+start_ned_m = [50.0, 0.0, -50.0]
+goal_ned_m = [-50.0, 0.0, -50.0]
+speed_mps = 20.0
+sigma_m = 1.0
+"""
+
+ALONE = """
+name = "alone"
+duration_s = 20.0
+[[vehicle]]
+start_ned_m = [0.0, 0.0, -50.0]
+goal_ned_m = [30.0, 0.0, -50.0]
+speed_mps = 20.0
+"""
+
+INTO_A_HOVERER = """
+name = "collision course"
+duration_s = 20.0
+[[vehicle]]
+start_ned_m = [-30.0, 0.0, -50.0]
+goal_ned_m = [60.0, 0.0, -50.0]
+speed_mps = 20.0
+cooperative = false
+[[vehicle]]
+start_ned_m = [30.0, 0.0, -50.0]
+goal_ned_m = [-60.0, 0.0, -50.0]
+speed_mps = 20.0
+cooperative = false
+"""
+
+KEYS = {
+    "scenario", "definition", "seed", "vehicles", "arrived", "macs", "unmac_violations", "min_separation_m",
+    "mission_time_s", "setpoints", "reports_received", "decision_ms", "setpoint_gap_ms", "log",
+}  # fmt: skip
+
+
+def demo(*arguments: str, timeout_s: float = 120.0) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "ridlink", "demo", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, stdin=subprocess.DEVNULL)
+
+
+def scenario(folder: Path, text: str) -> str:
+    path = folder / "scenario.toml"
+    path.write_text(text)
+    return str(path)
+
+
+@pytest.mark.parametrize("processes", [[], ["--processes"]], ids=["here", "processes"])
+def test_a_pair_passes_and_the_last_line_says_so(tmp_path: Path, processes: list[str]) -> None:
+    log = tmp_path / "flight.tlog"
+    done = demo(
+        "--scenario", scenario(tmp_path, HEAD_ON), "--autopilot", "ideal", "--headless", "--json", "--any-ports",
+        "--log", str(log), *processes,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert done.stderr == ""
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    assert set(result) >= KEYS
+    assert (result["vehicles"], result["arrived"], result["macs"]) == (2, 2, 0)
+    assert result["min_separation_m"] > 5.0, "two discs of 6 m of errors between the airframes"
+    assert result["setpoints"] > 50 and result["reports_received"] > 50
+    assert set(result["mission_time_s"]) == {"median", "max"}
+    assert set(result["decision_ms"]) == {"p50", "p99", "max"}
+    assert result["log"] == str(log)
+    seen = {(message.source[0], message.name) for message in read_messages(log)}
+    assert {(1, "RIDLINK_SEPARATION"), (2, "OPEN_DRONE_ID_LOCATION"), (2, "GLOBAL_POSITION_INT")} <= seen
+
+
+def test_compare_flies_every_definition_with_the_same_seed(tmp_path: Path) -> None:
+    done = demo(
+        "--scenario", scenario(tmp_path, ALONE), "--autopilot", "ideal", "--compare", "--headless", "--any-ports",
+        "--log", str(tmp_path / "flight.tlog"),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    for definition in ("snmac", "remote-id", "candidate1", "candidate2"):
+        assert definition in done.stderr
+        assert (tmp_path / f"flight-{definition}.tlog").stat().st_size > 0
+    assert done.stdout.splitlines() == [
+        str(tmp_path / f"flight-{definition}.tlog") for definition in ("snmac", "remote-id", "candidate1", "candidate2")
+    ]
+
+
+def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
+    done = demo(
+        "--scenario", scenario(tmp_path, INTO_A_HOVERER), "--autopilot", "ideal", "--headless", "--json", "--any-ports",
+        "--log", str(tmp_path / "flight.tlog"),
+    )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    result = json.loads(done.stdout.splitlines()[-1])
+    assert result["macs"] == 1 and result["arrived"] == 0
+    assert result["decision_ms"]["p99"] is None, "nobody decided, so there is no figure"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text", "code"),
+    [
+        (["--scenario", "circle9"], "known are circle8", 2),
+        (["--speed", "nan"], "finite", 2),
+        (["--definition", "candidate3"], "candidate3", 2),
+        (["--log", "/no/such/folder/flight.tlog"], "/no/such/folder", 2),
+        (["--scenario", "missing.toml"], "missing.toml", 3),
+    ],
+)
+def test_a_mistake_is_one_clear_line(arguments: list[str], text: str, code: int) -> None:
+    done = demo(*arguments, "--headless", "--any-ports")
+    assert done.returncode == code, done.stderr
+    assert text in done.stderr
+    assert len(done.stderr.splitlines()) == 1 and done.stdout == ""
+
+
+def test_a_bad_number_in_a_scenario_names_file_and_key(tmp_path: Path) -> None:
+    path = scenario(tmp_path, ALONE.replace("speed_mps = 20.0", "speed_mps = nan"))
+    done = demo("--scenario", path, "--headless", "--any-ports")
+    assert done.returncode == 2
+    assert "speed_mps" in done.stderr and "scenario.toml" in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+def test_a_port_in_use_is_named(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        try:
+            taken.bind(("127.0.0.1", 14650))
+        except OSError:
+            pytest.skip("the air's documented port is already in use on this machine")
+        done = demo("--headless", "--scenario", scenario(tmp_path, ALONE), "--log", str(tmp_path / "flight.tlog"))
+    assert done.returncode == 3, done.stderr
+    assert "145" in done.stderr or "14650" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "flight.tlog").exists(), "nothing half written"
+
+
+def test_an_interrupted_flight_ends_everything_it_started(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "ridlink", "demo", "--any-ports", "--processes", "--log", str(tmp_path / "f.tlog")]
+    flight = subprocess.Popen(
+        [*command, "--scenario", scenario(tmp_path, HEAD_ON)],
+        stderr=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        text=True,
+    )
+    assert flight.stderr is not None
+    for line in flight.stderr:
+        if line.startswith("Flying"):
+            break
+    children = subprocess.run(["pgrep", "-P", str(flight.pid)], capture_output=True, text=True).stdout.split()
+    flight.send_signal(signal.SIGTERM)
+    _, rest = flight.communicate(timeout=30.0)
+    assert flight.returncode == 1
+    assert "ended before the verdict" in rest
+    assert len(children) == 2
+    assert not [child for child in children if Path(f"/proc/{child}").exists()]
