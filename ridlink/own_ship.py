@@ -41,6 +41,8 @@ LOCK_SILENCE_S = 3.0
 ACCURACY_VALID_S = 5.0
 """GPS_RAW_INT comes at 1 to 8 Hz and ESTIMATOR_STATUS at 1 Hz; older figures are none."""
 INFLATE_AFTER_S = 0.3
+LONGEST_AGE_S = 10.0
+"""A position older than this says nothing about where we are."""
 CLOCK_BACK_MS = 1000
 """time_boot_ms back by more is a restart of the autopilot; by less, a datagram that overtook another."""
 UNKNOWN_VERTICAL_ERROR_M = 40.0
@@ -253,9 +255,9 @@ class OwnShipTelemetry:
         return rebooted
 
     def state(self, now_s: float) -> OwnState | None:
-        """Own state now; None before the first trusted position."""
+        """Own state now; None before the first trusted position and long after the last one."""
         age = self.age_s(now_s)
-        if math.isinf(age):
+        if age > LONGEST_AGE_S:
             return None
         north, east, down = self._velocity
         latitude, longitude = self._filter.extrapolate(age, self._velocity)

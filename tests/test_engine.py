@@ -346,6 +346,25 @@ def test_beyond_85_degrees_nothing_is_flown() -> None:
         flight.now_s += STEP_S
 
 
+def test_across_the_antimeridian_the_goal_and_the_traffic_are_near() -> None:
+    flight = Flight(settings=EngineConfig(goal=Goal(10.0, -179.999)))
+    flight.telling = False
+    autopilot, other = Encoder(1, 1), Emulated(9)
+    for tick in range(20):
+        now_s = tick * STEP_S
+        place = {"lat": 100_000_000, "lon": 1_799_990_000, "alt": 550_000}
+        own = autopilot.encode("GPS_RAW_INT", fix_type=3, h_acc=1000, **place)
+        own += autopilot.encode("GLOBAL_POSITION_INT", time_boot_ms=tick * 100, **place)
+        flight.engine.receive_vehicle(flight.vehicle.heartbeat() + own, now_s, source="autopilot")
+        traffic = other.remote_id(now_s, latitude_deg=10.0, longitude_deg=-179.9995, altitude_geodetic_m=None)
+        flight.engine.receive_remote_id(traffic, "air", now_s)
+        flight.step()
+    record = flight.outputs[-1].decision
+    assert record.goal_distance_m == pytest.approx(219.2, abs=0.5)  # two thousandths of a degree
+    assert record.nearest_margin_m == pytest.approx(164.4 - 6.6, abs=1.0)
+    assert flight.vehicle.observer.setpoints[-1].vy > 2.0
+
+
 def test_stop_is_three_zero_setpoints_and_only_while_streaming() -> None:
     flight = Flight()
     assert flight.engine.stop(0.0) == []

@@ -128,6 +128,8 @@ def test_an_old_position_is_less_certain() -> None:
     autopilot.position(0.0, vx=1000)
     assert telemetry.state(0.3).error_bound_m == pytest.approx(2.7)  # type: ignore[union-attr]
     assert telemetry.state(0.8).error_bound_m == pytest.approx(2.7 + 8.0)  # type: ignore[union-attr]
+    assert telemetry.state(10.0) is not None
+    assert telemetry.state(10.1) is None
 
 
 def test_positions_without_a_fix_do_not_count_however_fresh() -> None:

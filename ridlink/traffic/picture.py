@@ -289,6 +289,7 @@ class TrafficPicture:
         urgency = distance / np.maximum(closing, 1.0)
         for track, value in zip(candidates, urgency.tolist(), strict=True):
             track.urgency_s = value
+            track.in_conflict = False
         chosen = np.flatnonzero(~apart)
         if len(chosen) > self.settings.max_considered:
             self.counters["not_considered"] += len(chosen) - self.settings.max_considered
