@@ -1,2 +1,21 @@
-"""ridlink: Remote ID that keeps drones apart."""
+"""ridlink: Remote ID that keeps drones apart.
 
+``ridlink.decode(path)`` gives a capture as columns: one structured array for each message.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ridlink.captures.columns import decode
+
+__all__ = ["decode"]
+
+
+def __getattr__(name: str) -> Any:
+    """``decode`` when it is asked for: importing the package stays instant."""
+    if name == "decode":
+        return importlib.import_module("ridlink.captures.columns").decode
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -16,6 +16,7 @@ LAYERS = {
     "ridlink.errors": 0,
     "ridlink.units": 0,
     "ridlink.geodesy": 0,
+    "ridlink.compiled": 0,
     "ridlink.mavlink": 1,
     "ridlink.remote_id": 2,
     "ridlink.traffic": 2,

@@ -1,0 +1,374 @@
+"""The loops over every byte: frames found and checked, then copied into columns; and columns into frames.
+
+``scan_raw`` and ``scan_tlog`` take what `ridlink.mavlink.frames` and `ridlink.captures.tlog` take and refuse what they
+refuse; those say why, and tests hold them against each other. Here a frame is an entry of an index: where it starts,
+its slot (the place of its message in ``tables.layouts()``) and its time.
+
+Payloads of MAVLink lie on the wire as C structures lie in memory, so a record of a column array is a head of 24 bytes
+and the payload as it came, filled up with zeros: decoding is copying, eight bytes at a time.
+
+The checksum takes eight bytes at a time too (slicing by eight: one table for each distance from the end of the word),
+and starts with a word that is filled up *in front* with zeros, so that no loop over single bytes is left.
+
+Without a compiler (NUMBA_DISABLE_JIT=1) all of this runs as plain Python on memoryviews and lists.
+"""
+
+# mypy: disallow-untyped-decorators=False
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ridlink.captures.tlog import EARLIEST_TIME_US as _EARLIEST
+from ridlink.captures.tlog import LATEST_TIME_US as _LATEST
+from ridlink.captures.tlog import PLAUSIBLE_STEP_US as _STEP
+from ridlink.compiled import kernel_decorator
+
+kernel = kernel_decorator([Path(__file__)])
+
+MARGIN = 512
+"""Bytes that must exist in a buffer before and after those that are scanned; their values do not matter."""
+
+TIME_LENGTH = 8
+LOOKAHEAD = TIME_LENGTH + 280 + TIME_LENGTH + 1
+"""With so many bytes ahead a record of a tlog is judged as with the whole file ahead."""
+
+AT, IN_STEP, HAS_REFERENCE, LAST_CAUSE, LAST_END = range(5)
+COUNTS = 8
+FIRST = 16
+STATE_LENGTH = 24
+"""Places in ``state``, which lives as long as the file is read."""
+
+GARBAGE, BAD_CHECKSUM, INCOMPATIBLE, UNCONFIRMED, TRUNCATED, BAD_TIME = range(6)
+"""Causes of rejects, in the order of ``tables.CAUSES``."""
+
+MESSAGES, GAPS, LOST, LAST_SEQ = range(4)
+SOURCE_LENGTH = 4
+"""Places in ``sources``, for each system and component id; the last sequence number is kept plus one."""
+
+_NO_TIME = np.uint64(2**64 - 1)
+_ALL = np.uint64(2**64 - 1)
+_EARLIEST_US = np.uint64(_EARLIEST)
+_LATEST_US = np.uint64(_LATEST)
+_STEP_US = np.uint64(_STEP)
+
+
+@kernel(forceinline=True)
+def load(data: Any, at: Any) -> Any:
+    """Eight bytes as the number whose first byte is the lowest."""
+    at = np.uint64(at)  # an unsigned index cannot count from the end: one load instead of eight
+    return (
+        np.uint64(data[at])
+        | np.uint64(data[at + np.uint64(1)]) << np.uint64(8)
+        | np.uint64(data[at + np.uint64(2)]) << np.uint64(16)
+        | np.uint64(data[at + np.uint64(3)]) << np.uint64(24)
+        | np.uint64(data[at + np.uint64(4)]) << np.uint64(32)
+        | np.uint64(data[at + np.uint64(5)]) << np.uint64(40)
+        | np.uint64(data[at + np.uint64(6)]) << np.uint64(48)
+        | np.uint64(data[at + np.uint64(7)]) << np.uint64(56)
+    )
+
+
+@kernel(forceinline=True)
+def time_at(data: Any, at: Any, end: Any) -> Any:
+    """The big-endian time at ``at``; what there is of it where the file ends before."""
+    if at + TIME_LENGTH <= end:
+        at = np.uint64(at)
+        return (
+            np.uint64(data[at]) << np.uint64(56)
+            | np.uint64(data[at + np.uint64(1)]) << np.uint64(48)
+            | np.uint64(data[at + np.uint64(2)]) << np.uint64(40)
+            | np.uint64(data[at + np.uint64(3)]) << np.uint64(32)
+            | np.uint64(data[at + np.uint64(4)]) << np.uint64(24)
+            | np.uint64(data[at + np.uint64(5)]) << np.uint64(16)
+            | np.uint64(data[at + np.uint64(6)]) << np.uint64(8)
+            | np.uint64(data[at + np.uint64(7)])
+        )
+    value = np.uint64(0)
+    for index in range(at, end):
+        value = value << np.uint64(8) | np.uint64(data[index])
+    return value
+
+
+@kernel(forceinline=True)
+def checksum(data: Any, start: Any, end: Any, extra: Any, table: Any, initial: Any) -> Any:
+    """CRC-16/MCRF4XX over ``data[start:end]`` and then over ``extra``; at least one byte."""
+    missing = -(end - start) & 7
+    value = initial[missing]
+    at = start - missing
+    word = load(data, at) & (np.uint64(2**64 - 1) << np.uint64(8 * missing))
+    while True:
+        word ^= np.uint64(value)
+        value = (
+            table[1792 + (word & np.uint64(255))]
+            ^ table[1536 + (word >> np.uint64(8) & np.uint64(255))]
+            ^ table[1280 + (word >> np.uint64(16) & np.uint64(255))]
+            ^ table[1024 + (word >> np.uint64(24) & np.uint64(255))]
+            ^ table[768 + (word >> np.uint64(32) & np.uint64(255))]
+            ^ table[512 + (word >> np.uint64(40) & np.uint64(255))]
+            ^ table[256 + (word >> np.uint64(48) & np.uint64(255))]
+            ^ table[word >> np.uint64(56)]
+        )
+        at += 8
+        if at >= end:
+            break
+        word = load(data, at)
+    return value >> 8 ^ table[(value ^ extra) & 255]
+
+
+@kernel(forceinline=True)
+def reject(state: Any, cause: Any, offset: Any, length: Any) -> None:
+    """Count bytes that are not taken; without a break from the last of the same cause they are one reject."""
+    if cause != state[LAST_CAUSE] or offset != state[LAST_END]:
+        if state[COUNTS + cause] == 0:
+            state[FIRST + cause] = offset
+        state[COUNTS + cause] += 1
+        state[LAST_CAUSE] = cause
+    state[LAST_END] = offset + length
+
+
+@kernel(forceinline=True)
+def count_source(sources: Any, sysid: Any, compid: Any, seq: Any) -> None:
+    """Take the next sequence number of a source; a repeated one is a duplicate, not 255 lost messages."""
+    place = (sysid << 8 | compid) * SOURCE_LENGTH
+    last = sources[place + LAST_SEQ]
+    sources[place + MESSAGES] += 1
+    sources[place + LAST_SEQ] = seq + 1
+    if last != 0:
+        missing = (seq - last) & 255
+        if missing != 0 and missing != 255:
+            sources[place + GAPS] += 1
+            sources[place + LOST] += missing
+
+
+@kernel(forceinline=True)
+def judge(data: Any, at: Any, payload_end: Any, msgid: Any, ids: Any, table: Any, initial: Any) -> Any:
+    """Slot and CRC_EXTRA as ``ids`` has them if the frame checks, 0 if its id is unknown, -1 if it fails."""
+    known = ids[msgid] if msgid < len(ids) else 0
+    if known == 0:
+        return 0
+    received = np.int64(data[payload_end]) | np.int64(data[payload_end + 1]) << 8
+    if np.int64(checksum(data, at + 1, payload_end, known & 255, table, initial)) != received:
+        return -1
+    return known
+
+
+@kernel
+def scan_raw(
+    data: Any, n: Any, base: Any, final: Any, ids: Any, table: Any, initial: Any, state: Any, sources: Any, starts: Any,
+    slots: Any, times: Any,
+) -> Any:  # fmt: skip
+    """Frames of a raw stream, from ``state[AT]`` to ``n`` or to what needs more bytes; how many there are."""
+    at = state[AT]
+    count = 0
+    while at < n:
+        magic = data[at]
+        cause = -1
+        end = at + 1
+        if magic == 0xFD:
+            if n - at < 10:
+                cause = TRUNCATED
+            elif data[at + 2] & 0xFE:
+                cause = INCOMPATIBLE
+            else:
+                payload_end = at + 10 + data[at + 1]
+                end = payload_end + 2 + 13 * data[at + 2]
+                msgid = np.int64(data[at + 7]) | np.int64(data[at + 8]) << 8 | np.int64(data[at + 9]) << 16
+                seq, sysid, compid = np.int64(data[at + 4]), np.int64(data[at + 5]), np.int64(data[at + 6])
+        elif magic == 0xFE:
+            if n - at < 6:
+                cause = TRUNCATED
+            else:
+                payload_end = at + 6 + data[at + 1]
+                end = payload_end + 2
+                msgid = np.int64(data[at + 5])
+                seq, sysid, compid = np.int64(data[at + 2]), np.int64(data[at + 3]), np.int64(data[at + 4])
+        else:
+            cause = GARBAGE
+            while end < n and data[end] != 0xFD and data[end] != 0xFE:
+                end += 1
+        if cause < 0:
+            if end > n:
+                cause = TRUNCATED
+            else:
+                known = judge(data, at, payload_end, msgid, ids, table, initial)
+                if known < 0:
+                    cause = BAD_CHECKSUM
+                elif known == 0:
+                    if end == n:
+                        if not final:
+                            cause = TRUNCATED
+                    elif data[end] != 0xFD and data[end] != 0xFE:
+                        cause = UNCONFIRMED
+        if cause < 0:
+            starts[count] = at
+            slots[count] = known >> 8
+            times[count] = _NO_TIME
+            count += 1
+            count_source(sources, sysid, compid, seq)
+            at = end
+        elif cause == TRUNCATED and not final:
+            break
+        else:
+            if cause != GARBAGE:
+                end = at + 1
+            reject(state, cause, base + at, end - at)
+            at = end
+    state[AT] = at
+    return count
+
+
+@kernel(forceinline=True)
+def is_near(time_us: Any, reference_us: Any) -> Any:
+    """Within three days of each other."""
+    if time_us > reference_us:
+        return time_us - reference_us <= _STEP_US
+    return reference_us - time_us <= _STEP_US
+
+
+@kernel
+def scan_tlog(
+    data: Any, n: Any, base: Any, final: Any, ids: Any, table: Any, initial: Any, state: Any, sources: Any, starts: Any,
+    slots: Any, times: Any, reference: Any,
+) -> Any:  # fmt: skip
+    """Records of a tlog, from ``state[AT]`` to ``n`` or to where a record needs more bytes; how many there are.
+
+    ``reference`` holds the last plausible time. Of a frame, its start is that of its magic byte.
+    """
+    at = state[AT]
+    in_step = state[IN_STEP] != 0
+    has_reference = state[HAS_REFERENCE] != 0
+    reference_us = np.uint64(reference[0])
+    count = 0
+    last = n if final else n - LOOKAHEAD + 1
+    while at < last:
+        time_us = time_at(data, at, n)
+        near = has_reference and is_near(time_us, reference_us)
+        start = at + TIME_LENGTH
+        cause = -1
+        end = at
+        if n < start + 6:
+            cause = TRUNCATED
+        elif data[start] == 0xFD:
+            payload_end = start + 10 + data[start + 1]
+            end = payload_end + 2 + 13 * (data[start + 2] & 1)
+            if end > n:
+                cause = TRUNCATED
+            elif data[start + 2] & 0xFE:
+                cause = INCOMPATIBLE
+            else:
+                msgid = np.int64(data[start + 7]) | np.int64(data[start + 8]) << 8 | np.int64(data[start + 9]) << 16
+                seq, sysid, compid = np.int64(data[start + 4]), np.int64(data[start + 5]), np.int64(data[start + 6])
+        elif data[start] == 0xFE:
+            payload_end = start + 6 + data[start + 1]
+            end = payload_end + 2
+            if end > n:
+                cause = TRUNCATED
+            else:
+                msgid = np.int64(data[start + 5])
+                seq, sysid, compid = np.int64(data[start + 2]), np.int64(data[start + 3]), np.int64(data[start + 4])
+        else:
+            cause = GARBAGE
+        if cause < 0:
+            known = judge(data, start, payload_end, msgid, ids, table, initial)
+            if known < 0:
+                cause = BAD_CHECKSUM
+        plausible = near
+        if cause < 0:
+            if not near:  # a time far from the last one stands if the next agrees; the first, if it is of this century
+                if end + TIME_LENGTH <= n and is_near(time_us, time_at(data, end, n)):
+                    plausible = True
+                elif not has_reference:
+                    plausible = end >= n or (time_us >= _EARLIEST_US and time_us <= _LATEST_US)
+            if known == 0 and end != n:
+                magic_at = end + TIME_LENGTH
+                if (
+                    magic_at >= n
+                    or (data[magic_at] != 0xFD and data[magic_at] != 0xFE)
+                    or (has_reference and not is_near(time_at(data, end, n), reference_us))
+                ):
+                    cause = UNCONFIRMED
+            if cause < 0 and not plausible and not in_step:
+                cause = GARBAGE
+        if cause < 0:
+            if plausible:
+                reference_us = time_us
+                has_reference = True
+                times[count] = time_us
+            else:
+                reject(state, BAD_TIME, base + at, TIME_LENGTH)
+                times[count] = _NO_TIME
+            starts[count] = start
+            slots[count] = known >> 8
+            count += 1
+            count_source(sources, sysid, compid, seq)
+            at = end
+            in_step = True
+            continue
+        if in_step or (near and cause != GARBAGE):
+            reject(state, cause, base + at, 1)
+        in_step = False
+        resume = at + 1 + TIME_LENGTH
+        while resume < n and data[resume] != 0xFD and data[resume] != 0xFE:
+            resume += 1
+        at = n if final and resume >= n else max(at + 1, min(resume, n) - TIME_LENGTH)
+    state[AT] = at
+    state[IN_STEP] = in_step
+    state[HAS_REFERENCE] = has_reference
+    reference[0] = reference_us
+    return count
+
+
+@kernel
+def group(slots: Any, count: Any, bounds: Any, order: Any) -> None:
+    """Entries of the index by slot: those of slot ``s`` are ``order[bounds[s]:bounds[s + 1]]``, in file order."""
+    for place in range(len(bounds)):
+        bounds[place] = 0
+    for entry in range(count):
+        bounds[slots[entry] + 1] += 1
+    total = 0
+    for place in range(len(bounds)):
+        here = bounds[place]
+        bounds[place] = total  # where the slot before begins, moved on below while it is filled
+        total += here
+    for entry in range(count):
+        place = slots[entry] + 1
+        order[bounds[place]] = entry
+        bounds[place] += 1
+
+
+@kernel
+def gather(
+    data: Any, base: Any, order: Any, first: Any, stop: Any, starts: Any, times: Any, size: Any, words: Any, out: Any,
+    row: Any,
+) -> None:  # fmt: skip
+    """Copy frames ``order[first:stop]`` of one slot into ``out[row:]``; the layout is that of ``tables``."""
+    for place in range(first, stop):
+        entry = order[place]
+        start = np.int64(starts[entry])
+        length = np.int64(data[start + 1])
+        head = load(data, start)
+        if data[start] == 0xFD:
+            payload = start + 10
+            source = head >> np.uint64(32) & np.uint64(0xFFFFFF)
+            msgid = load(data, start + 7) & np.uint64(0xFFFFFF)
+        else:
+            payload = start + 6
+            source = head >> np.uint64(16) & np.uint64(0xFFFFFF)
+            msgid = head >> np.uint64(40) & np.uint64(0xFF)
+        out[row, 0] = times[entry]
+        out[row, 1] = base + start
+        out[row, 2] = source | np.uint64(length) << np.uint64(24) | msgid << np.uint64(32)
+        length = min(length, size)
+        whole = length >> 3
+        for word in range(whole):
+            out[row, 3 + word] = load(data, payload + 8 * word)
+        if whole < words:
+            rest = np.uint64(8 * (length & 7))
+            out[row, 3 + whole] = load(data, payload + 8 * whole) & ~(_ALL << rest)
+            for word in range(whole + 1, words):
+                out[row, 3 + word] = 0
+        row += 1

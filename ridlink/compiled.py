@@ -1,0 +1,59 @@
+"""How kernels are compiled: once, strictly, and kept on disk.
+
+numba keeps compiled code beside the source and asks only whether the *file of that function* has changed. A kernel
+carries the code of those it calls, so an edit in one module would leave old code alive in another. Here a kernel's
+stamp covers every module that holds kernels of its package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+
+Decorator = Callable[..., Any]
+
+
+def kernel_decorator(sources: Iterable[Path]) -> Decorator:
+    """A decorator for the kernels of one package.
+
+    Args:
+        sources: The files that hold kernels which call each other.
+
+    Returns:
+        ``kernel(function, *, parallel=False, forceinline=False)``: compiles with exact floating-point rules and keeps
+        the result on disk. With NUMBA_DISABLE_JIT=1 the function stays plain Python.
+    """
+    files = tuple(sources)
+
+    def kernel(
+        function: Callable[..., Any] | None = None, /, *, parallel: bool = False, forceinline: bool = False
+    ) -> Any:
+        def compiled(plain: Callable[..., Any]) -> Any:
+            options = {"parallel": parallel, "forceinline": forceinline}
+            dispatcher = njit(cache=True, fastmath=False, error_model="numpy", **options)(plain)
+            index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+            if index is not None and hasattr(index, "_source_stamp"):
+                index._source_stamp = _stamp(files)
+            return dispatcher
+
+        return compiled if function is None else compiled(function)
+
+    return kernel
+
+
+def _stamp(files: tuple[Path, ...]) -> tuple[tuple[int, int], ...]:
+    return tuple((status.st_mtime_ns, status.st_size) for status in (file.stat() for file in files if file.exists()))
+
+
+def is_compiled(dispatcher: Any) -> bool:
+    """Whether calling a kernel needs no compiler: it is in memory, kept on disk, or plain Python."""
+    if not hasattr(dispatcher, "signatures") or dispatcher.signatures:
+        return True
+    index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    try:
+        return bool(index._load_index())
+    except (AttributeError, OSError):
+        return False
