@@ -70,7 +70,8 @@ def from_mavlink(message: Message, rejects: Rejects | None = None) -> RemoteIdMe
 
     Args:
         message: Decoded MAVLink message.
-        rejects: Counts fields that were not taken; message packs, whose 25-byte members are not read, count as a whole.
+        rejects: Counts fields that were not taken. A message pack, which may hold several messages, is none of the
+            seven and counts as a whole: `ridlink.remote_id.bridge.messages_of` reads it.
     """
     reader = _READERS.get(message.name)
     if reader is None:
@@ -99,9 +100,10 @@ def _id_or_mac(fields: dict[str, Any]) -> bytes | None:
 # --- positions, altitudes, times ---
 
 
-def _read_position(
+def read_position(
     latitude_dege7: int, longitude_dege7: int, names: tuple[str, str], rejects: Rejects
 ) -> tuple[float | None, float | None]:
+    """Latitude and longitude [deg]; 0/0 is unknown, what is out of range is counted under its name."""
     if latitude_dege7 == 0 and longitude_dege7 == 0:
         return None, None
     latitude: float | None = deg_from_dege7(latitude_dege7)
@@ -115,7 +117,8 @@ def _read_position(
     return latitude, longitude
 
 
-def _write_position(latitude_deg: float | None, longitude_deg: float | None) -> tuple[int, int]:
+def write_position(latitude_deg: float | None, longitude_deg: float | None) -> tuple[int, int]:
+    """Latitude and longitude [1e-7 deg]; 0/0 where one of them is unknown or out of range."""
     if latitude_deg is None or longitude_deg is None:
         return 0, 0
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
@@ -155,11 +158,13 @@ def _write_timestamp(value_s: float | None) -> float:
     return value_s
 
 
-def _read_seconds_since_2019(value: int) -> float | None:
+def read_seconds_since_2019(value: int) -> float | None:
+    """Seconds since 2019-01-01 UTC; 0 is unknown."""
     return float(value) if value else None
 
 
-def _write_seconds_since_2019(value_s: float | None) -> int:
+def write_seconds_since_2019(value_s: float | None) -> int:
+    """Whole seconds since 2019-01-01 UTC, saturated; 0 for unknown."""
     return min(max(round(value_s), 0), 0xFFFFFFFF) if value_s is not None and math.isfinite(value_s) else 0
 
 
@@ -167,7 +172,7 @@ def _write_seconds_since_2019(value_s: float | None) -> int:
 
 
 def _read_location(fields: dict[str, Any], rejects: Rejects) -> Location:
-    latitude, longitude = _read_position(
+    latitude, longitude = read_position(
         fields["latitude"],
         fields["longitude"],
         ("OPEN_DRONE_ID_LOCATION.latitude", "OPEN_DRONE_ID_LOCATION.longitude"),
@@ -240,7 +245,7 @@ def _write_speed_vertical(value_mps: float | None) -> int:
 
 
 def _write_location(message: Location) -> dict[str, Any]:
-    latitude, longitude = _write_position(message.latitude_deg, message.longitude_deg)
+    latitude, longitude = write_position(message.latitude_deg, message.longitude_deg)
     return {
         "status": message.status,
         "direction": _write_direction(message.direction_deg),
@@ -287,15 +292,16 @@ def _read_length(value_cm: int) -> float | None:
     return m_from_cm(value_cm) if value_cm else None
 
 
-def _write_up(value: float | None, unit: float) -> int:
+def write_up(value: float | None, unit: float, limit: int = MAX_UINT16) -> int:
     """Whole units, rounded up and saturated; 0 for what is unknown, negative or NaN."""
     if value is None or not value > 0.0:
         return 0
-    return MAX_UINT16 if value >= MAX_UINT16 * unit else max(1, ceil_units(value, unit))
+    return limit if value >= limit * unit else max(1, ceil_units(value, unit))
 
 
-def _write_error(value: float | None) -> int:
-    return 1 if value == 0.0 else _write_up(value, 0.01)
+def write_error(value: float | None, unit: float = 0.01, limit: int = MAX_UINT16) -> int:
+    """An uncertainty as `write_up` has it, but exactly known is one unit: 0 would say unknown."""
+    return 1 if value == 0.0 else write_up(value, unit, limit)
 
 
 def _write_component(value_mps: float) -> int:
@@ -312,12 +318,12 @@ def _write_separation(message: Separation) -> dict[str, Any]:
         flags |= int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
     return {
         "timestamp": _write_timestamp(message.timestamp_s),
-        "horizontal_error": _write_error(message.horizontal_error_m),
-        "vertical_error": _write_error(message.vertical_error_m),
-        "velocity_error": _write_error(message.velocity_error_mps),
-        "airframe_size": _write_up(message.airframe_size_m, 0.01),
-        "airframe_height": _write_up(message.airframe_height_m, 0.01),
-        "update_interval": _write_up(message.update_interval_s, 0.001),
+        "horizontal_error": write_error(message.horizontal_error_m),
+        "vertical_error": write_error(message.vertical_error_m),
+        "velocity_error": write_error(message.velocity_error_mps),
+        "airframe_size": write_up(message.airframe_size_m, 0.01),
+        "airframe_height": write_up(message.airframe_height_m, 0.01),
+        "update_interval": write_up(message.update_interval_s, 0.001),
         "commanded_vx": vx,
         "commanded_vy": vy,
         "commanded_vz": vz,
@@ -329,7 +335,7 @@ def _write_separation(message: Separation) -> dict[str, Any]:
 
 
 def _read_system(fields: dict[str, Any], rejects: Rejects) -> System:
-    latitude, longitude = _read_position(
+    latitude, longitude = read_position(
         fields["operator_latitude"],
         fields["operator_longitude"],
         ("OPEN_DRONE_ID_SYSTEM.operator_latitude", "OPEN_DRONE_ID_SYSTEM.operator_longitude"),
@@ -349,26 +355,26 @@ def _read_system(fields: dict[str, Any], rejects: Rejects) -> System:
         operator_altitude_geo_m=_read_altitude(
             fields["operator_altitude_geo"], "OPEN_DRONE_ID_SYSTEM.operator_altitude_geo", rejects
         ),
-        timestamp_s=_read_seconds_since_2019(fields["timestamp"]),
+        timestamp_s=read_seconds_since_2019(fields["timestamp"]),
         id_or_mac=_id_or_mac(fields),
     )
 
 
 def _write_system(message: System) -> dict[str, Any]:
-    latitude, longitude = _write_position(message.operator_latitude_deg, message.operator_longitude_deg)
+    latitude, longitude = write_position(message.operator_latitude_deg, message.operator_longitude_deg)
     return {
         "operator_location_type": message.operator_location_type,
         "classification_type": message.classification_type,
         "operator_latitude": latitude,
         "operator_longitude": longitude,
         "area_count": message.area_count,
-        "area_radius": _write_up(message.area_radius_m, 1.0),
+        "area_radius": write_up(message.area_radius_m, 1.0),
         "area_ceiling": _write_altitude(message.area_ceiling_m),
         "area_floor": _write_altitude(message.area_floor_m),
         "category_eu": message.category_eu,
         "class_eu": message.class_eu,
         "operator_altitude_geo": _write_altitude(message.operator_altitude_geo_m),
-        "timestamp": _write_seconds_since_2019(message.timestamp_s),
+        "timestamp": write_seconds_since_2019(message.timestamp_s),
     }
 
 
@@ -419,7 +425,7 @@ def _read_authentication(fields: dict[str, Any], _: Rejects) -> Authentication:
         fields["data_page"],
         fields["last_page_index"],
         fields["length"],
-        _read_seconds_since_2019(fields["timestamp"]),
+        read_seconds_since_2019(fields["timestamp"]),
         data,
         _id_or_mac(fields),
     )
@@ -431,7 +437,7 @@ def _write_authentication(message: Authentication) -> dict[str, Any]:
         "data_page": message.data_page,
         "last_page_index": message.last_page_index,
         "length": message.length,
-        "timestamp": _write_seconds_since_2019(message.timestamp_s),
+        "timestamp": write_seconds_since_2019(message.timestamp_s),
         "authentication_data": message.authentication_data.ljust(AUTHENTICATION_PAGE_LENGTH, b"\x00"),
     }
 

@@ -1,0 +1,510 @@
+"""The 25-byte messages that Open Drone ID broadcasts (ASTM F3411, ASD-STAN EN 4709-002) to SI and back.
+
+The first byte is the message type (high half) and the protocol version (low half). Versions 0 to 2 have the layouts
+below, in which what an older version reserved is zero, and zero reads as unknown; a version that is not known yet is
+read as the newest one and counted under ``MESSAGE.protocol_version``. Reserved bytes are ignored, reserved codes kept
+as numbers.
+
+Reading and writing follow the rules of ``convert``: a sentinel becomes ``None``, and so does a field that is out of its
+range, alone and counted. Values go to the nearest unit; accuracies, errors, sizes and areas go to the safe side. A
+value that does not fit saturates or goes out as unknown; a code or text that does not fit its bits is a `PayloadError`.
+
+RIDLINK_SEPARATION has no message type of its own: it is an Authentication message of the private type 0xA, laid out in
+``message_spec/README.md``. Message packs are in ``astm_pack``.
+
+Source: ASTM F3411-22a, tables of section 5.4.5; bytes held against opendroneid-core-c.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections import Counter
+from collections.abc import Callable
+from enum import IntEnum, StrEnum
+from typing import Any
+
+from ridlink.errors import PayloadError
+from ridlink.remote_id import accuracy
+from ridlink.remote_id.convert import (
+    AUTHENTICATION_FIRST_PAGE_LENGTH,
+    AUTHENTICATION_PAGE_LENGTH,
+    ID_LENGTH,
+    SECONDS_PER_HOUR,
+    TEXT_LENGTH,
+    Rejects,
+    read_position,
+    read_seconds_since_2019,
+    write_error,
+    write_position,
+    write_seconds_since_2019,
+    write_up,
+)
+from ridlink.remote_id.messages import (
+    MAVLINK_NAMES,
+    Authentication,
+    BasicId,
+    Location,
+    OperatorId,
+    RemoteIdMessage,
+    SelfId,
+    Separation,
+    SeparationFlags,
+    System,
+)
+
+MESSAGE_LENGTH = 25
+NEWEST_VERSION = 2
+LAST_PAGE = 15
+
+
+class MessageType(IntEnum):
+    """High half of the first byte."""
+
+    BASIC_ID = 0x0
+    LOCATION = 0x1
+    AUTHENTICATION = 0x2
+    SELF_ID = 0x3
+    SYSTEM = 0x4
+    OPERATOR_ID = 0x5
+    PACK = 0xF
+
+
+class Refusal(StrEnum):
+    """Why bytes were not taken as a message or pack."""
+
+    WRONG_LENGTH = "wrong_length"
+    UNKNOWN_TYPE = "unknown_message_type"
+    BAD_PAGE = "bad_authentication_page"
+    NESTED_PACK = "nested_pack"
+    BAD_MESSAGE_SIZE = "bad_message_size"
+    BAD_MESSAGE_COUNT = "bad_message_count"
+    TRUNCATED_PACK = "truncated_pack"
+
+
+_LOCATION = struct.Struct("<BBBBbiiHHHBBHBx")
+_SYSTEM = struct.Struct("<BBiiHBHHBHIx")
+_FIRST_PAGE = struct.Struct("<BBBBI17s")
+_SEPARATION = struct.Struct("<2sBHBBBBBhhbB")
+
+UNKNOWN_DIRECTION_DEG = 361
+UNKNOWN_SPEED = 255
+FAST_SPEED_FROM_MPS = 63.75
+SLOW_STEP_MPS, FAST_STEP_MPS = 0.25, 0.75
+MAX_FAST_SPEED = 254
+UNKNOWN_SPEED_VERTICAL = 126
+MAX_SPEED_VERTICAL = 124
+SPEED_VERTICAL_STEP_MPS = 0.5
+ALTITUDE_STEP_M = 0.5
+LOWEST_ALTITUDE_M = -1000.0
+UNKNOWN_TIMESTAMP = 0xFFFF
+MAX_TIMESTAMP = 36000
+AREA_RADIUS_STEP_M = 10.0
+MAX_UINT8 = 0xFF
+MAX_UINT16 = 0xFFFF
+
+SEPARATION_AUTHENTICATION_TYPE = 0xA
+SEPARATION_LETTERS = b"RL"
+SEPARATION_LAYOUT = 1
+SEPARATION_LENGTH = _SEPARATION.size
+VERTICAL_ERROR_STEP_M = 0.5
+VELOCITY_ERROR_STEP_MPS = 0.1
+AIRFRAME_STEP_M = 0.1
+INTERVAL_STEP_S = 0.02
+
+
+def refusal_of(data: bytes) -> Refusal | None:
+    """Why these bytes are no message, ``None`` if they are one: then `decode_message` does not raise."""
+    if len(data) != MESSAGE_LENGTH:
+        return Refusal.WRONG_LENGTH
+    kind = data[0] >> 4
+    if kind == MessageType.PACK:
+        return Refusal.NESTED_PACK
+    if kind not in _READERS:
+        return Refusal.UNKNOWN_TYPE
+    if kind == MessageType.AUTHENTICATION and data[1] & 0x0F == 0 and data[2] > LAST_PAGE:
+        return Refusal.BAD_PAGE
+    return None
+
+
+def decode_message(data: bytes, rejects: Rejects | None = None, *, id_or_mac: bytes | None = None) -> RemoteIdMessage:
+    """The message in 25 bytes, in SI units.
+
+    Args:
+        data: 25 bytes.
+        rejects: Counts fields that were not taken, and versions that are not known.
+        id_or_mac: Who was heard to say it, for the message.
+
+    Raises:
+        PayloadError: If there are not 25 bytes, or of no known type, or with a page that cannot be.
+    """
+    refusal = refusal_of(data)
+    if refusal is not None:
+        raise PayloadError(f"no Open Drone ID message: {refusal} ({data[:MESSAGE_LENGTH].hex()})")
+    counted: Rejects = Counter() if rejects is None else rejects
+    message = _READERS[data[0] >> 4](data, counted, id_or_mac)
+    if data[0] & 0x0F > NEWEST_VERSION:
+        counted[f"{MAVLINK_NAMES[type(message)]}.protocol_version"] += 1
+    return message
+
+
+def encode_message(message: RemoteIdMessage, *, hour_start_s: int | None = None) -> bytes:
+    """The 25 bytes of a message, protocol version 2. ``id_or_mac`` is not part of them.
+
+    An accuracy code of 0 whose bound is given is derived from the bound.
+
+    Args:
+        message: The message.
+        hour_start_s: Start of the present full hour [s since 2019-01-01 UTC], without which the time of a `Separation`
+            goes out as unknown: it counts from the full hour, the 25 bytes from 2019.
+
+    Raises:
+        PayloadError: If a code, count or text does not fit.
+    """
+    if isinstance(message, Separation):
+        message = _authentication_of(message, hour_start_s)
+    return _WRITERS[type(message)](message)
+
+
+def _header(kind: MessageType) -> int:
+    return kind << 4 | NEWEST_VERSION
+
+
+def _bits(message: RemoteIdMessage, field: str, limit: int) -> int:
+    """An integer field that must fit its bits."""
+    value: int = getattr(message, field)
+    if not 0 <= value <= limit:
+        name = MAVLINK_NAMES[type(message)]
+        raise PayloadError(f"{name}.{field} is 0 to {limit}, not {value}", message=name, field=field)
+    return value
+
+
+def _text(message: RemoteIdMessage, field: str, length: int) -> bytes:
+    """A byte string that must fit its length."""
+    value: bytes = getattr(message, field)
+    if len(value) > length:
+        name = MAVLINK_NAMES[type(message)]
+        raise PayloadError(f"{name}.{field} takes {length} bytes, not {len(value)}", message=name, field=field)
+    return value.ljust(length, b"\x00")
+
+
+def _nearest(value: float) -> int:
+    """The nearest integer; a half goes up."""
+    return math.floor(value + 0.5)
+
+
+# --- LOCATION ---
+
+
+def _read_altitude(units: int) -> float | None:
+    return units * ALTITUDE_STEP_M + LOWEST_ALTITUDE_M if units else None
+
+
+def _write_altitude(value_m: float | None, whole: Callable[[float], int] = _nearest) -> int:
+    if value_m is None or not LOWEST_ALTITUDE_M < value_m <= LOWEST_ALTITUDE_M + MAX_UINT16 * ALTITUDE_STEP_M:
+        return 0
+    return max(1, whole((value_m - LOWEST_ALTITUDE_M) / ALTITUDE_STEP_M))
+
+
+def _read_location(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> Location:
+    (_, status, direction_units, speed_units, climb_units, latitude, longitude, barometric, geodetic, height,
+     position_accuracy, other_accuracy, tenths, time_accuracy) = _LOCATION.unpack(data)  # fmt: skip
+    latitude_deg, longitude_deg = read_position(
+        latitude, longitude, ("OPEN_DRONE_ID_LOCATION.latitude", "OPEN_DRONE_ID_LOCATION.longitude"), rejects
+    )
+    direction_deg: float | None = None
+    direction = direction_units + 180 * (status >> 1 & 1)
+    if direction <= 360:
+        direction_deg = float(direction % 360)
+    elif direction != UNKNOWN_DIRECTION_DEG:
+        rejects["OPEN_DRONE_ID_LOCATION.direction"] += 1
+    speed_mps: float | None = speed_units * SLOW_STEP_MPS
+    if status & 1:
+        fast_mps = speed_units * FAST_STEP_MPS + FAST_SPEED_FROM_MPS
+        speed_mps = fast_mps if speed_units != UNKNOWN_SPEED else None
+    climb_mps: float | None = None
+    if abs(climb_units) <= MAX_SPEED_VERTICAL:
+        climb_mps = climb_units * SPEED_VERTICAL_STEP_MPS
+    elif climb_units != UNKNOWN_SPEED_VERTICAL:
+        rejects["OPEN_DRONE_ID_LOCATION.speed_vertical"] += 1
+    timestamp_s: float | None = None
+    if tenths <= MAX_TIMESTAMP:
+        timestamp_s = tenths / 10.0
+    elif tenths != UNKNOWN_TIMESTAMP:
+        rejects["OPEN_DRONE_ID_LOCATION.timestamp"] += 1
+    horizontal_code, vertical_code = position_accuracy & 0x0F, position_accuracy >> 4
+    speed_code, barometer_code = other_accuracy & 0x0F, other_accuracy >> 4
+    return Location(
+        status=status >> 4,
+        direction_deg=direction_deg,
+        speed_horizontal_mps=speed_mps,
+        speed_vertical_mps=climb_mps,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_barometric_m=_read_altitude(barometric),
+        altitude_geodetic_m=_read_altitude(geodetic),
+        height_m=_read_altitude(height),
+        height_reference=status >> 2 & 1,
+        horizontal_accuracy=horizontal_code,
+        vertical_accuracy=vertical_code,
+        barometer_accuracy=barometer_code,
+        speed_accuracy=speed_code,
+        horizontal_accuracy_m=accuracy.horizontal_bound_m(horizontal_code),
+        vertical_accuracy_m=accuracy.vertical_bound_m(vertical_code),
+        barometer_accuracy_m=accuracy.vertical_bound_m(barometer_code),
+        speed_accuracy_mps=accuracy.speed_bound_mps(speed_code),
+        timestamp_s=timestamp_s,
+        timestamp_accuracy_s=accuracy.time_bound_s(time_accuracy & 0x0F),
+        id_or_mac=id_or_mac,
+    )
+
+
+def _write_direction(value_deg: float | None) -> tuple[int, int]:
+    """The flag for 180 degrees more, and the rest."""
+    direction = UNKNOWN_DIRECTION_DEG
+    if value_deg is not None and math.isfinite(value_deg):
+        direction = _nearest(value_deg % 360.0) % 360
+    return (1, direction - 180) if direction >= 180 else (0, direction)
+
+
+def _write_speed(value_mps: float | None) -> tuple[int, int]:
+    """The flag for coarse steps, and how many."""
+    if value_mps is None or not value_mps >= 0.0:
+        return 1, UNKNOWN_SPEED
+    if value_mps <= FAST_SPEED_FROM_MPS:
+        return 0, _nearest(value_mps / SLOW_STEP_MPS)
+    fast = (value_mps - FAST_SPEED_FROM_MPS) / FAST_STEP_MPS
+    return 1, _nearest(fast) if fast < MAX_FAST_SPEED else MAX_FAST_SPEED
+
+
+def _write_speed_vertical(value_mps: float | None) -> int:
+    if value_mps is None or math.isnan(value_mps):
+        return UNKNOWN_SPEED_VERTICAL
+    limit = MAX_SPEED_VERTICAL * SPEED_VERTICAL_STEP_MPS
+    return _nearest(min(max(value_mps, -limit), limit) / SPEED_VERTICAL_STEP_MPS)
+
+
+def _write_timestamp(value_s: float | None) -> int:
+    if value_s is None or not 0.0 <= value_s <= SECONDS_PER_HOUR:
+        return UNKNOWN_TIMESTAMP
+    return _nearest(value_s * 10.0)
+
+
+def _write_location(message: Location) -> bytes:
+    west, direction = _write_direction(message.direction_deg)
+    fast, speed = _write_speed(message.speed_horizontal_mps)
+    latitude, longitude = write_position(message.latitude_deg, message.longitude_deg)
+    horizontal = _bits(message, "horizontal_accuracy", 15) or accuracy.horizontal_code(message.horizontal_accuracy_m)
+    vertical = _bits(message, "vertical_accuracy", 15) or accuracy.vertical_code(message.vertical_accuracy_m)
+    barometer = _bits(message, "barometer_accuracy", 15) or accuracy.vertical_code(message.barometer_accuracy_m)
+    speed_accuracy = _bits(message, "speed_accuracy", 15) or accuracy.speed_code(message.speed_accuracy_mps)
+    return _LOCATION.pack(
+        _header(MessageType.LOCATION),
+        _bits(message, "status", 15) << 4 | _bits(message, "height_reference", 1) << 2 | west << 1 | fast,
+        direction,
+        speed,
+        _write_speed_vertical(message.speed_vertical_mps),
+        latitude,
+        longitude,
+        _write_altitude(message.altitude_barometric_m),
+        _write_altitude(message.altitude_geodetic_m),
+        _write_altitude(message.height_m),
+        vertical << 4 | horizontal,
+        barometer << 4 | speed_accuracy,
+        _write_timestamp(message.timestamp_s),
+        accuracy.time_code(message.timestamp_accuracy_s),
+    )
+
+
+# --- SYSTEM ---
+
+
+def _read_system(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> System:
+    _, kinds, latitude, longitude, count, radius, ceiling, floor, eu, altitude, timestamp = _SYSTEM.unpack(data)
+    latitude_deg, longitude_deg = read_position(
+        latitude,
+        longitude,
+        ("OPEN_DRONE_ID_SYSTEM.operator_latitude", "OPEN_DRONE_ID_SYSTEM.operator_longitude"),
+        rejects,
+    )
+    return System(
+        operator_location_type=kinds & 0x03,
+        classification_type=kinds >> 2 & 0x07,
+        operator_latitude_deg=latitude_deg,
+        operator_longitude_deg=longitude_deg,
+        area_count=count,
+        area_radius_m=radius * AREA_RADIUS_STEP_M,
+        area_ceiling_m=_read_altitude(ceiling),
+        area_floor_m=_read_altitude(floor),
+        category_eu=eu >> 4,
+        class_eu=eu & 0x0F,
+        operator_altitude_geo_m=_read_altitude(altitude),
+        timestamp_s=read_seconds_since_2019(timestamp),
+        id_or_mac=id_or_mac,
+    )
+
+
+def _write_system(message: System) -> bytes:
+    latitude, longitude = write_position(message.operator_latitude_deg, message.operator_longitude_deg)
+    return _SYSTEM.pack(
+        _header(MessageType.SYSTEM),
+        _bits(message, "classification_type", 7) << 2 | _bits(message, "operator_location_type", 3),
+        latitude,
+        longitude,
+        _bits(message, "area_count", MAX_UINT16),
+        write_up(message.area_radius_m, AREA_RADIUS_STEP_M, MAX_UINT8),
+        _write_altitude(message.area_ceiling_m, math.ceil),  # an area of operation is never understated
+        _write_altitude(message.area_floor_m, math.floor),
+        _bits(message, "category_eu", 15) << 4 | _bits(message, "class_eu", 15),
+        _write_altitude(message.operator_altitude_geo_m),
+        write_seconds_since_2019(message.timestamp_s),
+    )
+
+
+# --- identities and texts ---
+# Fixed-length byte strings lose their padding on the way in and get it back on the way out.
+
+
+def _read_basic_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> BasicId:
+    return BasicId(data[1] >> 4, data[1] & 0x0F, data[2 : 2 + ID_LENGTH].rstrip(b"\x00"), id_or_mac)
+
+
+def _write_basic_id(message: BasicId) -> bytes:
+    kinds = _bits(message, "id_type", 15) << 4 | _bits(message, "ua_type", 15)
+    return bytes((_header(MessageType.BASIC_ID), kinds)) + _text(message, "uas_id", ID_LENGTH) + bytes(3)
+
+
+def _read_self_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> SelfId:
+    return SelfId(data[1], data[2:].rstrip(b"\x00"), id_or_mac)
+
+
+def _write_self_id(message: SelfId) -> bytes:
+    head = bytes((_header(MessageType.SELF_ID), _bits(message, "description_type", MAX_UINT8)))
+    return head + _text(message, "description", TEXT_LENGTH)
+
+
+def _read_operator_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> OperatorId:
+    return OperatorId(data[1], data[2 : 2 + ID_LENGTH].rstrip(b"\x00"), id_or_mac)
+
+
+def _write_operator_id(message: OperatorId) -> bytes:
+    head = bytes((_header(MessageType.OPERATOR_ID), _bits(message, "operator_id_type", MAX_UINT8)))
+    return head + _text(message, "operator_id", ID_LENGTH) + bytes(3)
+
+
+# --- AUTHENTICATION, and RIDLINK_SEPARATION within it ---
+
+
+def _page_capacity(last_page_index: int) -> int:
+    return AUTHENTICATION_FIRST_PAGE_LENGTH + AUTHENTICATION_PAGE_LENGTH * last_page_index
+
+
+def _read_authentication(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> Authentication | Separation:
+    authentication_type, page = data[1] >> 4, data[1] & 0x0F
+    if page:
+        return Authentication(authentication_type, page, 0, 0, None, data[2:], id_or_mac)
+    _, _, last_page, length, timestamp, content = _FIRST_PAGE.unpack(data)
+    if length > _page_capacity(last_page):
+        rejects["OPEN_DRONE_ID_AUTHENTICATION.length"] += 1
+    message = Authentication(
+        authentication_type, 0, last_page, length, read_seconds_since_2019(timestamp), content, id_or_mac
+    )
+    return separation_of(message) or message
+
+
+def _write_authentication(message: Authentication) -> bytes:
+    page = _bits(message, "data_page", LAST_PAGE)
+    head = bytes((_header(MessageType.AUTHENTICATION), _bits(message, "authentication_type", 15) << 4 | page))
+    if page:
+        return head + _text(message, "authentication_data", AUTHENTICATION_PAGE_LENGTH)
+    last_page = _bits(message, "last_page_index", LAST_PAGE)
+    length = _bits(message, "length", min(MAX_UINT8, _page_capacity(last_page)))
+    return _FIRST_PAGE.pack(
+        *head,
+        last_page,
+        length,
+        write_seconds_since_2019(message.timestamp_s),
+        _text(message, "authentication_data", AUTHENTICATION_FIRST_PAGE_LENGTH),
+    )
+
+
+def separation_of(message: Authentication) -> Separation | None:
+    """The RIDLINK_SEPARATION that an Authentication message carries, ``None`` where it carries something else.
+
+    Its time is that of the Authentication message, in whole seconds after the full hour.
+    """
+    ours = (SEPARATION_AUTHENTICATION_TYPE, 0, 0, SEPARATION_LENGTH)
+    if (message.authentication_type, message.data_page, message.last_page_index, message.length) != ours:
+        return None
+    (letters, layout, horizontal, vertical, velocity, size, height, interval, vx, vy, vz, flags) = _SEPARATION.unpack(
+        message.authentication_data.ljust(SEPARATION_LENGTH, b"\x00")[:SEPARATION_LENGTH]
+    )
+    if letters != SEPARATION_LETTERS or layout != SEPARATION_LAYOUT:
+        return None
+    given = bool(flags & SeparationFlags.COMMANDED_VELOCITY_GIVEN)
+    return Separation(
+        timestamp_s=None if message.timestamp_s is None else message.timestamp_s % SECONDS_PER_HOUR,
+        horizontal_error_m=horizontal / 100.0 if horizontal else None,
+        vertical_error_m=vertical * VERTICAL_ERROR_STEP_M if vertical else None,
+        velocity_error_mps=velocity / 10.0 if velocity else None,
+        airframe_size_m=size / 10.0 if size else None,
+        airframe_height_m=height / 10.0 if height else None,
+        update_interval_s=interval * 20 / 1000.0 if interval else None,
+        commanded_vx_mps=vx / 100.0 if given else None,
+        commanded_vy_mps=vy / 100.0 if given else None,
+        commanded_vz_mps=vz / 10.0 if given else None,
+        flags=flags,
+        id_or_mac=message.id_or_mac,
+    )
+
+
+def _component(value_mps: float, units_per_mps: int, limit: int) -> int:
+    return min(max(round(value_mps * units_per_mps), -limit), limit)
+
+
+def _authentication_of(message: Separation, hour_start_s: int | None) -> Authentication:
+    commanded = (message.commanded_vx_mps, message.commanded_vy_mps, message.commanded_vz_mps)
+    components = [value for value in commanded if value is not None and math.isfinite(value)]
+    flags = _bits(message, "flags", MAX_UINT8) & ~int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
+    vx = vy = vz = 0
+    if len(components) == 3:
+        vx, vy = (_component(value, 100, 0x7FFF) for value in components[:2])
+        vz = _component(components[2], 10, 0x7F)
+        flags |= int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
+    timestamp_s: float | None = None
+    if hour_start_s is not None and message.timestamp_s is not None and math.isfinite(message.timestamp_s):
+        timestamp_s = hour_start_s + math.floor(message.timestamp_s)
+    content = _SEPARATION.pack(
+        SEPARATION_LETTERS,
+        SEPARATION_LAYOUT,
+        write_error(message.horizontal_error_m),
+        write_error(message.vertical_error_m, VERTICAL_ERROR_STEP_M, MAX_UINT8),
+        write_error(message.velocity_error_mps, VELOCITY_ERROR_STEP_MPS, MAX_UINT8),
+        write_up(message.airframe_size_m, AIRFRAME_STEP_M, MAX_UINT8),
+        write_up(message.airframe_height_m, AIRFRAME_STEP_M, MAX_UINT8),
+        write_up(message.update_interval_s, INTERVAL_STEP_S, MAX_UINT8),
+        vx,
+        vy,
+        vz,
+        flags,
+    )
+    return Authentication(SEPARATION_AUTHENTICATION_TYPE, 0, 0, SEPARATION_LENGTH, timestamp_s, content)
+
+
+_READERS: dict[int, Callable[[bytes, Rejects, bytes | None], RemoteIdMessage]] = {
+    MessageType.BASIC_ID: _read_basic_id,
+    MessageType.LOCATION: _read_location,
+    MessageType.AUTHENTICATION: _read_authentication,
+    MessageType.SELF_ID: _read_self_id,
+    MessageType.SYSTEM: _read_system,
+    MessageType.OPERATOR_ID: _read_operator_id,
+}
+
+_WRITERS: dict[type, Callable[[Any], bytes]] = {
+    BasicId: _write_basic_id,
+    Location: _write_location,
+    Authentication: _write_authentication,
+    SelfId: _write_self_id,
+    System: _write_system,
+    OperatorId: _write_operator_id,
+}

@@ -1,0 +1,121 @@
+"""Between the two wires of Remote ID: 25-byte broadcasts and MAVLink.
+
+A MAVLink message says one thing, except OPEN_DRONE_ID_MESSAGE_PACK, which wraps a pack of 25-byte messages; a stock
+receiver relays our RIDLINK_SEPARATION as the OPEN_DRONE_ID_AUTHENTICATION that it was on the radio. `messages_of` reads
+all of them, and what it returns goes through the `ReportAssembler` one after the other.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from ridlink.mavlink.codec import Message
+from ridlink.remote_id.astm import MESSAGE_LENGTH, decode_message, separation_of
+from ridlink.remote_id.astm_pack import HEADER_LENGTH, MAX_PACK_LENGTH, Member, encode_pack, split_broadcast
+from ridlink.remote_id.convert import ID_LENGTH, MESSAGE_PACK, Rejects, from_mavlink
+from ridlink.remote_id.messages import Authentication, Location, RemoteIdMessage, Separation
+
+_NO_ID = bytes(ID_LENGTH)
+
+
+def messages_of(message: Message, rejects: Rejects | None = None) -> list[RemoteIdMessage]:
+    """What a MAVLink message says about Remote ID, in SI units: nothing, one message, or the members of a pack.
+
+    Args:
+        message: Decoded MAVLink message.
+        rejects: Counts fields and members of packs that were not taken, under ``MESSAGE.field`` and
+            ``OPEN_DRONE_ID_MESSAGE_PACK.cause``.
+    """
+    if message.name == MESSAGE_PACK:
+        id_or_mac: bytes = message.fields["id_or_mac"]
+        sender = None if id_or_mac == _NO_ID else id_or_mac
+        return read_members(pack_members(message, rejects), rejects, id_or_mac=sender)
+    single = from_mavlink(message, rejects)
+    if single is None:
+        return []
+    if isinstance(single, Authentication):
+        return [separation_of(single) or single]
+    return [single]
+
+
+def pack_members(message: Message, rejects: Rejects | None = None) -> list[Member]:
+    """The good members of an OPEN_DRONE_ID_MESSAGE_PACK; the others are counted."""
+    fields = message.fields
+    size, count = fields["single_message_size"], fields["msg_pack_size"]
+    header = bytes((0xF2, size, count))
+    members: list[Member] = []
+    for item in split_broadcast(header + fields["messages"]):
+        if isinstance(item, Member):
+            members.append(item)
+        elif rejects is not None:
+            rejects[f"{MESSAGE_PACK}.{item.refusal}"] += 1
+    return members
+
+
+def pack_to_mavlink(
+    messages: Sequence[RemoteIdMessage], *, id_or_mac: bytes | None = None, hour_start_s: int | None = None
+) -> tuple[str, dict[str, Any]]:
+    """Name and fields of the OPEN_DRONE_ID_MESSAGE_PACK of these messages, addressed to everybody.
+
+    Args:
+        messages: One to nine messages.
+        id_or_mac: Whose they are, ``None`` for the sender's own.
+        hour_start_s: As for `ridlink.remote_id.astm.encode_message`.
+
+    Raises:
+        PayloadError: If their number is wrong, or one of them does not fit.
+    """
+    pack = encode_pack(messages, hour_start_s=hour_start_s)
+    return MESSAGE_PACK, {
+        "target_system": 0,
+        "target_component": 0,
+        "id_or_mac": _NO_ID if id_or_mac is None else id_or_mac.ljust(ID_LENGTH, b"\x00"),
+        "single_message_size": MESSAGE_LENGTH,
+        "msg_pack_size": len(messages),
+        "messages": pack[HEADER_LENGTH:].ljust(MAX_PACK_LENGTH - HEADER_LENGTH, b"\x00"),
+    }
+
+
+def read_broadcast(
+    data: bytes, rejects: Rejects | None = None, *, id_or_mac: bytes | None = None
+) -> list[RemoteIdMessage]:
+    """What one broadcast says, which is a message pack or a 25-byte message alone.
+
+    Args:
+        data: The broadcast.
+        rejects: Counts fields under ``MESSAGE.field``, and members that were not taken under their cause.
+        id_or_mac: Who was heard to say it.
+    """
+    members: list[Member] = []
+    for item in split_broadcast(data):
+        if isinstance(item, Member):
+            members.append(item)
+        elif rejects is not None:
+            rejects[str(item.refusal)] += 1
+    return read_members(members, rejects, id_or_mac=id_or_mac)
+
+
+def read_members(
+    members: Sequence[Member], rejects: Rejects | None = None, *, id_or_mac: bytes | None = None
+) -> list[RemoteIdMessage]:
+    """The messages of the members of one pack, in SI units.
+
+    On the radio RIDLINK_SEPARATION has the time in whole seconds. Beside its LOCATION in one pack it takes that one's,
+    if it is the same second or unknown, so that the two are joined as they would be over MAVLink.
+    """
+    counted: Rejects = Counter() if rejects is None else rejects
+    messages = [decode_message(member.data, counted, id_or_mac=id_or_mac) for member in members]
+    timestamps = [message.timestamp_s for message in messages if isinstance(message, Location)]
+    if len(timestamps) != 1 or timestamps[0] is None:
+        return messages
+    timestamp_s = timestamps[0]
+    return [
+        dataclasses.replace(message, timestamp_s=timestamp_s)
+        if isinstance(message, Separation) and message.timestamp_s in (None, float(math.floor(timestamp_s)))
+        else message
+        for message in messages
+    ]
