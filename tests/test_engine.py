@@ -19,8 +19,9 @@ from ridlink.errors import ConfigError
 from ridlink.failsafe import State
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import Encoder, Message
+from ridlink.remote_id.bridge import pack_to_mavlink
 from ridlink.remote_id.convert import to_mavlink
-from ridlink.remote_id.messages import BasicId
+from ridlink.remote_id.messages import BasicId, Location, Separation
 from ridlink.separation import Definition
 from ridlink.setpoint import VelocityLimits
 from tests.daemon.emulated import GUIDED, HOME, LOITER, OFFBOARD, POSITION_MODE, Emulated, at, messages
@@ -491,6 +492,24 @@ def test_foreign_remote_id_forwarded_on_the_vehicle_link_is_traffic() -> None:
     flight.step(2)
     flight.engine.receive_vehicle(Emulated(42, ned_m=(99.0, 0.0, -50.0)).remote_id(0.2), 0.2, source="autopilot")
     assert len(flight.engine.picture) == 1
+
+
+def test_a_message_pack_that_a_receiver_relays_is_traffic_whole() -> None:
+    flight = Flight()
+    flight.step(2)
+    latitude, longitude, altitude = at(99.0, up_m=50.0)
+    pack = [
+        BasicId(1, 2, b"OTHER"),
+        Location(2, latitude_deg=latitude, longitude_deg=longitude, altitude_geodetic_m=altitude, timestamp_s=0.2),
+        Separation(horizontal_error_m=4.0, airframe_size_m=0.5),
+    ]
+    name, fields = pack_to_mavlink(pack, id_or_mac=b"\x84\xcc\xa8\x60\x43\x24")
+    fields["messages"] = fields["messages"][:75] + b"\x62" + bytes(149)
+    frame = Encoder(1, 236).encode(name, **(fields | {"msg_pack_size": 4}))
+    flight.engine.receive_vehicle(frame, 0.2, source="autopilot")
+    (track,) = flight.engine.picture.tracks.values()
+    assert track.report.uas_id == b"OTHER" and track.report.horizontal_error_m == 4.0
+    assert flight.engine.counters["OPEN_DRONE_ID_MESSAGE_PACK.unknown_message_type"] == 1
 
 
 def test_bad_bytes_are_counted_by_cause_and_the_good_ones_beside_them_count() -> None:

@@ -29,8 +29,8 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
 from ridlink.remote_id.assembler import ReportAssembler
-from ridlink.remote_id.convert import from_mavlink
-from ridlink.remote_id.messages import MAVLINK_NAMES, BasicId, Location
+from ridlink.remote_id.bridge import messages_of
+from ridlink.remote_id.messages import MAVLINK_NAMES, BasicId, Location, RemoteIdMessage
 from ridlink.separation.definitions import separation_discs
 from ridlink.separation.reference import (
     ERROR_CAP_M,
@@ -218,9 +218,13 @@ class Engine:
         return taken
 
     def _remote_id(self, link: str, frame: Frame, message: Message, now_s: float, utc_s: float | None) -> None:
-        part = from_mavlink(message, self._counters)
-        if part is None:
-            return
+        # of a pack, too, LOCATION last
+        for part in sorted(messages_of(message, self._counters), key=lambda each: isinstance(each, Location)):
+            self._remote_id_part(link, frame, part, now_s, utc_s)
+
+    def _remote_id_part(
+        self, link: str, frame: Frame, part: RemoteIdMessage, now_s: float, utc_s: float | None
+    ) -> None:
         lock = self.telemetry.lock
         sysid = lock.sysid if lock else self.config.vehicle_sysid
         if link == "vehicle" and part.id_or_mac is None and frame.sysid == sysid:
