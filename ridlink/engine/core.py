@@ -70,6 +70,7 @@ MESSAGE_IDS = frozenset(
     if 12900 <= msgid <= 12920 or msgid in (0, 24, 32, 33, 75, 76, 230, 245, 61400)
 )
 """What an engine reads; anything else is skipped before it is decoded."""
+LOCATION = MAVLINK_NAMES[Location]
 REMOTE_ID_NAMES = frozenset((*MAVLINK_NAMES.values(), "OPEN_DRONE_ID_MESSAGE_PACK"))
 
 FATAL_FAILURES = 3
@@ -199,7 +200,10 @@ class Engine:
             now_s: Monotonic time.
             utc_s: UTC now, for the age of reports.
         """
-        for frame, message in self._messages(datagram):
+        messages = self._messages(datagram)
+        # LOCATION last: with the RIDLINK_SEPARATION of its own datagram it makes one report instead of two.
+        messages.sort(key=lambda each: each[1].name == LOCATION)
+        for frame, message in messages:
             if message.name in REMOTE_ID_NAMES:
                 self._remote_id("rid", frame, message, now_s, utc_s)
 
