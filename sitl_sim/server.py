@@ -46,6 +46,10 @@ MAX_CATCH_UP_S = 0.25
 MIN_DELIVERY_S = 0.005
 """Broadcasts under way are delivered in batches no closer than this."""
 
+MAX_AIR_DATAGRAM = 1200
+"""Broadcasts that reach a receiver together share a datagram up to this size; every wake-up of a daemon costs more than
+the frames in it."""
+
 ERROR_LOG_S = 1.0
 """Shortest time between two log lines about failures."""
 
@@ -349,9 +353,15 @@ class FleetServer:
     def _deliver(self) -> None:
         """Hand over what has arrived by now, and come back when the next broadcast arrives."""
         assert self._loop is not None and self._air_link is not None
-        send = self._air_link.send
-        for datagram, address in self.air.due(self._loop.time()):
-            send(datagram, address)  # type: ignore[arg-type]
+        heard: dict[Any, bytes] = {}
+        for broadcast, address in self.air.due(self._loop.time()):
+            joined = heard.get(address, b"") + broadcast
+            if len(joined) > MAX_AIR_DATAGRAM and address in heard:
+                self._air_link.send(heard[address], address)  # type: ignore[arg-type]
+                joined = broadcast
+            heard[address] = joined
+        for address, datagram in heard.items():
+            self._air_link.send(datagram, address)
         next_s = self.air.next_due_s()
         if next_s is not None and self._delivery_handle is None and self._tick_handle is not None:
             self._delivery_handle = self._loop.call_at(
