@@ -12,7 +12,7 @@ value that does not fit saturates or goes out as unknown; a code or text that do
 RIDLINK_SEPARATION has no message type of its own: it is an Authentication message of the private type 0xA, laid out in
 ``message_spec/README.md``. Message packs are in ``astm_pack``.
 
-Source: ASTM F3411-22a, tables of section 5.4.5; bytes held against opendroneid-core-c.
+Source: ASTM F3411-22a; held byte for byte against opendroneid-core-c.
 """
 
 from __future__ import annotations
