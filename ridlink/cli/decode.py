@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import click
 
-from ridlink.cli import EXIT_DONE, EXIT_REJECTS
+from ridlink.cli import EXIT_DONE, EXIT_REJECTS, decode_export
 
 if TYPE_CHECKING:
     from ridlink.captures import Capture
+    from ridlink.captures.export.selection import Selection
+    from ridlink.captures.fast.blocks import BlockReader
     from ridlink.captures.statistics import Statistics
 
 BATCH_BYTES = 64 * 1024
@@ -26,11 +28,36 @@ PROGRESS_EVERY_S = 0.2
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-@click.option("--in", "kind", type=click.Choice(["auto", "tlog", "mavlink"]), default="auto", show_default=True,
-              help="Format of the files; auto tells it by content and suffix.")
-@click.option("-f", "--format", "output_format", type=click.Choice(["table", "jsonl"]), default="table",
-              show_default=True, help="One aligned row, or one JSON object, a message.")
+@click.option(
+    "--in",
+    "kind",
+    type=click.Choice(["auto", "tlog", "mavlink"]),
+    default="auto",
+    show_default=True,
+    help="Format of the files; auto tells it by content and suffix.",
+)
+@click.option(
+    "-f",
+    "--format",
+    "output_format",
+    type=click.Choice(["table", "jsonl", *decode_export.EXPORTS]),
+    default="table",
+    show_default=True,
+    help="One aligned row, or one JSON object, a message; a folder of tables (csv, parquet); a map; MCAP.",
+)
 @click.option("-o", "--output", metavar="OUT", help="Write there instead of to standard output; whole or not at all.")
+@click.option(
+    "--join",
+    is_flag=True,
+    help="One row for each update of each aircraft: identity, location, separation, operator (jsonl, csv, parquet).",
+)
+@click.option(
+    "--since",
+    metavar="TIME",
+    callback=decode_export.time_us,
+    help="Only from this time on: seconds since 1970, or such as 2026-05-01T12:30:00Z.",
+)
+@click.option("--until", metavar="TIME", callback=decode_export.time_us, help="Only before this time.")
 @click.option("--types", metavar="GLOBS", help="Messages to show, such as 'OPEN_DRONE_ID_*,RIDLINK_*'.")
 @click.option("--source-system", type=click.IntRange(0, 255), metavar="N", help="Only messages of this system id.")
 @click.option("--stats", is_flag=True, help="Counts, rates, sequence gaps and damage instead of messages.")
@@ -40,6 +67,9 @@ def decode(
     kind: str,
     output_format: str,
     output: str | None,
+    join: bool,
+    since: int | None,
+    until: int | None,
     types: str | None,
     source_system: int | None,
     stats: bool,
@@ -50,15 +80,20 @@ def decode(
     Open Drone ID and RIDLINK_SEPARATION come in SI units, null or - where unknown; other messages as the MAVLink XML
     has them. Damage is skipped, counted by cause, and reported on standard error.
     """
+    from ridlink.captures.export.selection import Selection
     from ridlink.captures.statistics import Statistics
 
-    wanted = _wanted_names(types)
+    decode_export.check(output_format, output, join, stats)
+    selection = Selection(_wanted_names(types), source_system, since, until)
     for path in files:  # a misspelled name shows at once, not after an hour of the files before it
         if path != "-":
             open(path, "rb").close()
     statistics = Statistics()
+    if join or output_format in decode_export.EXPORTS:
+        decode_export.export(files, kind, output_format, output, join, selection, statistics, _output)
+        return _verdict(statistics, strict)
     with _output(output) as out:
-        _decode_files(files, kind, output_format, wanted, source_system, stats, statistics, out)
+        _decode_files(files, kind, output_format, selection, stats, statistics, out)
         if stats:
             import msgspec
 
@@ -66,10 +101,14 @@ def decode(
                 statistics.as_text().encode(errors="backslashreplace")
             )  # fmt: skip
             out.write(text)
-    if not stats:
-        for capture in statistics.captures:
-            if capture.rejects:
-                click.echo(f"ridlink: {capture.name}: damaged: {capture.rejects}", err=True)
+    return _verdict(statistics, strict, silent=stats)
+
+
+def _verdict(statistics: Statistics, strict: bool, *, silent: bool = False) -> int:
+    """The exit code; damage is said on standard error."""
+    for capture in statistics.captures:
+        if capture.rejects and not silent:
+            click.echo(f"ridlink: {capture.name}: damaged: {capture.rejects}", err=True)
     return EXIT_REJECTS if strict and statistics.rejects else EXIT_DONE
 
 
@@ -77,8 +116,7 @@ def _decode_files(
     files: tuple[str, ...],
     kind: str,
     output_format: str,
-    wanted: frozenset[str] | None,
-    source_system: int | None,
+    selection: Selection,
     stats: bool,
     statistics: Statistics,
     out: BinaryIO,
@@ -99,14 +137,17 @@ def _decode_files(
 
     progress = _Progress(out is not sys.stdout.buffer or stats or not sys.stdout.isatty())
     for path in files:
+        reader = decode_export.large_reader(path, kind) if output_format == "jsonl" and not stats else None
+        if reader is not None:
+            statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
+            _write_blocks(reader, selection, out, progress)
+            continue
         # whoever reads our output live sees all there is before we wait for more
         with open_capture(path, kind, before_read=write_batch) as capture:
             statistics.captures.append(capture)
             for record in decode_records(capture, statistics.fields):
                 progress.tick(capture)
-                if wanted is not None and record.name not in wanted:
-                    continue
-                if source_system is not None and record.frame.sysid != source_system:
+                if not selection.takes(record):
                     continue
                 if stats:
                     statistics.count(record)
@@ -118,6 +159,16 @@ def _decode_files(
                     write_batch()
             write_batch()
     progress.clear()
+
+
+def _write_blocks(reader: BlockReader, selection: Selection, out: BinaryIO, progress: _Progress) -> None:
+    """The JSON lines of a large file."""
+    from ridlink.captures.export.chosen import chosen_frames
+    from ridlink.captures.export.jsonl import json_lines
+
+    for block in reader:
+        out.write(json_lines(block, chosen_frames(selection, block)))
+        progress.tick(reader, block.count)
 
 
 def _wanted_names(types: str | None) -> frozenset[str] | None:
@@ -181,10 +232,10 @@ class _Progress:
         self._shown = False
         self._records = 0
 
-    def tick(self, capture: Capture) -> None:
-        """One record more."""
-        self._records += 1
-        if not self._active or self._records % self.CHECK_EVERY or time.monotonic() < self._next_s:
+    def tick(self, capture: Capture | BlockReader, records: int = 1) -> None:
+        """So many records more."""
+        self._records += records
+        if not self._active or (records == 1 and self._records % self.CHECK_EVERY) or time.monotonic() < self._next_s:
             return
         self._next_s = time.monotonic() + PROGRESS_EVERY_S
         self._shown = True

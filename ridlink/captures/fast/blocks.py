@@ -20,6 +20,7 @@ from ridlink.captures.records import Record, Rejects
 from ridlink.captures.statistics import SourceCount
 from ridlink.compiled import is_compiled
 from ridlink.errors import CaptureError
+from ridlink.mavlink.frames import MAGIC_V2
 
 BLOCK_LENGTH = 512 * 1024
 RECORDS_PER_BLOCK = 8192
@@ -66,6 +67,12 @@ class Block:
         """Places of the frames of a slot among all of this block."""
         return self._order[self._bounds[slot] : self._bounds[slot + 1]]
 
+    def sysids(self) -> np.ndarray:
+        """System id of each frame, in the order of the file."""
+        starts = self._starts[: self.count]
+        found: np.ndarray = self._data[starts + np.where(self._data[starts] == MAGIC_V2, 5, 3)]
+        return found
+
     def offset(self, entry: int) -> int:
         """Byte of the file where the record of a frame starts."""
         return int(self._base + self._starts[entry] if self._offsets is None else self._offsets[entry])
@@ -73,7 +80,7 @@ class Block:
     def frame(self, entry: int) -> bytes:
         """The bytes of one frame."""
         start = int(self._starts[entry])
-        version_2 = self._data[start] == 0xFD
+        version_2 = self._data[start] == MAGIC_V2
         length = int(self._data[start + 1]) + (12 if version_2 else 8)
         if version_2 and self._data[start + 2] & 1:
             length += 13

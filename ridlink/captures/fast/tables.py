@@ -43,7 +43,7 @@ _NUMPY_TYPES = {"float": "<f4", "double": "<f8", "char": "S", "uint8_t": "u1", "
                 "int16_t": "<i2", "uint32_t": "<u4", "int32_t": "<i4", "uint64_t": "<u8", "int64_t": "<i8"}  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Layout:
     """Where one message lies in a record.
 

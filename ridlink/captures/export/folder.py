@@ -1,0 +1,40 @@
+"""A folder of files that appears when everything is in it, or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A folder to write into, which takes its name at the end; after an error nothing is left of it.
+
+    Args:
+        path: The folder; must not exist, or be empty.
+
+    Raises:
+        OSError: If it exists and is not empty, or cannot be made.
+    """
+    target = Path(path)
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise FileExistsError(errno.EEXIST, "exists and is not an empty folder; name a new one", str(path))
+    try:
+        working = Path(tempfile.mkdtemp(dir=target.absolute().parent, prefix=f".{target.name}."))
+    except OSError as error:
+        error.filename = str(path)
+        raise
+    try:
+        yield working
+        mask = os.umask(0)
+        os.umask(mask)
+        working.chmod(0o777 & ~mask)
+        os.replace(working, target)
+    except BaseException:
+        shutil.rmtree(working, ignore_errors=True)
+        raise

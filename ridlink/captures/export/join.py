@@ -1,0 +1,206 @@
+"""One row for each update of each aircraft: LOCATION, with the SEPARATION of the same instant, and what BASIC_ID and
+SYSTEM last said about the same sender.
+
+An aircraft that is heard over several transports (MAVLink, Wi-Fi, Bluetooth) says the same several times: the same
+identity, position and time of the sender make one row, which names all transports. Rows come in the order of time,
+two seconds of log time late, for a duplicate or a SEPARATION may still be on its way. Memory is bounded, whatever
+senders do.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from ridlink.captures.export.fields import Fields
+from ridlink.remote_id.assembler import EQUAL_TIMESTAMP_VALID_S, ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER
+
+BASIC_ID, LOCATION, SYSTEM, SEPARATION = JOINED_NAMES = (
+    "OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_LOCATION", "OPEN_DRONE_ID_SYSTEM", "RIDLINK_SEPARATION",
+)  # fmt: skip
+"""The messages that are joined."""
+
+HOLD_US = 2_000_000
+VALID_US = int(EQUAL_TIMESTAMP_VALID_S * 1e6)
+TIMESTAMP_STEP_S = 0.1
+"""The 25-byte messages count tenths of a second: over another transport a timestamp may differ by less than one."""
+
+MAX_SENDERS = 2_000
+MAX_HELD_ROWS = 20_000
+UPDATES_REMEMBERED = 16
+
+COLUMNS: dict[str, str] = {
+    "t": "time", "uas_id": "text", "id_type": "integer", "ua_type": "integer", "sources": "text",
+    "transports": "text", "received": "integer",
+    "status": "integer", "direction_deg": "number", "speed_horizontal_mps": "number", "speed_vertical_mps": "number",
+    "latitude_deg": "number", "longitude_deg": "number", "altitude_barometric_m": "number",
+    "altitude_geodetic_m": "number", "height_m": "number", "height_reference": "integer",
+    "horizontal_accuracy": "integer", "vertical_accuracy": "integer", "barometer_accuracy": "integer",
+    "speed_accuracy": "integer", "horizontal_accuracy_m": "number", "vertical_accuracy_m": "number",
+    "barometer_accuracy_m": "number", "speed_accuracy_mps": "number", "timestamp_s": "number",
+    "timestamp_accuracy_s": "number",
+    "horizontal_error_m": "number", "vertical_error_m": "number", "velocity_error_mps": "number",
+    "airframe_size_m": "number", "airframe_height_m": "number", "update_interval_s": "number",
+    "commanded_vx_mps": "number", "commanded_vy_mps": "number", "commanded_vz_mps": "number", "flags": "integer",
+    "operator_location_type": "integer", "classification_type": "integer", "operator_latitude_deg": "number",
+    "operator_longitude_deg": "number", "operator_altitude_geo_m": "number", "area_count": "integer",
+    "area_radius_m": "number", "area_ceiling_m": "number", "area_floor_m": "number", "category_eu": "integer",
+    "class_eu": "integer", "system_timestamp_s": "number", "id_or_mac": "text",
+}  # fmt: skip
+"""Columns of a joined row and what they hold; ``t`` is microseconds since 1970."""
+
+
+@dataclass(slots=True)
+class _Sender:
+    """What one sender over one transport last said."""
+
+    key: tuple[str, str, str | None]
+    id_type: int = ID_TYPE_NONE
+    uas_id: str | None = None
+    ua_type: int | None = None
+    system: dict[str, Any] = field(default_factory=dict)
+    separation: dict[str, Any] | None = None
+    separation_us: int = 0
+    last: _Update | None = None
+
+
+@dataclass(slots=True)
+class _Update:
+    """A row that is still open."""
+
+    at_us: int
+    row: dict[str, Any]
+    sender: _Sender
+    sources: list[str]
+    transports: list[str]
+
+
+class Joiner:
+    """Takes messages in the order of the file and gives rows."""
+
+    def __init__(self) -> None:
+        self._senders: OrderedDict[tuple[str, str, str | None], _Sender] = OrderedDict()
+        self._updates: OrderedDict[Any, deque[_Update]] = OrderedDict()
+        self._held: deque[_Update] = deque()
+
+    def receive(self, message: Fields) -> Iterator[dict[str, Any]]:
+        """Take one message; rows that are complete now."""
+        fields = message.fields
+        now_us = message.time_us or 0
+        if message.name == LOCATION:
+            self._locate(self._sender(message), message, now_us)
+        elif message.name == SEPARATION:
+            sender = self._sender(message)
+            sender.separation, sender.separation_us = fields, now_us
+            if sender.last is not None and _belongs(fields, now_us, sender.last):
+                _add(sender.last.row, fields)
+        elif message.name == BASIC_ID:
+            self._identify(self._sender(message), fields)
+        elif message.name == SYSTEM:
+            self._sender(message).system = fields
+        while self._held and (
+            abs(now_us - self._held[0].at_us) > HOLD_US
+            or len(self._held) > MAX_HELD_ROWS
+            or (message.time_us is None and len(self._held) > UPDATES_REMEMBERED)
+        ):
+            yield _finished(self._held.popleft())
+
+    def flush(self) -> Iterator[dict[str, Any]]:
+        """The rows that are left; the capture has ended."""
+        while self._held:
+            yield _finished(self._held.popleft())
+
+    def _sender(self, message: Fields) -> _Sender:
+        key = (message.transport, message.source, message.fields.get("id_or_mac"))
+        sender = self._senders.get(key)
+        if sender is None:
+            sender = self._senders[key] = _Sender(key)
+            if len(self._senders) > MAX_SENDERS:
+                self._senders.popitem(last=False)
+        else:
+            self._senders.move_to_end(key)
+        return sender
+
+    @staticmethod
+    def _identify(sender: _Sender, fields: dict[str, Any]) -> None:
+        if fields["ua_type"]:
+            sender.ua_type = fields["ua_type"]
+        if fields["id_type"] == ID_TYPE_NONE or not fields["uas_id"]:
+            return
+        # one who alternates serial number and registration is one aircraft
+        if fields["id_type"] == ID_TYPE_SERIAL_NUMBER or sender.id_type != ID_TYPE_SERIAL_NUMBER:
+            sender.id_type, sender.uas_id = fields["id_type"], fields["uas_id"]
+
+    def _locate(self, sender: _Sender, message: Fields, now_us: int) -> None:
+        aircraft = sender.key if sender.uas_id is None else sender.uas_id
+        updates = self._updates.get(aircraft)
+        if updates is None:
+            updates = self._updates[aircraft] = deque(maxlen=UPDATES_REMEMBERED)
+            if len(self._updates) > MAX_SENDERS:
+                self._updates.popitem(last=False)
+        else:
+            self._updates.move_to_end(aircraft)
+        for update in reversed(updates):
+            if _is_same(update, message, now_us):
+                update.row["received"] += 1
+                if message.source not in update.sources:
+                    update.sources.append(message.source)
+                if message.transport not in update.transports:
+                    update.transports.append(message.transport)
+                sender.last = update
+                if sender.separation is not None and _belongs(sender.separation, sender.separation_us, update):
+                    _add(update.row, sender.separation)
+                return
+        row: dict[str, Any] = dict.fromkeys(COLUMNS)
+        row.update(message.fields)
+        row["t"], row["received"] = message.time_us, 1
+        update = _Update(now_us, row, sender, [message.source], [message.transport])
+        if sender.separation is not None and _belongs(sender.separation, sender.separation_us, update):
+            _add(row, sender.separation)
+        updates.append(update)
+        self._held.append(update)
+        sender.last = update
+
+
+def _belongs(separation: dict[str, Any], separation_us: int, update: _Update) -> bool:
+    """Both describe the same instant."""
+    timestamp_s = separation["timestamp_s"]
+    return timestamp_s == update.row["timestamp_s"] and abs(separation_us - update.at_us) < (
+        HOLD_US if timestamp_s is None else VALID_US
+    )
+
+
+def _is_same(update: _Update, message: Fields, now_us: int) -> bool:
+    row, fields = update.row, message.fields
+    if row["timestamp_s"] is None or fields["timestamp_s"] is None or fields["latitude_deg"] is None:
+        return False
+    if abs(now_us - update.at_us) >= VALID_US:
+        return False
+    if (row["latitude_deg"], row["longitude_deg"]) != (fields["latitude_deg"], fields["longitude_deg"]):
+        return False
+    apart_s = abs(row["timestamp_s"] - fields["timestamp_s"])
+    return apart_s == 0.0 or (message.transport not in update.transports and apart_s < TIMESTAMP_STEP_S - 1e-3)
+
+
+def _add(row: dict[str, Any], separation: dict[str, Any]) -> None:
+    row.update({name: value for name, value in separation.items() if name not in ("timestamp_s", "id_or_mac")})
+
+
+def _finished(update: _Update) -> dict[str, Any]:
+    row, sender = update.row, update.sender
+    system = {name: value for name, value in sender.system.items() if name not in ("timestamp_s", "id_or_mac")}
+    row.update(system, system_timestamp_s=sender.system.get("timestamp_s"))
+    row["uas_id"], row["ua_type"] = sender.uas_id, sender.ua_type
+    row["id_type"] = sender.id_type if sender.uas_id is not None else None
+    row["sources"], row["transports"] = " ".join(update.sources), " ".join(update.transports)
+    return {name: row[name] for name in COLUMNS}
+
+
+def join(messages: Iterable[Fields]) -> Iterator[dict[str, Any]]:
+    """One row for each update of each aircraft, with the keys of `COLUMNS`, in the order of time."""
+    joiner = Joiner()
+    for message in messages:
+        yield from joiner.receive(message)
+    yield from joiner.flush()

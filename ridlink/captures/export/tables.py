@@ -1,0 +1,255 @@
+"""Tables for other programs: CSV and Parquet, one file a message or one file of joined rows.
+
+A cell of CSV that a sender could make begin with ``= + - @`` gets an apostrophe in front: opened in a spreadsheet it is
+a text and no formula. Texts are printable ASCII already, and file names are names of the dialect.
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import io
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, Protocol
+
+import numpy as np
+
+from ridlink.captures.export.chosen import chosen_frames
+from ridlink.captures.export.join import COLUMNS
+from ridlink.captures.export.selection import Selection
+from ridlink.captures.export.si import Column, columns_of
+from ridlink.captures.fast.blocks import Block
+from ridlink.captures.fast.tables import Layout, column_of, layouts
+from ridlink.captures.lines import exact_seconds
+from ridlink.errors import MissingExtraError
+
+ROWS_PER_GROUP = 16_384
+FORMULA_STARTS = ("=", "+", "-", "@")
+
+KNOTS_PER_MPS = 3600.0 / 1852.0
+FEET_PER_M = 1.0 / 0.3048
+
+
+class TableWriter(Protocol):
+    """Takes the messages of blocks and writes one file for each message name."""
+
+    def write(self, block: Block, selection: Selection) -> None:
+        """Take the frames of a block."""
+
+    def close(self) -> list[str]:
+        """Finish all files; their names."""
+
+
+def chosen_rows(block: Block, selection: Selection) -> Iterator[tuple[Layout, np.ndarray]]:
+    """Records of a block by message, those that are selected."""
+    chosen = chosen_frames(selection, block)
+    for slot, _ in block.present():
+        rows = block.columns(slot)
+        if chosen is not None:
+            rows = rows[chosen[block.entries(slot)]]
+        if len(rows):
+            yield layouts()[slot], rows
+
+
+def table_columns(layout: Layout, rows: np.ndarray) -> dict[str, Column]:
+    """Columns of a table after its time: ``sysid, compid, seq, offset``, then the fields."""
+    columns = {name: Column(rows[name]) for name in ("sysid", "compid", "seq", "offset")}
+    if layout.spec is None:
+        payloads = zip(rows["payload"], rows["length"].tolist(), strict=True)
+        columns["msgid"] = Column(rows["msgid"])
+        columns["payload"] = Column([payload[:length].tobytes().hex() for payload, length in payloads])
+        return columns
+    return columns | {column_of(name): column for name, column in columns_of(layout, rows).items()}
+
+
+# --- CSV ---
+
+
+def neutral(text: str | None) -> str | None:
+    """A text that no spreadsheet takes for a formula."""
+    return f"'{text}" if text is not None and text.startswith(FORMULA_STARTS) else text
+
+
+def _csv_cells(column: Column) -> list[Any]:
+    found = column.to_list()
+    if isinstance(column.values, list):
+        return [neutral(text) for text in found]
+    if column.values.ndim > 1:
+        return [f"[{','.join(map(str, values))}]" for values in found]
+    if column.values.dtype.kind == "f":
+        return [None if value != value else value for value in found]
+    return found
+
+
+class CsvFolder:
+    """CSV files in a folder, one a message."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._files: dict[str, tuple[io.TextIOWrapper, Any]] = {}
+
+    def write(self, block: Block, selection: Selection) -> None:
+        """Take the frames of a block."""
+        for layout, rows in chosen_rows(block, selection):
+            columns = table_columns(layout, rows)
+            if layout.name not in self._files:
+                stream = open(self._folder / f"{layout.name}.csv", "w", encoding="utf-8", newline="")  # noqa: SIM115
+                self._files[layout.name] = stream, csv.writer(stream, lineterminator="\n")
+                self._files[layout.name][1].writerow(["t", *columns])
+            times = [None if t < 0 else exact_seconds(t) for t in rows["t_us"].tolist()]
+            cells = zip(times, *(_csv_cells(column) for column in columns.values()), strict=True)
+            self._files[layout.name][1].writerows(cells)
+
+    def close(self) -> list[str]:
+        """Finish all files; their names."""
+        for stream, _ in self._files.values():
+            stream.close()
+        return sorted(f"{name}.csv" for name in self._files)
+
+
+def write_joined_csv(rows: Iterable[dict[str, Any]], out: BinaryIO) -> int:
+    """Joined rows as one CSV; how many."""
+    text = io.TextIOWrapper(out, encoding="utf-8", newline="", write_through=True)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    texts = [name for name, kind in COLUMNS.items() if kind == "text"]
+    count = 0
+    for row in rows:
+        cells = row | {name: neutral(row[name]) for name in texts}
+        cells["t"] = None if row["t"] is None else exact_seconds(row["t"])
+        writer.writerow(cells.values())
+        count += 1
+    text.detach()
+    return count
+
+
+# --- Parquet ---
+
+
+def arrow() -> tuple[Any, Any]:
+    """pyarrow and pyarrow.parquet.
+
+    Raises:
+        MissingExtraError: If they are not installed.
+    """
+    try:
+        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise MissingExtraError("export", "Parquet") from error
+
+
+class ParquetFolder:
+    """Parquet files in a folder, one a message; ``t`` is a UTC timestamp of microseconds.
+
+    Raises:
+        MissingExtraError: If pyarrow is not installed.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._arrow, self._parquet = arrow()
+        self._folder = folder
+        self._writers: dict[str, Any] = {}
+        self._waiting: dict[str, list[Any]] = {}
+        self._rows: dict[str, int] = {}
+
+    def write(self, block: Block, selection: Selection) -> None:
+        """Take the frames of a block."""
+        for layout, rows in chosen_rows(block, selection):
+            times = rows["t_us"].astype(np.int64)
+            arrays = {
+                "t": self._arrow.array(times, self._arrow.timestamp("us", "UTC"), mask=times < 0),
+                **{name: self._array(column) for name, column in table_columns(layout, rows).items()},
+            }
+            self._waiting.setdefault(layout.name, []).append(self._arrow.table(arrays))
+            self._rows[layout.name] = self._rows.get(layout.name, 0) + len(rows)
+            if self._rows[layout.name] >= ROWS_PER_GROUP:
+                self._flush(layout.name)
+
+    def _array(self, column: Column) -> Any:
+        if isinstance(column.values, list):
+            return self._arrow.array(column.values, self._arrow.string())
+        values = np.ascontiguousarray(column.values)
+        if values.ndim > 1:
+            flat = self._arrow.array(values.reshape(-1))
+            return self._arrow.FixedSizeListArray.from_arrays(flat, values.shape[1])
+        return self._arrow.array(values, mask=None if column.known is None else ~column.known)
+
+    def _flush(self, name: str) -> None:
+        table = self._arrow.concat_tables(self._waiting[name])
+        if name not in self._writers:
+            self._writers[name] = self._parquet.ParquetWriter(
+                os.fspath(self._folder / f"{name}.parquet"), table.schema, compression="zstd"
+            )
+        self._writers[name].write_table(table)
+        self._waiting[name], self._rows[name] = [], 0
+
+    def close(self) -> list[str]:
+        """Finish all files; their names."""
+        for name in self._waiting:
+            if self._waiting[name]:
+                self._flush(name)
+        for writer in self._writers.values():
+            writer.close()
+        return sorted(f"{name}.parquet" for name in self._writers)
+
+
+def write_joined_parquet(rows: Iterable[dict[str, Any]], out: BinaryIO) -> int:
+    """Joined rows as one Parquet file; how many.
+
+    The columns of the join come first; after them the same under the names and in the units (feet, knots, feet a
+    minute) that the library ``traffic`` reads.
+
+    Raises:
+        MissingExtraError: If pyarrow is not installed.
+    """
+    pa, parquet = arrow()
+    types = {"time": pa.timestamp("us", "UTC"), "text": pa.string(), "integer": pa.int64(), "number": pa.float64()}
+    schema = pa.schema(
+        [
+            *((name, types[kind]) for name, kind in COLUMNS.items()),
+            ("timestamp", types["time"]),
+            *((name, pa.string()) for name in ("icao24", "callsign")),
+            *(
+                (name, pa.float64())
+                for name in ("latitude", "longitude", "altitude", "groundspeed", "track", "vertical_rate")
+            ),
+        ]
+    )
+    count = 0
+    with parquet.ParquetWriter(out, schema, compression="zstd") as writer:
+        for group in _groups(rows, ROWS_PER_GROUP):
+            count += len(group)
+            writer.write_table(pa.Table.from_pylist([row | _for_traffic(row) for row in group], schema))
+    return count
+
+
+def _groups(rows: Iterable[dict[str, Any]], length: int) -> Iterator[list[dict[str, Any]]]:
+    group: list[dict[str, Any]] = []
+    for row in rows:
+        group.append(row)
+        if len(group) == length:
+            yield group
+            group = []
+    if group:
+        yield group
+
+
+def _for_traffic(row: dict[str, Any]) -> dict[str, Any]:
+    def scaled(name: str, factor: float) -> float | None:
+        return None if row[name] is None else row[name] * factor
+
+    name = row["uas_id"] or row["sources"]
+    geodetic = scaled("altitude_geodetic_m", FEET_PER_M)
+    return {
+        "timestamp": row["t"],
+        "icao24": name,
+        "callsign": name,
+        "latitude": row["latitude_deg"],
+        "longitude": row["longitude_deg"],
+        "altitude": scaled("altitude_barometric_m", FEET_PER_M) if geodetic is None else geodetic,
+        "groundspeed": scaled("speed_horizontal_mps", KNOTS_PER_MPS),
+        "track": row["direction_deg"],
+        "vertical_rate": scaled("speed_vertical_mps", 60.0 * FEET_PER_M),
+    }

@@ -1,0 +1,166 @@
+"""What ``ridlink decode`` does for formats other than lines and statistics, and for lines of large files."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import click
+
+if TYPE_CHECKING:
+    from ridlink.captures.export.fields import Fields
+    from ridlink.captures.export.selection import Selection
+    from ridlink.captures.fast.blocks import BlockReader
+    from ridlink.captures.statistics import Statistics
+
+FOLDERS = ("csv", "parquet")
+MAPS = ("geojson", "kml")
+EXPORTS = (*FOLDERS, *MAPS, "mcap")
+NEED_OUTPUT = ("parquet", "mcap")
+JOINABLE = ("csv", "parquet", "jsonl")
+
+LARGE_BYTES = 2_000_000
+"""From here on compiled loops are faster than they are loaded."""
+
+Output = Callable[[str | None], AbstractContextManager[BinaryIO]]
+
+
+def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | None:
+    """Microseconds since 1970 of seconds since 1970 or of a date and time, UTC where it does not say."""
+    if value is None:
+        return None
+    from datetime import UTC, datetime
+    from decimal import Decimal, InvalidOperation
+
+    try:
+        return int(Decimal(value) * 1_000_000)
+    except (InvalidOperation, ValueError, OverflowError):
+        pass
+    try:
+        moment = datetime.fromisoformat(value)
+    except ValueError:
+        raise click.BadParameter("must be seconds since 1970 or a time such as 2026-05-01T12:30:00Z") from None
+    moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)
+    since = moment - datetime(1970, 1, 1, tzinfo=UTC)
+    return (since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds
+
+
+def check(output_format: str, output: str | None, join: bool, stats: bool) -> None:
+    """Refuse combinations of options that mean nothing.
+
+    Raises:
+        click.UsageError: If so.
+    """
+    if join and output_format not in JOINABLE:
+        raise click.UsageError(f"--join is for -f {', '.join(JOINABLE)}; -f {output_format} cannot take it")
+    if stats and (join or output_format in EXPORTS):
+        raise click.UsageError("--stats is for -f table and -f jsonl, without --join")
+    if output in (None, "-"):
+        if output_format == "csv" and not join:
+            raise click.UsageError("-f csv writes one file a message: name a folder with -o")
+        if output_format in NEED_OUTPUT:
+            raise click.UsageError(f"-f {output_format} needs -o")
+
+
+def large_reader(path: str, kind: str) -> BlockReader | None:
+    """A reader in blocks where that pays off, that is for large files; ``None`` elsewhere."""
+    if path == "-" or not Path(path).is_file() or Path(path).stat().st_size < LARGE_BYTES:
+        return None
+    from ridlink.captures.fast.blocks import KINDS, BlockReader
+
+    reader = BlockReader(path, kind)
+    return reader if reader.kind in KINDS else None
+
+
+def export(
+    files: tuple[str, ...],
+    kind: str,
+    output_format: str,
+    output: str | None,
+    join: bool,
+    selection: Selection,
+    statistics: Statistics,
+    opened: Output,
+) -> None:
+    """Write the files in a format that is no line a message.
+
+    Args:
+        files, kind: What to read.
+        output_format, output, join: What to write.
+        selection: Which messages.
+        statistics: Gets the captures, for their rejects.
+        opened: Opens an output that appears whole or not at all.
+    """
+    if output_format in FOLDERS and not join:
+        assert output is not None
+        _export_folder(files, kind, output_format, output, selection, statistics)
+        return
+    from ridlink.captures.export.geo import MAPPED_NAMES, write_geojson, write_kml
+    from ridlink.captures.export.join import JOINED_NAMES
+    from ridlink.captures.export.join import join as joined
+    from ridlink.captures.export.tables import write_joined_csv, write_joined_parquet
+
+    if selection.names is None and output_format != "mcap":  # nothing else is looked at
+        selection = dataclasses.replace(selection, names=frozenset(JOINED_NAMES if join else MAPPED_NAMES))
+    messages = _messages(files, kind, selection, statistics)
+    with opened(output) as out:
+        if output_format == "geojson":
+            write_geojson(messages, out)
+        elif output_format == "kml":
+            write_kml(messages, out)
+        elif output_format == "mcap":
+            from ridlink.captures.export.mcap import write_mcap
+
+            write_mcap(messages, out)
+        elif output_format == "csv":
+            write_joined_csv(joined(messages), out)
+        elif output_format == "parquet":
+            write_joined_parquet(joined(messages), out)
+        else:
+            _write_joined_lines(joined(messages), out)
+
+
+def _readers(files: tuple[str, ...], kind: str, statistics: Statistics) -> Iterator[Any]:
+    from ridlink.captures.fast.blocks import BlockReader
+
+    for path in files:
+        reader = BlockReader(path, kind)
+        statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
+        yield reader
+
+
+def _messages(files: tuple[str, ...], kind: str, selection: Selection, statistics: Statistics) -> Iterator[Fields]:
+    from ridlink.captures.export.fields import fields_of_block
+
+    for reader in _readers(files, kind, statistics):
+        for block in reader:
+            yield from fields_of_block(block, selection)
+
+
+def _export_folder(
+    files: tuple[str, ...], kind: str, output_format: str, output: str, selection: Selection, statistics: Statistics
+) -> None:
+    from ridlink.captures.export.folder import whole_folder
+    from ridlink.captures.export.tables import CsvFolder, ParquetFolder
+
+    with whole_folder(output) as folder:
+        writer = CsvFolder(folder) if output_format == "csv" else ParquetFolder(folder)
+        for reader in _readers(files, kind, statistics):
+            for block in reader:
+                writer.write(block, selection)
+        names = writer.close()
+    click.echo(f"{output}: {', '.join(names) or 'no messages'}", err=True)
+
+
+def _write_joined_lines(rows: Iterable[dict[str, Any]], out: BinaryIO) -> None:
+    import msgspec
+
+    from ridlink.captures.lines import exact_seconds
+
+    encode = msgspec.json.Encoder().encode
+    for row in rows:
+        row["t"] = msgspec.Raw(exact_seconds(row["t"]).encode())
+        out.write(encode(row) + b"\n")
