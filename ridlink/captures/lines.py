@@ -83,15 +83,36 @@ def exact_seconds(time_us: int | None) -> str:
 
 
 def json_line(record: MessageRecord) -> bytes:
-    """One line of JSON, with its line feed."""
-    frame = record.frame
-    head = (
-        f'{{"t":{exact_seconds(record.time_us)},"src":"{frame.sysid}/{frame.compid}","seq":{frame.seq},'
-        f'"type":"{record.name}","id":{frame.msgid},"fields":'
-    ).encode()
+    """One line of JSON, with its line feed.
+
+    A message of 25 bytes says how it came and has them in ``hex``; one that came in a MAVLink frame, its source.
+    """
+    head = f'{{"t":{exact_seconds(record.time_us)},{_came(record)}"type":"{record.name}",'
+    if record.is_broadcast:
+        return b'%b%b"fields":%b}\n' % (head.encode(), _hex(record), _encode(fields_of(record)))
     if record.message is None:
-        return b'%b{},"payload":"%b"}\n' % (head, frame.payload.hex().encode())
-    return b"%b%b}\n" % (head, _encode(fields_of(record)))
+        payload = record.frame.payload.hex()
+        return f'{head}"id":{record.frame.msgid},"fields":{{}},"payload":"{payload}"}}\n'.encode()
+    head += f'"id":{record.message.msgid},'
+    return b'%b%b"fields":%b}\n' % (head.encode(), _hex(record), _encode(fields_of(record)))
+
+
+def _came(record: MessageRecord) -> str:
+    """How a message came, as the beginning of a JSON object."""
+    frame, origin = record.frame, record.origin
+    source = "" if record.is_broadcast else f'"src":"{frame.sysid}/{frame.compid}","seq":{frame.seq},'
+    if origin is None:
+        return source
+    transport = f'"transport":"{origin.transport}",' if origin.transport else ""
+    mac = f'"mac":"{origin.mac.hex(":")}",' if origin.mac else ""
+    counter = f'"counter":{origin.counter},' if origin.counter is not None else ""
+    index = f'"index":{origin.index},' if origin.data is not None else ""
+    return transport + source + mac + counter + index
+
+
+def _hex(record: MessageRecord) -> bytes:
+    origin = record.origin
+    return b"" if origin is None or origin.data is None else b'"hex":"%b",' % origin.data.hex().encode()
 
 
 def clock_time(time_us: int | None) -> str:
@@ -106,16 +127,22 @@ def clock_time(time_us: int | None) -> str:
 
 
 def table_line(record: MessageRecord) -> bytes:
-    """One aligned row: time, source, sequence number, message, fields."""
-    frame = record.frame
+    """One aligned row: time, source, sequence number, message, fields.
+
+    Of a broadcast the source is the transmitter, and the number its message counter.
+    """
+    frame, origin = record.frame, record.origin
     name = record.name
     if record.message is None:
         name = f"{UNKNOWN} {frame.msgid}"
         text = f"payload={frame.payload.hex()}"
     else:
         text = " ".join(f"{field}={_cell(value)}" for field, value in fields_of(record).items())
-    source = f"{frame.sysid}/{frame.compid}"
-    return f"{clock_time(record.time_us):<27} {source:>7} {frame.seq:>3}  {name:<27} {text}\n".encode()
+    source, number = f"{frame.sysid}/{frame.compid}", str(frame.seq)
+    if record.is_broadcast and origin is not None:
+        source = origin.mac.hex(":") or "-"
+        number = "-" if origin.counter is None else str(origin.counter)
+    return f"{clock_time(record.time_us):<27} {source:>7} {number:>3}  {name:<27} {text}\n".encode()
 
 
 def _cell(value: Any) -> str:

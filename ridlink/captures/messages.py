@@ -1,4 +1,7 @@
-"""Messages of a capture, typed: MAVLink as the XML has it, Remote ID in SI."""
+"""Messages of a capture, typed: MAVLink as the XML has it, Remote ID in SI.
+
+An OPEN_DRONE_ID_MESSAGE_PACK is a message, and so is each of its members, which follow it.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,15 @@ import os
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from ridlink.captures.broadcasts import id_of
 from ridlink.captures.reader import open_capture
-from ridlink.captures.records import Record
-from ridlink.mavlink.codec import MESSAGES, Message, decode_payload
+from ridlink.captures.records import Origin, Record, TracedRecord
+from ridlink.mavlink.codec import MESSAGES, MESSAGES_BY_NAME, Message, decode_payload
 from ridlink.mavlink.frames import Frame
+from ridlink.remote_id.astm import decode_message
+from ridlink.remote_id.bridge import pack_members, sender_of
+from ridlink.remote_id.convert import MESSAGE_PACK, from_mavlink, to_mavlink
 from ridlink.remote_id.convert import Rejects as FieldRejects
-from ridlink.remote_id.convert import from_mavlink
 from ridlink.remote_id.messages import RemoteIdMessage
 
 UNKNOWN = "UNKNOWN"
@@ -22,7 +28,8 @@ class MessageRecord(NamedTuple):
     """One message of a capture.
 
     ``message`` is ``None`` where the dialect does not know the id, ``remote_id`` where the message is not about Remote
-    ID. ``time_us`` is microseconds since 1970 (UTC) or ``None``.
+    ID. ``time_us`` is microseconds since 1970 (UTC) or ``None``. ``origin`` says how it came, where that is more than
+    a frame in a file; of a member of a message pack ``frame`` is that of the pack.
     """
 
     time_us: int | None
@@ -30,6 +37,17 @@ class MessageRecord(NamedTuple):
     message: Message | None
     remote_id: RemoteIdMessage | None
     offset: int
+    origin: Origin | None = None
+
+    @property
+    def is_broadcast(self) -> bool:
+        """It came as 25 bytes and in no MAVLink frame; ``frame`` is what a receiver would make of it."""
+        return self.origin is not None and self.origin.data is not None and not self.is_member
+
+    @property
+    def is_member(self) -> bool:
+        """It came in an OPEN_DRONE_ID_MESSAGE_PACK, whose own record is the one before."""
+        return self.message is not None and self.message.msgid != self.frame.msgid
 
     @property
     def name(self) -> str:
@@ -49,13 +67,37 @@ def decode_records(records: Iterable[Record], field_rejects: FieldRejects | None
         records: Records, as of `open_capture`.
         field_rejects: Counts Remote ID fields that are out of range.
     """
-    for time_us, frame, offset in records:
+    for record in records:
+        time_us, frame, offset = record
+        origin = record.origin if isinstance(record, TracedRecord) else None
         spec = MESSAGES.get(frame.msgid)
         if spec is None:
-            yield MessageRecord(time_us, frame, None, None, offset)
+            yield MessageRecord(time_us, frame, None, None, offset, origin)
+            continue
+        message = Message(spec.name, spec.msgid, decode_payload(spec, frame.payload))
+        if origin is not None and origin.data is not None:
+            remote_id = decode_message(origin.data, field_rejects, id_or_mac=id_of(origin.mac))
+            yield MessageRecord(time_us, frame, message, remote_id, offset, origin)
+        elif spec.name == MESSAGE_PACK:
+            yield MessageRecord(time_us, frame, message, None, offset, origin)
+            yield from _members(record, message, origin, field_rejects)
         else:
-            message = Message(spec.name, spec.msgid, decode_payload(spec, frame.payload))
-            yield MessageRecord(time_us, frame, message, from_mavlink(message, field_rejects), offset)
+            yield MessageRecord(time_us, frame, message, from_mavlink(message, field_rejects), offset, origin)
+
+
+def _members(
+    pack: Record, message: Message, origin: Origin | None, field_rejects: FieldRejects | None
+) -> Iterator[MessageRecord]:
+    """The members of an OPEN_DRONE_ID_MESSAGE_PACK, each as if it had come alone."""
+    transport = origin.transport if origin is not None else None
+    for member in pack_members(message, field_rejects):
+        remote_id = decode_message(member.data, field_rejects, id_or_mac=sender_of(message))
+        name, fields = to_mavlink(remote_id)
+        single = Message(name, MESSAGES_BY_NAME[name].msgid, fields)
+        yield MessageRecord(
+            pack.time_us, pack.frame, single, remote_id, pack.offset,
+            Origin(transport, index=member.index, data=member.data),
+        )  # fmt: skip
 
 
 def read_messages(path: str | os.PathLike[str], kind: str = "auto") -> Iterator[MessageRecord]:
@@ -63,7 +105,7 @@ def read_messages(path: str | os.PathLike[str], kind: str = "auto") -> Iterator[
 
     Args:
         path: File, or ``-`` for standard input.
-        kind: ``tlog``, ``mavlink`` or ``auto``.
+        kind: ``tlog``, ``mavlink``, ``pcap``, ``hex`` or ``auto``.
 
     Raises:
         CaptureError: If it is no capture that is read.

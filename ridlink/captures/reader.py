@@ -1,7 +1,7 @@
 """Captures by path: which format a file has, and an iterator of its records.
 
-The format is told by the content, and by the suffix only where the content says nothing: in a tlog eight bytes stand
-between one frame and the next, in a raw stream none.
+The format is told by the content, and by the suffix only where the content says nothing: a pcap file has a magic
+number, lines of hexadecimal are text, in a tlog eight bytes stand between one frame and the next, in a raw stream none.
 """
 
 from __future__ import annotations
@@ -9,11 +9,14 @@ from __future__ import annotations
 import itertools
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from enum import StrEnum
 from pathlib import PurePath
 from typing import BinaryIO, Self
 
+from ridlink.captures.hexlines import looks_like_hex, read_hex
+from ridlink.captures.packets import read_pcap
+from ridlink.captures.pcap import MAGICS
 from ridlink.captures.raw import read_raw
 from ridlink.captures.records import Record, Rejects
 from ridlink.captures.tlog import TIME_LENGTH, read_tlog
@@ -29,11 +32,6 @@ ENOUGH_FRAMES = 16
 STDIN = "-"
 
 _FOREIGN = {
-    b"\xd4\xc3\xb2\xa1": "a pcap capture",
-    b"\xa1\xb2\xc3\xd4": "a pcap capture",
-    b"\x4d\x3c\xb2\xa1": "a pcap capture",
-    b"\xa1\xb2\x3c\x4d": "a pcap capture",
-    b"\x0a\x0d\x0d\x0a": "a pcapng capture",
     b"ULog": "a PX4 ULog",
     b"\xa3\x95\x80\x80": "an ArduPilot dataflash log",
     b"\x1f\x8b": "a gzip file: unpack it first",
@@ -46,10 +44,25 @@ class CaptureKind(StrEnum):
 
     TLOG = "tlog"
     MAVLINK = "mavlink"
+    PCAP = "pcap"
+    HEX = "hex"
 
 
-_READERS = {CaptureKind.TLOG: read_tlog, CaptureKind.MAVLINK: read_raw}
-_SUFFIXES = {".tlog": CaptureKind.TLOG, ".mavlink": CaptureKind.MAVLINK, ".raw": CaptureKind.MAVLINK}
+_Reader = Callable[[Iterable[bytes], Rejects], Iterator[Record]]
+_READERS: dict[CaptureKind, _Reader] = {
+    CaptureKind.TLOG: read_tlog,
+    CaptureKind.MAVLINK: read_raw,
+    CaptureKind.PCAP: read_pcap,
+    CaptureKind.HEX: read_hex,
+}
+_SUFFIXES = {
+    ".tlog": CaptureKind.TLOG,
+    ".mavlink": CaptureKind.MAVLINK,
+    ".raw": CaptureKind.MAVLINK,
+    ".pcap": CaptureKind.PCAP,
+    ".pcapng": CaptureKind.PCAP,
+    ".hex": CaptureKind.HEX,
+}
 
 
 class Capture:
@@ -89,16 +102,25 @@ class Capture:
         """Records in the order of the file.
 
         Raises:
-            CaptureError: At the end, if there was none.
+            CaptureError: At the end, if there was none, or nothing that is read.
             OSError: If the file cannot be read any further.
         """
         records = 0
-        for record in _READERS[self.kind](itertools.chain(self._head, self._chunks()), self.rejects):
-            records += 1
-            yield record
+        try:
+            for record in _READERS[self.kind](itertools.chain(self._head, self._chunks()), self.rejects):
+                records += 1
+                yield record
+        except CaptureError as error:
+            raise CaptureError(f"{self.name}: {error}") from error
         if not records:
-            what = "is empty" if self.position == 0 else f"has no MAVLink frame ({self.kind})"
+            what = "is empty" if self.position == 0 else self._nothing()
             raise CaptureError(f"{self.name} {what}")
+
+    def _nothing(self) -> str:
+        if self.kind in (CaptureKind.TLOG, CaptureKind.MAVLINK):
+            return f"has no MAVLink frame ({self.kind})"
+        damage = f"; refused: {self.rejects}" if self.rejects else ""
+        return f"has no MAVLink frame and no Remote ID broadcast ({self.kind}){damage}"
 
     def close(self) -> None:
         """Close the file; standard input stays open."""
@@ -132,7 +154,7 @@ class Capture:
         head = b""
         while len(head) < HEAD_LENGTH and (chunk := self._read()):
             head += chunk
-            if len(_checked_frames(head)) >= ENOUGH_FRAMES:
+            if head.startswith(MAGICS) or looks_like_hex(head) or len(_checked_frames(head)) >= ENOUGH_FRAMES:
                 break
         return head
 
@@ -144,7 +166,7 @@ def open_capture(
 
     Args:
         path: File, or ``-`` for standard input.
-        kind: ``tlog``, ``mavlink``, or ``auto`` to tell it by content and suffix.
+        kind: ``tlog``, ``mavlink``, ``pcap``, ``hex``, or ``auto`` to tell it by content and suffix.
         before_read: Called before each read of the file, which may block on a pipe.
 
     Raises:
@@ -178,7 +200,11 @@ def detect_kind(head: bytes, name: str) -> CaptureKind:
         raise CaptureError(f"{name} is empty")
     for magic, what in _FOREIGN.items():
         if head.startswith(magic):
-            raise CaptureError(f"{name} is {what}; tlog and raw MAVLink are read")
+            raise CaptureError(f"{name} is {what}; tlog, raw MAVLink, pcap and lines of hex are read")
+    if head.startswith(MAGICS):
+        return CaptureKind.PCAP
+    if looks_like_hex(head):
+        return CaptureKind.HEX
     by_suffix = _SUFFIXES.get(PurePath(name).suffix.lower())
     frames = _checked_frames(head)
     gaps = [second.offset - first.offset - len(first.raw) for first, second in itertools.pairwise(frames)]

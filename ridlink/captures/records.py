@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 from ridlink.mavlink.frames import Frame
 
@@ -23,19 +24,55 @@ class Record(NamedTuple):
     offset: int
 
 
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """How a message came, where that is more than a frame in a file.
+
+    Attributes:
+        transport: ``udp``, or a `ridlink.remote_id.radio.Transport`; ``None`` where the capture does not say.
+        mac: Transmitter of a broadcast; empty where the capture does not say.
+        counter: Message counter of a broadcast.
+        index: Place of the message in its message pack; 0 for one alone.
+        data: The 25 bytes, where the message came as such.
+    """
+
+    transport: str | None = None
+    mac: bytes = b""
+    counter: int | None = None
+    index: int = 0
+    data: bytes | None = None
+
+
+class TracedRecord(Record):
+    """A record that knows its `Origin`.
+
+    Of a message of 25 bytes ``frame`` is what a Remote ID receiver would put on the bus of its vehicle: component 236,
+    system 0, ``id_or_mac`` filled with the transmitter.
+    """
+
+    origin: Origin
+
+    def __new__(cls, time_us: int | None, frame: Frame, offset: int, origin: Origin) -> Self:
+        record = super().__new__(cls, time_us, frame, offset)
+        record.origin = origin
+        return record
+
+
 class Rejects:
     """Damage by cause: how often, and where first.
 
     Attributes:
         counts: Rejects by cause; bytes refused for one cause without a break are one reject.
-        first_offset: Byte of the file where a cause was met first.
+        first_offset: Where a cause was met first: byte, or whatever ``unit`` says, of the file.
+        unit: What places of the file are counted in.
     """
 
-    __slots__ = ("_last_cause", "_last_end", "counts", "first_offset")
+    __slots__ = ("_last_cause", "_last_end", "counts", "first_offset", "unit")
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
         self.first_offset: dict[str, int] = {}
+        self.unit = "byte"
         self._last_cause = ""
         self._last_end = -1
 
@@ -46,6 +83,12 @@ class Rejects:
             self.first_offset.setdefault(str(cause), offset)
         self._last_cause, self._last_end = cause, offset + length
 
+    def add_one(self, cause: str, offset: int) -> None:
+        """Count one packet, line or message that was not taken, whatever was refused just before it."""
+        self._last_end = -1
+        self.add(cause, offset)
+        self._last_end = -1
+
     def __len__(self) -> int:
         """Rejects in all."""
         return self.counts.total()
@@ -53,5 +96,6 @@ class Rejects:
     def __str__(self) -> str:
         """One line: causes, counts, first offsets."""
         return ", ".join(
-            f"{count} {cause} (first at byte {self.first_offset[cause]})" for cause, count in self.counts.most_common()
+            f"{count} {cause} (first at {self.unit} {self.first_offset[cause]})"
+            for cause, count in self.counts.most_common()
         )

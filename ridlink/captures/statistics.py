@@ -43,6 +43,7 @@ class Statistics:
         ids: Message id of each name; ``UNKNOWN`` has none.
         unknown: Messages that the dialect does not know, by id.
         sources: Messages by system id and component id.
+        transmitters: Broadcasts by who sent them and how.
         first_us, last_us: Earliest and latest time.
         captures: What was read, with its damage.
         fields: Remote ID fields that were out of range.
@@ -52,6 +53,7 @@ class Statistics:
     ids: dict[str, int] = field(default_factory=dict)
     unknown: Counter[int] = field(default_factory=Counter)
     sources: dict[tuple[int, int], SourceCount] = field(default_factory=dict)
+    transmitters: Counter[tuple[str, str]] = field(default_factory=Counter)
     first_us: int | None = None
     last_us: int | None = None
     captures: list[Capture] = field(default_factory=list)
@@ -62,13 +64,16 @@ class Statistics:
         name = record.name
         self.types[name] += 1
         if record.message is not None:
-            self.ids[name] = record.frame.msgid
+            self.ids[name] = record.message.msgid
         else:
             self.unknown[record.frame.msgid] += 1
-        source = self.sources.get(record.source)
-        if source is None:
-            source = self.sources[record.source] = SourceCount()
-        source.see(record.frame.seq)
+        if record.is_broadcast and record.origin is not None:
+            self.transmitters[record.origin.mac.hex(":") or "-", record.origin.transport or "-"] += 1
+        elif not record.is_member:
+            source = self.sources.get(record.source)
+            if source is None:
+                source = self.sources[record.source] = SourceCount()
+            source.see(record.frame.seq)
         if record.time_us is not None:
             if self.first_us is None or record.time_us < self.first_us:
                 self.first_us = record.time_us
@@ -105,14 +110,23 @@ class Statistics:
                 f"{sysid}/{compid}": {"messages": source.messages, "gaps": source.gaps, "lost": source.lost}
                 for (sysid, compid), source in sorted(self.sources.items())
             },
+            **self._transmitters_as_dict(),
             "rejects": [
                 {"file": capture.name, "cause": cause, "count": count,
-                 "first_offset": capture.rejects.first_offset[cause]}
+                 f"first_{'offset' if capture.rejects.unit == 'byte' else capture.rejects.unit}":
+                     capture.rejects.first_offset[cause]}
                 for capture in self.captures
                 for cause, count in capture.rejects.counts.most_common()
             ],
             "fields_out_of_range": dict(self.fields.most_common()),
         }  # fmt: skip
+
+    def _transmitters_as_dict(self) -> dict[str, Any]:
+        """Broadcasts by transmitter and transport; nothing where there are none."""
+        found: dict[str, dict[str, int]] = {}
+        for (mac, transport), count in sorted(self.transmitters.items()):
+            found.setdefault(mac, {})[transport] = count
+        return {"transmitters": found} if found else {}
 
     def as_text(self) -> str:
         """The same as aligned tables."""
@@ -135,21 +149,33 @@ class Statistics:
                     for name, msgid, count in types
                 ],
             ),
-            _table(
-                ("source", "count", "gaps", "lost"),
-                [
-                    (f"{sysid}/{compid}", f"{source.messages:,}", f"{source.gaps:,}", f"{source.lost:,}")
-                    for (sysid, compid), source in sorted(self.sources.items())
-                ],
-            ),
         ]
+        if self.sources or not self.transmitters:
+            blocks.append(
+                _table(
+                    ("source", "count", "gaps", "lost"),
+                    [
+                        (f"{sysid}/{compid}", f"{source.messages:,}", f"{source.gaps:,}", f"{source.lost:,}")
+                        for (sysid, compid), source in sorted(self.sources.items())
+                    ],
+                )
+            )
+        if self.transmitters:
+            blocks.append(
+                _table(
+                    ("transmitter", "transport", "count"),
+                    [(mac, transport, f"{count:,}") for (mac, transport), count in sorted(self.transmitters.items())],
+                )
+            )
         rejects = [
             (cause, f"{count:,}", f"{capture.rejects.first_offset[cause]:,}", *([capture.name] * (len(kinds) > 1)))
             for capture in self.captures
             for cause, count in capture.rejects.counts.most_common()
         ]
         if rejects:
-            blocks.append(_table(("reject", "count", "first at byte", *(["file"] * (len(kinds) > 1))), rejects))
+            units = {capture.rejects.unit for capture in self.captures if capture.rejects}
+            place = f"first at {' or '.join(sorted(units))}"
+            blocks.append(_table(("reject", "count", place, *(["file"] * (len(kinds) > 1))), rejects))
         else:
             blocks.append("no rejects")
         if self.fields:

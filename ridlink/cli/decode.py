@@ -31,7 +31,7 @@ PROGRESS_EVERY_S = 0.2
 @click.option(
     "--in",
     "kind",
-    type=click.Choice(["auto", "tlog", "mavlink"]),
+    type=click.Choice(["auto", "tlog", "mavlink", "pcap", "hex"]),
     default="auto",
     show_default=True,
     help="Format of the files; auto tells it by content and suffix.",
@@ -75,7 +75,11 @@ def decode(
     stats: bool,
     strict: bool,
 ) -> int:
-    """Decode message dumps: MAVLink telemetry logs (.tlog) and raw MAVLink streams; - is standard input.
+    """Decode message dumps; - is standard input.
+
+    Read are MAVLink telemetry logs (.tlog) and raw MAVLink streams; pcap and pcapng captures, of MAVLink over UDP and
+    of Remote ID on the air (802.11 beacons and NAN frames, Bluetooth 4 and 5 advertisements); and lines of hexadecimal,
+    one message, message pack or frame each.
 
     Open Drone ID and RIDLINK_SEPARATION come in SI units, null or - where unknown; other messages as the MAVLink XML
     has them. Damage is skipped, counted by cause, and reported on standard error.

@@ -31,15 +31,19 @@ def messages_of(message: Message, rejects: Rejects | None = None) -> list[Remote
             ``OPEN_DRONE_ID_MESSAGE_PACK.cause``.
     """
     if message.name == MESSAGE_PACK:
-        id_or_mac: bytes = message.fields["id_or_mac"]
-        sender = None if id_or_mac == _NO_ID else id_or_mac
-        return read_members(pack_members(message, rejects), rejects, id_or_mac=sender)
+        return read_members(pack_members(message, rejects), rejects, id_or_mac=sender_of(message))
     single = from_mavlink(message, rejects)
     if single is None:
         return []
     if isinstance(single, Authentication):
         return [separation_of(single) or single]
     return [single]
+
+
+def sender_of(pack: Message) -> bytes | None:
+    """``id_or_mac`` of an OPEN_DRONE_ID_MESSAGE_PACK, ``None`` where it is the sender's own."""
+    id_or_mac: bytes = pack.fields["id_or_mac"]
+    return None if id_or_mac == _NO_ID else id_or_mac
 
 
 def pack_members(message: Message, rejects: Rejects | None = None) -> list[Member]:

@@ -1,0 +1,145 @@
+"""Packets of a network or of the air as records: MAVLink in UDP, Open Drone ID in radio frames.
+
+Whatever else a capture holds is passed over; what is ours, or says it is, and cannot be taken is counted. Fragments of
+IP are counted and not put together: nothing that speaks MAVLink sends datagrams that large. A datagram is parsed alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from typing import Any
+
+from ridlink.captures.broadcasts import Relay
+from ridlink.captures.pcap import Packet, read_packets
+from ridlink.captures.records import Origin, Record, Rejects, TracedRecord
+from ridlink.errors import CaptureError
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Frame, parse_datagram
+from ridlink.remote_id import radio
+
+UDP_TRANSPORT = "udp"
+IP_FRAGMENT = "ip_fragment"
+IPV6_FRAGMENT_HEADER = 44
+UDP_PROTOCOL = 17
+UDP_HEADER_LENGTH = 8
+
+
+NETWORKS: dict[int, str] = {
+    0: "loopback", 1: "ethernet", 12: "ip", 14: "ip", 101: "ip", 108: "loopback", 113: "sll", 228: "ip", 229: "ip",
+    276: "sll2",
+}  # fmt: skip
+"""Link types (https://www.tcpdump.org/linktypes.html) of networks, and what they are to dpkt."""
+
+RADIOS: dict[int, Callable[[bytes], list[radio.Heard | radio.Unheard]]] = {
+    105: radio.read_80211,
+    127: radio.read_radiotap,
+    251: radio.read_ble,
+    256: radio.read_ble_with_phdr,
+    272: radio.read_nordic_ble,
+}
+"""Link types of the air: 802.11, 802.11 with radiotap, Bluetooth LE, with a pseudo header, from Nordic's sniffer."""
+
+
+def read_pcap(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
+    """Records of a pcap or pcapng file in constant memory, whatever the bytes are.
+
+    Args:
+        chunks: The file from its first byte.
+        rejects: Counts what is damaged, and packets that are ours and cannot be taken.
+
+    Raises:
+        CaptureError: If there are packets and none of them is of a link type that is read.
+    """
+    relay = Relay(rejects)
+    foreign: set[int] = set()
+    understood = False
+    for packet in read_packets(chunks, rejects):
+        if packet.link_type in RADIOS:
+            understood = True
+            yield from _heard(packet, relay, rejects)
+        elif packet.link_type in NETWORKS:
+            understood = True
+            yield from _datagram(packet, rejects)
+        else:
+            foreign.add(packet.link_type)
+            rejects.add_one(f"link_type_{packet.link_type}", packet.offset)
+            if len(foreign) > len(NETWORKS) + len(RADIOS):  # no more names than that, for a hostile file has many
+                foreign.pop()
+    if foreign and not understood:
+        known = ", ".join(map(str, sorted((*NETWORKS, *RADIOS))))
+        raise CaptureError(f"link type {', '.join(map(str, sorted(foreign)))} is not read; these are: {known}")
+
+
+def _heard(packet: Packet, relay: Relay, rejects: Rejects) -> Iterator[Record]:
+    for item in RADIOS[packet.link_type](packet.data):
+        if isinstance(item, radio.Heard):
+            yield from relay.records(
+                item.payload, packet.time_us, packet.offset,
+                transport=item.transport, mac=item.mac, counter=item.counter,
+            )  # fmt: skip
+        else:
+            rejects.add_one(item, packet.offset)
+
+
+def _datagram(packet: Packet, rejects: Rejects) -> Iterator[Record]:
+    payload = _udp_payload(packet, rejects)
+    if not payload:
+        return
+    found = parse_datagram(payload, CRC_EXTRAS)
+    if payload[0] not in (MAGIC_V1, MAGIC_V2) and not any(isinstance(item, Frame) and item.checked for item in found):
+        return  # some other protocol
+    for item in found:
+        if isinstance(item, Frame):
+            yield TracedRecord(packet.time_us, item, packet.offset, Origin(UDP_TRANSPORT))
+        else:
+            rejects.add_one(item.cause, packet.offset)
+
+
+@cache
+def _dpkt() -> Any:
+    """The library, when the first packet of a network comes: importing it takes a tenth of a second."""
+    import dpkt
+
+    return dpkt
+
+
+def _layer_of(packet: Packet) -> Any:
+    dpkt, data = _dpkt(), packet.data
+    kind = NETWORKS[packet.link_type]
+    if kind == "ip":
+        return dpkt.ip6.IP6(data) if data[0] >> 4 == 6 else dpkt.ip.IP(data)
+    decoders = {
+        "ethernet": dpkt.ethernet.Ethernet, "loopback": dpkt.loopback.Loopback, "sll": dpkt.sll.SLL,
+        "sll2": dpkt.sll2.SLL2,
+    }  # fmt: skip
+    return decoders[kind](data)
+
+
+def _udp_payload(packet: Packet, rejects: Rejects) -> bytes | None:
+    """What a packet carries over UDP, if it does so whole."""
+    dpkt = _dpkt()
+    try:
+        layer = _layer_of(packet)
+        while isinstance(layer, dpkt.Packet):
+            if isinstance(layer, dpkt.udp.UDP):
+                end = max(layer.ulen - UDP_HEADER_LENGTH, 0) if layer.ulen else None  # 0 is a jumbogram
+                return bytes(layer.data)[:end]
+            if _is_fragment(layer):
+                rejects.add_one(IP_FRAGMENT, packet.offset)
+                return None
+            layer = layer.data
+    except Exception:  # its decoders of other protocols raise whatever Python does for bytes they did not expect
+        return None
+    return None
+
+
+def _is_fragment(layer: Any) -> bool:
+    """A part of a datagram of UDP."""
+    dpkt = _dpkt()
+    if isinstance(layer, dpkt.ip.IP):
+        return bool(layer.p == UDP_PROTOCOL and (layer.mf or layer.offset))
+    if isinstance(layer, dpkt.ip6.IP6):
+        header = layer.extension_hdrs.get(IPV6_FRAGMENT_HEADER)
+        return header is not None and header.nxt == UDP_PROTOCOL and bool(header.m_flag or header.frag_off)
+    return False
