@@ -1,6 +1,6 @@
 """Read a telemetry log: write a short one, look into it message by message, see who comes close to whom.
 
-    python examples/decode_log.py
+python examples/decode_log.py
 """
 
 import math

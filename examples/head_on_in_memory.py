@@ -42,8 +42,13 @@ class Vehicle:
         latitude, longitude, _ = (float(value) for value in geodetic_from_ned(self.position, HOME))
         (north, east, _), command = self.velocity, self.engine.setpoints.velocity
         location = Location(
-            status=2, latitude_deg=latitude, longitude_deg=longitude, timestamp_s=now_s,
-            speed_horizontal_mps=math.hypot(north, east), direction_deg=math.degrees(math.atan2(east, north)) % 360.0)
+            status=2,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            timestamp_s=now_s,
+            speed_horizontal_mps=math.hypot(north, east),
+            direction_deg=math.degrees(math.atan2(east, north)) % 360.0,
+        )
         separation = Separation(
             timestamp_s=now_s, horizontal_error_m=ERROR_M, airframe_size_m=AIRFRAME_M,
             commanded_vx_mps=command[0], commanded_vy_mps=command[1], commanded_vz_mps=command[2],

@@ -1,6 +1,6 @@
 """What ridlink adds to Remote ID: one message, from numbers to bytes and back.
 
-    python examples/separation_message.py
+python examples/separation_message.py
 """
 
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message

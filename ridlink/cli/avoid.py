@@ -38,24 +38,43 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 @click.command()
 @click.option("--vehicle", metavar="URL", help="Link to the autopilot.  [default: udpin:127.0.0.1:14540]")
 @click.option("--rid", metavar="URL", help="Link on which Remote ID is heard.  [default: udpout:127.0.0.1:14650]")
-@click.option("--goal", metavar="LAT,LON[,ALT]", callback=_goal,
-              help="Where to fly; ALT in metres above mean sea level, the present altitude if left out.")
+@click.option(
+    "--goal",
+    metavar="LAT,LON[,ALT]",
+    callback=_goal,
+    help="Where to fly; ALT in metres above mean sea level, the present altitude if left out.",
+)
 @click.option("--standby", is_flag=True, default=None, help="Do nothing until MAV_CMD_DO_REPOSITION names a goal.")
-@click.option("--definition", metavar="NAME",
-              help="What sizes the discs: snmac, remote-id, odid-accuracy, candidate1 or candidate2.  "
-                   "[default: candidate2]")
+@click.option(
+    "--definition",
+    metavar="NAME",
+    help="What sizes the discs: snmac, remote-id, odid-accuracy, candidate1 or candidate2.  [default: candidate2]",
+)
 @click.option("--cruise", type=float, metavar="M/S", help="Speed towards the goal.  [default: 10]")
 @click.option("--airframe", type=float, metavar="M", help="Own largest extent, rotors turning.  [default: 0.6]")
 @click.option("--v-max", type=float, metavar="M/S", help="Horizontal speed limit of setpoints.  [default: 15]")
 @click.option("--vz-max", type=float, metavar="M/S", help="Vertical speed limit of setpoints.  [default: 2]")
 @click.option("--a-max", type=float, metavar="M/S2", help="Largest change of setpoints per second.  [default: 5]")
-@click.option("--response-time", type=float, metavar="S",
-              help="How long the vehicle flies on before it obeys; 0 for one that obeys at once.  [default: 1]")
-@click.option("--vehicle-sysid", type=click.IntRange(1, 255), metavar="N",
-              help="Listen to this system id only.  [default: the first autopilot heard]")
+@click.option(
+    "--response-time",
+    type=float,
+    metavar="S",
+    help="How long the vehicle flies on before it obeys; 0 for one that obeys at once.  [default: 1]",
+)
+@click.option(
+    "--vehicle-sysid",
+    type=click.IntRange(1, 255),
+    metavar="N",
+    help="Listen to this system id only.  [default: the first autopilot heard]",
+)
 @click.option("--uas-id", metavar="ID", help="Own identity in Remote ID.  [default: as the vehicle says]")
-@click.option("--config", "config_file", type=click.Path(exists=True, dir_okay=False), metavar="FILE.toml",
-              help="Keys as these options, with underscores; options win. Obstacles stand here only.")
+@click.option(
+    "--config",
+    "config_file",
+    type=click.Path(exists=True, dir_okay=False),
+    metavar="FILE.toml",
+    help="Keys as these options, with underscores; options win. Obstacles stand here only.",
+)
 @click.option("--log", metavar="FILE.tlog", help="Record everything received and sent; replaces the file.")
 @click.option("--print-config", is_flag=True, help="Print the configuration that would be flown, and exit.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line on standard output.")

@@ -37,8 +37,11 @@ def _seconds(_: click.Context, __: click.Parameter, value: float | None) -> floa
 @click.option("-o", "--output", required=True, metavar="F.tlog", help="The log to write.")
 @click.option("--duration", type=float, callback=_seconds, metavar="S", help="Stop after so many seconds.")
 @click.option("--force", is_flag=True, help="Replace the log if it exists.")
-@click.option("--silent", is_flag=True,
-              help="Send nothing. Without it, udpout says HEARTBEAT each second, which subscribes to the air.")
+@click.option(
+    "--silent",
+    is_flag=True,
+    help="Send nothing. Without it, udpout says HEARTBEAT each second, which subscribes to the air.",
+)
 @click.option("--json", "as_json", is_flag=True, help="The final summary as one JSON object.")
 def record(url: str, output: str, duration: float | None, force: bool, silent: bool, as_json: bool) -> int:
     """Record everything that comes over a link into a .tlog, until Ctrl-C.

@@ -96,7 +96,7 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
 
 
 def _line_of(text: str, key: str) -> str:
-    """":line" of a key or table in a TOML text, empty if it cannot be told."""
+    """ ":line" of a key or table in a TOML text, empty if it cannot be told."""
     pattern = re.compile(rf"\s*(?:\[+\s*)?[\"']?{re.escape(key)}[\"']?\s*(?:=|\])")
     for number, line in enumerate(text.splitlines(), start=1):
         if pattern.match(line):

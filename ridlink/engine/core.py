@@ -65,9 +65,7 @@ VERTICAL_GAIN_PER_S = 0.5
 """Climb towards the goal altitude per metre missing: braking from 2 m/s then takes the 1 m/s^2 that autopilots have."""
 
 MESSAGE_IDS = frozenset(
-    msgid
-    for msgid in CRC_EXTRAS
-    if 12900 <= msgid <= 12920 or msgid in (0, 24, 32, 33, 75, 76, 230, 245, 61400)
+    msgid for msgid in CRC_EXTRAS if 12900 <= msgid <= 12920 or msgid in (0, 24, 32, 33, 75, 76, 230, 245, 61400)
 )
 """What an engine reads; anything else is skipped before it is decoded."""
 LOCATION = MAVLINK_NAMES[Location]
@@ -189,9 +187,7 @@ class Engine:
         if lock is not None and self._encoder.sysid != lock.sysid:
             self._encoder = Encoder(lock.sysid, AVOIDANCE_COMPONENT)
 
-    def receive_remote_id(
-        self, datagram: bytes, source: Hashable, now_s: float, *, utc_s: float | None = None
-    ) -> None:
+    def receive_remote_id(self, datagram: bytes, source: Hashable, now_s: float, *, utc_s: float | None = None) -> None:
         """Take a datagram of the Remote ID link. Nothing in it can change anything but tracks.
 
         Args:
