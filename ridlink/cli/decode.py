@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_REJECTS, decode_export
+from ridlink.cli.output import whole_output
 
 if TYPE_CHECKING:
     from ridlink.captures import Capture
@@ -46,6 +42,7 @@ PROGRESS_EVERY_S = 0.2
     help="One aligned row, or one JSON object, a message; a folder of tables (csv, parquet); a map; MCAP.",
 )
 @click.option("-o", "--output", metavar="OUT", help="Write there instead of to standard output; whole or not at all.")
+@click.option("--frames", is_flag=True, help="Add each frame's bytes to its JSON line: 'encode' gives the file back.")
 @click.option(
     "--join",
     is_flag=True,
@@ -67,6 +64,7 @@ def decode(
     kind: str,
     output_format: str,
     output: str | None,
+    frames: bool,
     join: bool,
     since: int | None,
     until: int | None,
@@ -87,17 +85,17 @@ def decode(
     from ridlink.captures.export.selection import Selection
     from ridlink.captures.statistics import Statistics
 
-    decode_export.check(output_format, output, join, stats)
+    decode_export.check(output_format, output, frames, join, stats)
     selection = Selection(_wanted_names(types), source_system, since, until)
     for path in files:  # a misspelled name shows at once, not after an hour of the files before it
         if path != "-":
             open(path, "rb").close()
     statistics = Statistics()
     if join or output_format in decode_export.EXPORTS:
-        decode_export.export(files, kind, output_format, output, join, selection, statistics, _output)
+        decode_export.export(files, kind, output_format, output, join, selection, statistics)
         return _verdict(statistics, strict)
-    with _output(output) as out:
-        _decode_files(files, kind, output_format, selection, stats, statistics, out)
+    with whole_output(output) as out:
+        _decode_files(files, kind, output_format, selection, frames, stats, statistics, out)
         if stats:
             import msgspec
 
@@ -121,11 +119,13 @@ def _decode_files(
     kind: str,
     output_format: str,
     selection: Selection,
+    frames: bool,
     stats: bool,
     statistics: Statistics,
     out: BinaryIO,
 ) -> None:
     from ridlink.captures import decode_records, open_capture
+    from ridlink.captures.export.framed import framed_line
     from ridlink.captures.lines import json_line, table_line
 
     line_of = json_line if output_format == "jsonl" else table_line
@@ -144,7 +144,7 @@ def _decode_files(
         reader = decode_export.large_reader(path, kind) if output_format == "jsonl" and not stats else None
         if reader is not None:
             statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
-            _write_blocks(reader, selection, out, progress)
+            _write_blocks(reader, selection, frames, out, progress)
             continue
         # whoever reads our output live sees all there is before we wait for more
         with open_capture(path, kind, before_read=write_batch) as capture:
@@ -156,7 +156,7 @@ def _decode_files(
                 if stats:
                     statistics.count(record)
                     continue
-                line = line_of(record)
+                line = framed_line(line_of(record), record) if frames else line_of(record)
                 batch.append(line)
                 size += len(line)
                 if size >= BATCH_BYTES:
@@ -165,13 +165,12 @@ def _decode_files(
     progress.clear()
 
 
-def _write_blocks(reader: BlockReader, selection: Selection, out: BinaryIO, progress: _Progress) -> None:
+def _write_blocks(reader: BlockReader, selection: Selection, frames: bool, out: BinaryIO, progress: _Progress) -> None:
     """The JSON lines of a large file."""
-    from ridlink.captures.export.chosen import chosen_frames
     from ridlink.captures.export.jsonl import json_lines
 
     for block in reader:
-        out.write(json_lines(block, chosen_frames(selection, block)))
+        out.write(json_lines(block, selection, frames=frames))
         progress.tick(reader, block.count)
 
 
@@ -194,35 +193,6 @@ def _wanted_names(types: str | None) -> frozenset[str] | None:
     if not wanted:
         raise click.BadParameter("names no message", param_hint="'--types'")
     return frozenset(wanted)
-
-
-@contextmanager
-def _output(path: str | None) -> Iterator[BinaryIO]:
-    """Standard output, or a file that appears when everything is in it."""
-    if path is None or path == "-":
-        yield sys.stdout.buffer
-        sys.stdout.buffer.flush()
-        return
-    target = Path(path)
-    if target.exists() and not target.is_file():  # a device or pipe cannot be replaced
-        with open(target, "wb") as stream:
-            yield stream
-        return
-    try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    except OSError as error:
-        error.filename = path
-        raise
-    try:
-        with open(handle, "wb") as stream:
-            yield stream
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, target)
-    except BaseException:
-        os.unlink(temporary)
-        raise
 
 
 class _Progress:

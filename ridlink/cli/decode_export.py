@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager
+import itertools
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
+from ridlink.cli.output import whole_output
+
 if TYPE_CHECKING:
     from ridlink.captures.export.fields import Fields
     from ridlink.captures.export.selection import Selection
-    from ridlink.captures.fast.blocks import BlockReader
+    from ridlink.captures.fast.blocks import Block, BlockReader
+    from ridlink.captures.messages import MessageRecord
     from ridlink.captures.statistics import Statistics
 
 FOLDERS = ("csv", "parquet")
@@ -22,10 +25,12 @@ EXPORTS = (*FOLDERS, *MAPS, "mcap")
 NEED_OUTPUT = ("parquet", "mcap")
 JOINABLE = ("csv", "parquet", "jsonl")
 
+RECORDS_AT_ONCE = 8192
 LARGE_BYTES = 2_000_000
 """From here on compiled loops are faster than they are loaded."""
 
-Output = Callable[[str | None], AbstractContextManager[BinaryIO]]
+LINES_BLOCK_LENGTH = 128 * 1024
+"""What becomes of a block, some thousand objects, stays in the cache of a processor."""
 
 
 def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | None:
@@ -48,7 +53,7 @@ def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | N
     return (since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds
 
 
-def check(output_format: str, output: str | None, join: bool, stats: bool) -> None:
+def check(output_format: str, output: str | None, frames: bool, join: bool, stats: bool) -> None:
     """Refuse combinations of options that mean nothing.
 
     Raises:
@@ -56,6 +61,8 @@ def check(output_format: str, output: str | None, join: bool, stats: bool) -> No
     """
     if join and output_format not in JOINABLE:
         raise click.UsageError(f"--join is for -f {', '.join(JOINABLE)}; -f {output_format} cannot take it")
+    if frames and (join or stats or output_format != "jsonl"):
+        raise click.UsageError("--frames is for -f jsonl, without --join and --stats")
     if stats and (join or output_format in EXPORTS):
         raise click.UsageError("--stats is for -f table and -f jsonl, without --join")
     if output in (None, "-"):
@@ -71,7 +78,7 @@ def large_reader(path: str, kind: str) -> BlockReader | None:
         return None
     from ridlink.captures.fast.blocks import KINDS, BlockReader
 
-    reader = BlockReader(path, kind)
+    reader = BlockReader(path, kind, block_length=LINES_BLOCK_LENGTH)
     return reader if reader.kind in KINDS else None
 
 
@@ -83,7 +90,6 @@ def export(
     join: bool,
     selection: Selection,
     statistics: Statistics,
-    opened: Output,
 ) -> None:
     """Write the files in a format that is no line a message.
 
@@ -92,7 +98,6 @@ def export(
         output_format, output, join: What to write.
         selection: Which messages.
         statistics: Gets the captures, for their rejects.
-        opened: Opens an output that appears whole or not at all.
     """
     if output_format in FOLDERS and not join:
         assert output is not None
@@ -106,7 +111,7 @@ def export(
     if selection.names is None and output_format != "mcap":  # nothing else is looked at
         selection = dataclasses.replace(selection, names=frozenset(JOINED_NAMES if join else MAPPED_NAMES))
     messages = _messages(files, kind, selection, statistics)
-    with opened(output) as out:
+    with whole_output(output) as out:
         if output_format == "geojson":
             write_geojson(messages, out)
         elif output_format == "kml":
@@ -123,34 +128,50 @@ def export(
             _write_joined_lines(joined(messages), out)
 
 
-def _readers(files: tuple[str, ...], kind: str, statistics: Statistics) -> Iterator[Any]:
-    from ridlink.captures.fast.blocks import BlockReader
+def _captures(
+    files: tuple[str, ...], kind: str, selection: Selection, statistics: Statistics
+) -> Iterator[Block | list[MessageRecord]]:
+    """Files of MAVLink as blocks, everything else as messages, some thousand at a time."""
+    from ridlink.captures import decode_records, open_capture
+    from ridlink.captures.fast.blocks import KINDS, BlockReader
 
     for path in files:
-        reader = BlockReader(path, kind)
-        statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
-        yield reader
+        with open_capture(path, kind) as capture:
+            if capture.kind in KINDS and path != "-" and Path(path).is_file():
+                reader = BlockReader(path, capture.kind)
+                statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
+                yield from reader
+                continue
+            statistics.captures.append(capture)
+            chosen = (record for record in decode_records(capture, statistics.fields) if selection.takes(record))
+            while records := list(itertools.islice(chosen, RECORDS_AT_ONCE)):
+                yield records
 
 
 def _messages(files: tuple[str, ...], kind: str, selection: Selection, statistics: Statistics) -> Iterator[Fields]:
-    from ridlink.captures.export.fields import fields_of_block
+    from ridlink.captures.export.fields import fields_of_block, fields_of_records
 
-    for reader in _readers(files, kind, statistics):
-        for block in reader:
-            yield from fields_of_block(block, selection)
+    for part in _captures(files, kind, selection, statistics):
+        yield from fields_of_records(part) if isinstance(part, list) else fields_of_block(part, selection)
 
 
 def _export_folder(
     files: tuple[str, ...], kind: str, output_format: str, output: str, selection: Selection, statistics: Statistics
 ) -> None:
+    from ridlink.captures.export.fields import fields_of_records
     from ridlink.captures.export.folder import whole_folder
-    from ridlink.captures.export.tables import CsvFolder, ParquetFolder
+    from ridlink.captures.export.tables import CsvFolder, ParquetFolder, tables_of_block, tables_of_messages
 
     with whole_folder(output) as folder:
         writer = CsvFolder(folder) if output_format == "csv" else ParquetFolder(folder)
-        for reader in _readers(files, kind, statistics):
-            for block in reader:
-                writer.write(block, selection)
+        for part in _captures(files, kind, selection, statistics):
+            tables = (
+                tables_of_messages(fields_of_records(part))
+                if isinstance(part, list)
+                else tables_of_block(part, selection)
+            )
+            for name, columns in tables:
+                writer.write(name, columns)
         names = writer.close()
     click.echo(f"{output}: {', '.join(names) or 'no messages'}", err=True)
 

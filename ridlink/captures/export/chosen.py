@@ -2,29 +2,62 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.fast.blocks import Block
-from ridlink.captures.fast.tables import slot_of
+from ridlink.captures.fast.tables import Layout, layouts, slot_of
+from ridlink.captures.messages import MessageRecord, decode_records
+from ridlink.captures.records import Record
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.remote_id.convert import MESSAGE_PACK
 
-_NO_TIME = np.uint64(2**64 - 1)
+NO_TIME = np.uint64(2**64 - 1)
 
 
-def chosen_frames(selection: Selection, block: Block) -> np.ndarray | None:
-    """Which frames of a block are selected, as an array of truth values; ``None`` for all."""
-    if selection.is_everything:
+def chosen_rows(block: Block, selection: Selection) -> Iterator[tuple[Layout, np.ndarray, np.ndarray]]:
+    """Records of a block that are selected, by message: layout, places among the frames of the block, records.
+
+    Message packs are left to `pack_records`, for their members are messages too.
+    """
+    keep = _chosen(block, selection)
+    for slot, _ in block.present():
+        layout, entries = layouts()[slot], block.entries(slot)
+        if layout.name == MESSAGE_PACK or (selection.names is not None and layout.name not in selection.names):
+            continue
+        if keep is None:
+            yield layout, entries, block.columns(slot)
+            continue
+        kept = keep[entries]
+        if kept.any():
+            yield layout, entries[kept], block.columns(slot)[kept]
+
+
+def _chosen(block: Block, selection: Selection) -> np.ndarray | None:
+    """Which frames are of the sender and time that are selected; ``None`` for all."""
+    if selection.source_system is None and selection.since_us is None and selection.until_us is None:
         return None
     keep = np.ones(block.count, np.bool_)
-    if selection.names is not None:
-        slots = [slot_of()[name] for name in selection.names if name in slot_of()]
-        keep &= np.isin(block.slots, np.array(slots, block.slots.dtype))
     if selection.source_system is not None:
         keep &= block.sysids() == selection.source_system
     if selection.since_us is not None or selection.until_us is not None:
-        keep &= block.times != _NO_TIME
+        keep &= block.times != NO_TIME
     if selection.since_us is not None:
         keep &= block.times >= np.uint64(max(selection.since_us, 0))
     if selection.until_us is not None:
         keep &= block.times < np.uint64(max(selection.until_us, 0))
     return keep
+
+
+def pack_records(block: Block, selection: Selection) -> Iterator[tuple[int, list[MessageRecord]]]:
+    """Message packs of a block, each with its place and those of it and its members that are selected."""
+    for entry in block.entries(slot_of()[MESSAGE_PACK]).tolist():
+        frame = parse_datagram(block.frame(entry), CRC_EXTRAS, limit=1)[0]
+        assert isinstance(frame, Frame)
+        time_us = None if block.times[entry] == NO_TIME else int(block.times[entry])
+        records = decode_records([Record(time_us, frame, block.offset(entry))])
+        if chosen := [record for record in records if selection.takes(record)]:
+            yield entry, chosen

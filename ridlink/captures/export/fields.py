@@ -1,4 +1,4 @@
-"""Messages of a capture as plain fields, in the order of the file and under the names of JSON lines.
+"""Messages of captures as plain fields, in the order of the file and under the names of JSON lines.
 
 What is built of several messages (one row for each update of an aircraft, tracks on a map) takes them from here,
 whatever the capture is: files of MAVLink come through the fast path, everything else through the readers of records.
@@ -6,18 +6,19 @@ whatever the capture is: files of MAVLink come through the fast path, everything
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ridlink.captures.export.chosen import chosen_frames
+from ridlink.captures.export.chosen import chosen_rows, pack_records
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.export.si import columns_of
 from ridlink.captures.fast.blocks import Block
-from ridlink.captures.fast.tables import layouts
+from ridlink.captures.lines import fields_of
+from ridlink.captures.messages import MessageRecord
 
-_TIMES_END_US = 2**63
+TIMES_END_US = 2**63
 
 
 class Fields(NamedTuple):
@@ -25,37 +26,58 @@ class Fields(NamedTuple):
 
     Attributes:
         time_us: Microseconds since 1970, ``None`` where it has no time.
-        transport: What carried it: ``mavlink``, or the radio technology of a broadcast.
+        transport: What carried it, ``None`` where the capture does not say.
         source: Who sent it: ``system/component``, or the address of a radio.
+        seq: Its sequence number, of a broadcast its counter.
+        offset: Byte, packet or line of the file.
         name: Message name.
         fields: Its fields, in SI where it is about Remote ID, ``None`` for unknown.
     """
 
     time_us: int | None
-    transport: str
+    transport: str | None
     source: str
+    seq: int | None
+    offset: int
     name: str
     fields: dict[str, Any]
 
 
 def fields_of_block(block: Block, selection: Selection) -> Iterator[Fields]:
     """Messages of a block that the dialect knows, in the order of the file."""
-    chosen = chosen_frames(selection, block)
     found = np.empty(block.count, object)
-    for slot, _ in block.present():
-        layout, entries = layouts()[slot], block.entries(slot)
-        if layout.spec is None or (chosen is not None and not chosen[entries].any()):
+    for layout, entries, rows in chosen_rows(block, selection):
+        if layout.spec is None:
             continue
-        rows = block.columns(slot)
-        if chosen is not None:
-            keep = chosen[entries]
-            entries, rows = entries[keep], rows[keep]
         columns = columns_of(layout, rows)
         values = zip(*(column.to_list() for column in columns.values()), strict=True)
-        heads = zip(block.times[entries].tolist(), rows["sysid"].tolist(), rows["compid"].tolist(), values, strict=True)
-        for entry, (time_us, sysid, compid, row) in zip(entries.tolist(), heads, strict=True):
-            fields = dict(zip(columns, row, strict=True))
+        heads = [rows[name].tolist() for name in ("sysid", "compid", "seq", "offset")]
+        for entry, time_us, sysid, compid, seq, offset, row in zip(
+            entries.tolist(), block.times[entries].tolist(), *heads, values, strict=True
+        ):
             found[entry] = Fields(
-                time_us if time_us < _TIMES_END_US else None, "mavlink", f"{sysid}/{compid}", layout.name, fields
-            )
-    return (message for message in found.tolist() if message is not None)
+                time_us if time_us < TIMES_END_US else None, None, f"{sysid}/{compid}", seq, offset, layout.name,
+                dict(zip(columns, row, strict=True)),
+            )  # fmt: skip
+    for entry, records in pack_records(block, selection):
+        found[entry] = list(fields_of_records(records))
+    for message in found.tolist():
+        if isinstance(message, list):
+            yield from message
+        elif message is not None:
+            yield message
+
+
+def fields_of_records(records: Iterable[MessageRecord]) -> Iterator[Fields]:
+    """The same of records; those that the dialect does not know are left out."""
+    for record in records:
+        if record.message is None:
+            continue
+        origin = record.origin
+        seq: int | None = record.frame.seq
+        source = f"{record.source[0]}/{record.source[1]}"
+        if record.is_broadcast and origin is not None:
+            source, seq = origin.mac.hex(":") or "unknown", origin.counter
+        time_us = record.time_us if record.time_us is None or record.time_us < TIMES_END_US else None
+        transport = None if origin is None else origin.transport
+        yield Fields(time_us, transport, source, seq, record.offset, record.name, fields_of(record))

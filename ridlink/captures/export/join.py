@@ -22,6 +22,9 @@ BASIC_ID, LOCATION, SYSTEM, SEPARATION = JOINED_NAMES = (
 )  # fmt: skip
 """The messages that are joined."""
 
+MAVLINK = "mavlink"
+"""Transport of what came in MAVLink frames, where the capture does not say more."""
+
 HOLD_US = 2_000_000
 VALID_US = int(EQUAL_TIMESTAMP_VALID_S * 1e6)
 TIMESTAMP_STEP_S = 0.1
@@ -113,7 +116,7 @@ class Joiner:
             yield _finished(self._held.popleft())
 
     def _sender(self, message: Fields) -> _Sender:
-        key = (message.transport, message.source, message.fields.get("id_or_mac"))
+        key = (message.transport or MAVLINK, message.source, message.fields.get("id_or_mac"))
         sender = self._senders.get(key)
         if sender is None:
             sender = self._senders[key] = _Sender(key)
@@ -134,6 +137,7 @@ class Joiner:
             sender.id_type, sender.uas_id = fields["id_type"], fields["uas_id"]
 
     def _locate(self, sender: _Sender, message: Fields, now_us: int) -> None:
+        transport = sender.key[0]
         aircraft = sender.key if sender.uas_id is None else sender.uas_id
         updates = self._updates.get(aircraft)
         if updates is None:
@@ -143,12 +147,12 @@ class Joiner:
         else:
             self._updates.move_to_end(aircraft)
         for update in reversed(updates):
-            if _is_same(update, message, now_us):
+            if _is_same(update, message.fields, transport, now_us):
                 update.row["received"] += 1
                 if message.source not in update.sources:
                     update.sources.append(message.source)
-                if message.transport not in update.transports:
-                    update.transports.append(message.transport)
+                if transport not in update.transports:
+                    update.transports.append(transport)
                 sender.last = update
                 if sender.separation is not None and _belongs(sender.separation, sender.separation_us, update):
                     _add(update.row, sender.separation)
@@ -156,7 +160,7 @@ class Joiner:
         row: dict[str, Any] = dict.fromkeys(COLUMNS)
         row.update(message.fields)
         row["t"], row["received"] = message.time_us, 1
-        update = _Update(now_us, row, sender, [message.source], [message.transport])
+        update = _Update(now_us, row, sender, [message.source], [transport])
         if sender.separation is not None and _belongs(sender.separation, sender.separation_us, update):
             _add(row, sender.separation)
         updates.append(update)
@@ -172,8 +176,8 @@ def _belongs(separation: dict[str, Any], separation_us: int, update: _Update) ->
     )
 
 
-def _is_same(update: _Update, message: Fields, now_us: int) -> bool:
-    row, fields = update.row, message.fields
+def _is_same(update: _Update, fields: dict[str, Any], transport: str, now_us: int) -> bool:
+    row = update.row
     if row["timestamp_s"] is None or fields["timestamp_s"] is None or fields["latitude_deg"] is None:
         return False
     if abs(now_us - update.at_us) >= VALID_US:
@@ -181,7 +185,7 @@ def _is_same(update: _Update, message: Fields, now_us: int) -> bool:
     if (row["latitude_deg"], row["longitude_deg"]) != (fields["latitude_deg"], fields["longitude_deg"]):
         return False
     apart_s = abs(row["timestamp_s"] - fields["timestamp_s"])
-    return apart_s == 0.0 or (message.transport not in update.transports and apart_s < TIMESTAMP_STEP_S - 1e-3)
+    return apart_s == 0.0 or (transport not in update.transports and apart_s < TIMESTAMP_STEP_S - 1e-3)
 
 
 def _add(row: dict[str, Any], separation: dict[str, Any]) -> None:

@@ -15,6 +15,7 @@ import msgspec
 
 from ridlink.captures.export.fields import Fields
 from ridlink.captures.export.geo import MAPPED_NAMES, Position, positions
+from ridlink.captures.export.join import MAVLINK
 from ridlink.errors import MissingExtraError
 
 LOCATION_FIX = "foxglove.LocationFix"
@@ -60,7 +61,7 @@ def write_mcap(messages: Iterable[Fields], out: BinaryIO) -> int:
         nonlocal count
         for message in messages:
             count += 1
-            topic = f"/{message.transport}/{message.source}/{message.name}"
+            topic = f"/{message.transport or MAVLINK}/{message.source}/{message.name}"
             file.write(topic, message.name, {"type": "object"}, message.time_us, message.fields)
             if message.name in MAPPED_NAMES:
                 yield message

@@ -16,12 +16,13 @@ from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 
-from ridlink.captures.export.chosen import chosen_frames
+from ridlink.captures.export.chosen import chosen_rows, pack_records
+from ridlink.captures.export.fields import Fields, fields_of_records
 from ridlink.captures.export.join import COLUMNS
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.export.si import Column, columns_of
-from ridlink.captures.fast.blocks import Block
-from ridlink.captures.fast.tables import Layout, column_of, layouts
+from ridlink.captures.fast.blocks import Block, empty_words, structured
+from ridlink.captures.fast.tables import column_of, layouts, slot_of
 from ridlink.captures.lines import exact_seconds
 from ridlink.errors import MissingExtraError
 
@@ -33,35 +34,79 @@ FEET_PER_M = 1.0 / 0.3048
 
 
 class TableWriter(Protocol):
-    """Takes the messages of blocks and writes one file for each message name."""
+    """Takes tables and writes one file for each message name."""
 
-    def write(self, block: Block, selection: Selection) -> None:
-        """Take the frames of a block."""
+    def write(self, name: str, columns: dict[str, Column]) -> None:
+        """Add rows to the table of a message."""
 
     def close(self) -> list[str]:
         """Finish all files; their names."""
 
 
-def chosen_rows(block: Block, selection: Selection) -> Iterator[tuple[Layout, np.ndarray]]:
-    """Records of a block by message, those that are selected."""
-    chosen = chosen_frames(selection, block)
-    for slot, _ in block.present():
-        rows = block.columns(slot)
-        if chosen is not None:
-            rows = rows[chosen[block.entries(slot)]]
-        if len(rows):
-            yield layouts()[slot], rows
+def tables_of_block(block: Block, selection: Selection) -> Iterator[tuple[str, dict[str, Column]]]:
+    """What is selected of a block, as columns by message: ``t, transport, src, seq, offset``, then the fields.
+
+    ``t`` is microseconds since 1970. A field that is itself called ``seq`` is the column ``seq_field``.
+    """
+    for layout, entries, rows in chosen_rows(block, selection):
+        times = block.times[entries].astype(np.int64)
+        sources = zip(rows["sysid"].tolist(), rows["compid"].tolist(), strict=True)
+        columns = {
+            "t": Column(times, times >= 0),
+            "transport": Column([None] * len(rows)),
+            "src": Column([f"{sysid}/{compid}" for sysid, compid in sources]),
+            "seq": Column(rows["seq"]),
+            "offset": Column(rows["offset"]),
+        }
+        if layout.spec is None:
+            payloads = zip(rows["payload"], rows["length"].tolist(), strict=True)
+            columns["msgid"] = Column(rows["msgid"])
+            columns["payload"] = Column([payload[:length].tobytes().hex() for payload, length in payloads])
+        else:
+            columns |= {column_of(name): column for name, column in columns_of(layout, rows).items()}
+        yield layout.name, columns
+    packed = [record for _, records in pack_records(block, selection) for record in records]
+    yield from tables_of_messages(fields_of_records(packed))
 
 
-def table_columns(layout: Layout, rows: np.ndarray) -> dict[str, Column]:
-    """Columns of a table after its time: ``sysid, compid, seq, offset``, then the fields."""
-    columns = {name: Column(rows[name]) for name in ("sysid", "compid", "seq", "offset")}
-    if layout.spec is None:
-        payloads = zip(rows["payload"], rows["length"].tolist(), strict=True)
-        columns["msgid"] = Column(rows["msgid"])
-        columns["payload"] = Column([payload[:length].tobytes().hex() for payload, length in payloads])
-        return columns
-    return columns | {column_of(name): column for name, column in columns_of(layout, rows).items()}
+def tables_of_messages(messages: Iterable[Fields]) -> Iterator[tuple[str, dict[str, Column]]]:
+    """The same of single messages."""
+    by_name: dict[str, list[Fields]] = {}
+    for message in messages:
+        by_name.setdefault(message.name, []).append(message)
+    for name, found in by_name.items():
+        heads: dict[str, list[Any]] = {
+            "t": [message.time_us for message in found],
+            "transport": [message.transport for message in found],
+            "src": [message.source for message in found],
+            "seq": [message.seq for message in found],
+            "offset": [message.offset for message in found],
+        }
+        fields = {column_of(field): [message.fields[field] for message in found] for field in found[0].fields}
+        like = columns_of(layouts()[slot_of()[name]], structured(slot_of()[name], empty_words(slot_of()[name], 0)))
+        yield (
+            name,
+            {
+                **{column: _column(values, _HEAD_TYPES[column]) for column, values in heads.items()},
+                **{
+                    column: _column(values, None if isinstance(kind.values, list) else kind.values.dtype)
+                    for (column, values), kind in zip(fields.items(), like.values(), strict=True)
+                },
+            },
+        )
+
+
+_HEAD_TYPES: dict[str, np.dtype[Any] | None] = {
+    "t": np.dtype(np.int64), "transport": None, "src": None, "seq": np.dtype(np.uint8), "offset": np.dtype(np.int64),
+}  # fmt: skip
+
+
+def _column(values: list[Any], kind: np.dtype[Any] | None) -> Column:
+    """Values as a column; of numbers, unknown ones are 0 and marked."""
+    if kind is None:
+        return Column(values)
+    known = np.array([value is not None for value in values])
+    return Column(np.array([0 if value is None else value for value in values], kind), known)
 
 
 # --- CSV ---
@@ -90,17 +135,15 @@ class CsvFolder:
         self._folder = folder
         self._files: dict[str, tuple[io.TextIOWrapper, Any]] = {}
 
-    def write(self, block: Block, selection: Selection) -> None:
-        """Take the frames of a block."""
-        for layout, rows in chosen_rows(block, selection):
-            columns = table_columns(layout, rows)
-            if layout.name not in self._files:
-                stream = open(self._folder / f"{layout.name}.csv", "w", encoding="utf-8", newline="")  # noqa: SIM115
-                self._files[layout.name] = stream, csv.writer(stream, lineterminator="\n")
-                self._files[layout.name][1].writerow(["t", *columns])
-            times = [None if t < 0 else exact_seconds(t) for t in rows["t_us"].tolist()]
-            cells = zip(times, *(_csv_cells(column) for column in columns.values()), strict=True)
-            self._files[layout.name][1].writerows(cells)
+    def write(self, name: str, columns: dict[str, Column]) -> None:
+        """Add rows to the table of a message."""
+        if name not in self._files:
+            stream = open(self._folder / f"{name}.csv", "w", encoding="utf-8", newline="")  # noqa: SIM115
+            self._files[name] = stream, csv.writer(stream, lineterminator="\n")
+            self._files[name][1].writerow(columns)
+        cells = {column: _csv_cells(values) for column, values in columns.items()}
+        cells["t"] = [None if t is None else exact_seconds(t) for t in cells["t"]]
+        self._files[name][1].writerows(zip(*cells.values(), strict=True))
 
     def close(self) -> list[str]:
         """Finish all files; their names."""
@@ -154,18 +197,14 @@ class ParquetFolder:
         self._waiting: dict[str, list[Any]] = {}
         self._rows: dict[str, int] = {}
 
-    def write(self, block: Block, selection: Selection) -> None:
-        """Take the frames of a block."""
-        for layout, rows in chosen_rows(block, selection):
-            times = rows["t_us"].astype(np.int64)
-            arrays = {
-                "t": self._arrow.array(times, self._arrow.timestamp("us", "UTC"), mask=times < 0),
-                **{name: self._array(column) for name, column in table_columns(layout, rows).items()},
-            }
-            self._waiting.setdefault(layout.name, []).append(self._arrow.table(arrays))
-            self._rows[layout.name] = self._rows.get(layout.name, 0) + len(rows)
-            if self._rows[layout.name] >= ROWS_PER_GROUP:
-                self._flush(layout.name)
+    def write(self, name: str, columns: dict[str, Column]) -> None:
+        """Add rows to the table of a message."""
+        arrays = {column: self._array(values) for column, values in columns.items()}
+        arrays["t"] = arrays["t"].cast(self._arrow.timestamp("us", "UTC"))
+        self._waiting.setdefault(name, []).append(self._arrow.table(arrays))
+        self._rows[name] = self._rows.get(name, 0) + len(arrays["t"])
+        if self._rows[name] >= ROWS_PER_GROUP:
+            self._flush(name)
 
     def _array(self, column: Column) -> Any:
         if isinstance(column.values, list):
