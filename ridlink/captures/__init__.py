@@ -1,14 +1,14 @@
 """Captures: recorded messages, read in constant memory and whatever their damage, written record by record.
 
-    records     what every reader yields, and how damage is counted
-    tlog, raw, hexlines, pcap
-                the formats
-    packets     what the packets of a pcap hold: MAVLink in UDP, Open Drone ID in radio frames
-    broadcasts  messages of 25 bytes as records
-    reader      captures by path: which format a file has
-    messages    records to typed messages
-    lines       messages as lines, for programs (JSON) and for eyes
-    statistics  what a capture holds, in counts
+records     what every reader yields, and how damage is counted
+tlog, raw, hexlines, pcap
+            the formats
+packets     what the packets of a pcap hold: MAVLink in UDP, Open Drone ID in radio frames
+broadcasts  messages of 25 bytes as records
+reader      captures by path: which format a file has
+messages    records to typed messages
+lines       messages as lines, for programs (JSON) and for eyes
+statistics  what a capture holds, in counts
 """
 
 from ridlink.captures.messages import MessageRecord, decode_records, read_messages

@@ -9,9 +9,9 @@ import re
 from collections.abc import Iterable, Iterator
 
 from ridlink.captures.broadcasts import Relay
+from ridlink.captures.raw import parse_alone
 from ridlink.captures.records import Record, Rejects
-from ridlink.mavlink.codec import CRC_EXTRAS
-from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Frame, parse_datagram
+from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Frame
 from ridlink.remote_id.astm import MESSAGE_LENGTH, Refusal
 from ridlink.remote_id.astm_pack import Member, is_pack, split_broadcast
 
@@ -40,7 +40,7 @@ def read_hex(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
         if data is None:
             rejects.add_one(NOT_HEX, number)
         elif data[:1] in (bytes((MAGIC_V1,)), bytes((MAGIC_V2,))):
-            for item in parse_datagram(data, CRC_EXTRAS):
+            for item in parse_alone(data):
                 if isinstance(item, Frame):
                     yield Record(None, item, offset)
                 else:
@@ -59,7 +59,7 @@ def looks_like_hex(head: bytes) -> bool:
         data = _data_of(line) if len(line) <= MAX_LINE_LENGTH else None
         if not data:
             continue
-        if any(isinstance(item, Frame) and item.checked for item in parse_datagram(data, CRC_EXTRAS, limit=1)):
+        if any(isinstance(item, Frame) and item.checked for item in parse_alone(data)):
             return True
         if is_pack(data) or len(data) == MESSAGE_LENGTH:
             return any(isinstance(item, Member) for item in split_broadcast(data))

@@ -65,9 +65,7 @@ def si_fields(message: RemoteIdMessage) -> dict[str, Any]:
 def xml_fields(message: Message) -> dict[str, Any]:
     """Fields of any message under the names and in the order of the XML, fit for JSON."""
     raw = message.fields
-    return {
-        name: raw[name] if convert is None else convert(raw[name]) for name, convert in _XML_FIELDS[message.name]
-    }
+    return {name: raw[name] if convert is None else convert(raw[name]) for name, convert in _XML_FIELDS[message.name]}
 
 
 def fields_of(record: MessageRecord) -> dict[str, Any]:

@@ -12,10 +12,10 @@ from typing import Any
 
 from ridlink.captures.broadcasts import Relay
 from ridlink.captures.pcap import Packet, read_packets
+from ridlink.captures.raw import parse_alone
 from ridlink.captures.records import Origin, Record, Rejects, TracedRecord
 from ridlink.errors import CaptureError
-from ridlink.mavlink.codec import CRC_EXTRAS
-from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Frame, parse_datagram
+from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Frame
 from ridlink.remote_id import radio
 
 UDP_TRANSPORT = "udp"
@@ -86,7 +86,7 @@ def _datagram(packet: Packet, rejects: Rejects) -> Iterator[Record]:
     payload = _udp_payload(packet, rejects)
     if not payload:
         return
-    found = parse_datagram(payload, CRC_EXTRAS)
+    found = list(parse_alone(payload))
     if payload[0] not in (MAGIC_V1, MAGIC_V2) and not any(isinstance(item, Frame) and item.checked for item in found):
         return  # some other protocol
     for item in found:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from ridlink.captures.records import Record, Rejects
 from ridlink.mavlink.codec import CRC_EXTRAS
-from ridlink.mavlink.frames import BadFrame, Frame, FrameParser
+from ridlink.mavlink.frames import BadFrame, Cause, Frame, FrameParser, parse_datagram
 
 
 def read_raw(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
@@ -28,3 +28,15 @@ def _taken(found: list[Frame | BadFrame], rejects: Rejects) -> Iterator[Record]:
             yield Record(None, item, item.offset)
         else:
             rejects.add(item.cause, item.offset, item.length)
+
+
+def parse_alone(data: bytes) -> Iterator[Frame | BadFrame]:
+    """Frames and rejects of bytes that came alone, as a datagram or a line.
+
+    What stands between a frame that was refused and the next good one is part of it.
+    """
+    refused = False
+    for item in parse_datagram(data, CRC_EXTRAS):
+        if isinstance(item, Frame) or not (refused and item.cause is Cause.GARBAGE):
+            yield item
+        refused = isinstance(item, BadFrame)

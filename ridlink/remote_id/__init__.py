@@ -1,11 +1,11 @@
 """Remote ID: the only room where wire integers meet SI floats, and where wire sentinels become ``None``.
 
-    messages    the Open Drone ID messages and RIDLINK_SEPARATION in SI units
-    accuracy    accuracy codes and the bounds that they stand for
-    convert     MAVLink messages to those and back
-    astm        25-byte broadcast messages to those and back; astm_pack: several in one broadcast
-    radio       802.11 and Bluetooth frames to broadcasts
-    bridge      message packs and broadcasts between the radio and MAVLink
-    report      one update of one vehicle, all that it says
-    assembler   messages, one after the other, to reports
+messages    the Open Drone ID messages and RIDLINK_SEPARATION in SI units
+accuracy    accuracy codes and the bounds that they stand for
+convert     MAVLink messages to those and back
+astm        25-byte broadcast messages to those and back; astm_pack: several in one broadcast
+radio       802.11 and Bluetooth frames to broadcasts
+bridge      message packs and broadcasts between the radio and MAVLink
+report      one update of one vehicle, all that it says
+assembler   messages, one after the other, to reports
 """

@@ -114,9 +114,7 @@ def time_code(accuracy_s: float | None) -> int:
     return max(1, ceil_units(accuracy_s, TIME_STEP_S))
 
 
-def three_sigma_bound_m(
-    code: int, convention: AccuracyConvention | str = AccuracyConvention.LETTER
-) -> float | None:
+def three_sigma_bound_m(code: int, convention: AccuracyConvention | str = AccuracyConvention.LETTER) -> float | None:
     """Three standard deviations of either horizontal axis [m] that a horizontal accuracy code allows.
 
     Args:

@@ -58,9 +58,7 @@ class ReportAssembler:
     def __len__(self) -> int:
         return len(self._senders)
 
-    def receive(
-        self, source: tuple[int, int], message: RemoteIdMessage, received_at_s: float
-    ) -> RemoteIdReport | None:
+    def receive(self, source: tuple[int, int], message: RemoteIdMessage, received_at_s: float) -> RemoteIdReport | None:
         """The report that this message makes possible, if any.
 
         A LOCATION always makes one, joined with the last RIDLINK_SEPARATION of the same sender if that bears the same

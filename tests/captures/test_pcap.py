@@ -1,0 +1,568 @@
+"""pcap and pcapng: every form of file and link, damage anywhere, and captures of real transmitters."""
+
+from __future__ import annotations
+
+import json
+import random
+import struct
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ridlink.captures import CaptureKind, open_capture, read_messages
+from ridlink.captures.packets import read_pcap
+from ridlink.captures.pcap import MAX_PACKET_LENGTH, Packet, read_packets
+from ridlink.captures.records import Record, Rejects, TracedRecord
+from ridlink.cli.decode import decode
+from ridlink.errors import CaptureError
+from ridlink.mavlink.codec import Encoder
+from ridlink.remote_id.bridge import pack_to_mavlink
+from ridlink.remote_id.messages import BasicId, Location, SelfId, Separation
+from tests.captures.conftest import flight
+from tests.captures.pcap_files import (
+    START_US,
+    STEP_US,
+    block,
+    enhanced,
+    ethernet,
+    interface,
+    ipv4,
+    ipv6,
+    pcap,
+    pcap_record,
+    pcapng,
+    section,
+    timed,
+    udp,
+)
+from tests.remote_id.radio_frames import MAC, PACK, extended, legacy, nan, nordic, odid_beacon, phdr, radiotap
+
+CAPTURES = Path(__file__).resolve().parents[3] / "shared" / "captures"
+FRAMES = [frame for _, frame in flight(30)]
+DATAGRAMS = timed([ethernet(ipv4(udp(frame))) for frame in FRAMES])
+
+
+def read(data: bytes, chunk: int = 1000) -> tuple[list[Record], Rejects]:
+    rejects = Rejects()
+    return list(read_pcap((data[at : at + chunk] for at in range(0, len(data), chunk)), rejects)), rejects
+
+
+def packets_of(data: bytes, chunk: int = 1000) -> tuple[list[Packet], Rejects]:
+    rejects = Rejects()
+    return list(read_packets((data[at : at + chunk] for at in range(0, len(data), chunk)), rejects)), rejects
+
+
+def frames_of(records: list[Record]) -> list[bytes]:
+    return [record.frame.raw for record in records]
+
+
+# --- forms of the file ---
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 1000, 10**6])
+@pytest.mark.parametrize(
+    "data",
+    [
+        *(pcap(DATAGRAMS, order=order, nanoseconds=nano) for order in "<>" for nano in (False, True)),
+        pcap(DATAGRAMS, 1 | 0x54000000),  # the high bits say that packets end with a checksum
+        *(pcapng(DATAGRAMS, order=order) for order in "<>"),
+    ],
+    ids=["le", "le-ns", "be", "be-ns", "fcs", "ng-le", "ng-be"],
+)
+def test_every_form_of_file_gives_the_same(data: bytes, chunk: int) -> None:
+    records, rejects = read(data, chunk)
+    assert frames_of(records) == FRAMES and not rejects
+    assert [record.time_us for record in records] == [START_US + index * STEP_US for index in range(30)]
+    assert all(isinstance(record, TracedRecord) and record.origin.transport == "udp" for record in records)
+    for record in records:  # the offset is where its record starts
+        assert record.frame.raw in data[record.offset : record.offset + 400]
+
+
+@pytest.mark.parametrize(
+    ("resolution", "units"),
+    [
+        (b"\x06", START_US),
+        (b"\x09", START_US * 1000 + 999),
+        (b"\x03", START_US // 1000),
+        (b"\x94", START_US * 2**20 // 10**6),
+    ],
+)
+def test_pcapng_times_have_the_resolution_of_their_interface(resolution: bytes, units: int) -> None:
+    for order in "<>":
+        data = section(order) + interface(order, 1, (9, resolution)) + enhanced(order, units, DATAGRAMS[0][1])
+        (record,), rejects = read(data)
+        exact = {b"\x03": START_US // 1000 * 1000, b"\x94": START_US - 1}.get(resolution, START_US)
+        assert record.time_us == exact and not rejects
+        shifted = interface(order, 1, (9, resolution), (14, struct.pack(order + "q", -3600)))
+        (record,), _ = read(section(order) + shifted + enhanced(order, units, DATAGRAMS[0][1]))
+        assert record.time_us == exact - 3_600_000_000
+
+
+def test_a_pcapng_may_have_several_sections_interfaces_and_kinds_of_block() -> None:
+    packet = DATAGRAMS[0][1]
+    simple = block("<", 3, struct.pack("<I", len(packet)) + packet)
+    head = struct.pack("<HHIIII", 1, 0, START_US >> 32, START_US & 0xFFFFFFFF, len(packet), len(packet))
+    old = block("<", 2, head + packet)
+    names = block("<", 4, bytes(8))
+    custom = block("<", 0x0BAD, b"whatever")
+    beacon = timed([radiotap(odid_beacon())])[0][1]
+    data = (
+        section("<") + interface("<", 1) + interface("<", 1) + names + simple + custom + old
+        + section(">") + interface(">", 127) + enhanced(">", START_US, beacon)
+    )  # fmt: skip
+    records, rejects = read(data)
+    assert [record.time_us for record in records] == [None, START_US, *[START_US] * 3] and not rejects
+    assert [type(record.frame.raw) for record in records[:2]] == [bytes] * 2
+
+
+def test_a_packet_of_an_interface_that_was_not_described_is_a_reject() -> None:
+    records, rejects = read(section() + interface("<", 1) + enhanced("<", START_US, DATAGRAMS[0][1], number=1))
+    assert not records and rejects.counts == {"unknown_interface": 1}
+
+
+def test_times_beyond_the_calendar_are_none() -> None:
+    data = section() + interface("<", 1, (9, b"\x00")) + enhanced("<", 2**64 - 1, DATAGRAMS[0][1])
+    (record,), _ = read(data)
+    assert record.time_us is None
+
+
+# --- networks ---
+
+FRAME = FRAMES[1]
+IP4, IP6 = ipv4(udp(FRAME)), ipv6(udp(FRAME))
+
+
+@pytest.mark.parametrize(
+    ("link_type", "packet"),
+    [
+        (1, ethernet(IP4)),
+        (1, ethernet(IP6, 0x86DD)),
+        (1, ethernet(b"\x00\x07\x08\x00" + IP4, 0x8100)),
+        (1, ethernet(b"\x00\x07\x81\x00\x00\x08\x86\xdd" + IP6, 0x88A8)),
+        (1, ethernet(ipv4(udp(FRAME), options=bytes(8)))),
+        (1, ethernet(ipv6(b"\x11\x00" + bytes(6) + udp(FRAME), header=0), 0x86DD)),
+        (0, struct.pack("<I", 2) + IP4),
+        (0, struct.pack(">I", 2) + IP4),
+        (0, struct.pack("<I", 30) + IP6),
+        (0, struct.pack("<I", 24) + IP6),
+        (108, struct.pack(">I", 2) + IP4),
+        (108, struct.pack(">I", 28) + IP6),
+        (113, bytes.fromhex("0000000100060000000000000000") + b"\x08\x00" + IP4),
+        (113, bytes.fromhex("0000030400060000000000000000") + b"\x86\xdd" + IP6),
+        (276, b"\x08\x00" + bytes.fromhex("000000000001000100060000000000000000") + IP4),
+        (276, b"\x86\xdd" + bytes.fromhex("000000000001000100060000000000000000") + IP6),
+        (101, IP4),
+        (101, IP6),
+        (12, IP4),
+        (228, IP4),
+        (229, IP6),
+    ],
+)
+def test_mavlink_is_found_behind_every_link_layer(link_type: int, packet: bytes) -> None:
+    for data in (pcap(timed([packet]), link_type), pcapng(timed([packet]), link_type)):
+        records, rejects = read(data)
+        assert frames_of(records) == [FRAME] and not rejects
+
+
+def test_several_frames_of_a_datagram_and_the_damaged_among_them() -> None:
+    damaged = bytearray(FRAMES[1])
+    damaged[-3] ^= 1
+    records, rejects = read(pcap(timed([ethernet(ipv4(udp(FRAMES[0] + bytes(damaged) + FRAMES[2])))])))
+    assert frames_of(records) == [FRAMES[0], FRAMES[2]]
+    assert rejects.counts == {"bad_checksum": 1}
+
+
+def test_no_state_crosses_datagrams() -> None:
+    """Ten bytes that claim a long payload do not swallow what the next datagram holds."""
+    swallow = b"\xfd\xff\x00\x00\x00\x00\x01\x01\x00\x00"
+    records, rejects = read(pcap(timed([ethernet(ipv4(udp(part))) for part in (swallow, FRAMES[0], FRAMES[1])])))
+    assert frames_of(records) == FRAMES[:2] and rejects.counts == {"truncated": 1}
+
+
+def test_other_protocols_are_passed_over() -> None:
+    others = [
+        ethernet(ipv4(udp(b"\x12\x34\x01\x00\x00\x01" + bytes(6) + b"\x07example\x03com\x00\x00\x01\x00\x01", 53))),
+        ethernet(ipv4(b"\x00\x50" * 10 + b"\xfd\x09", protocol=6)),
+        ethernet(ipv4(b"\x08\x00" + bytes(6), protocol=1)),
+        ethernet(b"\x00\x01\x08\x00\x06\x04\x00\x01" + bytes(20), 0x0806),
+        ethernet(b"\x42\x42\x03" + bytes(35), 38),
+        ethernet(bytes(40), 0x8847),
+        ethernet(ipv4(udp(b""))),
+    ]
+    records, rejects = read(pcap([*timed(others), *DATAGRAMS]))
+    assert frames_of(records) == FRAMES and not rejects
+
+
+def test_fragments_are_counted_and_not_put_together() -> None:
+    first = ipv4(udp(FRAME), flags=0x2000)
+    rest = ipv4(FRAME, flags=0x0008)
+    of_tcp = ipv4(bytes(20), flags=0x2000, protocol=6)
+    sixth = ipv6(struct.pack(">BBHI", 17, 0, 1, 7) + udp(FRAME), header=44)
+    late = ipv6(struct.pack(">BBHI", 17, 0, 8, 7) + FRAME, header=44)
+    whole = ipv6(struct.pack(">BBHI", 17, 0, 0, 7) + udp(FRAME), header=44)
+    packets = [ethernet(one) for one in (first, rest, of_tcp)]
+    packets += [ethernet(one, 0x86DD) for one in (sixth, late, whole)]
+    records, rejects = read(pcap(timed(packets)))
+    assert frames_of(records) == [FRAME] and rejects.counts == {"ip_fragment": 4}
+
+
+def test_a_packet_cut_by_the_snap_length_is_truncated() -> None:
+    packet = ethernet(ipv4(udp(FRAMES[0] + FRAMES[1])))
+    data = pcap([]) + pcap_record("<", START_US, packet[:-10], original=len(packet))
+    records, rejects = read(data)
+    assert frames_of(records) == FRAMES[:1] and rejects.counts == {"truncated": 1}
+    cut = radiotap(odid_beacon())[:-10]
+    records, rejects = read(pcap([], 127) + pcap_record("<", START_US, cut, original=len(cut) + 10))
+    assert len(records) == 2 and rejects.counts == {"truncated_pack": 1}
+
+
+# --- the air ---
+
+
+@pytest.mark.parametrize(
+    ("link_type", "packet", "transport", "count"),
+    [
+        (127, radiotap(odid_beacon(), 0x10), "wifi-beacon", 3),
+        (105, odid_beacon(), "wifi-beacon", 3),
+        (127, radiotap(nan()), "wifi-nan", 3),
+        (105, nan(), "wifi-nan", 3),
+        (272, nordic(extended(coded=True), coded=True), "bt5", 3),
+        (272, nordic(legacy()), "bt4", 1),
+        (251, extended(), "bt5", 3),
+        (251, legacy(), "bt4", 1),
+        (256, phdr(extended()), "bt5", 3),
+    ],
+)
+def test_broadcasts_are_found_on_every_link_layer(link_type: int, packet: bytes, transport: str, count: int) -> None:
+    for data in (pcap(timed([packet]), link_type), pcapng(timed([packet]), link_type, order=">")):
+        records, rejects = read(data)
+        assert not rejects and len(records) == count
+        for index, record in enumerate(records):
+            assert isinstance(record, TracedRecord)
+            origin = record.origin
+            assert (origin.transport, origin.mac, origin.counter, origin.index) == (transport, MAC, 7, index)
+            assert origin.data == PACK[3 + 25 * index : 28 + 25 * index]
+            assert (record.frame.compid, record.time_us) == (236, START_US)
+
+
+def test_a_broadcast_is_a_message_with_who_said_it(tmp_path: Path) -> None:
+    path = tmp_path / "air.pcap"
+    path.write_bytes(pcap(timed([radiotap(odid_beacon())]), 127))
+    identity, location, separation = read_messages(path)
+    mac = MAC.ljust(20, b"\x00")
+    assert identity.remote_id == BasicId(1, 2, b"1596F302A7K29QX0", mac) and identity.is_broadcast
+    assert isinstance(location.remote_id, Location) and location.remote_id.latitude_deg == 47.4
+    assert location.message is not None and location.message.latitude == 474000000
+    assert location.message.id_or_mac == mac and location.source == (0, 236)
+    assert isinstance(separation.remote_id, Separation) and separation.name == "RIDLINK_SEPARATION"
+
+
+def test_a_frame_with_a_bad_checksum_is_a_reject() -> None:
+    good = radiotap(odid_beacon())
+    records, rejects = read(pcap(timed([good, radiotap(odid_beacon(), 0x50), radiotap(b"noise", 0x40), good]), 127))
+    assert len(records) == 6 and rejects.counts == {"bad_checksum": 2}
+
+
+def test_an_unknown_link_type_is_one_clear_line(tmp_path: Path) -> None:
+    path = tmp_path / "usb.pcap"
+    for data in (pcap(timed([b"x"] * 5), 220), pcapng(timed([b"x"] * 5), 220)):
+        path.write_bytes(data)
+        with open_capture(path) as capture, pytest.raises(CaptureError, match="link type 220 is not read") as caught:
+            list(capture)
+        assert "\n" not in str(caught.value) and str(path) in str(caught.value)
+    mixed = section() + interface("<", 220) + interface("<", 1) + enhanced("<", START_US, b"x")
+    records, rejects = read(mixed + enhanced("<", START_US, DATAGRAMS[0][1], number=1))
+    assert len(records) == 1 and rejects.counts == {"link_type_220": 1}
+
+
+@pytest.mark.parametrize("data", [pcap([]), pcapng([]), pcap(timed([ethernet(bytes(60))])), pcap([])[:20]])
+def test_a_capture_without_anything_of_ours_is_an_error_at_its_end(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "x.pcap"
+    path.write_bytes(data)
+    with open_capture(path) as capture, pytest.raises(CaptureError, match="no MAVLink frame and no Remote ID"):
+        list(capture)
+
+
+# --- damage ---
+
+AIR = [radiotap(odid_beacon(counter=index), tsft=True) for index in range(20)]
+FILES = {"pcap": pcap(timed(AIR), 127), "pcapng": pcapng(timed(AIR), 127), "big": pcap(timed(AIR), 127, order=">")}
+HEADER_LENGTH = {"pcap": 24, "big": 24, "pcapng": len(pcapng([], 127))}
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_a_file_cut_anywhere_loses_only_what_is_cut(kind: str) -> None:
+    data = FILES[kind]
+    packets, _ = packets_of(data)
+    ends = [packet.offset for packet in packets[1:]] + [len(data)]
+    for length in range(ends[-4], len(data) + 1):
+        found, rejects = packets_of(data[:length])
+        assert found == packets[: sum(end <= length for end in ends)]
+        assert rejects.counts == ({} if length in ends else {"truncated": 1})
+
+
+@pytest.mark.parametrize("kind", FILES)
+@pytest.mark.parametrize("junk", [b"x" * 333, random.Random(3).randbytes(5000), bytes(1000), b"\x00" * 7])
+def test_junk_between_packets_costs_no_packet(kind: str, junk: bytes) -> None:
+    data = FILES[kind]
+    packets, _ = packets_of(data)
+    at = packets[10].offset
+    found, rejects = packets_of(data[:at] + junk + data[at:])
+    assert [packet.data for packet in found] == [packet.data for packet in packets]
+    assert [packet.time_us for packet in found] == [packet.time_us for packet in packets]
+    assert rejects.counts == {"bad_packet_header": 1} and rejects.first_offset["bad_packet_header"] == at
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_a_damaged_length_costs_one_packet(kind: str) -> None:
+    data = FILES[kind]
+    packets, _ = packets_of(data)
+    at = packets[10].offset + {"pcap": 8, "big": 11, "pcapng": 4}[kind]
+    for value in (0, 1, 0x20, 0x7F, 0xF0, 0xFF):
+        for more in range(3):
+            damaged = bytearray(data)
+            damaged[at + (more if kind != "big" else -more)] ^= value
+            found, _ = packets_of(bytes(damaged))
+            times = {packet.time_us for packet in found}
+            assert len({packet.time_us for packet in packets} - times) <= (1 if value else 0), (value, more)
+
+
+def test_a_length_on_file_allocates_nothing() -> None:
+    hostile = pcap(timed(AIR[:1]), 127) + struct.pack("<IIII", START_US // 10**6, 0, 0xFFFFFFF0, 0xFFFFFFF0)
+    found, rejects = packets_of(hostile + b"".join(pcap_record("<", START_US, packet) for packet in AIR))
+    assert len(found) == 21 and rejects.counts == {"bad_packet_header": 1}
+    largest = pcap_record("<", START_US, bytes(MAX_PACKET_LENGTH))
+    too_large = pcap_record("<", START_US, bytes(MAX_PACKET_LENGTH + 1))
+    rest = b"".join(pcap_record("<", START_US, packet) for packet in AIR)
+    found, rejects = packets_of(pcap([], 127) + largest + too_large + rest, 100_000)
+    assert len(found) == 21 and rejects.counts == {"bad_packet_header": 1}
+    huge = section() + interface("<", 127) + struct.pack("<II", 6, 0x7FFFFFFC) + bytes(50)
+    found, rejects = packets_of(huge + enhanced("<", START_US, AIR[0]))
+    assert len(found) == 1 and rejects.counts == {"bad_packet_header": 1}
+
+
+def test_interfaces_without_end_are_refused() -> None:
+    found, rejects = packets_of(section() + interface("<", 127) * 1500 + enhanced("<", START_US, AIR[0]), 10_000)
+    assert len(found) == 1 and rejects.counts == {"too_many_interfaces": 1500 - 1024}
+
+
+def test_memory_does_not_grow_with_the_file() -> None:
+    """The reader holds one packet and one chunk, whatever it has read before."""
+    record = pcap_record("<", START_US, AIR[0])
+    held = []
+
+    def chunks() -> Any:
+        yield pcap([], 127)
+        for _ in range(200):
+            yield record * 50
+
+    for packet in read_packets(chunks(), Rejects()):
+        held.append(packet.offset)
+    assert len(held) == 10_000 and held[-1] == 24 + 9_999 * len(record)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from([*FILES.values(), pcap(DATAGRAMS), pcapng(DATAGRAMS, order=">")]),
+    st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), max_size=30),
+    st.integers(0, 10_000),
+    st.binary(max_size=60),
+)
+def test_a_mutated_file_is_read_to_its_end(data: bytes, changes: list[tuple[int, int]], at: int, junk: bytes) -> None:
+    damaged = bytearray(data)
+    for place, value in changes:
+        damaged[place % len(damaged)] = value
+    at %= len(damaged)
+    damaged[at:at] = junk
+    try:
+        records, rejects = read(bytes(damaged))
+    except CaptureError:
+        return
+    assert all(0 <= record.offset < len(damaged) for record in records)
+    assert records == read(bytes(damaged), 10**6)[0] and len(rejects) >= 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from([0, 1, 12, 101, 105, 108, 113, 127, 228, 229, 251, 256, 272, 276]),
+    st.binary(max_size=120),
+    st.sampled_from([b"", ethernet(IP4)[:14], ethernet(IP6, 0x86DD)[:14], IP4[:20], IP6[:40], AIR[0][:40]]),
+)
+def test_any_packet_of_any_link_type_is_read(link_type: int, content: bytes, head: bytes) -> None:
+    read(pcap(timed([head + content or b"x"]), link_type))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from([pcap([]), pcapng([]), section(">"), b""]), st.binary(max_size=400))
+def test_any_bytes_are_read(head: bytes, data: bytes) -> None:
+    for chunk in (1, 1000):
+        try:
+            read(head + data, chunk)
+        except CaptureError as error:
+            assert "link type" in str(error)
+
+
+def test_two_megabytes_of_noise_are_over_soon() -> None:
+    """Linear: every byte is looked at once, or a bounded number of times. Bounded here by the test's own patience."""
+    noise = random.Random(1).randbytes(2_000_000)
+    for head in (pcap(timed(AIR[:3]), 127), pcapng(timed(AIR[:3]), 127)):
+        found, rejects = packets_of(head + noise, 65536)
+        assert len(found) == 3 and len(rejects) == 1
+
+
+# --- formats told apart, the command ---
+
+
+@pytest.mark.parametrize("data", [*FILES.values(), pcap(DATAGRAMS, nanoseconds=True)])
+def test_the_content_tells_a_pcap_whatever_its_name(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "file.tlog"
+    path.write_bytes(data)
+    with open_capture(path) as capture:
+        assert capture.kind is CaptureKind.PCAP and list(capture)
+
+
+def run(*arguments: str | Path) -> Any:
+    return CliRunner().invoke(decode, [str(argument) for argument in arguments], standalone_mode=False)
+
+
+def rows_of(*arguments: str | Path) -> list[dict[str, Any]]:
+    return [json.loads(line, parse_constant=pytest.fail) for line in run(*arguments, "-f", "jsonl").stdout.splitlines()]
+
+
+def test_rows_say_how_they_came(tmp_path: Path) -> None:
+    path = tmp_path / "x.pcap"
+    path.write_bytes(pcap(timed([radiotap(odid_beacon())]), 127))
+    result = run(path, "-f", "jsonl")
+    first, second, _ = result.stdout.splitlines()
+    assert first.startswith(
+        '{"t":1700000000.123456,"transport":"wifi-beacon","mac":"84:cc:a8:60:43:24","counter":7,"index":0,'
+        '"type":"OPEN_DRONE_ID_BASIC_ID","hex":"0212'
+    )
+    row = json.loads(second)
+    assert list(row) == ["t", "transport", "mac", "counter", "index", "type", "hex", "fields"] and row["index"] == 1
+    assert row["hex"] == PACK[28:53].hex() and row["fields"]["latitude_deg"] == 47.4
+    table = run(path).stdout
+    assert "84:cc:a8:60:43:24   7  OPEN_DRONE_ID_LOCATION" in table
+    path.write_bytes(pcap(DATAGRAMS))
+    (first, *_) = run(path, "-f", "jsonl").stdout.splitlines()
+    assert first.startswith('{"t":1700000000.123456,"transport":"udp","src":"1/1","seq":0,"type":"HEARTBEAT","id":0,')
+
+
+def test_statistics_count_transmitters(tmp_path: Path) -> None:
+    path = tmp_path / "x.pcapng"
+    mixed = section() + interface("<", 127) + interface("<", 1)
+    mixed += enhanced("<", START_US, AIR[0]) + enhanced("<", START_US, radiotap(nan()))
+    mixed += enhanced("<", START_US, DATAGRAMS[0][1], 1)
+    path.write_bytes(mixed + enhanced("<", START_US, radiotap(odid_beacon(), 0x40)))
+    (statistics,) = rows_of(path, "--stats")
+    assert statistics["transmitters"] == {"84:cc:a8:60:43:24": {"wifi-beacon": 3, "wifi-nan": 3}}
+    assert statistics["sources"] == {"1/1": {"messages": 1, "gaps": 0, "lost": 0}}
+    assert statistics["rejects"][0]["cause"] == "bad_checksum"
+    text = run(path, "--stats").stdout
+    assert "84:cc:a8:60:43:24  wifi-beacon      3" in text and "OPEN_DRONE_ID_LOCATION  12901      2" in text
+    assert run(path, "--strict").return_value == 4
+
+
+def test_a_message_pack_of_mavlink_is_followed_by_its_members(tmp_path: Path) -> None:
+    name, fields = pack_to_mavlink([BasicId(1, 2, b"SERIAL"), SelfId(0, b"hello")], id_or_mac=MAC)
+    fields["messages"] = fields["messages"][:50] + b"\x62" + fields["messages"][51:]
+    frame = Encoder(1, 236).encode(name, **(fields | {"msg_pack_size": 3}))
+    path = tmp_path / "x.tlog"
+    path.write_bytes(START_US.to_bytes(8, "big") + frame)
+    pack, identity, text = rows_of(path)
+    assert (pack["type"], pack["id"]) == ("OPEN_DRONE_ID_MESSAGE_PACK", 12915)
+    assert (identity["type"], identity["id"], identity["src"], identity["index"]) == (
+        "OPEN_DRONE_ID_BASIC_ID", 12900, "1/236", 0
+    )  # fmt: skip
+    assert identity["fields"]["uas_id"] == "SERIAL" and identity["fields"]["id_or_mac"].startswith(MAC.hex())
+    assert text["index"] == 1 and text["hex"].startswith("3200")
+    (statistics,) = rows_of(path, "--stats")
+    assert statistics["types"] == {
+        "OPEN_DRONE_ID_MESSAGE_PACK": 1, "OPEN_DRONE_ID_BASIC_ID": 1, "OPEN_DRONE_ID_SELF_ID": 1
+    }  # fmt: skip
+    assert statistics["sources"] == {"1/236": {"messages": 1, "gaps": 0, "lost": 0}}
+    assert statistics["fields_out_of_range"] == {"OPEN_DRONE_ID_MESSAGE_PACK.unknown_message_type": 1}
+
+
+# --- real transmitters ---
+
+Walk = Callable[[bytes], list[tuple[int, bytes]]]
+
+
+def walk_pcap(data: bytes) -> list[tuple[int, bytes]]:
+    found, at = [], 24
+    while at < len(data):
+        seconds, fraction, length, _ = struct.unpack_from("<IIII", data, at)
+        found.append((seconds * 1_000_000 + fraction, data[at + 16 : at + 16 + length]))
+        at += 16 + length
+    return found
+
+
+def walk_pcapng(data: bytes) -> list[tuple[int, bytes]]:
+    found, at = [], 0
+    while at < len(data):
+        kind, length = struct.unpack_from("<II", data, at)
+        if kind == 6:
+            _, high, low, captured, _ = struct.unpack_from("<IIIII", data, at + 8)
+            found.append((high << 32 | low, data[at + 28 : at + 28 + captured]))
+        at += length
+    return found
+
+
+def ble_crc(data: bytes) -> int:
+    """CRC of an advertisement, bit by bit."""
+    register = 0xAAAAAA
+    for byte in data:
+        for bit in range(8):
+            feedback = (register ^ byte >> bit) & 1
+            register = register >> 1 ^ (0xDA6000 if feedback else 0)
+    return register
+
+
+def broadcasts(packet: bytes) -> list[bytes]:
+    """Payloads of Open Drone ID in a packet of these captures, found by their marks alone."""
+    found = []
+    for mark, skip in ((b"\x16\xfa\xff\x0d", 5), (b"\xfa\x0b\xbc\x0d", 5), (bytes.fromhex("8869199d92090100"), 11)):
+        at = packet.find(mark)
+        if at >= 0:
+            found.append(packet[at + skip :])
+    return found
+
+
+REAL = {
+    "odid_wifi_sample.pcap": (walk_pcap, {"OPEN_DRONE_ID_LOCATION": 31, "OPEN_DRONE_ID_SELF_ID": 4,
+                                          "OPEN_DRONE_ID_SYSTEM": 4, "OPEN_DRONE_ID_OPERATOR_ID": 3}, {}),
+    "odid_wifi_bcn_sample.pcap": (walk_pcap, dict.fromkeys(
+        [f"OPEN_DRONE_ID_{name}" for name in ("BASIC_ID", "LOCATION", "SELF_ID", "SYSTEM", "OPERATOR_ID")], 21), {}),
+    "odid_bt5_lr_sample.pcapng": (walk_pcapng, {
+        "OPEN_DRONE_ID_BASIC_ID": 225, "OPEN_DRONE_ID_LOCATION": 222, "OPEN_DRONE_ID_SELF_ID": 216,
+        "OPEN_DRONE_ID_SYSTEM": 207, "OPEN_DRONE_ID_OPERATOR_ID": 199},
+        {"bad_checksum": 30, "bad_message_count": 19}),
+}  # fmt: skip
+
+
+@pytest.mark.skipif(not CAPTURES.exists(), reason="the captures of real transmitters are not part of the project")
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_capture_holds_what_a_walk_by_hand_finds_in_it(name: str) -> None:
+    walk, types, refused = REAL[name]
+    by_hand: list[tuple[int, str]] = []
+    for time_us, packet in walk((CAPTURES / name).read_bytes()):
+        if name.endswith("pcapng"):  # coded PHY: one byte before the PDU
+            length = packet[23]
+            if ble_crc(packet[22 : 24 + length]) != int.from_bytes(packet[24 + length : 27 + length], "little"):
+                continue
+        for payload in broadcasts(packet):
+            assert payload[0] == 0xF0 and payload[1] == 25  # these speak version 0
+            by_hand += [(time_us, payload[3 + 25 * at : 28 + 25 * at].hex()) for at in range(payload[2])]
+    rows = rows_of(CAPTURES / name)
+    assert [(round(row["t"] * 1e6), row["hex"]) for row in rows] == by_hand
+    assert Counter(row["type"] for row in rows) == types
+    (statistics,) = rows_of(CAPTURES / name, "--stats")
+    assert {reject["cause"]: reject["count"] for reject in statistics["rejects"]} == refused
+    assert {len(row["mac"]) for row in rows} == {17} and len({row["mac"] for row in rows}) == 1
