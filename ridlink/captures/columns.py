@@ -15,14 +15,17 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from ridlink.captures.fast import tables
-from ridlink.captures.fast.blocks import BlockReader, empty_words, structured
+from ridlink.captures.fast import kernels, tables
+from ridlink.captures.fast.blocks import BlockReader, announce, empty_words, plain, structured
 from ridlink.captures.records import Rejects
 from ridlink.captures.statistics import SourceCount
 from ridlink.errors import UnknownMessageError
 from ridlink.mavlink.codec import message_spec
 
 NO_TIME_US = -1
+MAX_OVERHEAD = 12
+"""Bytes of an unsigned MAVLink 2 frame beside its payload."""
+
 GROWTH = 1.5
 HEADROOM = 1.05
 
@@ -116,6 +119,46 @@ def iter_blocks(
             for slot, _ in block.present()
             if wanted is None or slot in wanted
         }
+
+
+def zeros(name: str, count: int) -> np.ndarray:
+    """Records of a message with nothing in them, to be filled in and given to `encode`.
+
+    Raises:
+        UnknownMessageError: If the dialect has no such message.
+    """
+    slot = tables.slot_of()[message_spec(name).name]
+    return np.zeros(count, tables.layouts()[slot].dtype)
+
+
+def encode(name: str, rows: np.ndarray, *, timed: bool = False) -> bytes:
+    """Records of one message as MAVLink 2 frames, one after the other; the inverse of `decode`.
+
+    Args:
+        name: The message.
+        rows: Records as `decode` and `zeros` give them; ``seq, sysid, compid`` are taken as they are.
+        timed: Put ``t_us`` in front of each frame: records of a tlog.
+
+    Raises:
+        UnknownMessageError: If the dialect has no such message.
+        ValueError: If the records are those of another message.
+    """
+    spec = message_spec(name)
+    layout = tables.layouts()[tables.slot_of()[name]]
+    if rows.dtype != layout.dtype:
+        raise ValueError(f"these are not records of {name}")
+    packed = np.ascontiguousarray(rows)
+    words = (
+        packed.view(np.uint8).reshape(len(packed), -1) if len(packed) else np.empty((0, layout.dtype.itemsize), "u1")
+    )
+    longest = kernels.TIME_LENGTH * timed + MAX_OVERHEAD + layout.size
+    out = np.empty(kernels.MARGIN + len(packed) * longest + kernels.MARGIN, np.uint8)
+    announce(kernels.pack)
+    end = kernels.pack(
+        words, spec.msgid, layout.size, spec.crc_extra, plain(tables.checksum_table()), plain(tables.initial_table()),
+        timed, out, kernels.MARGIN,
+    )  # fmt: skip
+    return out[kernels.MARGIN : end].tobytes()
 
 
 def _wanted_slots(types: Iterable[str] | None) -> frozenset[int] | None:

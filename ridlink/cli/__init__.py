@@ -30,7 +30,9 @@ COMMANDS = {
     "avoid": "ridlink.cli.avoid:avoid",
     "decode": "ridlink.cli.decode:decode",
     "dialect": "ridlink.cli.dialect:dialect",
+    "encode": "ridlink.cli.encode:encode",
     "record": "ridlink.cli.record:record",
+    "replay": "ridlink.cli.replay:replay",
 }
 """Sub-commands of this package, as ``module:attribute``."""
 

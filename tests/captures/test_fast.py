@@ -221,8 +221,8 @@ def test_every_message_of_the_dialect_has_a_layout_that_fits_its_payload() -> No
     for layout in tables.layouts()[1:]:
         assert layout.spec is not None and layout.dtype.fields is not None
         fields = [layout.dtype.fields[tables.column_of(name)] for name in layout.spec.fields]
-        assert fields[0][1] == tables.HEAD_LENGTH
-        assert fields[-1][1] + fields[-1][0].itemsize == tables.HEAD_LENGTH + layout.spec.size
+        assert fields[0][1] == kernels.HEAD_LENGTH
+        assert fields[-1][1] + fields[-1][0].itemsize == kernels.HEAD_LENGTH + layout.spec.size
         assert layout.dtype.itemsize % 8 == 0
 
 

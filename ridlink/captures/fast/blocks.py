@@ -91,7 +91,7 @@ class Block:
         first, stop = int(self._bounds[slot]), int(self._bounds[slot + 1])
         layout = tables.layouts()[slot]
         kernels.gather(
-            _plain(self._data), self._base, self._order, first, stop, self._starts, self._times, layout.size,
+            plain(self._data), self._base, self._order, first, stop, self._starts, self._times, layout.size,
             layout.words, words, row,
         )  # fmt: skip
         if self._offsets is not None:
@@ -174,8 +174,8 @@ class BlockReader:
         state, is_tlog = self._state, self.kind is CaptureKind.TLOG
         scan = kernels.scan_tlog if is_tlog else kernels.scan_raw
         more = (reference,) if is_tlog else ()
-        _announce(scan)
-        arguments = tuple(map(_plain, (tables.id_table(), tables.checksum_table(), tables.initial_table())))
+        announce(scan)
+        arguments = tuple(map(plain, (tables.id_table(), tables.checksum_table(), tables.initial_table())))
         begin, read = _START, 0
         with open(self._path, "rb", buffering=0) as stream:
             while True:
@@ -185,7 +185,7 @@ class BlockReader:
                 base = read - n
                 state[kernels.AT] = begin
                 count = scan(
-                    _plain(data), n, base, final, *arguments, state, self._sources, index.starts, index.slots,
+                    plain(data), n, base, final, *arguments, state, self._sources, index.starts, index.slots,
                     index.times, *more,
                 )  # fmt: skip
                 at = int(state[kernels.AT])
@@ -263,15 +263,15 @@ def _read_into(stream: Any, view: memoryview, name: str) -> int:
     return got
 
 
-def _plain(array: np.ndarray) -> Any:
+def plain(array: np.ndarray) -> Any:
     """What a kernel is given: the array, or without a compiler what gives plain integers."""
     if not config.DISABLE_JIT:
         return array
     return array.data if array.dtype == np.uint8 else array.tolist()
 
 
-def _announce(scan: Any) -> None:
+def announce(kernel: Any) -> None:
     """Say that the compiler runs, before it is waited for."""
-    if not is_compiled(scan):
+    if not is_compiled(kernel):
         sys.stderr.write("ridlink: compiling the decoder (once, a few seconds) ...\n")
         sys.stderr.flush()

@@ -32,6 +32,9 @@ kernel = kernel_decorator([Path(__file__)])
 MARGIN = 512
 """Bytes that must exist in a buffer before and after those that are scanned; their values do not matter."""
 
+HEAD_LENGTH = 24
+"""Bytes of a record before its payload: time, offset, and eight bytes of sequence number, ids and length."""
+
 TIME_LENGTH = 8
 LOOKAHEAD = TIME_LENGTH + 280 + TIME_LENGTH + 1
 """With so many bytes ahead a record of a tlog is judged as with the whole file ahead."""
@@ -372,3 +375,39 @@ def gather(
             for word in range(whole + 1, words):
                 out[row, 3 + word] = 0
         row += 1
+
+
+@kernel
+def pack(
+    rows: Any, msgid: Any, size: Any, extra: Any, table: Any, initial: Any, timed: Any, out: Any, at: Any
+) -> Any:  # fmt: skip
+    """Write records as MAVLink 2 frames into ``out[at:]``, each after its time where ``timed``; the byte after them.
+
+    ``rows`` are the bytes of the records. Trailing zeros of a payload are cut off, its first byte stays.
+    """
+    for row in range(len(rows)):
+        if timed:
+            for index in range(TIME_LENGTH):
+                out[at + index] = rows[row, TIME_LENGTH - 1 - index]
+            at += TIME_LENGTH
+        length = size
+        while length > 1 and rows[row, HEAD_LENGTH + length - 1] == 0:
+            length -= 1
+        out[at] = 0xFD
+        out[at + 1] = length
+        out[at + 2] = 0
+        out[at + 3] = 0
+        out[at + 4] = rows[row, 16]
+        out[at + 5] = rows[row, 17]
+        out[at + 6] = rows[row, 18]
+        out[at + 7] = msgid & 0xFF
+        out[at + 8] = msgid >> 8 & 0xFF
+        out[at + 9] = msgid >> 16
+        end = at + 10 + length
+        for index in range(length):
+            out[at + 10 + index] = rows[row, HEAD_LENGTH + index]
+        value = np.int64(checksum(out, at + 1, end, extra, table, initial))
+        out[end] = value & 0xFF
+        out[end + 1] = value >> 8
+        at = end + 2
+    return at

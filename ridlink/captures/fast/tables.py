@@ -11,15 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from ridlink.captures.fast.kernels import HEAD_LENGTH
 from ridlink.captures.messages import UNKNOWN
 from ridlink.captures.records import BAD_TIMESTAMP
 from ridlink.mavlink.codec import MESSAGES, MessageSpec
 from ridlink.mavlink.frames import Cause
 
 POLYNOMIAL_REFLECTED = 0x8408
-HEAD_LENGTH = 24
-"""Bytes of a record before its payload: time, offset, and eight bytes of sequence number, ids and length."""
-
 MAX_PAYLOAD_LENGTH = 255
 
 CAUSES: tuple[str, ...] = (

@@ -1,0 +1,163 @@
+"""JSON lines back to frames: the inverse of `ridlink.captures.lines`.
+
+A line that carries the bytes of its frame (``decode --frames``) gives exactly those. Of any other the frame is made
+anew from its fields: MAVLink 2, unsigned, trailing zeros cut off, sequence number and source as in the line. That is
+the frame that was decoded, if it was of that form and all of its values had a place in the line. What has none:
+signatures and the version; payloads of messages that the dialect does not have; ``target_system`` and
+``target_component`` of Open Drone ID; values out of their range, which read as unknown; NaN and infinity, which are
+``null``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import msgspec
+
+from ridlink.captures.broadcasts import RECEIVER_COMPONENT
+from ridlink.captures.messages import UNKNOWN
+from ridlink.errors import PayloadError, UnknownMessageError, WireError
+from ridlink.mavlink.codec import CRC_EXTRAS, MessageSpec, encode_payload, message_spec
+from ridlink.mavlink.frames import Frame, encode_frame, parse_datagram
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import MAVLINK_NAMES
+
+_ESCAPE = re.compile(rb"\\x([0-9a-f]{2})")
+_TIME = re.compile(rb"(\d{1,14})(?:\.(\d{1,6}))?")
+_SI_TYPES = {name: kind for kind, name in MAVLINK_NAMES.items()}
+MAX_TIME_US = 2**64 - 1
+
+
+class TimedFrame(NamedTuple):
+    """A frame and its time, ``None`` where the line has none; ``data`` are the 25 bytes of a broadcast."""
+
+    time_us: int | None
+    frame: bytes
+    data: bytes | None
+
+
+class _Line(msgspec.Struct):
+    type: str
+    t: msgspec.Raw = msgspec.Raw(b"null")
+    src: str | None = None
+    seq: int = 0
+    fields: dict[str, Any] = {}
+    frame: str | None = None
+    hex: str | None = None
+
+
+_decode = msgspec.json.Decoder(_Line).decode
+
+
+def frame_of_line(line: bytes) -> TimedFrame | None:
+    """The frame of one line; ``None`` of a member of a message pack, which is in the frame of the pack.
+
+    Raises:
+        WireError: If the line is none that `decode` writes, or its values do not fit.
+    """
+    try:
+        row = _decode(line)
+    except msgspec.DecodeError as error:
+        raise WireError(str(error)) from error
+    time_us = _time_us(bytes(row.t))
+    data = None if row.hex is None else _unhex(row.hex, "hex")
+    if row.frame is not None:
+        return TimedFrame(time_us, _whole_frame(_unhex(row.frame, "frame")), data)
+    if data is not None and row.src is not None:
+        return None
+    if row.type == UNKNOWN:
+        raise WireError("a message that the dialect does not have needs its frame: decode it with --frames")
+    name, fields = _mavlink_fields(row)
+    spec = message_spec(name)
+    sysid, compid = (0, RECEIVER_COMPONENT) if row.src is None else _source(row.src)
+    if not 0 <= row.seq <= 255:
+        raise WireError(f"seq is 0 to 255, not {row.seq}")
+    payload = encode_payload(spec, fields)
+    frame = encode_frame(spec.msgid, payload, spec.crc_extra, seq=row.seq, sysid=sysid, compid=compid)
+    return TimedFrame(time_us, frame, data)
+
+
+def _time_us(text: bytes) -> int | None:
+    """Microseconds of a JSON number of seconds, exactly."""
+    if text == b"null":
+        return None
+    found = _TIME.fullmatch(text)
+    if found is None:
+        raise WireError(f"t is not a number of seconds: {text[:40].decode(errors='replace')}")
+    time_us = int(found[1]) * 1_000_000 + int((found[2] or b"").ljust(6, b"0"))
+    if time_us > MAX_TIME_US:
+        raise WireError("t is beyond what a tlog can hold")
+    return time_us
+
+
+def _unhex(text: str, name: str) -> bytes:
+    try:
+        return bytes.fromhex(text)
+    except ValueError as error:
+        raise WireError(f"{name} is not hexadecimal") from error
+
+
+def _whole_frame(raw: bytes) -> bytes:
+    found = parse_datagram(raw, CRC_EXTRAS, limit=1)
+    if not found or not isinstance(found[0], Frame) or len(found[0].raw) != len(raw):
+        raise WireError("frame is not one whole MAVLink frame")
+    return raw
+
+
+def _source(text: str) -> tuple[int, int]:
+    try:
+        sysid, compid = (int(part) for part in text.split("/"))
+    except ValueError as error:
+        raise WireError(f"src is system/component, not {text[:40]!r}") from error
+    if not (0 <= sysid <= 255 and 0 <= compid <= 255):
+        raise WireError(f"src is two numbers of 0 to 255, not {text[:40]!r}")
+    return sysid, compid
+
+
+def _mavlink_fields(row: _Line) -> tuple[str, dict[str, Any]]:
+    """Name and wire fields of a line."""
+    kind = _SI_TYPES.get(row.type)
+    if kind is None:
+        spec = message_spec(row.type)
+        return row.type, {name: _wire_value(spec, name, value) for name, value in row.fields.items()}
+    converts = _si_converts(kind)
+    try:
+        message = kind(**{name: converts[name](value) for name, value in row.fields.items() if value is not None})
+        return to_mavlink(message)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise PayloadError(f"{row.type}: {error}", message=row.type) from error
+
+
+def _si_converts(kind: type) -> dict[str, Callable[[Any], Any]]:
+    found: dict[str, Callable[[Any], Any]] = {item.name: lambda value: value for item in dataclasses.fields(kind)}
+    found |= {name: from_text for name in ("uas_id", "description", "operator_id") if name in found}
+    return found | {name: bytes.fromhex for name in ("authentication_data", "id_or_mac") if name in found}
+
+
+def from_text(text: str) -> bytes:
+    """Bytes of a displayed text; only what is displayed as ``\\xNN`` is taken back."""
+
+    def unescape(found: re.Match[bytes]) -> bytes:
+        code = int(found[1], 16)
+        return found[0] if 0x20 <= code <= 0x7E else bytes((code,))
+
+    return _ESCAPE.sub(unescape, text.encode("latin-1"))
+
+
+def _wire_value(spec: MessageSpec, name: str, value: Any) -> Any:
+    if name not in spec.zeros:
+        raise UnknownMessageError(f"{spec.name}.{name}")
+    index = spec.fields.index(name)
+    if spec.types[index] == "char":
+        if not isinstance(value, str):
+            raise PayloadError(f"{spec.name}.{name} is a text", message=spec.name, field=name)
+        raw = from_text(value)
+        return raw if spec.array_lengths[index] else raw.ljust(1, b"\x00")
+    if spec.types[index] in ("float", "double"):
+        if isinstance(value, list):
+            return [float("nan") if item is None else item for item in value]
+        return float("nan") if value is None else value
+    return value

@@ -1,0 +1,189 @@
+"""``ridlink replay``: a dump to a link, in its own rhythm."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ridlink.cli import EXIT_DONE
+
+if TYPE_CHECKING:
+    from ridlink.captures import Record
+    from ridlink.links import Link
+
+PEER_EVERY_S = 0.05
+LATEST_LAG_S = 1.0
+PROGRESS_EVERY_S = 0.2
+
+
+def _above_zero(_: click.Context, __: click.Parameter, value: float) -> float:
+    if not 0.0 < value < math.inf:
+        raise click.BadParameter("must be a number above 0")
+    return value
+
+
+@click.command()
+@click.argument("file")
+@click.option("--out", "url", required=True, metavar="URL", help="Where to send, such as udpout:127.0.0.1:14540.")
+@click.option(
+    "--in",
+    "kind",
+    type=click.Choice(["auto", "tlog", "mavlink", "pcap", "hex"]),
+    default="auto",
+    show_default=True,
+    help="Format of the file.",
+)
+@click.option(
+    "--speed",
+    type=float,
+    default=1.0,
+    show_default=True,
+    callback=_above_zero,
+    metavar="K",
+    help="So many times as fast as it was recorded.",
+)
+@click.option(
+    "--rate",
+    type=float,
+    default=50.0,
+    show_default=True,
+    callback=_above_zero,
+    metavar="HZ",
+    help="Messages a second of captures that have no times.",
+)
+@click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C.")
+def replay(file: str, url: str, kind: str, speed: float, rate: float, loop: bool) -> int:
+    """Send the frames of a dump over a link as they were recorded, one a datagram.
+
+    \b
+    ridlink replay flight.tlog --out udpout:127.0.0.1:14550            to a ground station
+    ridlink replay air.tlog --out udpout:127.0.0.1:14650 --speed 10    ten times as fast
+
+    A listening link waits for somebody to speak first. Broadcasts of a pcap go out as the MAVLink frames that a
+    Remote ID receiver makes of them.
+    """  # fmt: skip
+    import asyncio
+
+    from ridlink.captures import open_capture
+
+    if file == "-" and loop:
+        raise click.UsageError("standard input cannot be read twice: no --loop")
+    if file != "-":
+        open_capture(file, kind).close()  # what cannot be read shows before the link is opened
+    sent, refused, took_s = asyncio.run(_replay(file, kind, url, speed, rate, loop))
+    if refused:
+        click.echo(f"ridlink: {refused:,} messages the network did not take", err=True)
+    click.echo(f"{url}: {sent:,} messages in {took_s:.1f} s")
+    return EXIT_DONE
+
+
+async def _replay(file: str, kind: str, url: str, speed: float, rate: float, loop: bool) -> tuple[int, int, float]:
+    """Send until the end, or a signal; messages sent and not taken, seconds."""
+    import asyncio
+    import signal
+
+    from ridlink.captures import open_capture
+    from ridlink.links import open_link, parse_link_url
+
+    running = asyncio.get_running_loop()
+    stop = asyncio.Event()
+
+    def stop_once() -> None:
+        stop.set()
+        for number in (signal.SIGINT, signal.SIGTERM):  # a second signal finds the default action
+            running.remove_signal_handler(number)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        running.add_signal_handler(number, stop_once)
+    link_url = parse_link_url(url)
+    link = await open_link(link_url, lambda data, address: None)
+    player = _Player(link, stop, speed, rate)
+    try:
+        if link_url.listens:
+            here = f"{link_url.scheme}:{link.local_address[0]}:{link.local_address[1]}"
+            click.echo(f"ridlink: waiting for somebody to speak to {here}", err=True)
+        while not stop.is_set():
+            with open_capture(file, kind) as capture:
+                await player.play(iter(capture), wait_for_peer=link_url.listens)
+            if not loop:
+                break
+    finally:
+        player.clear_progress()
+        link.close()
+    return player.sent, player.refused, running.time() - player.started_s
+
+
+class _Player:
+    """Sends records when they are due."""
+
+    def __init__(self, link: Link, stop: Any, speed: float, rate: float) -> None:
+        import asyncio
+
+        self.sent = self.refused = 0
+        self._running = asyncio.get_running_loop()
+        self.started_s = self._running.time()
+        self._link = link
+        self._stop = stop
+        self._speed = speed
+        self._interval_us = 1e6 / rate
+        self._shown_s = 0.0 if sys.stderr.isatty() else math.inf
+
+    async def play(self, records: Iterator[Record], *, wait_for_peer: bool) -> None:
+        """Send all records once.
+
+        Where a time goes back, or the receiver of our own process held us up for more than a second, the rhythm starts
+        anew from there: nothing is sent in a burst to catch up.
+        """
+        begun_s = self._running.time()
+        begun_us: float | None = None
+        time_us = 0.0
+        for record in records:
+            before_us = time_us
+            time_us = time_us + self._interval_us * self._speed if record.time_us is None else float(record.time_us)
+            now_s = self._running.time()
+            if begun_us is None or time_us < before_us:
+                begun_s, begun_us = now_s, time_us
+            due_s = begun_s + (time_us - begun_us) / 1e6 / self._speed
+            if now_s - due_s > LATEST_LAG_S:
+                begun_s, begun_us, due_s = now_s, time_us, now_s
+            await self._until(due_s)
+            taken = self._link.send(record.frame.raw)
+            while not taken and wait_for_peer and not self.sent and not self._stop.is_set():
+                await self._until(self._running.time() + PEER_EVERY_S)
+                taken = self._link.send(record.frame.raw)
+                begun_s, begun_us = self._running.time(), time_us
+            if self._stop.is_set():
+                return
+            self.sent += taken
+            self.refused += not taken
+            self._progress()
+
+    async def _until(self, due_s: float) -> None:
+        """Wait for a time or for the end; the loop gets its turn in either case."""
+        import asyncio
+
+        delay_s = due_s - self._running.time()
+        if delay_s <= 0.0:
+            await asyncio.sleep(0)
+            return
+        try:
+            await asyncio.wait_for(self._stop.wait(), delay_s)
+        except TimeoutError:
+            return
+
+    def _progress(self) -> None:
+        now_s = self._running.time()
+        if now_s - self._shown_s >= PROGRESS_EVERY_S:
+            self._shown_s = now_s
+            sys.stderr.write(f"\r{self.sent:,} messages, {now_s - self.started_s:.0f} s\x1b[K")
+            sys.stderr.flush()
+
+    def clear_progress(self) -> None:
+        """Take the line away."""
+        if 0.0 < self._shown_s < math.inf:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
