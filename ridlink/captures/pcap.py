@@ -128,7 +128,7 @@ class _PcapReader:
         self._header = struct.Struct(order + "IIII")
         self._per_second = per_second
         self._link_type = struct.unpack(order + "I", window.peek(20, 24))[0] & LINK_TYPE_MASK
-        # what a header looks like at first sight: the high bytes of fraction and captured length are small
+        # what a header looks like at first sight: fraction and captured length are small, and the length is not 0
         high = rb"[\x00-\x0f]" if per_second == MICROSECONDS else rb"[\x00-\x3b]"
         fraction, length = (high + rb"\x00", rb"[\x00-\x04]\x00")
         if per_second == NANOSECONDS:
@@ -137,7 +137,7 @@ class _PcapReader:
         if order == ">":
             fraction = rb"\x00" + high if per_second == MICROSECONDS else high + rb"."
             pattern = rb".{4}" + fraction + rb"..\x00[\x00-\x04].."
-        self._first_sight = re.compile(rb"(?=" + pattern + rb")", re.DOTALL)
+        self._first_sight = re.compile(rb"(?!.{8}\x00{4})(?=" + pattern + rb")", re.DOTALL)
         self._last_s: int | None = None
 
     def packets(self) -> Iterator[Packet]:

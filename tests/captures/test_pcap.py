@@ -347,6 +347,30 @@ def test_a_length_on_file_allocates_nothing() -> None:
     assert len(found) == 1 and rejects.counts == {"bad_packet_header": 1}
 
 
+@pytest.mark.parametrize("kind", [1, 2, 3, 6])
+def test_a_block_shorter_than_its_kind_is_a_reject(kind: int) -> None:
+    found, rejects = packets_of(
+        section() + interface("<", 127) + block("<", kind, b"") + enhanced("<", START_US, AIR[0])
+    )
+    assert len(found) == 1 and rejects.counts == {"bad_packet_header": 1}
+
+
+def test_a_packet_longer_than_its_block_is_a_reject() -> None:
+    packet = bytearray(enhanced("<", START_US, AIR[0]))
+    packet[20] += 8
+    found, rejects = packets_of(section() + interface("<", 127) + bytes(packet) + enhanced("<", START_US, AIR[0]))
+    assert len(found) == 1 and rejects.counts == {"bad_packet_header": 1}
+
+
+def test_link_types_without_end_are_named_by_some() -> None:
+    data = section()
+    for number in range(200):
+        data += interface("<", 1000 + number) + enhanced("<", START_US, b"x", number=number)
+    with pytest.raises(CaptureError, match="is not read") as caught:
+        read(data)
+    assert len(str(caught.value)) < 400
+
+
 def test_interfaces_without_end_are_refused() -> None:
     found, rejects = packets_of(section() + interface("<", 127) * 1500 + enhanced("<", START_US, AIR[0]), 10_000)
     assert len(found) == 1 and rejects.counts == {"too_many_interfaces": 1500 - 1024}
