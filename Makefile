@@ -5,11 +5,17 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 SOURCES := pyproject.toml hatch_build.py message_spec/ridlink.xml message_spec/generate.py
 
-.PHONY: demo test lint bench e2e soak clean help
+# The pure core, which the tests must cover by branches. Compiled kernels cannot be traced: see `make coverage`.
+KERNELS := ridlink/avoidance/halfplane.py,ridlink/avoidance/programme.py,ridlink/avoidance/route.py,ridlink/avoidance/worlds.py
+CORE    := ridlink/errors.py,ridlink/units.py,ridlink/geodesy.py,ridlink/mavlink/*,ridlink/remote_id/*,ridlink/traffic/*,ridlink/separation/*,ridlink/avoidance/*,ridlink/own_ship.py,ridlink/failsafe.py,ridlink/setpoint.py,ridlink/engine/*
+WORKERS ?= 2
+
+.PHONY: demo test lint coverage bench e2e soak clean help
 
 help:
 	@echo "make demo   install into $(VENV) and fly 8 emulated vehicles through one point"
 	@echo "make test   install the test extras, run linters, type checks and every test"
+	@echo "make coverage  branch coverage of the kernels, run as plain Python"
 	@echo "make bench  print the benchmark tables"
 	@echo "make e2e    fly the acceptance flights in real time (about 20 minutes)"
 	@echo "make soak   fly for half an hour and watch memory and timing"
@@ -28,8 +34,8 @@ $(VENV)/.installed: $(BIN)/python $(SOURCES)
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed
-	@echo "Installing the test extras (ruff, mypy, pytest, hypothesis, mavsdk) ..."
-	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -e '.[dev,mavsdk]'
+	@echo "Installing the test extras (ruff, mypy, pytest, hypothesis, mavsdk, pyarrow) ..."
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -e '.[dev,mavsdk,export]'
 	@touch $@
 
 demo: $(VENV)/.installed
@@ -44,7 +50,15 @@ lint: $(VENV)/.installed-dev
 
 test: lint
 	@echo "pytest ..."
-	@$(BIN)/python -m pytest --cov --cov-report=term
+	@$(BIN)/python -m pytest -q -n $(WORKERS) --cov --cov-report=
+	@echo "Branch coverage of the pure core, at least 90 % (compiled kernels: make coverage) ..."
+	@$(BIN)/coverage report --include='$(CORE)' --omit='ridlink/mavlink/dialect.py,$(KERNELS)' --skip-covered --fail-under=90
+
+coverage: $(VENV)/.installed-dev
+	@echo "The kernels as plain Python, so that they can be traced ..."
+	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q --cov=ridlink.avoidance --cov-report= \
+	  tests/avoidance/test_programme.py tests/avoidance/test_solver.py tests/avoidance/test_obstacles.py
+	@$(BIN)/coverage report --include='$(KERNELS)' --omit='ridlink/avoidance/worlds.py' --fail-under=90
 
 bench: $(VENV)/.installed-dev
 	@$(BIN)/python -m tests.bench
