@@ -145,9 +145,9 @@ def encode(name: str, rows: np.ndarray, *, timed: bool = False) -> bytes:
     """
     spec = message_spec(name)
     layout = tables.layouts()[tables.slot_of()[name]]
-    if rows.dtype != layout.dtype:
+    if rows.dtype.names != layout.dtype.names:
         raise ValueError(f"these are not records of {name}")
-    packed = np.ascontiguousarray(rows)
+    packed = np.ascontiguousarray(rows, layout.dtype)  # what numpy has joined lies differently
     words = (
         packed.view(np.uint8).reshape(len(packed), -1) if len(packed) else np.empty((0, layout.dtype.itemsize), "u1")
     )

@@ -162,8 +162,10 @@ def _export_folder(
     from ridlink.captures.export.folder import whole_folder
     from ridlink.captures.export.tables import CsvFolder, ParquetFolder, tables_of_block, tables_of_messages
 
-    with whole_folder(output) as folder:
-        writer = CsvFolder(folder) if output_format == "csv" else ParquetFolder(folder)
+    with (
+        whole_folder(output) as folder,
+        CsvFolder(folder) if output_format == "csv" else ParquetFolder(folder) as writer,
+    ):
         for part in _captures(files, kind, selection, statistics):
             tables = (
                 tables_of_messages(fields_of_records(part))
@@ -172,7 +174,7 @@ def _export_folder(
             )
             for name, columns in tables:
                 writer.write(name, columns)
-        names = writer.close()
+        names = writer.finish()
     click.echo(f"{output}: {', '.join(names) or 'no messages'}", err=True)
 
 

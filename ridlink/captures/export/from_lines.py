@@ -138,13 +138,20 @@ def _si_converts(kind: type) -> dict[str, Callable[[Any], Any]]:
 
 
 def from_text(text: str) -> bytes:
-    """Bytes of a displayed text; only what is displayed as ``\\xNN`` is taken back."""
+    """Bytes of a displayed text; only what is displayed as ``\\xNN`` is taken back.
+
+    Raises:
+        WireError: If it is no displayed text.
+    """
 
     def unescape(found: re.Match[bytes]) -> bytes:
         code = int(found[1], 16)
         return found[0] if 0x20 <= code <= 0x7E else bytes((code,))
 
-    return _ESCAPE.sub(unescape, text.encode("latin-1"))
+    try:
+        return _ESCAPE.sub(unescape, text.encode("latin-1"))
+    except UnicodeEncodeError as error:
+        raise WireError(f"{text[:40]!r} has characters that no byte stands for") from error
 
 
 def _wire_value(spec: MessageSpec, name: str, value: Any) -> Any:

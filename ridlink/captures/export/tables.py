@@ -11,8 +11,9 @@ import importlib
 import io
 import os
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -31,16 +32,6 @@ FORMULA_STARTS = ("=", "+", "-", "@")
 
 KNOTS_PER_MPS = 3600.0 / 1852.0
 FEET_PER_M = 1.0 / 0.3048
-
-
-class TableWriter(Protocol):
-    """Takes tables and writes one file for each message name."""
-
-    def write(self, name: str, columns: dict[str, Column]) -> None:
-        """Add rows to the table of a message."""
-
-    def close(self) -> list[str]:
-        """Finish all files; their names."""
 
 
 def tables_of_block(block: Block, selection: Selection) -> Iterator[tuple[str, dict[str, Column]]]:
@@ -128,28 +119,29 @@ def _csv_cells(column: Column) -> list[Any]:
     return found
 
 
-class CsvFolder:
+class CsvFolder(ExitStack):
     """CSV files in a folder, one a message."""
 
     def __init__(self, folder: Path) -> None:
+        super().__init__()
         self._folder = folder
-        self._files: dict[str, tuple[io.TextIOWrapper, Any]] = {}
+        self._writers: dict[str, Any] = {}
 
     def write(self, name: str, columns: dict[str, Column]) -> None:
         """Add rows to the table of a message."""
-        if name not in self._files:
-            stream = open(self._folder / f"{name}.csv", "w", encoding="utf-8", newline="")  # noqa: SIM115
-            self._files[name] = stream, csv.writer(stream, lineterminator="\n")
-            self._files[name][1].writerow(columns)
+        if name not in self._writers:
+            path = self._folder / f"{name}.csv"
+            stream = self.enter_context(path.open("w", encoding="utf-8", newline=""))
+            self._writers[name] = csv.writer(stream, lineterminator="\n")
+            self._writers[name].writerow(columns)
         cells = {column: _csv_cells(values) for column, values in columns.items()}
         cells["t"] = [None if t is None else exact_seconds(t) for t in cells["t"]]
-        self._files[name][1].writerows(zip(*cells.values(), strict=True))
+        self._writers[name].writerows(zip(*cells.values(), strict=True))
 
-    def close(self) -> list[str]:
-        """Finish all files; their names."""
-        for stream, _ in self._files.values():
-            stream.close()
-        return sorted(f"{name}.csv" for name in self._files)
+    def finish(self) -> list[str]:
+        """Complete all files; their names."""
+        self.close()
+        return sorted(f"{name}.csv" for name in self._writers)
 
 
 def write_joined_csv(rows: Iterable[dict[str, Any]], out: BinaryIO) -> int:
@@ -183,7 +175,7 @@ def arrow() -> tuple[Any, Any]:
         raise MissingExtraError("export", "Parquet") from error
 
 
-class ParquetFolder:
+class ParquetFolder(ExitStack):
     """Parquet files in a folder, one a message; ``t`` is a UTC timestamp of microseconds.
 
     Raises:
@@ -191,6 +183,7 @@ class ParquetFolder:
     """
 
     def __init__(self, folder: Path) -> None:
+        super().__init__()
         self._arrow, self._parquet = arrow()
         self._folder = folder
         self._writers: dict[str, Any] = {}
@@ -218,19 +211,18 @@ class ParquetFolder:
     def _flush(self, name: str) -> None:
         table = self._arrow.concat_tables(self._waiting[name])
         if name not in self._writers:
-            self._writers[name] = self._parquet.ParquetWriter(
-                os.fspath(self._folder / f"{name}.parquet"), table.schema, compression="zstd"
-            )
+            path = os.fspath(self._folder / f"{name}.parquet")
+            writer = self._parquet.ParquetWriter(path, table.schema, compression="zstd")
+            self._writers[name] = self.enter_context(writer)
         self._writers[name].write_table(table)
         self._waiting[name], self._rows[name] = [], 0
 
-    def close(self) -> list[str]:
-        """Finish all files; their names."""
+    def finish(self) -> list[str]:
+        """Complete all files; their names."""
         for name in self._waiting:
             if self._waiting[name]:
                 self._flush(name)
-        for writer in self._writers.values():
-            writer.close()
+        self.close()
         return sorted(f"{name}.parquet" for name in self._writers)
 
 

@@ -198,11 +198,12 @@ class BlockReader:
         self._finish()
 
     def _finish(self) -> None:
-        for number, cause in enumerate(tables.CAUSES):
-            count = int(self._state[kernels.COUNTS + number])
-            if count:
-                self.rejects.counts[cause] = count
-                self.rejects.first_offset[cause] = int(self._state[kernels.FIRST + number])
+        counts = self._state[kernels.COUNTS : kernels.COUNTS + len(tables.CAUSES)].tolist()
+        firsts = self._state[kernels.FIRST : kernels.FIRST + len(tables.CAUSES)].tolist()
+        for first, cause, count in sorted(zip(firsts, tables.CAUSES, counts, strict=True)):
+            if count:  # in the order in which they were met
+                self.rejects.counts[str(cause)] = count
+                self.rejects.first_offset[str(cause)] = first
         seen = self._sources.reshape(-1, kernels.SOURCE_LENGTH)
         for key in np.flatnonzero(seen[:, kernels.MESSAGES]):
             messages, gaps, lost, last = map(int, seen[key])

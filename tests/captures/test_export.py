@@ -1,0 +1,512 @@
+"""Captures into other formats: the same lines faster, tables, maps, joined rows; inert, and whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import json
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ridlink.captures import decode_records, open_capture
+from ridlink.captures.export.fields import Fields, fields_of_block, fields_of_records
+from ridlink.captures.export.framed import framed_line
+from ridlink.captures.export.geo import cut_at_antimeridian
+from ridlink.captures.export.join import COLUMNS, MAX_SENDERS, Joiner, join
+from ridlink.captures.export.jsonl import json_lines
+from ridlink.captures.export.selection import Selection
+from ridlink.captures.fast.blocks import BlockReader
+from ridlink.captures.lines import json_line
+from ridlink.cli import decode_export
+from ridlink.cli.decode import decode
+from ridlink.mavlink.codec import MESSAGES, MESSAGES_BY_NAME, Encoder
+from ridlink.mavlink.frames import encode_frame
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation, System
+from tests.captures.conftest import START_US, flight, tlog_bytes
+
+Records = list[tuple[int, bytes]]
+REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
+HOSTILE = b"=1<b>&]]>'\x1b[2J,\"../x"
+HOSTILE_TEXT = "=1<b>&]]>'\\x1b[2J,\"../x"
+PACK_MEMBER = bytes.fromhex("0212") + b"AIRCRAFT-1".ljust(23, b"\x00")
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(decode, [str(argument) for argument in arguments], standalone_mode=False)
+
+
+def one_by_one(path: Path, selection: Selection, frames: bool = False) -> bytes:
+    """JSON lines as the reader of records gives them."""
+    with open_capture(path) as capture:
+        chosen = [record for record in decode_records(capture) if selection.takes(record)]
+    return b"".join(framed_line(json_line(record), record) if frames else json_line(record) for record in chosen)
+
+
+def by_blocks(path: Path, selection: Selection, frames: bool = False) -> bytes:
+    return b"".join(json_lines(block, selection, frames=frames) for block in BlockReader(path, block_length=4096))
+
+
+def frame_of(message: RemoteIdMessage, encoder: Encoder) -> bytes:
+    name, fields = to_mavlink(message)
+    return encoder.encode(name, **fields)
+
+
+def aircraft(seconds: int = 6, sysid: int = 1, uas_id: bytes = b"ABC123") -> Records:
+    """One aircraft with everything that is joined, at 1 Hz."""
+    encoder = Encoder(sysid, 1)
+    records: Records = []
+    for second in range(seconds):
+        at_us = START_US + second * 1_000_000
+        location = Location(
+            latitude_deg=47.0 + second * 1e-4, longitude_deg=8.0, altitude_geodetic_m=500.5, timestamp_s=float(second),
+            speed_horizontal_mps=10.0, direction_deg=0.0, speed_vertical_mps=1.0,
+        )  # fmt: skip
+        messages: list[RemoteIdMessage] = [
+            BasicId(1, 2, uas_id),
+            location,
+            Separation(timestamp_s=float(second), horizontal_error_m=3.0),
+            System(operator_latitude_deg=46.5, operator_longitude_deg=7.5),
+        ]
+        records += [(at_us + 1000 * place, frame_of(message, encoder)) for place, message in enumerate(messages)]
+    return records
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path = tmp_path / "air.tlog"
+    path.write_bytes(tlog_bytes(aircraft(uas_id=HOSTILE)))
+    return path
+
+
+# --- JSON lines ---
+
+NAMES = sorted(MESSAGES_BY_NAME)
+ABOUT_REMOTE_ID = [name for name in NAMES if name.startswith(("OPEN_DRONE_ID", "RIDLINK"))]
+EDGES = st.sampled_from([0, 1, 36000, 36001, 36100, 25425, 25426, 25500, 6200, 6201, 6300, 65535, 2**31 - 1, 900000000])
+
+
+@st.composite
+def any_frame(draw: st.DrawFn) -> bytes:
+    spec = MESSAGES_BY_NAME[draw(st.sampled_from(ABOUT_REMOTE_ID) | st.sampled_from(NAMES))]
+    payload = bytearray(draw(st.binary(max_size=spec.size)).ljust(spec.size, b"\x00"))
+    for _ in range(draw(st.integers(0, 3))):
+        at = draw(st.integers(0, max(0, spec.size - 2)))
+        payload[at : at + 2] = (draw(EDGES) & 0xFFFF).to_bytes(2, "little")
+    if spec.name == "OPEN_DRONE_ID_MESSAGE_PACK" and draw(st.booleans()):
+        members = PACK_MEMBER * draw(st.integers(1, 3))
+        payload[:] = (b"\x00" * 22 + bytes((25, len(members) // 25)) + members).ljust(spec.size, b"\x00")
+    msgid = draw(st.sampled_from([spec.msgid, spec.msgid, spec.msgid, 54321]))
+    extra = MESSAGES[msgid].crc_extra if msgid in MESSAGES else 1
+    return encode_frame(msgid, bytes(payload), extra, seq=draw(st.integers(0, 255)), sysid=draw(st.integers(0, 255)),
+                        compid=draw(st.sampled_from([0, 1, 255])))  # fmt: skip
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    frames=st.lists(any_frame(), min_size=1, max_size=12),
+    first_us=st.sampled_from([START_US, 0, 999_999, 10**15 - 5, 2**62]),
+    selection=st.builds(
+        Selection,
+        names=st.none() | st.frozensets(st.sampled_from([*ABOUT_REMOTE_ID, "UNKNOWN"]), max_size=5),
+        source_system=st.none() | st.integers(0, 3),
+        since_us=st.none() | st.sampled_from([START_US + 2, 0]),
+        until_us=st.none() | st.sampled_from([START_US + 4, 2**63]),
+    ),
+    with_frames=st.booleans(),
+)
+def test_lines_from_columns_are_those_of_the_writer(
+    tmp_path: Path, frames: list[bytes], first_us: int, selection: Selection, with_frames: bool
+) -> None:
+    path = tmp_path / "any.tlog"
+    path.write_bytes(tlog_bytes([(first_us + index, frame) for index, frame in enumerate(frames)]))
+    assert by_blocks(path, selection, with_frames) == one_by_one(path, selection, with_frames)
+
+
+@pytest.mark.parametrize("options", [[], ["--types", "OPEN_*,HEARTBEAT"], ["--source-system", "2"], ["--frames"]])
+def test_lines_of_a_real_recording_are_the_same(monkeypatch: pytest.MonkeyPatch, options: list[str]) -> None:
+    if not REAL.exists():
+        pytest.skip("the recording of real autopilots is not part of the project")
+    outputs = []
+    for large in (10**12, 0):
+        monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+        done = run(REAL, "-f", "jsonl", *options)
+        assert done.return_value == 0
+        outputs.append(done.stdout_bytes)
+    assert outputs[0] == outputs[1]
+    assert outputs[0].count(b"\n") > 100
+
+
+def test_large_files_report_damage_like_small_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "f.tlog"
+    data = bytearray(tlog_bytes(flight(100)))
+    data[500] ^= 1
+    path.write_bytes(data[:-3])
+    results = []
+    for large in (10**12, 0):
+        monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+        done = run(path, "-f", "jsonl", "--strict")
+        results.append((done.stdout_bytes, done.stderr, done.return_value))
+    assert results[0] == results[1]
+    assert results[0][2] == 4 and "1 bad_timestamp (first at byte 499), 1 truncated" in results[0][1]
+
+
+def test_fields_are_the_same_from_blocks_and_from_records(tmp_path: Path) -> None:
+    path = tmp_path / "f.tlog"
+    pack = Encoder(1, 1).encode(
+        "OPEN_DRONE_ID_MESSAGE_PACK", single_message_size=25, msg_pack_size=2, messages=PACK_MEMBER * 2
+    )
+    path.write_bytes(tlog_bytes([*flight(30), (START_US + 10**6, pack)]))
+    with open_capture(path) as capture:
+        expected = list(fields_of_records(decode_records(capture)))
+    found = [fields for block in BlockReader(path) for fields in fields_of_block(block, Selection())]
+    assert found == expected and len(found) == 33
+
+
+# --- tables ---
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with open(path, newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_csv_is_one_file_a_message_and_formulas_are_texts(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "tables"
+    done = run(log, "-f", "csv", "-o", out)
+    names = ["OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_LOCATION", "OPEN_DRONE_ID_SYSTEM", "RIDLINK_SEPARATION"]
+    assert sorted(path.name for path in out.iterdir()) == [f"{name}.csv" for name in names]
+    assert str(out) in done.stderr and done.stdout == ""
+    (first, *_) = table(out / "OPEN_DRONE_ID_BASIC_ID.csv")
+    assert first["uas_id"] == "'" + HOSTILE_TEXT
+    assert (first["t"], first["src"], first["seq"], first["offset"]) == ("1700000000.123456", "1/1", "0", "0")
+    location = table(out / "OPEN_DRONE_ID_LOCATION.csv")[1]
+    assert float(location["latitude_deg"]) == 47.0001 and location["altitude_barometric_m"] == ""
+    assert b"\x1b" not in b"".join(path.read_bytes() for path in out.iterdir())
+
+
+def test_csv_of_other_messages(tmp_path: Path) -> None:
+    encoder = Encoder(1, 1)
+    frames = [
+        encoder.encode("ATTITUDE", roll=float("nan"), pitch=-0.5),
+        encoder.encode("MISSION_CURRENT", seq=-0 + 7),
+        encoder.encode("BATTERY_STATUS", voltages=list(range(10)), temperature=-7),
+        encoder.encode("PARAM_VALUE", param_id=b"@SYS"),
+        encode_frame(54321, b"\x01\x02", 0, seq=1, sysid=1, compid=1),
+    ]
+    path, out = tmp_path / "f.tlog", tmp_path / "out"
+    path.write_bytes(tlog_bytes([(START_US + index, frame) for index, frame in enumerate(frames)]))
+    run(path, "-f", "csv", "-o", out)
+    (attitude,) = table(out / "ATTITUDE.csv")
+    assert (attitude["roll"], attitude["pitch"]) == ("", "-0.5")
+    (mission,) = table(out / "MISSION_CURRENT.csv")
+    assert (mission["seq"], mission["seq_field"]) == ("1", "7")
+    (battery,) = table(out / "BATTERY_STATUS.csv")
+    assert battery["voltages"] == "[0,1,2,3,4,5,6,7,8,9]" and battery["temperature"] == "-7"
+    assert table(out / "PARAM_VALUE.csv")[0]["param_id"] == "'@SYS"
+    assert table(out / "UNKNOWN.csv")[0]["payload"] == "0102"
+
+
+def test_broadcasts_come_into_tables_with_their_radio(tmp_path: Path) -> None:
+    path, out = tmp_path / "f.hex", tmp_path / "out"
+    path.write_text(f"{PACK_MEMBER.hex()}\n{Encoder(1, 1).encode('HEARTBEAT', type=2).hex()}\n")
+    run(path, "-f", "csv", "-o", out)
+    (heartbeat,) = table(out / "HEARTBEAT.csv")
+    assert (heartbeat["t"], heartbeat["src"], heartbeat["type"]) == ("", "1/1", "2")
+    assert len(list(out.iterdir())) == 2
+
+
+def test_parquet_has_types_and_nulls(log: Path, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is in the extra 'export'")
+    out = tmp_path / "tables"
+    assert run(log, "-f", "parquet", "-o", out).return_value == 0
+    found = parquet.read_table(out / "OPEN_DRONE_ID_LOCATION.parquet")
+    assert str(found.schema.field("t").type) == "timestamp[us, tz=UTC]"
+    assert str(found.schema.field("latitude_deg").type) == "double"
+    assert found.column("altitude_barometric_m").to_pylist() == [None] * 6
+    assert found.column("latitude_deg").to_pylist() == [47.0, 47.0001, 47.0002, 47.0003, 47.0004, 47.0005]
+    moments = found.column("t").to_pylist()
+    assert moments[0].isoformat() == "2023-11-14T22:13:20.124456+00:00"
+    assert parquet.read_table(out / "OPEN_DRONE_ID_BASIC_ID.parquet").column("uas_id").to_pylist()[0] == HOSTILE_TEXT
+
+
+@pytest.mark.parametrize("output_format", ["csv", "parquet"])
+def test_tables_of_a_real_recording_have_all_rows(tmp_path: Path, output_format: str) -> None:
+    if not REAL.exists():
+        pytest.skip("the recording of real autopilots is not part of the project")
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is in the extra 'export'")
+    assert run(REAL, "-f", output_format, "-o", tmp_path / "out").return_value == 0
+    (statistics,) = [json.loads(line) for line in run(REAL, "--stats", "-f", "jsonl").stdout.splitlines()]
+    rows = {
+        path.stem: len(table(path)) if output_format == "csv" else parquet.read_metadata(path).num_rows
+        for path in (tmp_path / "out").iterdir()
+    }
+    assert rows == statistics["types"]
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [("pyarrow", ["-f", "parquet"]), ("mcap.writer", ["-f", "mcap"]), ("pyarrow", ["-f", "parquet", "--join"])],
+)
+def test_a_missing_extra_is_one_line_and_leaves_nothing(
+    log: Path, tmp_path: Path, module: str, arguments: list[str]
+) -> None:
+    script = f"import sys\nsys.modules[{module!r}] = None\nfrom ridlink.cli import main\nmain()"
+    command = [sys.executable, "-c", script, "decode", str(log), *arguments, "-o", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2 and "ridlink[export]" in done.stderr and len(done.stderr.splitlines()) == 1
+    assert sorted(tmp_path.iterdir()) == [log]
+
+
+def test_folders_appear_whole_or_not_at_all(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    assert run(log, "-f", "csv", "-o", out).return_value == 0  # an empty one is taken
+    before = {path: path.read_bytes() for path in out.iterdir()}
+    again = run(log, "-f", "csv", "-o", out)
+    assert isinstance(again.exception, FileExistsError)
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
+    broken = tmp_path / "broken.tlog"
+    broken.write_bytes(b"no frame in here")
+    listing = sorted(tmp_path.iterdir())
+    assert run(log, broken, "-f", "csv", "-o", tmp_path / "other").exception is not None
+    assert run(log, "-f", "csv", "-o", tmp_path / "nowhere" / "x").exception is not None
+    assert sorted(tmp_path.iterdir()) == listing
+
+
+# --- joined rows ---
+
+
+def rows_of(result: Result) -> list[dict[str, Any]]:
+    return [json.loads(line, parse_constant=pytest.fail) for line in result.stdout.splitlines()]
+
+
+def test_a_joined_row_is_one_update_of_one_aircraft(log: Path) -> None:
+    rows = rows_of(run(log, "--join", "-f", "jsonl"))
+    assert len(rows) == 6 and all(list(row) == list(COLUMNS) for row in rows)
+    assert [row["timestamp_s"] for row in rows] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    row = rows[2]
+    assert (row["uas_id"], row["ua_type"], row["sources"], row["transports"]) == (HOSTILE_TEXT, 2, "1/1", "mavlink")
+    assert (row["horizontal_error_m"], row["operator_latitude_deg"], row["received"]) == (3.0, 46.5, 1)
+    assert row["t"] == 1700000002.124456
+
+
+def test_joined_rows_as_csv_and_parquet(log: Path, tmp_path: Path) -> None:
+    assert run(log, "--join", "-f", "csv", "-o", tmp_path / "air.csv").return_value == 0
+    rows = table(tmp_path / "air.csv")
+    assert len(rows) == 6 and rows[0]["uas_id"] == "'" + HOSTILE_TEXT and list(rows[0]) == list(COLUMNS)
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is in the extra 'export'")
+    assert run(log, "--join", "-f", "parquet", "-o", tmp_path / "air.parquet").return_value == 0
+    found = parquet.read_table(tmp_path / "air.parquet").to_pylist()
+    assert len(found) == 6 and found[1]["latitude_deg"] == found[1]["latitude"] == 47.0001
+    assert found[1]["groundspeed"] == pytest.approx(19.438, abs=1e-3)
+    assert found[1]["altitude"] == pytest.approx(1642.06, abs=0.01)
+    assert found[1]["vertical_rate"] == pytest.approx(196.85, abs=0.01)
+
+
+def heard(name: str, time_us: int | None, transport: str = "mavlink", source: str = "1/1", **fields: Any) -> Fields:
+    return Fields(time_us, transport, source, 0, 0, name, {"id_or_mac": None, **fields})
+
+
+def located(time_us: int | None, timestamp_s: float | None, latitude_deg: float = 47.0, **more: Any) -> Fields:
+    return heard(
+        "OPEN_DRONE_ID_LOCATION", time_us, latitude_deg=latitude_deg, longitude_deg=8.0, timestamp_s=timestamp_s, **more
+    )
+
+
+def named(uas_id: str, time_us: int = 0, id_type: int = 1, **more: Any) -> Fields:
+    return heard("OPEN_DRONE_ID_BASIC_ID", time_us, id_type=id_type, ua_type=2, uas_id=uas_id, **more)
+
+
+def test_what_several_radios_heard_is_one_row() -> None:
+    wifi, bluetooth = {"transport": "wifi-beacon", "source": "90:3a"}, {"transport": "bt5", "source": "aa:bb"}
+    messages = [
+        named("X"), named("X", **wifi), named("X", **bluetooth),
+        located(1_000_000, 10.04), located(1_200_000, 10.0, **wifi), located(1_300_000, 10.1, **bluetooth),
+        located(2_000_000, 11.04, 47.1), located(2_100_000, 11.0, 47.1, **wifi),
+    ]  # fmt: skip
+    rows = list(join(messages))
+    assert [(row["transports"], row["received"]) for row in rows] == [("mavlink wifi-beacon bt5", 3),
+                                                                      ("mavlink wifi-beacon", 2)]  # fmt: skip
+    assert rows[0]["sources"] == "1/1 90:3a aa:bb"
+
+
+def test_a_hovering_aircraft_keeps_its_updates() -> None:
+    messages = [named("X"), *(located(100_000 * index, 0.1 * index) for index in range(20))]
+    assert len(list(join(messages))) == 20
+
+
+def test_different_aircraft_at_one_place_stay_apart() -> None:
+    second = {"source": "2/1"}
+    messages = [named("X"), named("Y", **second), located(0, 5.0), located(10, 5.0, **second)]
+    assert [row["uas_id"] for row in join(messages)] == ["X", "Y"]
+
+
+def test_a_separation_belongs_to_its_own_instant() -> None:
+    def separated(time_us: int, timestamp_s: float, error_m: float) -> Fields:
+        return heard("RIDLINK_SEPARATION", time_us, timestamp_s=timestamp_s, horizontal_error_m=error_m, flags=0)
+
+    messages = [
+        separated(0, 1.0, 1.0), located(10, 1.0), located(1_000_000, 2.0), separated(1_000_010, 2.0, 2.0),
+        located(2_000_000, 3.0), separated(3_000_000, 99.0, 9.0), located(3_610_000_000, 2.0),
+    ]  # fmt: skip
+    assert [row["horizontal_error_m"] for row in join(messages)] == [1.0, 2.0, None, None]
+
+
+def test_a_serial_number_outlasts_a_registration() -> None:
+    messages = [named("REG", id_type=2), located(0, 1.0), named("SERIAL"), named("REG", id_type=2), located(9, 2.0)]
+    assert [(row["uas_id"], row["id_type"]) for row in join(messages)] == [("SERIAL", 1)] * 2
+
+
+def test_rows_leave_when_the_log_has_moved_on() -> None:
+    joiner = Joiner()
+    assert not list(joiner.receive(located(0, 1.0))) and not list(joiner.receive(located(2_000_000, 2.0)))
+    assert len(list(joiner.receive(located(2_000_001, 3.0)))) == 1
+    assert len(list(joiner.flush())) == 2
+    untimed = Joiner()
+    assert sum(len(list(untimed.receive(located(None, float(index), index * 1e-3)))) for index in range(100)) > 80
+
+
+def test_memory_is_bounded_whatever_senders_do() -> None:
+    joiner = Joiner()
+    for index in range(MAX_SENDERS + 500):
+        list(joiner.receive(located(index, 1.0, source=f"{index}")))
+    assert len(joiner._senders) == len(joiner._updates) == MAX_SENDERS
+
+
+# --- maps ---
+
+
+def features(text: str) -> Iterator[dict[str, Any]]:
+    """Features of a GeoJSON text that RFC 7946 allows."""
+    whole = json.loads(text, parse_constant=pytest.fail)
+    assert whole["type"] == "FeatureCollection"
+    for feature in whole["features"]:
+        assert feature["type"] == "Feature" and isinstance(feature["properties"], dict)
+        geometry = feature["geometry"]
+        depth = {"Point": 0, "LineString": 1, "MultiLineString": 2}[geometry["type"]]
+        places = [geometry["coordinates"]]
+        for _ in range(depth):
+            assert all(places)
+            places = [inner for outer in places for inner in outer]
+        if depth:
+            lines = geometry["coordinates"] if depth == 2 else [geometry["coordinates"]]
+            assert all(len(line) >= 2 for line in lines)
+        assert all(abs(place[0]) <= 180 and abs(place[1]) <= 90 and len(place) in (2, 3) for place in places)
+        yield feature
+
+
+def test_geojson_has_points_and_tracks(log: Path, tmp_path: Path) -> None:
+    found = list(features(run(log, "-f", "geojson").stdout))
+    assert [feature["geometry"]["type"] for feature in found] == ["Point"] * 6 + ["LineString"]
+    assert found[0]["geometry"]["coordinates"] == [8.0, 47.0, 500.5]
+    assert found[0]["properties"]["time"] == "2023-11-14T22:13:20.124456Z"
+    assert found[0]["properties"]["horizontal_error_m"] == 3.0
+    assert found[-1]["properties"]["track"] == HOSTILE_TEXT and found[-1]["properties"]["positions"] == 6
+    assert run(log, "-f", "geojson", "-o", tmp_path / "a.geojson").stdout == ""
+    assert len(list(features((tmp_path / "a.geojson").read_text()))) == 7
+
+
+def test_vehicles_have_tracks_too_and_nonsense_has_none(tmp_path: Path) -> None:
+    path = tmp_path / "f.tlog"
+    places = [(470000000, 80000000), (470000010, 80000000), (0, 0), (2**31 - 1, 5)]
+    encoder = Encoder(3, 1)
+    path.write_bytes(
+        tlog_bytes(
+            [
+                (START_US + index, encoder.encode("GLOBAL_POSITION_INT", lat=lat, lon=lon, alt=1500))
+                for index, (lat, lon) in enumerate(places)
+            ]
+        )
+    )
+    *points, line = features(run(path, "-f", "geojson").stdout)
+    assert len(points) == 2 and line["geometry"]["coordinates"] == [[8.0, 47.0, 1.5], [8.0, 47.000001, 1.5]]
+    assert line["properties"]["track"] == "3/1"
+
+
+def test_a_capture_without_positions_is_an_empty_map(tmp_path: Path) -> None:
+    path = tmp_path / "f.tlog"
+    path.write_bytes(tlog_bytes(flight(1)))
+    assert list(features(run(path, "-f", "geojson").stdout)) == []
+    ET.fromstring(run(path, "-f", "kml").stdout)
+
+
+def test_a_track_is_cut_where_the_map_ends() -> None:
+    east = cut_at_antimeridian([[179.0, 0.0], [-179.0, 2.0]])
+    assert east == [[[179.0, 0.0], [180.0, 1.0]], [[-180.0, 1.0], [-179.0, 2.0]]]
+    west = cut_at_antimeridian([[-179.0, 2.0, 7.0], [179.0, 0.0, 9.0]])
+    assert west == [[[-179.0, 2.0, 7.0], [-180.0, 1.0, 8.0]], [[180.0, 1.0, 8.0], [179.0, 0.0, 9.0]]]
+    assert cut_at_antimeridian([[1.0, 2.0], [3.0, 4.0]]) == [[[1.0, 2.0], [3.0, 4.0]]]
+    assert len(cut_at_antimeridian([[180.0, 0.0], [-180.0, 0.0]])) == 2
+
+
+def test_kml_is_xml_whatever_the_name(log: Path, tmp_path: Path) -> None:
+    kml, gx = "{http://www.opengis.net/kml/2.2}", "{http://www.google.com/kml/ext/2.2}"
+    root = ET.fromstring(run(log, "-f", "kml").stdout)
+    (placemark,) = root.iter(f"{kml}Placemark")
+    assert placemark.findtext(f"{kml}name") == HOSTILE_TEXT
+    assert next(placemark.iter(f"{kml}when")).text == "2023-11-14T22:13:20.124456Z"
+    assert [place.text for place in placemark.iter(f"{gx}coord")][:1] == ["8.0 47.0 500.5"]
+    raw = tmp_path / "f.mavlink"
+    raw.write_bytes(b"".join(frame for _, frame in aircraft(3)))
+    (line,) = ET.fromstring(run(raw, "-f", "kml").stdout).iter(f"{kml}LineString")
+    assert (line.findtext(f"{kml}coordinates") or "").split() == ["8.0,47.0,500.5", "8.0,47.0001,500.5",
+                                                                  "8.0,47.0002,500.5"]  # fmt: skip
+
+
+def test_mcap_has_fixes_and_messages_under_inert_topics(log: Path, tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader", reason="mcap is in the extra 'export'")
+    path = tmp_path / "air.mcap"
+    assert run(log, "-f", "mcap", "-o", path).return_value == 0
+    with open(path, "rb") as stream:
+        found = [
+            (channel.topic, schema.name, message.log_time, json.loads(message.data))
+            for schema, channel, message in reader.make_reader(stream).iter_messages()
+        ]
+    fixes = [entry for entry in found if entry[1] == "foxglove.LocationFix"]
+    assert len(found) == 24 + 6 and len(fixes) == 6
+    topic, _, log_time, fix = fixes[0]
+    assert topic == "/remote_id/_1_b_______x1b_2J____/x/fix"
+    assert log_time == 1_700_000_000_124_456_000
+    assert (fix["latitude"], fix["longitude"], fix["altitude"]) == (47.0, 8.0, 500.5)
+    assert fix["timestamp"] == {"sec": 1_700_000_000, "nsec": 124_456_000}
+    assert fix["position_covariance"][0] == 1.0 and fix["position_covariance_type"] == 2
+    assert "/mavlink/1/1/RIDLINK_SEPARATION" in {entry[0] for entry in found}
+
+
+# --- what is written ---
+
+
+@pytest.mark.parametrize(
+    ("options", "count"),
+    [
+        (["--since", "1700000002"], 16),
+        (["--until", "2023-11-14T22:13:22Z"], 8),
+        (["--since", "2023-11-14 22:13:21", "--until", "1700000003.124456"], 9),
+        (["--since", "2023-11-15T00:13:21+02:00", "--until", "1700000003.124457"], 10),
+        (["--since", "2030-01-01"], 0),
+    ],
+)
+def test_since_and_until_are_half_open(log: Path, options: list[str], count: int) -> None:
+    assert len(run(log, "-f", "jsonl", *options).stdout.splitlines()) == count
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["-f", "csv"], ["-f", "parquet"], ["-f", "mcap", "-o", "-"], ["-f", "geojson", "--join"], ["--join"],
+        ["-f", "csv", "-o", "x", "--stats"], ["--frames"], ["--since", "soon"], ["--since", "nan"],
+    ],
+)  # fmt: skip
+def test_options_that_mean_nothing_are_usage_errors(log: Path, arguments: list[str]) -> None:
+    click = importlib.import_module("click")
+    assert isinstance(run(log, *arguments).exception, click.UsageError)

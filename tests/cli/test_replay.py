@@ -1,0 +1,142 @@
+"""``ridlink replay`` on loopback: every frame arrives, when it is due, until the end or a signal."""
+
+from __future__ import annotations
+
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from ridlink.mavlink.codec import Encoder
+from tests.captures.conftest import START_US, flight, tlog_bytes
+
+Arrivals = list[tuple[float, bytes]]
+
+
+@contextmanager
+def replaying(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-m", "ridlink", "replay", *map(str, arguments)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+@contextmanager
+def ground() -> Iterator[tuple[socket.socket, str]]:
+    """A bound socket, and the link that leads to it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        sock.settimeout(10)
+        yield sock, f"udpout:127.0.0.1:{sock.getsockname()[1]}"
+
+
+def receive(sock: socket.socket, count: int) -> Arrivals:
+    arrivals: Arrivals = []
+    while len(arrivals) < count:
+        data = sock.recv(2048)
+        arrivals.append((time.monotonic(), data))
+    return arrivals
+
+
+def spaced(tmp_path: Path, times_s: list[float]) -> tuple[Path, list[bytes]]:
+    """A log with heartbeats at these times."""
+    encoder = Encoder(1, 1)
+    frames = [encoder.encode("HEARTBEAT", custom_mode=index) for index in range(len(times_s))]
+    path = tmp_path / "f.tlog"
+    path.write_bytes(
+        tlog_bytes([(START_US + round(at_s * 1e6), frame) for at_s, frame in zip(times_s, frames, strict=True)])
+    )
+    return path, frames
+
+
+def test_frames_come_whole_in_order_and_when_they_are_due(tmp_path: Path) -> None:
+    path, frames = spaced(tmp_path, [0.0, 0.01, 0.5, 0.51, 1.0])
+    with ground() as (sock, url), replaying(path, "--out", url, "--speed", "2") as process:
+        arrivals = receive(sock, 5)
+        out, err = process.communicate(timeout=10)
+    assert [data for _, data in arrivals] == frames
+    since = [at_s - arrivals[0][0] for at_s, _ in arrivals]
+    # never early; how late depends on the machine
+    assert all(arrived > due / 2 - 0.02 for arrived, due in zip(since, [0.0, 0.01, 0.5, 0.51, 1.0], strict=True))
+    assert since[-1] < 2.0
+    assert process.returncode == 0 and err == ""
+    assert re.fullmatch(rf"{url}: 5 messages in \d\.\d s\n", out)
+
+
+def test_a_raw_stream_has_a_rate(tmp_path: Path) -> None:
+    path = tmp_path / "f.mavlink"
+    path.write_bytes(b"".join(frame for _, frame in flight(11)))
+    with ground() as (sock, url), replaying(path, "--out", url, "--rate", "40") as process:
+        arrivals = receive(sock, 11)
+        assert process.wait(timeout=10) == 0
+    assert [data for _, data in arrivals] == [frame for _, frame in flight(11)]
+    assert arrivals[-1][0] - arrivals[0][0] > 10 / 40 - 0.02
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_loop_begins_again_until_a_signal_stops_it(tmp_path: Path, number: signal.Signals) -> None:
+    path, frames = spaced(tmp_path, [0.0, 0.02])
+    with ground() as (sock, url), replaying(path, "--out", url, "--loop") as process:
+        arrivals = receive(sock, 7)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=10)
+    assert [data for _, data in arrivals] == [frames[index % 2] for index in range(7)]
+    assert process.returncode == 0 and err == "" and "messages in" in out
+
+
+def test_a_signal_stops_a_long_wait(tmp_path: Path) -> None:
+    path, _ = spaced(tmp_path, [0.0, 3600.0])
+    with ground() as (sock, url), replaying(path, "--out", url) as process:
+        receive(sock, 1)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=10)
+    assert process.returncode == 0 and ": 1 messages in" in out
+
+
+def test_a_time_that_goes_back_or_is_damaged_does_not_stop_it(tmp_path: Path) -> None:
+    path, frames = spaced(tmp_path, [3.0, 3.01, 0.0, 0.01])
+    data = bytearray(path.read_bytes())
+    length = 8 + len(frames[0])
+    data[length] ^= 0x80  # the second has no time
+    path.write_bytes(data)
+    with ground() as (sock, url), replaying(path, "--out", url) as process:
+        assert [data for _, data in receive(sock, 4)] == frames
+        assert process.wait(timeout=10) == 0
+
+
+def test_a_listening_link_waits_for_somebody(tmp_path: Path) -> None:
+    path, frames = spaced(tmp_path, [0.0, 0.01, 0.02])
+    with replaying(path, "--out", "udpin:127.0.0.1:0") as process, ground() as (sock, _):
+        assert process.stderr is not None
+        found = re.search(r"waiting for somebody to speak to udpin:127\.0\.0\.1:(\d+)", process.stderr.readline())
+        assert found
+        sock.sendto(b"here", ("127.0.0.1", int(found[1])))
+        assert [data for _, data in receive(sock, 3)] == frames
+        assert process.wait(timeout=10) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["absent.tlog", "--out", "udpout:127.0.0.1:9"], 3),
+        (["{log}", "--out", "udpout:nowhere"], 2),
+        (["{log}"], 2),
+        (["{log}", "--out", "udpout:127.0.0.1:9", "--speed", "0"], 2),
+        (["{log}", "--out", "udpout:127.0.0.1:9", "--rate", "nan"], 2),
+        (["-", "--out", "udpout:127.0.0.1:9", "--loop"], 2),
+    ],
+)
+def test_errors_are_one_line(tmp_path: Path, arguments: list[str], code: int) -> None:
+    path, _ = spaced(tmp_path, [0.0])
+    with replaying(*(argument.replace("{log}", str(path)) for argument in arguments)) as process:
+        out, err = process.communicate(timeout=20)
+    assert process.returncode == code and len(err.splitlines()) == 1 and out == ""
