@@ -65,7 +65,7 @@ def demo(
     from sitl_sim.cli.options import fleet_config
     from sitl_sim.demo.flight import fly
     from sitl_sim.demo.options import DemoOptions, any_free_ports
-    from sitl_sim.demo.screen import Screen
+    from sitl_sim.demo.screen import Screen, comparison_table, show, verdict_table
 
     config = fleet_config(fleet, Start.HOLDING)
     options = DemoOptions(
@@ -79,7 +79,6 @@ def demo(
         log=log,
     )
     screen = Screen(quiet=headless)
-    verdicts = Screen(quiet=as_json)
     results: list[dict[str, Any]] = []
     for each in COMPARED if compare else (definition,):
         chosen = replace(options, definition=Definition(each))
@@ -90,11 +89,11 @@ def demo(
         if as_json:
             click.echo(msgspec.json.encode(result))
         elif not compare:
-            verdicts.verdict(result)
+            show(verdict_table(result))
         else:
             screen.say(f"{each}: {result['arrived']} of {result['vehicles']} arrived, {result['macs']} MACs")
     if compare:
-        verdicts.comparison(results)
+        show(comparison_table(results), error=as_json)
     if not as_json:
         for result in results:
             click.echo(result["log"])

@@ -1,6 +1,6 @@
-"""What a person sees of a flight in a terminal: a table that lives, and the verdict.
+"""What a person sees of a flight: on a terminal a table that lives, and the verdict at the end.
 
-Everything goes to stderr, so that stdout stays clean for ``--json``.
+Progress goes to stderr; the verdict is a result and goes to stdout, unless that is kept for JSON.
 """
 
 from __future__ import annotations
@@ -64,15 +64,10 @@ class Screen:
         if self._live is not None:
             self._live.update(flight_table(world, title, solver))
 
-    def verdict(self, result: dict[str, Any]) -> None:
-        """The last word on one flight."""
-        if not self._quiet:
-            self._console.print(verdict_table(result))
 
-    def comparison(self, results: list[dict[str, Any]]) -> None:
-        """Several flights of the same seed side by side."""
-        if not self._quiet:
-            self._console.print(comparison_table(results))
+def show(result: RenderableType, *, error: bool = False) -> None:
+    """Print a result as wide as it is, on stdout, or on stderr where stdout is kept for JSON."""
+    Console(stderr=error, highlight=False, soft_wrap=True).print(result)
 
 
 def flight_table(world: World, title: str, solver: dict[int, str]) -> RenderableType:

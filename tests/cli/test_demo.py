@@ -97,12 +97,12 @@ def test_compare_flies_every_definition_with_the_same_seed(tmp_path: Path) -> No
         "--log", str(tmp_path / "flight.tlog"),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    for definition in ("snmac", "remote-id", "candidate1", "candidate2"):
-        assert definition in done.stderr
+    definitions = ("snmac", "remote-id", "candidate1", "candidate2")
+    *table, first, second, third, fourth = done.stdout.splitlines()
+    assert [first, second, third, fourth] == [str(tmp_path / f"flight-{definition}.tlog") for definition in definitions]
+    for definition in definitions:
+        assert any(line.split()[:2] == [definition, "1/1"] for line in table)
         assert (tmp_path / f"flight-{definition}.tlog").stat().st_size > 0
-    assert done.stdout.splitlines() == [
-        str(tmp_path / f"flight-{definition}.tlog") for definition in ("snmac", "remote-id", "candidate1", "candidate2")
-    ]
 
 
 def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
