@@ -223,8 +223,8 @@ class FleetServer:
         try:
             for index in range(len(self.autopilots)):
                 port = config.vehicle_port + index if config.vehicle_port else 0
-                self._vehicle_links.append(await _listen(port, self._vehicle_handler(index), "--vehicle-port"))
-            self._air_link = await _listen(config.air_port, self._on_air_datagram, "--air-port")
+                self._vehicle_links.append(await _listen(port, self._vehicle_handler(index)))
+            self._air_link = await _listen(config.air_port, self._on_air_datagram)
         except LinkError:
             await self.close()
             raise
@@ -411,11 +411,10 @@ class FleetServer:
         }
 
 
-async def _listen(port: int, handler: Callable[[bytes, Address], None], option: str) -> Link:
+async def _listen(port: int, handler: Callable[[bytes, Address], None]) -> Link:
     try:
         return await open_link(f"udpin:{HOST}:{port}", handler)
     except LinkError as error:
         raise LinkError(
-            f"cannot use UDP port {port}: another simulation may be running (ss -ulpn shows who has it); stop it, or "
-            f"choose other ports with {option}"
+            f"cannot use UDP port {port}: another simulation may be running (ss -ulpn shows who has it)"
         ) from error

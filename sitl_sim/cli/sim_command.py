@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ridlink.errors import LinkError
 from sitl_sim.cli.options import Finite, fleet_config, fleet_options
 
 if TYPE_CHECKING:
@@ -108,7 +109,12 @@ async def _run(server: FleetServer, duration_s: float | None, as_json: bool) -> 
         loop.remove_signal_handler(number)
         stop.set()
 
-    await server.start()
+    try:
+        await server.start()
+    except LinkError as error:
+        raise LinkError(
+            f"{error}; stop it, or choose other ports with --vehicle-port, --companion-port and --air-port"
+        ) from error
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop_gently, number)
     click.echo(_greeting(server), err=True)

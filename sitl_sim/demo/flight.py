@@ -16,6 +16,7 @@ import numpy as np
 from ridlink.avoidance.solver import warm_up
 from ridlink.captures.recorder import steady_clock
 from ridlink.daemon.recorder import Recorder
+from ridlink.errors import LinkError
 from ridlink.separation.definitions import Definition, separation_discs
 from sitl_sim.demo.conductor import Conductor
 from sitl_sim.demo.daemons import DaemonProcesses, Daemons, DaemonsHere, assignments
@@ -86,7 +87,7 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
     flying: asyncio.Task[None] | None = None
     summaries: list[dict[str, Any]] = []
     try:
-        await server.start()
+        await _open(server)
         log = _log_path(options, scenario)
         recorder = Recorder(log)
         flying = asyncio.create_task(server.run(landed))
@@ -114,6 +115,13 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         if recorder is not None:
             await asyncio.to_thread(recorder.close)
     return _result(options, server, summaries, log)
+
+
+async def _open(server: FleetServer) -> None:
+    try:
+        await server.start()
+    except LinkError as error:
+        raise LinkError(f"{error}; stop it, or let the kernel choose the ports with --any-ports") from error
 
 
 def _log_path(options: DemoOptions, scenario: Scenario) -> Path:
