@@ -11,7 +11,6 @@ import json
 import statistics
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,26 +21,10 @@ from ridlink.avoidance.solver import HalfplaneSolver, warm_up
 from ridlink.avoidance.types import OwnShip, Traffic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, FrameParser, parse_datagram
+from tests.bench import decode
+from tests.bench.measure import ROUNDS, interleaved
 
-ROUNDS = 7
 FRAMES = 20_000
-
-
-def cpu_seconds(action: Callable[[], object]) -> float:
-    begun = time.process_time()
-    action()
-    return time.process_time() - begun
-
-
-def interleaved(actions: dict[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[str, list[float]]:
-    """CPU seconds of each action, one after the other in every round, after one uncounted round."""
-    seconds: dict[str, list[float]] = {name: [] for name in actions}
-    for turn in range(rounds + 1):
-        for name, action in actions.items():
-            used = cpu_seconds(action)
-            if turn:
-                seconds[name].append(used)
-    return seconds
 
 
 def traffic_mix(count: int) -> list[bytes]:
@@ -165,8 +148,9 @@ def main() -> int:
     print(f"{'neighbours':>10}{'p50':>10}{'p99':>10}{'max':>10}")
     for row in decision_rows:
         print(f"{row['neighbours']:>10}{row['p50_us']:>7.0f} us{row['p99_us']:>7.0f} us{row['max_us']:>7.0f} us")
+    capture_rows = decode.report()
     if output:
-        output.write_text(json.dumps({"wire": wire_rows, "decisions": decision_rows}, indent=1) + "\n")
+        output.write_text(json.dumps({"wire": wire_rows, "decisions": decision_rows, **capture_rows}, indent=1) + "\n")
         print(f"\n{output}")
     return 0
 
