@@ -19,7 +19,9 @@ RECEIVE_BUFFER_BYTES = 4 * 2**20
 """Asked of the kernel: four seconds of a thousand aircraft at 10 Hz. The kernel caps it at net.core.rmem_max."""
 
 BATCH = 128
-"""Datagrams taken per wake-up, so that a flood cannot keep the loop from its deadline."""
+BATCH_S = 0.01
+"""Datagrams taken per wake-up, and time after which no more are: a flood, or a few datagrams that take long to read,
+must not keep the loop from its deadline."""
 
 LARGEST_DATAGRAM = 65535
 
@@ -44,6 +46,7 @@ class UdpLink(Link):
         loop.add_reader(sock.fileno(), self._read)
 
     def _read(self) -> None:
+        enough_s = self._loop.time() + BATCH_S
         for _ in range(BATCH):
             try:
                 data, address = self._socket.recvfrom(LARGEST_DATAGRAM)
@@ -56,7 +59,8 @@ class UdpLink(Link):
             if not self._connected:
                 self._peer = peer
             self._deliver(data, peer)
-            if self._socket.fileno() < 0:  # closed by the owner meanwhile
+            closed_meanwhile = self._socket.fileno() < 0
+            if closed_meanwhile or self._loop.time() >= enough_s:
                 return
 
     def _count(self, error: OSError) -> None:

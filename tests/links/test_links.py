@@ -12,7 +12,7 @@ import pytest
 from ridlink.errors import ConfigError, LinkError
 from ridlink.links import Address, Link, memory_link_pair, open_link
 from ridlink.links.tcp import TcpLink
-from ridlink.links.udp import UdpLink
+from ridlink.links.udp import BATCH_S, UdpLink
 from ridlink.mavlink.codec import Encoder
 
 PATIENCE_S = 5.0
@@ -95,6 +95,32 @@ def test_udpin_answers_whoever_spoke_last() -> None:
         assert at_first.datagrams == []
         for link in (server, first, second):
             link.close()
+
+    run(test)
+
+
+def test_datagrams_that_take_long_to_read_leave_the_loop_its_turns() -> None:
+    async def test() -> None:
+        loop = asyncio.get_running_loop()
+        turns: list[int] = []
+        read = 0
+
+        def slow(_: bytes, __: Address) -> None:
+            nonlocal read
+            read += 1
+            began = loop.time()
+            while loop.time() - began < BATCH_S:
+                pass
+
+        server = await open_link("udpin:127.0.0.1:0", slow)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
+            for _ in range(8):
+                flood.sendto(b"x", server.local_address)
+        while read < 8:
+            await asyncio.sleep(0)
+            turns.append(read)
+        server.close()
+        assert max(after - before for before, after in zip([0, *turns], turns, strict=False)) == 1
 
     run(test)
 
