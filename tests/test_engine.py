@@ -528,17 +528,6 @@ def test_bad_bytes_are_counted_by_cause_and_the_good_ones_beside_them_count() ->
     assert flight.engine.summary().reports_received == 1
 
 
-def test_of_a_datagram_longer_than_its_frames_could_be_only_so_much_is_judged() -> None:
-    flight = Flight()
-    flight.step()
-    good = Emulated(9, ned_m=(100.0, 0.0, -50.0)).remote_id(0.0)
-    flight.engine.receive_remote_id((good + b"\xfe" * 65_507)[:65_507], "air", 0.0)
-    assert len(flight.engine.picture) == 1
-    assert flight.engine.counters["datagram_cut"] == 1
-    flight.engine.receive_remote_id(b"\xfe" * 17_000 + good, "air", 0.1)
-    assert flight.engine.counters["report_repeated"] == 1, "what one may fill with frames is judged to its end"
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.binary(max_size=300), max_size=8), st.integers(0, 2**32 - 1))
 def test_any_bytes_on_either_link_leave_a_valid_stream(datagrams: list[bytes], seed: int) -> None:

@@ -26,7 +26,7 @@ from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
 from ridlink.geodesy import ned_from_geodetic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
-from ridlink.mavlink.frames import MAX_FRAME_LENGTH, MAX_FRAMES_PER_DATAGRAM, BadFrame, Frame, parse_datagram
+from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import messages_of
@@ -68,8 +68,6 @@ MESSAGE_IDS = frozenset(
     msgid for msgid in CRC_EXTRAS if 12900 <= msgid <= 12920 or msgid in (0, 24, 32, 33, 75, 76, 230, 245, 61400)
 )
 """What an engine reads; anything else is skipped before it is decoded."""
-LONGEST_DATAGRAM = MAX_FRAMES_PER_DATAGRAM * MAX_FRAME_LENGTH
-"""What is longer holds more than frames; judging 64 KiB of made-up frame starts would take longer than a step."""
 LOCATION = MAVLINK_NAMES[Location]
 REMOTE_ID_NAMES = frozenset((*MAVLINK_NAMES.values(), "OPEN_DRONE_ID_MESSAGE_PACK"))
 
@@ -207,9 +205,6 @@ class Engine:
 
     def _messages(self, datagram: bytes) -> list[tuple[Frame, Message]]:
         """What of a datagram concerns us; everything else is counted by cause."""
-        if len(datagram) > LONGEST_DATAGRAM:
-            self._counters["datagram_cut"] += 1
-            datagram = datagram[:LONGEST_DATAGRAM]
         taken: list[tuple[Frame, Message]] = []
         for found in parse_datagram(datagram, CRC_EXTRAS):
             if isinstance(found, BadFrame):

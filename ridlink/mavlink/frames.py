@@ -29,6 +29,9 @@ HEADER_LENGTH_V1 = 6
 HEADER_LENGTH_V2 = 10
 MAX_FRAME_LENGTH = HEADER_LENGTH_V2 + 255 + 2 + SIGNATURE_LENGTH
 MAX_FRAMES_PER_DATAGRAM = 64
+MAX_FALSE_STARTS = 1024
+"""Of a datagram: twice what chance puts into the largest one. Made of starts alone it would otherwise be judged for
+longer than there is time between two setpoints."""
 
 _MAGIC = re.compile(b"[\xfd\xfe]")
 
@@ -118,11 +121,20 @@ def _frame_at(data: bytes, at: int, offset: int, crc_extras: Mapping[int, int], 
 
 
 def _scan(
-    data: bytes, crc_extras: Mapping[int, int], *, offset: int, final: bool, limit: int | None
+    data: bytes,
+    crc_extras: Mapping[int, int],
+    *,
+    offset: int,
+    final: bool,
+    limit: int | None = None,
+    patience: int | None = None,
 ) -> tuple[list[Frame | BadFrame], int]:
-    """Everything found in ``data`` in order, and how many bytes were judged."""
+    """Everything found in ``data`` in order, and how many bytes were judged.
+
+    After ``limit`` frames the rest is ignored; after ``patience`` starts that were none it is refused with the last.
+    """
     found: list[Frame | BadFrame] = []
-    frames = at = refused_from = 0
+    frames = false_starts = at = refused_from = 0
     refused: Cause | None = None
     length = len(data)
     while at < length:
@@ -131,6 +143,10 @@ def _scan(
             result = _frame_at(data, at, offset, crc_extras, final)
             if result is Cause.TRUNCATED and not final:
                 break
+            if not isinstance(result, Frame):
+                false_starts += 1
+                if false_starts == patience:
+                    step = length - at
         else:
             magic = _MAGIC.search(data, at)
             step = (magic.start() if magic else length) - at
@@ -162,7 +178,7 @@ def parse_datagram(
         crc_extras: CRC_EXTRA by message id, as ``ridlink.mavlink.codec.CRC_EXTRAS``.
         limit: Frames taken at most; what follows is ignored.
     """
-    return _scan(data, crc_extras, offset=0, final=True, limit=limit)[0]
+    return _scan(data, crc_extras, offset=0, final=True, limit=limit, patience=MAX_FALSE_STARTS)[0]
 
 
 class FrameParser:
@@ -192,7 +208,7 @@ class FrameParser:
 
     def _take(self, data: bytes, *, final: bool) -> list[Frame | BadFrame]:
         data = self._pending + data
-        found, judged = _scan(data, self._crc_extras, offset=self._offset, final=final, limit=None)
+        found, judged = _scan(data, self._crc_extras, offset=self._offset, final=final)
         self._pending = data[judged:]
         self._offset += judged
         return found

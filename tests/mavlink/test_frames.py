@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.crc import checksum
 from ridlink.mavlink.frames import (
+    MAX_FALSE_STARTS,
     MAX_FRAME_LENGTH,
     MAX_FRAMES_PER_DATAGRAM,
     BadFrame,
@@ -190,6 +191,17 @@ class TestDatagrams:
         data = random.Random(2).randbytes(65_507 - len(location()) * 2)
         frames = frames_in(parse_datagram(location() + data + location(seq=1), CRC_EXTRAS))
         assert [frame.seq for frame in frames if frame.checked] == [0, 1]
+
+    @pytest.mark.parametrize("unit", [b"\xfe", b"\xfd\x00", POISON])
+    def test_a_datagram_made_of_false_starts_is_given_up(self, unit: bytes) -> None:
+        starts = unit * MAX_FALSE_STARTS
+        patient = parse_datagram(location() + starts[: -2 * len(unit)] + location(seq=1), CRC_EXTRAS)
+        assert [frame.seq for frame in frames_in(patient)] == [0, 1]
+        found = parse_datagram(location() + starts + location(seq=1), CRC_EXTRAS)
+        assert [frame.seq for frame in frames_in(found)] == [0]
+        assert sum(item.length if isinstance(item, BadFrame) else len(item.raw) for item in found) == len(
+            location() + starts + location(seq=1)
+        )
 
     def test_neighbouring_rejects_of_one_cause_are_one_entry(self) -> None:
         found = parse_datagram(b"\x00" * 5 + location() + b"\xfd" * 1000, CRC_EXTRAS)
