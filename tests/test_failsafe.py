@@ -78,7 +78,7 @@ def test_px4_gets_a_stream_while_it_waits_armed_and_ardupilot_does_not() -> None
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"external_mode": False}, "pilot"),
+        ({"external_mode": False}, "left GUIDED or OFFBOARD"),
         ({"armed": False}, "disarmed"),
         ({"autopilot_heard_s": 3.1}, "heartbeat"),
         ({"rebooted": True}, "restarted"),
