@@ -487,6 +487,27 @@ def test_own_remote_id_on_the_own_bus_is_no_traffic_and_tells_our_identity() -> 
     assert flight.engine.counters["own_echo"] >= 1
 
 
+def test_own_remote_id_that_comes_before_the_first_heartbeat_is_no_neighbour() -> None:
+    flight = Flight()
+    own = flight.vehicle.remote_id(0.0, extended=False)
+    flight.engine.receive_vehicle(own, 0.0, source="autopilot")
+    flight.engine.receive_remote_id(own, "air", 0.0)
+    flight.step(10)
+    assert len(flight.engine.picture) == 0
+    assert flight.engine.counters["heard_before_the_vehicle"] == 2
+
+
+def test_a_stranger_on_the_vehicle_link_cannot_lend_us_the_identity_of_an_intruder() -> None:
+    flight = Flight()
+    flight.step(2)
+    name, fields = to_mavlink(BasicId(1, 2, b"INTRUDER"))
+    lie = flight.vehicle.encoder.encode(name, **fields)
+    flight.engine.receive_vehicle(lie, flight.now_s, source="stranger")
+    near = Emulated(3, ned_m=(10.0, 0.0, -50.0)).remote_id(flight.now_s, id_or_mac=b"INTRUDER")
+    flight.engine.receive_remote_id(near, "air", flight.now_s)
+    assert len(flight.engine.picture) == 1, "taken for an echo of ourselves it would be flown into"
+
+
 def test_foreign_remote_id_forwarded_on_the_vehicle_link_is_traffic() -> None:
     flight = Flight()
     flight.step(2)

@@ -178,7 +178,7 @@ class Engine:
         """
         for frame, message in self._messages(datagram):
             if message.name in REMOTE_ID_NAMES:
-                self._remote_id("vehicle", frame, message, now_s, utc_s)
+                self._vehicle_remote_id(frame, message, source, now_s, utc_s)
             elif message.name in ("COMMAND_LONG", "COMMAND_INT"):
                 self._command(frame, message, source, now_s)
             else:
@@ -197,11 +197,12 @@ class Engine:
             utc_s: UTC now, for the age of reports.
         """
         messages = self._messages(datagram)
-        # LOCATION last: with the RIDLINK_SEPARATION of its own datagram it makes one report instead of two.
+        # LOCATION last here as well: see `_remote_id_parts`.
         messages.sort(key=lambda each: each[1].name == LOCATION)
         for frame, message in messages:
             if message.name in REMOTE_ID_NAMES:
-                self._remote_id("rid", frame, message, now_s, utc_s)
+                for part in self._remote_id_parts(message):
+                    self._remote_id("rid", frame, part, now_s, utc_s)
 
     def _messages(self, datagram: bytes) -> list[tuple[Frame, Message]]:
         """What of a datagram concerns us; everything else is counted by cause."""
@@ -217,20 +218,27 @@ class Engine:
                 taken.append((found, decode_message(found)))
         return taken
 
-    def _remote_id(self, link: str, frame: Frame, message: Message, now_s: float, utc_s: float | None) -> None:
-        # of a pack, too, LOCATION last
-        for part in sorted(messages_of(message, self._counters), key=lambda each: isinstance(each, Location)):
-            self._remote_id_part(link, frame, part, now_s, utc_s)
-
-    def _remote_id_part(
-        self, link: str, frame: Frame, part: RemoteIdMessage, now_s: float, utc_s: float | None
+    def _vehicle_remote_id(
+        self, frame: Frame, message: Message, source: Hashable, now_s: float, utc_s: float | None
     ) -> None:
+        """Remote ID on the vehicle link: others, as receivers relay them, or the vehicle about itself."""
+        lock = self.telemetry.lock
+        itself = lock is not None and lock.sysid == frame.sysid and lock.source == source
+        for part in self._remote_id_parts(message):
+            if not (itself and part.id_or_mac is None):
+                self._remote_id("vehicle", frame, part, now_s, utc_s)
+            elif isinstance(part, BasicId) and part.uas_id and self.config.uas_id is None:
+                self._uas_id = part.uas_id
+
+    def _remote_id_parts(self, message: Message) -> list[RemoteIdMessage]:
+        # LOCATION last, of a pack, too: with its RIDLINK_SEPARATION before it, it makes one report instead of two.
+        return sorted(messages_of(message, self._counters), key=lambda each: isinstance(each, Location))
+
+    def _remote_id(self, link: str, frame: Frame, part: RemoteIdMessage, now_s: float, utc_s: float | None) -> None:
         lock = self.telemetry.lock
         sysid = lock.sysid if lock else self.config.vehicle_sysid
-        if link == "vehicle" and part.id_or_mac is None and frame.sysid == sysid:
-            # The vehicle about itself: no traffic, but it may tell who it is.
-            if isinstance(part, BasicId) and part.uas_id and self.config.uas_id is None:
-                self._uas_id = part.uas_id
+        if sysid is None:  # who cannot tell its own reports from others' would avoid itself
+            self._counters["heard_before_the_vehicle"] += 1
             return
         report = self._assemblers[link].receive((frame.sysid, frame.compid), part, now_s)
         if isinstance(part, Location):
