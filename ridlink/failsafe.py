@@ -6,9 +6,9 @@
     HOLD      engaged, but own state or loop are in doubt: zero velocity.
     STOPPED   doubt lasted: the stream has ended on purpose, so that the native failsafe of the autopilot acts.
 
-An operator's request is consumed by the first engagement. A change of mode ends it, be it the pilot's or the autopilot's
-own (a landing, a failsafe), and neither the return of the mode nor that of a lost link renews it: only another request
-does.
+An operator's request is consumed by the first engagement. A change of mode ends it, be it the pilot's or the
+autopilot's own (a landing, a failsafe), and neither the return of the mode nor that of a lost link renews it: only
+another request does.
 """
 
 from __future__ import annotations

@@ -1,7 +1,14 @@
-"""Datagrams of a link into a tlog: what is a frame is written, the rest is counted."""
+"""Datagrams of a link into a tlog, by a thread of its own, so that no disk can delay whoever receives them.
+
+What is a frame is written, the rest is counted. What the disk cannot take within the queue is dropped and counted; a
+disk that refuses ends the recording, not the flight.
+"""
 
 from __future__ import annotations
 
+import os
+import queue
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -11,6 +18,12 @@ from ridlink.captures.records import Rejects
 from ridlink.captures.tlog import TlogWriter
 from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES
 from ridlink.mavlink.frames import Frame, parse_datagram
+
+QUEUE_LENGTH = 4096
+"""Datagrams: about a second of the heaviest traffic that a daemon is made for, half a megabyte."""
+
+IDLE_S = 0.5
+"""After so long without a datagram what was collected goes onto the disk."""
 
 
 def steady_clock() -> Callable[[], int]:
@@ -25,52 +38,91 @@ class Recorder:
     Nothing raises out of `receive`, for a link would count and forget it: the error that ended the recording is kept.
 
     Args:
-        clock: Microseconds since 1970 of a datagram received now.
+        path: The log.
+        overwrite: Replace a log that exists; otherwise it is an error.
+        clock: Microseconds since 1970 of a datagram received now; without it a steady one.
 
     Attributes:
         types: Messages written, by name.
         sources: Messages written, by ``system/component``.
         rejects: What was not a frame; offsets count the bytes received.
-        error: What ended the recording, such as a full disk.
+        dropped: Datagrams that the disk was too slow for.
+        error: What ended the recording, such as a full disk; None while it goes on.
+
+    Raises:
+        OSError: If the file cannot be made, or exists.
     """
 
-    def __init__(self, clock: Callable[[], int]) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], *, overwrite: bool = False, clock: Callable[[], int] | None = None
+    ) -> None:
         self.types: Counter[str] = Counter()
         self.sources: Counter[str] = Counter()
         self.rejects = Rejects()
+        self.dropped = 0
         self.error: OSError | None = None
-        self._clock = clock
+        self._clock = clock or steady_clock()
         self._received_bytes = 0
-        self._writer: TlogWriter | None = None
+        self._writer = TlogWriter(path, overwrite=overwrite)
+        self._queue: queue.Queue[tuple[int, bytes] | None] = queue.Queue(QUEUE_LENGTH)
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
 
-    def start(self, writer: TlogWriter) -> None:
-        """Write into this log from now on."""
-        self._writer = writer
+    @property
+    def messages(self) -> int:
+        """Messages written."""
+        return self._writer.records
+
+    @property
+    def bytes_written(self) -> int:
+        """Length of the log."""
+        return self._writer.bytes_written
 
     def receive(self, data: bytes, _: object = None) -> None:
-        """Take one datagram."""
-        if self._writer is None or self.error is not None:
+        """Take one datagram; the second argument is for the callback of a link."""
+        if self.error is not None:
             return
-        time_us = self._clock()
+        try:
+            self._queue.put_nowait((self._clock(), data))
+        except queue.Full:
+            self.dropped += 1
+
+    def close(self, longest_s: float | None = None) -> None:
+        """Write what is queued, and end; a disk that takes longer than that is left behind.
+
+        Args:
+            longest_s: Without it, as long as it takes.
+        """
+        try:
+            self._queue.put(None, timeout=longest_s)
+        except queue.Full:
+            return
+        self._thread.join(longest_s)
+
+    def _run(self) -> None:
+        try:
+            while True:
+                try:
+                    item = self._queue.get(timeout=IDLE_S)
+                except queue.Empty:
+                    self._writer.flush()
+                    continue
+                if item is None:
+                    break
+                self._write(*item)
+            self._writer.close()
+        except OSError as error:  # the writer has closed its file behind the last complete record
+            self.error = error
+            while self._queue.get() is not None:  # make room for whoever waits to say the end
+                continue
+
+    def _write(self, time_us: int, data: bytes) -> None:
         for item in parse_datagram(data, CRC_EXTRAS):
             if not isinstance(item, Frame):
                 self.rejects.add(item.cause, self._received_bytes + item.offset, item.length)
                 continue
-            try:
-                self._writer.write(time_us, item.raw)
-            except OSError as error:
-                self.error = error
-                return
+            self._writer.write(time_us, item.raw)
             spec = MESSAGES.get(item.msgid)
             self.types[spec.name if spec is not None else UNKNOWN] += 1
             self.sources[f"{item.sysid}/{item.compid}"] += 1
         self._received_bytes += len(data)
-
-    def flush(self) -> None:
-        """Bring what was received onto the disk."""
-        if self._writer is None or self.error is not None:
-            return
-        try:
-            self._writer.flush()
-        except OSError as error:
-            self.error = error

@@ -187,6 +187,8 @@ class _HumanPrinter(_Printer):
     def event(self, facts: dict[str, Any]) -> None:
         if facts["event"] == "state":
             self._put(f"{self._clear}{facts['state']}: {facts['reason']}\n", error=True)
+        elif facts["event"] == "recording_ended":
+            self._put(f"{self._clear}the recording has ended: {facts['reason']}\n", error=True)
         elif self._live:
             self._put(f"{self._clear}{_status_line(facts)}", error=True)
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import math
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ridlink.cli import EXIT_DONE
 
 if TYPE_CHECKING:
-    from ridlink.captures import TlogWriter
+    import asyncio
+
     from ridlink.captures.recorder import Recorder
     from ridlink.links import Link, LinkUrl
 
@@ -52,28 +54,26 @@ def record(url: str, output: str, duration: float | None, force: bool, silent: b
     """
     import asyncio
 
-    from ridlink.captures.recorder import Recorder, steady_clock
     from ridlink.links import parse_link_url
 
     link_url = parse_link_url(url)
     if not force and os.path.lexists(output):
         raise FileExistsError(errno.EEXIST, "exists already; --force replaces it", output)
-    recorder = Recorder(steady_clock())
-    summary = asyncio.run(_record(link_url, output, duration, force, silent, recorder))
-    _report(summary, recorder, as_json)
+    recorder, duration_s = asyncio.run(_record(link_url, output, duration, force, silent))
+    _report(output, recorder, duration_s, as_json)
     if recorder.error is not None:
         raise recorder.error
     return EXIT_DONE
 
 
 async def _record(
-    url: LinkUrl, output: str, duration: float | None, force: bool, silent: bool, recorder: Recorder
-) -> dict[str, Any]:
-    """Record until the time is up, a signal comes or the disk is full; what was written, for the summary."""
+    url: LinkUrl, output: str, duration: float | None, force: bool, silent: bool
+) -> tuple[Recorder, float]:
+    """Record until the time is up, a signal comes or the disk is full; the recorder, and how long it took [s]."""
     import asyncio
     import signal
 
-    from ridlink.captures import TlogWriter
+    from ridlink.captures.recorder import Recorder
     from ridlink.links import Scheme, open_link
 
     loop = asyncio.get_running_loop()
@@ -86,31 +86,24 @@ async def _record(
 
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop_once)
-    link = await open_link(url, recorder.receive)
+    # The link first: a port in use must neither replace a log nor leave an empty one.
+    link = await open_link(url, lambda data, _: recorder.receive(data))
     try:
-        with TlogWriter(output, overwrite=force) as writer:
-            recorder.start(writer)
-            started_s = loop.time()
-            here = f"{url.scheme}:{link.local_address[0]}:{link.local_address[1]}" if url.listens else url
-            click.echo(f"ridlink: recording {here} into {output}; Ctrl-C stops", err=True)
-            speaks = url.scheme is Scheme.UDPOUT and not silent
-            await _until(stop, started_s, duration, link, recorder, writer, speaks)
-            recorder.flush()
-        return {
-            "path": output,
-            "messages": writer.records,
-            "bytes": writer.bytes_written,
-            "duration_s": round(loop.time() - started_s, 3),
-        }
+        recorder = Recorder(output, overwrite=force)
+        started_s = loop.time()
+        here = f"{url.scheme}:{link.local_address[0]}:{link.local_address[1]}" if url.listens else url
+        click.echo(f"ridlink: recording {here} into {output}; Ctrl-C stops", err=True)
+        await _until(stop, started_s, duration, link, recorder, url.scheme is Scheme.UDPOUT and not silent)
+        await asyncio.to_thread(recorder.close)
+        return recorder, round(loop.time() - started_s, 3)
     finally:
         link.close()
 
 
 async def _until(
-    stop: Any, started_s: float, duration: float | None, link: Link, recorder: Recorder, writer: TlogWriter,
-    speaks: bool,
-) -> None:  # fmt: skip
-    """Each second: say that we are there, bring the log onto the disk, show where we are."""
+    stop: asyncio.Event, started_s: float, duration: float | None, link: Link, recorder: Recorder, speaks: bool
+) -> None:
+    """Each second: say that we are there, show where we are."""
     import asyncio
 
     from ridlink.mavlink.codec import Encoder
@@ -125,34 +118,39 @@ async def _until(
                 "HEARTBEAT", type=MAV_TYPE_GCS, autopilot=MAV_AUTOPILOT_INVALID, system_status=MAV_STATE_ACTIVE,
                 mavlink_version=MAVLINK_VERSION,
             ))  # fmt: skip
-        try:
+        with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stop.wait(), min(TICK_S, max(0.0, ends_s - loop.time())))
-        except TimeoutError:
-            recorder.flush()
         if on_terminal:
-            sys.stderr.write(f"\r{writer.records:,} messages, {loop.time() - started_s:.0f} s\x1b[K")
+            sys.stderr.write(f"\r{recorder.messages:,} messages, {loop.time() - started_s:.0f} s\x1b[K")
             sys.stderr.flush()
     if on_terminal:
         sys.stderr.write("\r\x1b[K")
 
 
-def _report(summary: dict[str, Any], recorder: Recorder, as_json: bool) -> None:
+def _report(path: str, recorder: Recorder, duration_s: float, as_json: bool) -> None:
     """The path and the counts, last."""
     if as_json:
         import msgspec
 
-        summary |= {
+        summary = {
+            "path": path,
+            "messages": recorder.messages,
+            "bytes": recorder.bytes_written,
+            "duration_s": duration_s,
             "types": dict(recorder.types.most_common()),
             "sources": dict(recorder.sources.most_common()),
             "rejects": dict(recorder.rejects.counts),
+            "dropped": recorder.dropped,
         }
         click.echo(msgspec.json.encode(summary))
         return
-    if not summary["messages"]:
+    if not recorder.messages:
         click.echo("ridlink: nothing was received; is anybody sending there?", err=True)
     if recorder.rejects:
         click.echo(f"ridlink: not frames: {recorder.rejects}", err=True)
+    if recorder.dropped:
+        click.echo(f"ridlink: {recorder.dropped:,} datagrams came faster than they could be written", err=True)
     click.echo(
-        f"{summary['path']}: {summary['messages']:,} messages of {len(recorder.types)} types from "
-        f"{len(recorder.sources)} sources, {summary['bytes']:,} bytes, {summary['duration_s']:.1f} s"
+        f"{path}: {recorder.messages:,} messages of {len(recorder.types)} types from "
+        f"{len(recorder.sources)} sources, {recorder.bytes_written:,} bytes, {duration_s:.1f} s"
     )

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from ridlink.avoidance.solver import warm_up
+from ridlink.captures.recorder import Recorder
 from ridlink.daemon.config import DaemonConfig
-from ridlink.daemon.recorder import Recorder
 from ridlink.engine import Engine, StepOutput
 from ridlink.engine.periodic import Periodic
 from ridlink.errors import RidlinkError
@@ -28,6 +28,9 @@ from ridlink.links import Address, Link, open_link
 
 STOP_SPACING_S = 0.05
 """Between the last setpoints: a burst would be lost as one."""
+
+LAST_RECORDS_S = 1.0
+"""At the end a slow disk is waited for so long and no longer."""
 
 FATAL_STEPS = 3
 """A step that fails sends nothing; after so many in a row the autopilot must not wait any longer."""
@@ -83,7 +86,8 @@ class AvoidDaemon:
 
     Args:
         config: What it is told.
-        on_event: Called with a dictionary for every change of state and once a second; keys `event`, `t`, ... .
+        on_event: Called with a dictionary for every change of state, once a second, and if the recording ends early;
+            keys `event`, `t`, ... .
 
     Attributes:
         engine: The engine.
@@ -107,6 +111,7 @@ class AvoidDaemon:
         self._gap_ms = _Spread()
         self._last_setpoint_s: float | None = None
         self._announced: tuple[str, str] | None = None
+        self._recording_ended = False
         self._summary_due = Periodic(1.0)
         self._failed_in_a_row = 0
 
@@ -117,18 +122,19 @@ class AvoidDaemon:
             stop: Set it to end.
 
         Raises:
-            LinkError: If a link or the recording cannot be opened.
+            LinkError: If a link cannot be opened.
+            OSError: If the recording cannot be opened.
             DecisionError: If decisions kept failing.
         """
         await _warm_up_unless(stop)
         # What lives now lives for ever: no collection needs to walk through the compiled kernels and the dialect again.
         gc.collect()
         gc.freeze()
-        if self.config.log is not None:
-            self._recorder = Recorder(self.config.log)
         try:
             self._vehicle = await open_link(self.config.vehicle, self._from_vehicle)
             self._air = await open_link(self.config.remote_id, self._from_air)
+            if self.config.log is not None:  # after the links: a port in use must not cost the log of another daemon
+                self._recorder = Recorder(self.config.log, overwrite=True)
             self.vehicle_address, self.remote_id_address = self._vehicle.local_address, self._air.local_address
             self.ready.set()
             try:
@@ -140,7 +146,7 @@ class AvoidDaemon:
                 if link is not None:
                     link.close()
             if self._recorder is not None:
-                await asyncio.to_thread(self._recorder.close)
+                await asyncio.to_thread(self._recorder.close, LAST_RECORDS_S)
         if self.engine.fatal:
             raise DecisionError(f"decisions failed: {self.engine.last_error}; the vehicle was told to stop")
         return self.summary()
@@ -223,7 +229,7 @@ class AvoidDaemon:
 
     def _record(self, data: bytes) -> None:
         if self._recorder is not None:
-            self._recorder.record(time.time_ns() // 1000, data)
+            self._recorder.receive(data)
 
     # --- words ----------------------------------------------------------------------------------------------------
 
@@ -235,6 +241,9 @@ class AvoidDaemon:
         if state != self._announced:
             self._announced = state
             self._emit("state", state=state[0], reason=state[1])
+        if self._recorder is not None and self._recorder.error is not None and not self._recording_ended:
+            self._recording_ended = True
+            self._emit("recording_ended", reason=_words(self._recorder.error))
         if not self._summary_due.due(record.time_s):
             return
         command = record.commanded_ned_mps
@@ -270,13 +279,14 @@ class AvoidDaemon:
             if link is not None:
                 rejects.update({f"{name}_link_{cause}": count for cause, count in link.counters.items()})
         if self._recorder is not None:
-            rejects.update(self._recorder.counters)
+            rejects["recording_dropped"] += self._recorder.dropped
+            rejects["recording_failed"] += self._recorder.error is not None
         return Summary(
             setpoints=totals.setpoints,
             reports_received=totals.reports_received,
             decision_ms=self._decision_ms.summary(),
             setpoint_gap_ms=self._gap_ms.summary(),
-            rejects=dict(sorted(rejects.items())),
+            rejects={cause: count for cause, count in sorted(rejects.items()) if count},
             tracks=totals.tracks,
             state=totals.state,
             infeasible_steps=totals.infeasible_steps,
@@ -307,6 +317,10 @@ async def _warm_up_unless(stop: asyncio.Event) -> None:
     stopped.cancel()
     if done.done() and done.result() is not None:
         raise done.result()
+
+
+def _words(error: OSError) -> str:
+    return f"{error.filename}: {error.strerror}" if error.filename else str(error)
 
 
 def _finite(value: float | None) -> float | None:

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from ridlink.avoidance.solver import warm_up
-from ridlink.captures.recorder import steady_clock
-from ridlink.daemon.recorder import Recorder
+from ridlink.captures.recorder import Recorder
 from ridlink.errors import LinkError
 from ridlink.separation.definitions import Definition, separation_discs
 from sitl_sim.demo.conductor import Conductor
@@ -89,10 +88,10 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
     try:
         await _open(server)
         log = _log_path(options, scenario)
-        recorder = Recorder(log)
+        recorder = Recorder(log, overwrite=True)
         flying = asyncio.create_task(server.run(landed))
         ports = server.ports
-        conductor = Conductor(ports.vehicles, ports.air, _writing_to(recorder))
+        conductor = Conductor(ports.vehicles, ports.air, recorder.receive)
         await conductor.open()
         assigned = assignments(scenario, options.definition, options.fleet, ports)
         await _warm(screen, options.processes, len(assigned))
@@ -131,11 +130,6 @@ def _log_path(options: DemoOptions, scenario: Scenario) -> Path:
     handle, name = tempfile.mkstemp(prefix=stem, suffix=".tlog")
     os.close(handle)
     return Path(name)
-
-
-def _writing_to(recorder: Recorder) -> Callable[[bytes], None]:
-    now_us = steady_clock()
-    return lambda datagram: recorder.record(now_us(), datagram)
 
 
 def _title(options: DemoOptions, scenario: Scenario) -> str:

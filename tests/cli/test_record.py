@@ -17,8 +17,6 @@ from typing import Any
 import pytest
 
 from ridlink.captures import Record, Rejects, open_capture
-from ridlink.captures.recorder import Recorder, steady_clock
-from ridlink.captures.tlog import TlogWriter
 from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from tests.captures.conftest import flight
@@ -181,25 +179,3 @@ def test_a_full_disk_ends_it_with_one_line_and_a_readable_log(tmp_path: Path) ->
     records, rejects = read(path)
     assert [record.frame.raw for record in records] == frames[: len(records)] and not rejects
     assert limit - 100 < path.stat().st_size <= limit
-
-
-def test_the_clock_of_a_recording_does_not_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = steady_clock()
-    before_us = clock()
-    monkeypatch.setattr("time.time_ns", lambda: 0)  # the system clock is set back to 1970
-    assert 0 <= clock() - before_us < 60_000_000
-
-
-def test_a_recorder_without_a_log_waits_and_after_an_error_rests(tmp_path: Path) -> None:
-    recorder = Recorder(lambda: 1)
-    recorder.receive(flight(1)[0][1])
-    recorder.flush()
-    assert not recorder.types
-    writer = TlogWriter("/dev/full", overwrite=True)
-    recorder.start(writer)
-    recorder.receive(flight(1)[0][1])
-    recorder.flush()
-    assert recorder.error is not None and "No space left" in str(recorder.error)
-    recorder.receive(flight(1)[0][1])
-    recorder.flush()
-    assert recorder.types.total() <= 1 and writer.records == 0

@@ -190,17 +190,34 @@ def test_everything_received_and_sent_is_recorded(tmp_path: Path) -> None:
     assert senders >= {(1, 1, 0), (1, 1, 33), (1, 196, 84), (1, 196, 0), (9, 1, 12901), (9, 1, 61400)}
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_is_said_once_and_the_flight_goes_on() -> None:
+    async def test() -> None:
+        async with running(log=Path("/dev/full")) as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: any(event["event"] == "recording_ended" for event in flight.events))
+            count = len(vehicle.setpoints())
+            await vehicle.until(lambda: len(vehicle.setpoints()) > count + 12)
+            summary = await flight.end()
+            assert summary.rejects["recording_failed"] == 1
+            (said,) = [event for event in flight.events if event["event"] == "recording_ended"]
+            assert said["reason"] == "/dev/full: No space left on device"
+
+    run(test)
+
+
 def test_a_port_in_use_and_a_log_that_cannot_be_written_are_errors_at_the_start(tmp_path: Path) -> None:
     async def test() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
             taken.bind(("127.0.0.1", 0))
             port = taken.getsockname()[1]
             config = DaemonConfig(vehicle=f"udpin:127.0.0.1:{port}", remote_id="udpout:127.0.0.1:9")  # type: ignore[arg-type]
+            log = tmp_path / "x.tlog"
             with pytest.raises(LinkError, match=f"port {port} is in use"):
-                await AvoidDaemon(config).run(asyncio.Event())
-            bad_log = replace(config, log=tmp_path / "none" / "x.tlog")
-            with pytest.raises(LinkError, match="log"):
-                await AvoidDaemon(bad_log).run(asyncio.Event())
+                await AvoidDaemon(replace(config, log=log)).run(asyncio.Event())
+            assert not log.exists(), "a daemon that does not fly leaves no log, and spoils none"
+        with pytest.raises(FileNotFoundError):
+            await AvoidDaemon(replace(config, log=tmp_path / "none" / "x.tlog")).run(asyncio.Event())
 
     run(test)
 

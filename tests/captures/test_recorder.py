@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import threading
+from itertools import count
 from pathlib import Path
 
 import pytest
 
+from ridlink.captures.recorder import QUEUE_LENGTH, Recorder, steady_clock
 from ridlink.captures.records import Rejects
 from ridlink.captures.tlog import TlogWriter, read_tlog
-from ridlink.daemon.recorder import QUEUE_LENGTH, Recorder
-from ridlink.errors import LinkError
 from tests.daemon.emulated import Emulated
 
 NOW_US = 1_700_000_000_000_000
@@ -23,30 +23,38 @@ def records(path: Path) -> list[tuple[int | None, bytes]]:
 def test_every_frame_of_every_datagram_is_a_record(tmp_path: Path) -> None:
     vehicle = Emulated()
     datagrams = [vehicle.telemetry(k * 0.1) for k in range(20)]
-    recorder = Recorder(tmp_path / "a.tlog")
-    for k, datagram in enumerate(datagrams):
-        recorder.record(NOW_US + k, datagram)
-    recorder.record(NOW_US + 99, b"junk")
+    ticks = count(NOW_US)
+    recorder = Recorder(tmp_path / "a.tlog", clock=lambda: next(ticks))
+    for datagram in datagrams:
+        recorder.receive(datagram)
+    recorder.receive(b"junk")
     recorder.close()
     found = records(tmp_path / "a.tlog")
     assert b"".join(raw for _, raw in found) == b"".join(datagrams)
     assert len(found) == 60
     assert found[-1][0] == NOW_US + 19
+    assert (recorder.messages, recorder.bytes_written) == (60, (tmp_path / "a.tlog").stat().st_size)
+    assert recorder.types.total() == 60 and recorder.sources == {"1/1": 60}
+    assert recorder.rejects.counts == {"garbage": 1}
 
 
-def test_a_file_that_cannot_be_made_is_an_error_at_the_start(tmp_path: Path) -> None:
-    with pytest.raises(LinkError, match="No such file"):
+def test_a_file_that_cannot_be_made_or_exists_is_an_error_at_the_start(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
         Recorder(tmp_path / "none" / "a.tlog")
+    (tmp_path / "old.tlog").write_bytes(b"precious")
+    with pytest.raises(FileExistsError):
+        Recorder(tmp_path / "old.tlog")
+    assert (tmp_path / "old.tlog").read_bytes() == b"precious"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_disk_that_refuses_ends_the_recording_only() -> None:
-    recorder = Recorder(Path("/dev/full"))
-    recorder.record(NOW_US, Emulated().heartbeat())
+    recorder = Recorder("/dev/full", overwrite=True)
+    recorder.receive(Emulated().heartbeat())
     recorder.close()
-    recorder.record(NOW_US, Emulated().heartbeat())
-    assert recorder.counters["recording_failed"] == 1
-    assert "No space left" in recorder.failure
+    recorder.receive(Emulated().heartbeat())
+    assert recorder.error is not None and "No space left" in str(recorder.error)
+    assert recorder.messages == 0
 
 
 def test_a_slow_disk_costs_records_not_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,8 +69,16 @@ def test_a_slow_disk_costs_records_not_time(tmp_path: Path, monkeypatch: pytest.
     recorder = Recorder(tmp_path / "a.tlog")
     beat = Emulated().heartbeat()
     for _ in range(QUEUE_LENGTH + 100):
-        recorder.record(NOW_US, beat)
-    assert recorder.counters["recording_dropped"] >= 90
+        recorder.receive(beat)
+    assert recorder.dropped >= 90
+    recorder.close(0.01)
     gate.set()
     recorder.close()
-    assert len(records(tmp_path / "a.tlog")) + recorder.counters["recording_dropped"] == QUEUE_LENGTH + 100
+    assert len(records(tmp_path / "a.tlog")) + recorder.dropped == QUEUE_LENGTH + 100
+
+
+def test_the_clock_of_a_recording_does_not_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = steady_clock()
+    before_us = clock()
+    monkeypatch.setattr("time.time_ns", lambda: 0)  # the system clock is set back to 1970
+    assert 0 <= clock() - before_us < 60_000_000
