@@ -75,7 +75,7 @@ def status(encoder: Encoder, record: DecisionRecord, time_boot_ms: int, decision
 
 def collision(encoder: Encoder, conflict: Conflict, state: State) -> bytes:
     """COLLISION (247): the neighbour by its system id, or by the checksum of the id that a receiver relayed."""
-    _, sysid, _, id_or_mac = conflict.track.key
+    _, sysid, _, id_or_mac, _ = conflict.track.key
     return encoder.encode(
         "COLLISION",
         src=COLLISION_BY_SYSTEM_ID,

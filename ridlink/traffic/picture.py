@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Hashable
+from collections.abc import Collection, Hashable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,13 @@ from ridlink.geodesy import Geodetic, ned_from_geodetic
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.position_filter import offset_m
-from ridlink.traffic.track import SENDER_AGE_S, Track, TrackKey, Update, hours_apart_s, new_track
+from ridlink.traffic.track import SENDER_AGE_S, Relation, Track, TrackKey, Update, hours_apart_s, new_track
 
 FloatArray = NDArray[np.float64]
+
+VEHICLES_PER_IDENTITY = 4
+DISPLACED_AFTER_S = 2.0
+"""So many vehicles with one identity are followed side by side; one silent for so long gives way to another."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,32 +145,82 @@ class TrafficPicture:
             own_sysid: Own system id.
             own_uas_id: Own identity in Remote ID.
         """
-        if self._is_echo(report, own_sysid, own_uas_id):
+        age_s = self._sender_age_s(report, utc_s)
+        relations = self._relations((link, *report.key), report, trusted_clock=age_s is not None)
+        following = [track for track, relation in relations.items() if relation is Relation.FOLLOWS]
+        track = min(following, key=lambda each: each.metres_to(report)) if following else None
+        if self._is_echo(report, track, own_sysid, own_uas_id):
             self.counters["own_echo"] += 1
-            return
-        key: TrackKey = (link, *report.key)
-        measured_at_s = report.received_at_s - self._sender_age_s(report, utc_s)
-        track = self.tracks.get(key)
-        if track is not None:
-            update = track.update(report, measured_at_s, self.settings.unknown_error_m)
-            if update not in (Update.MOVED, Update.COMPLETED):
-                self.counters[update] += 1
-            elif (report.horizontal_error_m or 0.0) >= self.settings.unusable_error_m:
-                self.counters["position_unusable"] += 1
-            return
-        track = new_track(key, report, measured_at_s, filtered=self.settings.filtered)
-        if track is None:
+        elif track is not None:
+            self._update(track, report, report.received_at_s - (age_s or 0.0))
+        elif Relation.OUTDATED in relations.values():
+            last = [each.report.timestamp_s for each, relation in relations.items() if relation is Relation.OUTDATED]
+            self.counters[Update.REPEATED if report.timestamp_s in last else Update.OLDER] += 1
+        else:
+            self._begin((link, *report.key), relations, report, age_s)
+
+    def _relations(
+        self, identity: tuple[Any, ...], report: RemoteIdReport, *, trusted_clock: bool
+    ) -> dict[Track, Relation]:
+        """The tracks with the identity of a report, and what it is to each."""
+        found = (self.tracks.get((*identity, number)) for number in range(VEHICLES_PER_IDENTITY))
+        return {
+            track: track.relation(
+                report,
+                trusted_clock=trusted_clock,
+                unknown_error_m=self.settings.unknown_error_m,
+                unknown_speed_mps=self.settings.unknown_speed_mps,
+            )
+            for track in found
+            if track is not None
+        }
+
+    def _update(self, track: Track, report: RemoteIdReport, measured_at_s: float) -> None:
+        update = track.update(report, measured_at_s, self.settings.unknown_error_m)
+        if update not in (Update.MOVED, Update.COMPLETED):
+            self.counters[update] += 1
+        elif (report.horizontal_error_m or 0.0) >= self.settings.unusable_error_m:
+            self.counters["position_unusable"] += 1
+
+    def _begin(
+        self, identity: tuple[Any, ...], others: Collection[Track], report: RemoteIdReport, age_s: float | None
+    ) -> None:
+        """A new track; beside others with the same identity where there are some."""
+        if report.latitude_deg is None:
             self.counters[Update.NO_POSITION] += 1
+            return
+        if others:
+            self.counters["identity_doubtful"] += 1
+        taken = {track.key[-1] for track in others}
+        number = next((k for k in range(VEHICLES_PER_IDENTITY) if k not in taken), None)
+        if number is None:
+            longest_silent = min(others, key=lambda track: track.received_at_s)
+            if report.received_at_s - longest_silent.received_at_s < DISPLACED_AFTER_S:
+                self.counters["track_refused"] += 1
+                return
+            number = longest_silent.key[-1]
+            del self.tracks[longest_silent.key]
+        track = new_track(
+            (*identity, number),
+            report,
+            report.received_at_s - (age_s or 0.0),
+            filtered=self.settings.filtered,
+            trusted_clock=age_s is not None,
+        )
+        if track is None:
             return
         if self._own is not None:
             track.urgency_s = self._urgency_of(track, self._own)
         if len(self.tracks) >= self.settings.max_tracks and not self._make_room(track):
             self.counters["track_refused"] += 1
             return
-        self.tracks[key] = track
+        self.tracks[track.key] = track
 
-    def _is_echo(self, report: RemoteIdReport, own_sysid: int | None, own_uas_id: bytes | None) -> bool:
-        """Our own report come back: our identity *and* our place. Our identity elsewhere is an intruder."""
+    def _is_echo(
+        self, report: RemoteIdReport, track: Track | None, own_sysid: int | None, own_uas_id: bytes | None
+    ) -> bool:
+        """Our own report come back: our identity *and* our place. Our identity elsewhere is an intruder, and stays one
+        when it comes near: its next report is nearer to its last one than to us."""
         by_sysid = own_sysid is not None and report.source[0] == own_sysid and report.id_or_mac is None
         by_uas_id = own_uas_id is not None and _bare(own_uas_id) in (_bare(report.uas_id), _bare(report.id_or_mac))
         if not (by_sysid or by_uas_id):
@@ -178,17 +233,20 @@ class TrafficPicture:
         bound = self.settings.unknown_error_m if report.horizontal_error_m is None else report.horizontal_error_m
         bound = min(bound, self.settings.unusable_error_m)
         if distance <= own.error_bound_m + bound + 2.0 * own.speed_mps + self.settings.echo_margin_m:
-            return True
+            return track is None or not track.seen_elsewhere or track.metres_to(report) >= distance
+        if track is not None:
+            track.seen_elsewhere = True
         self.counters["own_id_elsewhere"] += 1
         return False
 
-    def _sender_age_s(self, report: RemoteIdReport, utc_s: float | None) -> float:
+    def _sender_age_s(self, report: RemoteIdReport, utc_s: float | None) -> float | None:
+        """Age of a report by its own timestamp; None where that is missing or does not agree with our UTC."""
         if utc_s is None or report.timestamp_s is None:
-            return 0.0
+            return None
         age = hours_apart_s(utc_s, report.timestamp_s)
         if not SENDER_AGE_S[0] <= age <= SENDER_AGE_S[1]:
             self.counters["timestamp_implausible"] += 1
-            return 0.0
+            return None
         return max(age, 0.0)
 
     def _make_room(self, newcomer: Track) -> bool:

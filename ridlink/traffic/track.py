@@ -1,4 +1,4 @@
-"""One neighbour: its last report, what of it may be believed, and how old it is.
+"""One neighbour: its last report, what of it may be believed, how old it is, and which reports may be its next.
 
 A track holds what was reported; nothing is extrapolated here. `age_s` is the time since the position was measured, and
 whoever uses the position takes it that far ahead. Units and frames as in `RemoteIdReport`.
@@ -6,15 +6,17 @@ whoever uses the position takes it that far ahead. Units and frames as in `Remot
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from ridlink.remote_id.report import RemoteIdReport
-from ridlink.traffic.position_filter import PositionFilter
+from ridlink.traffic.position_filter import PositionFilter, offset_m
 
-TrackKey = tuple[Hashable, int, int, bytes | None]
-"""Where it was heard, system id, component id and, for relayed data, `id_or_mac`."""
+TrackKey = tuple[Hashable, int, int, bytes | None, int]
+"""Where it was heard, system id, component id, for relayed data `id_or_mac`, and which of the vehicles that use this
+identity, from 0."""
 
 STATUS_ON_GROUND = 1
 """MAV_ODID_STATUS_GROUND."""
@@ -31,6 +33,12 @@ SENDER_AGE_S = (-1.0, 5.0)
 
 HOUR_S = 3600.0
 
+CLOCK_SLACK_S = 2.0
+"""A sender's clock goes as ours does, but for what its datagrams are delayed."""
+
+REACH_FACTOR = 1.5
+"""Over the speed of a vehicle: who is further away than that from its last position is another one."""
+
 
 class Update(StrEnum):
     """What a report did to its track."""
@@ -43,12 +51,22 @@ class Update(StrEnum):
     NO_POSITION = "report_without_position"
 
 
+class Relation(StrEnum):
+    """What a report of the same identity is to a track."""
+
+    FOLLOWS = "follows"
+    OUTDATED = "outdated"
+    """As old as its last one, or older."""
+    STRANGE = "strange"
+    """Too far away, or too far ahead of its clock: another vehicle with this identity, or a forgery."""
+
+
 def hours_apart_s(later_s: float, earlier_s: float) -> float:
     """Difference of two times past the full hour, within half an hour either way [s]."""
     return (later_s - earlier_s + HOUR_S / 2.0) % HOUR_S - HOUR_S / 2.0
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Track:
     """One neighbour.
 
@@ -64,6 +82,8 @@ class Track:
         urgency_s: Time until it matters, as of the last snapshot; the larger, the sooner it is given up.
         in_conflict: It was predicted to enter our disc, as of the last decision.
         filter: Position filter.
+        trusted_clock: The timestamps of its sender were seen to agree with our UTC.
+        seen_elsewhere: It bore our identity where we were not.
     """
 
     key: TrackKey
@@ -77,6 +97,8 @@ class Track:
     passing_side: int = 0
     urgency_s: float = 0.0
     in_conflict: bool = False
+    trusted_clock: bool = False
+    seen_elsewhere: bool = False
 
     @property
     def on_ground(self) -> bool:
@@ -97,6 +119,48 @@ class Track:
         silent = now_s - self.received_at_s
         slow = self.interval_s > SLOW_INTERVAL_S or self.in_conflict
         return silent > (COAST_SLOW_S if slow else COAST_FAST_S)
+
+    def metres_to(self, report: RemoteIdReport) -> float:
+        """Distance of a reported position from the last one; infinite where one of them is missing."""
+        last = self.report
+        if last.latitude_deg is None or last.longitude_deg is None:
+            return math.inf
+        if report.latitude_deg is None or report.longitude_deg is None:
+            return math.inf
+        return math.hypot(
+            *offset_m((last.latitude_deg, last.longitude_deg), (report.latitude_deg, report.longitude_deg))
+        )
+
+    def relation(
+        self, report: RemoteIdReport, *, trusted_clock: bool, unknown_error_m: float, unknown_speed_mps: float
+    ) -> Relation:
+        """What a report with a position is to this track.
+
+        An identity is no proof: two vehicles may have the same one, and anybody can forge it. What cannot be the next
+        word of this vehicle neither moves the track nor makes its true reports look late.
+
+        Args:
+            report: A report of the same identity.
+            trusted_clock: Its timestamp agrees with our UTC.
+            unknown_error_m: Error bound of a report that states none.
+            unknown_speed_mps: Speed of a vehicle that states none, and of one that may have become faster.
+        """
+        last = self.report
+        gap = max(report.received_at_s - last.received_at_s, 0.0)
+        if report.timestamp_s is not None and last.timestamp_s is not None:
+            newer_s = hours_apart_s(report.timestamp_s, last.timestamp_s)
+            if newer_s > gap + CLOCK_SLACK_S or (newer_s < 0.0 and trusted_clock and not self.trusted_clock):
+                return Relation.STRANGE
+            if newer_s < 0.0:
+                return Relation.OUTDATED
+            outdated = newer_s == 0.0
+        else:
+            outdated = False
+        fastest = max(unknown_speed_mps, last.speed_horizontal_mps or 0.0, report.speed_horizontal_mps or 0.0)
+        reach = REACH_FACTOR * fastest * gap + bound_m(last, unknown_error_m) + bound_m(report, unknown_error_m)
+        if self.metres_to(report) <= reach:
+            return Relation.FOLLOWS
+        return Relation.OUTDATED if outdated else Relation.STRANGE
 
     def update(self, report: RemoteIdReport, measured_at_s: float, unknown_error_m: float) -> Update:
         """Take a report of the same sender.
@@ -127,12 +191,11 @@ class Track:
             return Update.COMPLETED
         if report.latitude_deg is None or report.longitude_deg is None:
             return Update.NO_POSITION
-        bound = report.horizontal_error_m if report.horizontal_error_m is not None else report.accuracy_bound_m
         self.latitude_deg, self.longitude_deg = self.filter.update(
             report.latitude_deg,
             report.longitude_deg,
             report.velocity_ned_mps,
-            unknown_error_m if bound is None else bound,
+            bound_m(report, unknown_error_m),
             measured_at_s,
         )
         gap = report.received_at_s - self.received_at_s
@@ -144,7 +207,15 @@ class Track:
         return Update.MOVED
 
 
-def new_track(key: TrackKey, report: RemoteIdReport, measured_at_s: float, *, filtered: bool) -> Track | None:
+def bound_m(report: RemoteIdReport, unknown_error_m: float) -> float:
+    """Three-sigma error of a report: as stated, else as its accuracy code allows, else as given."""
+    bound = report.horizontal_error_m if report.horizontal_error_m is not None else report.accuracy_bound_m
+    return unknown_error_m if bound is None else bound
+
+
+def new_track(
+    key: TrackKey, report: RemoteIdReport, measured_at_s: float, *, filtered: bool, trusted_clock: bool = False
+) -> Track | None:
     """A track that begins with a report; None where that has no position."""
     if report.latitude_deg is None or report.longitude_deg is None:
         return None
@@ -159,4 +230,5 @@ def new_track(key: TrackKey, report: RemoteIdReport, measured_at_s: float, *, fi
         received_at_s=report.received_at_s,
         filter=smoother,
         interval_s=report.update_interval_s or 0.1,
+        trusted_clock=trusted_clock,
     )

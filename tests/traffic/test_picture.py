@@ -145,6 +145,76 @@ def test_own_echo_is_our_identity_at_our_place() -> None:
     assert len(made) == 1
 
 
+def flown(made: TrafficPicture, one: RemoteIdReport, metres: float, *, utc: bool = False, **fields: object) -> None:
+    """Reports of a vehicle that comes so far south, ten a second, each 0.1 s after the other."""
+    for k in range(round(metres)):
+        latitude, longitude = moved(one.latitude_deg or 0.0, one.longitude_deg or 0.0, -k, 0.0)
+        now_s = 10.0 + 0.1 * k
+        late = replace(one, latitude_deg=latitude, longitude_deg=longitude, timestamp_s=100.0 + 0.1 * k)
+        made.receive("rid", replace(late, received_at_s=now_s), utc_s=100.0 + 0.1 * k if utc else None, **fields)
+
+
+def test_an_intruder_under_our_identity_is_no_echo_when_it_comes_near() -> None:
+    made = picture()
+    flown(made, report(north=100.0), 90.0, own_sysid=5)
+    (track,) = made.tracks.values()
+    assert track.received_at_s == pytest.approx(18.9)
+    made.receive("rid", report(north=1.0, timestamp_s=109.0, received_at_s=19.0), own_sysid=5)
+    assert made.counters["own_echo"] == 1 and len(made) == 1, "what is nearer to us than to it is our own"
+
+
+def still(**fields: object) -> RemoteIdReport:
+    return report(velocity_ned_mps=(0.0, 0.0, 0.0), **fields)  # type: ignore[arg-type]
+
+
+def test_two_vehicles_with_one_identity_are_two_tracks() -> None:
+    made = picture()
+    for k in range(20):
+        when = {"timestamp_s": 100.0 + 0.1 * k, "received_at_s": 10.0 + 0.1 * k}
+        made.receive("rid", report(north=300.0 - k, **when))
+        made.receive("rid", still(north=-200.0, **{name: value + 0.05 for name, value in when.items()}))
+    snapshot = made.snapshot(OWN, 12.0)
+    assert sorted(snapshot.position_ned_m[:, 0]) == pytest.approx([-200.0, 281.0], abs=2.0)
+    assert made.counters["identity_doubtful"] == 1
+
+
+@pytest.mark.parametrize("forged_first", [True, False])
+@pytest.mark.parametrize("ahead_s", [10.0, 600.0, 1700.0])
+def test_a_forged_time_ahead_does_not_freeze_the_true_track(forged_first: bool, ahead_s: float) -> None:
+    made = picture()
+    forgery = report(north=100.0, timestamp_s=100.0 + ahead_s, received_at_s=10.0)
+    if forged_first:
+        made.receive("rid", forgery, utc_s=100.0)
+    flown(made, report(north=100.0), 10.0, utc=True)
+    made.receive("rid", replace(forgery, received_at_s=11.0), utc_s=101.0)
+    made.receive("rid", report(north=90.0, timestamp_s=101.1, received_at_s=11.1), utc_s=101.1)
+    assert any(
+        track.received_at_s == 11.1 and track.metres_to(report(north=90.0)) < 0.1 for track in made.tracks.values()
+    )
+    assert len(made) == 2
+
+
+def test_a_replay_from_elsewhere_is_old_and_no_other_vehicle() -> None:
+    made = picture(report(timestamp_s=100.0))
+    made.receive("rid", report(north=400.0, timestamp_s=80.0, received_at_s=10.1))
+    made.receive("rid", report(north=400.0, timestamp_s=100.0, received_at_s=10.2))
+    assert len(made) == 1
+    assert (made.counters["report_older"], made.counters["report_repeated"]) == (1, 1)
+
+
+def test_one_identity_cannot_fill_the_picture_and_who_is_heard_keeps_its_place() -> None:
+    made = picture()
+    for k in range(50):
+        when = {"timestamp_s": 100.0 + 0.1 * k, "received_at_s": 10.0 + 0.1 * k}
+        made.receive("rid", still(north=100.0, **when))
+        made.receive("rid", still(north=1000.0 * (k + 1), **{name: value + 0.05 for name, value in when.items()}))
+    assert len(made) == 4
+    assert any(
+        track.metres_to(report(north=100.0)) < 1.0 and track.received_at_s > 14.8 for track in made.tracks.values()
+    )
+    assert made.counters["track_refused"] > 0
+
+
 def test_an_echo_with_unknown_or_absurd_error_has_a_bounded_gate() -> None:
     made = picture()
     made.receive("rid", report(north=60.0, horizontal_error_m=None), own_sysid=5)

@@ -18,7 +18,7 @@ REPORT = RemoteIdReport(
 
 
 def track(report: RemoteIdReport = REPORT, *, filtered: bool = False) -> Track:
-    made = new_track(("rid", *report.key), report, report.received_at_s, filtered=filtered)
+    made = new_track(("rid", *report.key, 0), report, report.received_at_s, filtered=filtered)
     assert made is not None
     return made
 
@@ -89,7 +89,7 @@ def test_a_report_without_a_position_leaves_the_track_coasting() -> None:
     nowhere = replace(REPORT, latitude_deg=None, longitude_deg=None, timestamp_s=101.0, received_at_s=11.0)
     assert update(seen, nowhere) is Update.NO_POSITION
     assert seen.received_at_s == 10.0
-    assert new_track(("rid", 1, 1, None), nowhere, 0.0, filtered=True) is None
+    assert new_track(("rid", 1, 1, None, 0), nowhere, 0.0, filtered=True) is None
 
 
 def test_fast_senders_are_dropped_after_five_seconds_and_slow_ones_after_ten() -> None:
