@@ -19,7 +19,17 @@ from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.solver import HalfplaneSolver
 from ridlink.avoidance.types import OwnShip, Status, Traffic
 from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status
-from ridlink.engine.config import EngineConfig, Goal, goal_problem
+from ridlink.engine.commands import (
+    ACCEPTED,
+    DENIED,
+    DO_REPOSITION,
+    MOST_REPLIES,
+    UNSUPPORTED,
+    acknowledged,
+    message_requests,
+    repositioned,
+)
+from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import Conflict, DecisionRecord
 from ridlink.engine.periodic import Periodic
 from ridlink.engine.static_obstacles import StaticObstacles
@@ -43,19 +53,6 @@ from ridlink.traffic.encounter import Encounters, encounters
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import PictureSettings, Snapshot, TrafficPicture
 from ridlink.traffic.track import TrackKey
-
-DO_REPOSITION = 192
-SET_MESSAGE_INTERVAL = 511
-"""MAV_CMD."""
-ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
-"""MAV_RESULT."""
-RELATIVE_ALTITUDE_FRAMES = (3, 6)
-ABSOLUTE_ALTITUDE_FRAMES = (0, 5)
-"""MAV_FRAME_GLOBAL_RELATIVE_ALT(_INT) and MAV_FRAME_GLOBAL(_INT)."""
-UNKNOWN_INT32 = 0x7FFFFFFF
-
-WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 245: 500_000}
-"""GLOBAL_POSITION_INT, GPS_RAW_INT and EXTENDED_SYS_STATE, which an ArduPilot sends only when asked."""
 
 MOST_COLLISIONS = 8
 """COLLISION messages per second: a link of a few kbit/s must not drown in warnings."""
@@ -254,40 +251,20 @@ class Engine:
         if _host(source) != _host(lock.source):
             self._counters["foreign_command"] += 1
             return
-        result = self._reposition(message, now_s) if message.command == DO_REPOSITION else UNSUPPORTED
-        ack = self._encoder.encode(
-            "COMMAND_ACK",
-            command=message.command,
-            result=result,
-            target_system=frame.sysid,
-            target_component=frame.compid,
-        )
-        self._replies.append((ack, source))
-
-    def _reposition(self, message: Message, now_s: float) -> int:
-        frame = ABSOLUTE_ALTITUDE_FRAMES[0]
-        if message.name == "COMMAND_INT":
-            frame = message.frame
-            if UNKNOWN_INT32 in (message.x, message.y):
-                return DENIED
-            latitude, longitude, altitude = message.x / 1e7, message.y / 1e7, message.z
-        else:
-            latitude, longitude, altitude = message.param5, message.param6, message.param7
-        height: float | None = None if math.isnan(altitude) else altitude
-        if frame in RELATIVE_ALTITUDE_FRAMES and height is not None:
+        if len(self._replies) == MOST_REPLIES:
+            self._counters["command_refused"] += 1
+            return
+        result = UNSUPPORTED
+        if message.command == DO_REPOSITION:
             own = self.telemetry.state(now_s)
-            if own is None:
-                return DENIED
-            height += own.home_altitude_m
-        elif frame not in ABSOLUTE_ALTITUDE_FRAMES + RELATIVE_ALTITUDE_FRAMES:
-            return DENIED
-        goal = Goal(latitude, longitude, height)
-        if goal_problem(goal, self.config.failsafe):
-            return DENIED
-        self.goal = goal
-        self.rung = request(self.rung)
-        self._new_leg()
-        return ACCEPTED
+            goal = repositioned(message, None if own is None else own.home_altitude_m, self.config.failsafe)
+            result = DENIED if goal is None else ACCEPTED
+            if goal is not None:
+                self.goal = goal
+                self.rung = request(self.rung)
+                self._new_leg()
+        ack = acknowledged(self._encoder, message, result, frame.sysid, frame.compid)
+        self._replies.append((ack, source))
 
     def _new_leg(self) -> None:
         self._kept_altitude_m = None
@@ -511,19 +488,9 @@ class Engine:
         telemetry = self.telemetry
         silent = telemetry.position_silent_s(now_s) > 1.0 or telemetry.receiver_silent_s(now_s) > 5.0
         if silent and telemetry.heard_s(now_s) < 3.0 and self._request_due.due(now_s):
-            vehicle.extend(self._message_request(lock.sysid, *wanted) for wanted in WANTED_MESSAGES_US.items())
+            vehicle.extend(message_requests(encoder, lock.sysid))
         if telemetry.armed:
             vehicle.extend(self._collisions(record, now_s))
-
-    def _message_request(self, sysid: int, msgid: int, interval_us: int) -> bytes:
-        return self._encoder.encode(
-            "COMMAND_LONG",
-            command=SET_MESSAGE_INTERVAL,
-            target_system=sysid,
-            target_component=AUTOPILOT_COMPONENT,
-            param1=msgid,
-            param2=interval_us,
-        )
 
     def _collisions(self, record: DecisionRecord, now_s: float) -> list[bytes]:
         """COLLISION once a second for each of the most urgent conflicts."""
