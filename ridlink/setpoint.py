@@ -26,6 +26,9 @@ STOP: Velocity = (0.0, 0.0, 0.0)
 FLOAT32_MARGIN = 1e-6
 """The wire rounds to float32; limits are kept by so much, so that they hold after rounding."""
 
+FASTEST_MPS = 100.0
+"""Nothing that takes velocity setpoints flies faster; a limit beyond it is a slip of the pen."""
+
 LONGEST_SLEW_S = 0.5
 """After a longer gap the slew is that of this time: a stalled loop must not buy a leap."""
 
@@ -49,6 +52,9 @@ class VelocityLimits:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be positive and finite, got {value}")
+        for name in ("horizontal_mps", "vertical_mps"):
+            if getattr(self, name) > FASTEST_MPS:
+                raise ValueError(f"{name} must be at most {FASTEST_MPS:g}, got {getattr(self, name):g}")
 
 
 def clamp_velocity(wanted: Velocity, last: Velocity, elapsed_s: float, limits: VelocityLimits) -> Velocity:

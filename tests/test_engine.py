@@ -157,8 +157,18 @@ def test_an_intruder_that_avoids_nobody_is_kept_out_under_every_definition(defin
     assert math.dist(flight.vehicle.position[:2], (200.0, 0.0)) < 3.0
 
 
+class Stubborn(Emulated):
+    """Flies on as it does, whatever it is told: its conflicts last."""
+
+    def hear(self, data: bytes) -> list[Message]:
+        found = self.observer.watch(data)
+        self.heard += found
+        return found
+
+
 def test_conflicts_are_announced_once_a_second_and_status_tells_the_rest() -> None:
-    flight = Flight(Emulated(ned_m=(-100.0, 0.0, -50.0)), config(200.0))
+    flight = Flight(Stubborn(ned_m=(-100.0, 0.0, -50.0)), config(200.0))
+    flight.vehicle.velocity = np.array((5.0, 0.0, 0.0))
     other = intruder(-20.0, 0.0, (-10.0, 0.0, 0.0))
     flight.others.append(lambda now_s: other.remote_id(now_s) + (other.advance(STEP_S) or b""))
     flight.step(60)
@@ -457,6 +467,17 @@ def test_commands_from_the_host_of_the_autopilot_are_taken_and_answered_where_th
     assert engine.counters["foreign_command"] == 1
 
 
+def test_a_flood_of_commands_is_answered_in_part() -> None:
+    flight = Flight(settings=EngineConfig(standby=True))
+    flight.step()
+    frame = Encoder(255, 190).encode("COMMAND_INT", target_system=1, target_component=196, **reposition())
+    for _ in range(10):
+        flight.engine.receive_vehicle(frame * 10, flight.now_s, source="autopilot")
+    assert len(flight.step().replies) == 16
+    assert flight.engine.counters["command_refused"] == 84
+    assert flight.command("COMMAND_INT", **reposition()) == 0
+
+
 # --- Remote ID can do nothing but make tracks ---------------------------------------------------------------------
 
 
@@ -641,13 +662,16 @@ def test_static_obstacles_lie_where_they_are_wherever_we_are() -> None:
         ({"goal": Goal(math.nan, 0.0)}, "finite"),
         ({"goal": Goal(10.0, 181.0)}, "longitude"),
         ({"goal": Goal(10.0, 8.0, 30_000.0)}, "altitude"),
+        ({"uas_id": "123456789012345678901"}, "uas-id"),
+        ({"uas_id": ""}, "uas-id"),
+        ({"obstacles": (((47.0, 8.0), (47.1, 8.0), (47.0, 8.0)),)}, "distinct"),
+        ({"obstacles": (((95.0, 8.0), (47.1, 8.0), (47.0, 8.1)),)}, "95, 8 is no latitude"),
+        ({"obstacles": ((),)}, "without vertices"),
     ],
 )
 def test_configuration_is_refused_in_words(options: dict[str, Any], text: str) -> None:
     with pytest.raises(ConfigError, match=text):
         EngineConfig(**options)
-    with pytest.raises(ConfigError, match="distinct"):
-        Engine(EngineConfig(obstacles=(((47.0, 8.0), (47.1, 8.0), (47.0, 8.0)),)))
 
 
 def test_cruise_above_the_default_limit_is_possible_with_a_higher_limit() -> None:

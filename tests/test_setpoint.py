@@ -107,3 +107,9 @@ def test_restart_begins_from_zero() -> None:
 def test_limits_are_checked(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=field):
         VelocityLimits(**{field: value})
+
+
+def test_a_speed_limit_that_nothing_flies_is_refused() -> None:
+    for field in ("horizontal_mps", "vertical_mps"):
+        with pytest.raises(ValueError, match=f"{field} must be at most 100"):
+            VelocityLimits(**{field: 101.0})

@@ -148,6 +148,8 @@ class _Printer:
         while (item := self._queue.get()) is not None:
             text, error = item
             stream = sys.stderr if error else sys.stdout
+            if stream is None:  # closed by whoever started us
+                continue
             try:
                 stream.write(text)
                 stream.flush()

@@ -6,12 +6,15 @@ import math
 from dataclasses import dataclass, field
 
 from ridlink.avoidance.types import HalfplaneSettings
-from ridlink.engine.static_obstacles import Polygon
+from ridlink.engine.static_obstacles import Polygon, StaticObstacles
 from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import MIN_AIRFRAME_M
 from ridlink.setpoint import VelocityLimits
+
+UAS_ID_LENGTH = 20
+"""Of BASIC_ID: a longer one could never be recognised."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +71,9 @@ class EngineConfig:
             raise ConfigError(f"airframe must be at least {MIN_AIRFRAME_M:g} m, got {self.airframe_m:g}")
         if self.vehicle_sysid is not None and not 1 <= self.vehicle_sysid <= 255:
             raise ConfigError(f"vehicle-sysid must be between 1 and 255, got {self.vehicle_sysid}")
+        if self.uas_id is not None and not 1 <= len(self.uas_id.encode()) <= UAS_ID_LENGTH:
+            raise ConfigError(f"uas-id must have 1 to {UAS_ID_LENGTH} bytes, got {len(self.uas_id.encode())}")
+        StaticObstacles(self.obstacles)
         if self.goal is not None and (problem := goal_problem(self.goal, self.failsafe)):
             raise ConfigError(f"goal: {problem}")
 

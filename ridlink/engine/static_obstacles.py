@@ -31,6 +31,11 @@ class StaticObstacles:
         self._layout: Obstacles | None = None
         if not polygons:
             return
+        for latitude_deg, longitude_deg in (vertex for polygon in polygons for vertex in polygon):
+            if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
+                raise ConfigError(f"obstacle: {latitude_deg:g}, {longitude_deg:g} is no latitude and longitude")
+        if not all(polygons):
+            raise ConfigError("obstacle: a polygon without vertices")
         flat: list[FloatArray] = []
         origin = Geodetic(*polygons[0][0])
         for polygon in polygons:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
 import signal
@@ -132,6 +133,25 @@ def test_a_reader_that_goes_away_does_not_end_the_flight() -> None:
                 async with asyncio.timeout(2.0):
                     await process.wait()
                 assert process.returncode == 0
+
+    run(test)
+
+
+def test_with_stdout_closed_it_flies_all_the_same() -> None:
+    async def test() -> None:
+        port = free_port()
+        process = await asyncio.create_subprocess_exec(
+            "/bin/sh", "-c", 'exec "$@" >&-', "sh", sys.executable, "-m", "ridlink", "avoid", "--json", "--goal", GOAL,
+            "--vehicle", f"udpin:127.0.0.1:{port}", "--rid", f"udpout:127.0.0.1:{free_port()}", stderr=PIPE,
+        )  # fmt: skip
+        async with LoopbackVehicle(Emulated(), port) as vehicle:
+            async with asyncio.timeout(START_S):
+                while not vehicle.setpoints():
+                    with contextlib.suppress(TimeoutError):
+                        await vehicle.until(lambda: bool(vehicle.setpoints()))
+            process.send_signal(signal.SIGTERM)
+            _, err = await process.communicate()
+        assert (process.returncode, err) == (0, b"")
 
     run(test)
 
