@@ -63,6 +63,9 @@ MAX_INT16 = 32767
 MESSAGE_PACK = "OPEN_DRONE_ID_MESSAGE_PACK"
 
 _NO_ID = bytes(ID_LENGTH)
+_COMMANDED_VELOCITY_GIVEN = int(
+    SeparationFlags.COMMANDED_VELOCITY_GIVEN
+)  # an enumeration's own "&" takes a microsecond
 
 
 def from_mavlink(message: Message, rejects: Rejects | None = None) -> RemoteIdMessage | None:
@@ -271,7 +274,7 @@ def _write_location(message: Location) -> dict[str, Any]:
 
 def _read_separation(fields: dict[str, Any], rejects: Rejects) -> Separation:
     flags: int = fields["flags"]
-    given = bool(flags & SeparationFlags.COMMANDED_VELOCITY_GIVEN)
+    given = flags & _COMMANDED_VELOCITY_GIVEN
     return Separation(
         timestamp_s=_read_timestamp(fields["timestamp"], "RIDLINK_SEPARATION.timestamp", rejects),
         horizontal_error_m=_read_length(fields["horizontal_error"]),

@@ -97,10 +97,6 @@ class Snapshot:
 NAN3 = (math.nan, math.nan, math.nan)
 
 
-def _known(value: float | None) -> float:
-    return math.nan if value is None else value
-
-
 def _bare(identity: bytes | None) -> bytes | None:
     """An identity without the zeros that fill its field."""
     return None if identity is None else identity.rstrip(b"\x00")
@@ -304,7 +300,7 @@ class TrafficPicture:
         self._least_urgent = None
         candidates = [track for track in self.tracks.values() if not track.on_ground]
         count = len(candidates)
-        rows = np.array(
+        rows = np.array(  # None becomes NaN
             [
                 (
                     track.latitude_deg,
@@ -312,14 +308,14 @@ class TrafficPicture:
                     *track.velocity_ned_mps,
                     *(track.report.commanded_ned_mps or NAN3),
                     now_s - track.measured_at_s,
-                    _known(track.report.speed_horizontal_mps),
+                    track.report.speed_horizontal_mps,
                     self._blind_speed_mps(track),
-                    _known(track.report.horizontal_error_m),
-                    _known(track.report.accuracy_bound_m),
-                    _known(track.report.airframe_size_m),
-                    _known(track.report.altitude_geodetic_m),
-                    _known(track.report.vertical_error_m),
-                    _known(track.report.airframe_height_m),
+                    track.report.horizontal_error_m,
+                    track.report.accuracy_bound_m,
+                    track.report.airframe_size_m,
+                    track.report.altitude_geodetic_m,
+                    track.report.vertical_error_m,
+                    track.report.airframe_height_m,
                 )
                 for track in candidates
             ],
