@@ -38,9 +38,10 @@ def test_the_separation_that_follows_completes_the_same_report() -> None:
     first = assembler.receive(SOURCE, HERE, 100.0)
     completed = assembler.receive(SOURCE, ERRORS, 100.02)
     assert first is not None and completed is not None
-    assert dataclasses.replace(
-        completed, extended=False, avoiding=False, horizontal_error_m=None, airframe_size_m=None
-    ) == first
+    assert (
+        dataclasses.replace(completed, extended=False, avoiding=False, horizontal_error_m=None, airframe_size_m=None)
+        == first
+    )
     assert completed.extended and completed.avoiding and completed.horizontal_error_m == 30.0
     assert completed.received_at_s == 100.0
 
@@ -181,7 +182,7 @@ MESSAGES: st.SearchStrategy[RemoteIdMessage] = st.one_of(
 
 @given(st.lists(st.tuples(st.integers(1, 4), MESSAGES, st.floats(0.0, 2.0)), max_size=40))
 def test_every_location_and_nothing_but_locations_and_completions_reports(
-    events: list[tuple[int, RemoteIdMessage, float]]
+    events: list[tuple[int, RemoteIdMessage, float]],
 ) -> None:
     assembler = ReportAssembler(max_sources=3)
     now_s = 0.0

@@ -215,6 +215,18 @@ def test_one_identity_cannot_fill_the_picture_and_who_is_heard_keeps_its_place()
     assert made.counters["track_refused"] > 0
 
 
+def test_who_fell_silent_gives_way_to_the_next_vehicle_with_its_identity() -> None:
+    made = picture()
+    for k in range(4):
+        made.receive("rid", still(north=1000.0 * (k + 1), timestamp_s=100.0 + 0.1 * k, received_at_s=10.0 + 0.1 * k))
+    made.receive("rid", still(north=-1000.0, timestamp_s=101.0, received_at_s=11.0))
+    assert made.counters["track_refused"] == 1
+    made.receive("rid", still(north=-1000.0, timestamp_s=102.5, received_at_s=12.5))
+    places = sorted(round(track.metres_to(still(north=0.0)), -1) for track in made.tracks.values())
+    assert places == [1000.0, 2000.0, 3000.0, 4000.0]
+    assert min(track.received_at_s for track in made.tracks.values()) == 10.1, "the first was silent for longest"
+
+
 def test_an_echo_with_unknown_or_absurd_error_has_a_bounded_gate() -> None:
     made = picture()
     made.receive("rid", report(north=60.0, horizontal_error_m=None), own_sysid=5)
