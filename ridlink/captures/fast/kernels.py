@@ -76,6 +76,20 @@ def load(data: Any, at: Any) -> Any:
 
 
 @kernel(forceinline=True)
+def byte_of(word: Any, place: Any) -> Any:
+    """One byte of what `load` gave."""
+    return np.int64(word >> np.uint64(8 * place) & np.uint64(0xFF))
+
+
+@kernel(forceinline=True)
+def msgid_of(data: Any, start: Any) -> Any:
+    """Message id of a MAVLink 2 frame."""
+    at = np.uint64(start)
+    low, high = np.int64(data[at + np.uint64(7)]), np.int64(data[at + np.uint64(9)])
+    return low | np.int64(data[at + np.uint64(8)]) << 8 | high << 16
+
+
+@kernel(forceinline=True)
 def time_at(data: Any, at: Any, end: Any) -> Any:
     """The big-endian time at ``at``; what there is of it where the file ends before."""
     if at + TIME_LENGTH <= end:
@@ -104,17 +118,20 @@ def checksum(data: Any, start: Any, end: Any, extra: Any, table: Any, initial: A
     at = start - missing
     word = load(data, at) & (np.uint64(2**64 - 1) << np.uint64(8 * missing))
     while True:
-        word ^= np.uint64(value)
-        value = (
-            table[1792 + (word & np.uint64(255))]
-            ^ table[1536 + (word >> np.uint64(8) & np.uint64(255))]
-            ^ table[1280 + (word >> np.uint64(16) & np.uint64(255))]
-            ^ table[1024 + (word >> np.uint64(24) & np.uint64(255))]
-            ^ table[768 + (word >> np.uint64(32) & np.uint64(255))]
-            ^ table[512 + (word >> np.uint64(40) & np.uint64(255))]
-            ^ table[256 + (word >> np.uint64(48) & np.uint64(255))]
-            ^ table[word >> np.uint64(56)]
+        # what does not hang on the checksum so far comes first: it can be done ahead
+        ahead = (
+            (
+                table[1280 + (word >> np.uint64(16) & np.uint64(255))]
+                ^ table[1024 + (word >> np.uint64(24) & np.uint64(255))]
+            )
+            ^ (
+                table[768 + (word >> np.uint64(32) & np.uint64(255))]
+                ^ table[512 + (word >> np.uint64(40) & np.uint64(255))]
+            )
+            ^ (table[256 + (word >> np.uint64(48) & np.uint64(255))] ^ table[word >> np.uint64(56)])
         )
+        word ^= np.uint64(value)
+        value = ahead ^ (table[1792 + (word & np.uint64(255))] ^ table[1536 + (word >> np.uint64(8) & np.uint64(255))])
         at += 8
         if at >= end:
             break
@@ -153,7 +170,8 @@ def judge(data: Any, at: Any, payload_end: Any, msgid: Any, ids: Any, table: Any
     known = ids[msgid] if msgid < len(ids) else 0
     if known == 0:
         return 0
-    received = np.int64(data[payload_end]) | np.int64(data[payload_end + 1]) << 8
+    end = np.uint64(payload_end)
+    received = np.int64(data[end]) | np.int64(data[end + np.uint64(1)]) << 8
     if np.int64(checksum(data, at + 1, payload_end, known & 255, table, initial)) != received:
         return -1
     return known
@@ -168,27 +186,29 @@ def scan_raw(
     at = state[AT]
     count = 0
     while at < n:
-        magic = data[at]
+        head = load(data, at)
+        magic = byte_of(head, 0)
         cause = -1
         end = at + 1
         if magic == 0xFD:
+            flags = byte_of(head, 2)
             if n - at < 10:
                 cause = TRUNCATED
-            elif data[at + 2] & 0xFE:
+            elif flags & 0xFE:
                 cause = INCOMPATIBLE
             else:
-                payload_end = at + 10 + data[at + 1]
-                end = payload_end + 2 + 13 * data[at + 2]
-                msgid = np.int64(data[at + 7]) | np.int64(data[at + 8]) << 8 | np.int64(data[at + 9]) << 16
-                seq, sysid, compid = np.int64(data[at + 4]), np.int64(data[at + 5]), np.int64(data[at + 6])
+                payload_end = at + 10 + byte_of(head, 1)
+                end = payload_end + 2 + 13 * flags
+                msgid = msgid_of(data, at)
+                seq, sysid, compid = byte_of(head, 4), byte_of(head, 5), byte_of(head, 6)
         elif magic == 0xFE:
             if n - at < 6:
                 cause = TRUNCATED
             else:
-                payload_end = at + 6 + data[at + 1]
+                payload_end = at + 6 + byte_of(head, 1)
                 end = payload_end + 2
-                msgid = np.int64(data[at + 5])
-                seq, sysid, compid = np.int64(data[at + 2]), np.int64(data[at + 3]), np.int64(data[at + 4])
+                msgid = byte_of(head, 5)
+                seq, sysid, compid = byte_of(head, 2), byte_of(head, 3), byte_of(head, 4)
         else:
             cause = GARBAGE
             while end < n and data[end] != 0xFD and data[end] != 0xFE:
@@ -251,28 +271,30 @@ def scan_tlog(
         time_us = time_at(data, at, n)
         near = has_reference and is_near(time_us, reference_us)
         start = at + TIME_LENGTH
+        head = load(data, start)
         cause = -1
         end = at
         if n < start + 6:
             cause = TRUNCATED
-        elif data[start] == 0xFD:
-            payload_end = start + 10 + data[start + 1]
-            end = payload_end + 2 + 13 * (data[start + 2] & 1)
+        elif byte_of(head, 0) == 0xFD:
+            flags = byte_of(head, 2)
+            payload_end = start + 10 + byte_of(head, 1)
+            end = payload_end + 2 + 13 * (flags & 1)
             if end > n:
                 cause = TRUNCATED
-            elif data[start + 2] & 0xFE:
+            elif flags & 0xFE:
                 cause = INCOMPATIBLE
             else:
-                msgid = np.int64(data[start + 7]) | np.int64(data[start + 8]) << 8 | np.int64(data[start + 9]) << 16
-                seq, sysid, compid = np.int64(data[start + 4]), np.int64(data[start + 5]), np.int64(data[start + 6])
-        elif data[start] == 0xFE:
-            payload_end = start + 6 + data[start + 1]
+                msgid = msgid_of(data, start)
+                seq, sysid, compid = byte_of(head, 4), byte_of(head, 5), byte_of(head, 6)
+        elif byte_of(head, 0) == 0xFE:
+            payload_end = start + 6 + byte_of(head, 1)
             end = payload_end + 2
             if end > n:
                 cause = TRUNCATED
             else:
-                msgid = np.int64(data[start + 5])
-                seq, sysid, compid = np.int64(data[start + 2]), np.int64(data[start + 3]), np.int64(data[start + 4])
+                msgid = byte_of(head, 5)
+                seq, sysid, compid = byte_of(head, 2), byte_of(head, 3), byte_of(head, 4)
         else:
             cause = GARBAGE
         if cause < 0:
@@ -352,9 +374,9 @@ def gather(
     for place in range(first, stop):
         entry = order[place]
         start = np.int64(starts[entry])
-        length = np.int64(data[start + 1])
         head = load(data, start)
-        if data[start] == 0xFD:
+        length = byte_of(head, 1)
+        if byte_of(head, 0) == 0xFD:
             payload = start + 10
             source = head >> np.uint64(32) & np.uint64(0xFFFFFF)
             msgid = load(data, start + 7) & np.uint64(0xFFFFFF)
