@@ -25,9 +25,9 @@ from ridlink.avoidance.route import approach_speed, nearest_point, route_aim
 
 # Columns of the settings vector, in the order of the fields of HalfplaneSettings.
 (
-    HORIZON, RESPONSE, BARRIER, BARRIER_SHARE, SMOOTHING, RIGHT_TURN, AGE_ACCELERATION, BUFFER_SHARE, ARRIVAL,
-    HEAD_ON_COSINE, HEAD_ON_SPEED, OBSTACLE_HORIZON, OBSTACLE_DECELERATION, OBSTACLE_RESPONSE, ROUTE_MARGIN,
-) = range(15)  # fmt: skip
+    HORIZON, RESPONSE, BARRIER, BARRIER_SHARE, SMOOTHING, RIGHT_TURN, START_TURN, AGE_ACCELERATION, BUFFER_SHARE,
+    ARRIVAL, HEAD_ON_COSINE, HEAD_ON_SPEED, OBSTACLE_HORIZON, OBSTACLE_DECELERATION, OBSTACLE_RESPONSE, ROUTE_MARGIN,
+) = range(16)  # fmt: skip
 
 # Columns of own-ship. AIM is the goal, or the preferred velocity where AIM_IS_VELOCITY is not zero.
 (
@@ -57,6 +57,10 @@ miss distance is HOLD_FACTOR radii."""
 
 HORIZON_RADII = 1.5
 """The conflict horizon is at least the time in which own-ship flies so many radii of the disc."""
+
+START_RADII = 1.5
+"""A neighbour nearer than so many radii calls for no turn of a standing vehicle; one a radius further for all of it.
+Who stands at the edge of a disc waits, and is not just starting."""
 
 DODGE_MPS = 1.0
 """A neighbour that moves to its right across the line of sight by more than this dodges to the right."""
@@ -195,6 +199,13 @@ def lean(preferred, r_1, r_2, u_1, u_2, radius_m, horizon_s):  # type: ignore[no
 
 
 @kernel
+def slowness(preferred, v_1, v_2, limit):  # type: ignore[no-untyped-def]
+    """How far own-ship is from the speed it wants, 0 at that speed and 1 at rest."""
+    wanted = min(math.hypot(preferred[0], preferred[1]), limit)
+    return max(1.0 - math.hypot(v_1, v_2) / max(wanted, EPSILON), 0.0)
+
+
+@kernel
 def time_to_entry(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
     """Time [s] until a disc is entered at relative velocity w (own less neighbour's); 0 inside, infinite if never."""
     inside = radius_m * radius_m - r_1 * r_1 - r_2 * r_2
@@ -303,7 +314,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
     hard, overlapped = obstacle_half_planes(own, pieces, piece_start, settings, lines, owner, pair)
 
     used = hard
-    right = left = 0.0
+    right = left = start = 0.0
     margin, nearest, violation = math.inf, -1, math.inf
     line = work[0]
     for j in range(count):
@@ -324,6 +335,9 @@ def avoid_one(  # type: ignore[no-untyped-def]
             left = max(left, weight)
         else:
             right = max(right, weight)
+        if row[RECIPROCAL] != 0.0:
+            # Going round works where the other does it too; who stands or lands is passed, not gone round with.
+            start = max(start, weight * min(max(distance / max(radius, EPSILON) - START_RADII, 0.0), 1.0))
         c_1, c_2 = u_1, u_2
         if not math.isnan(row[N_COMMAND]) and not math.isnan(row[N_COMMAND + 1]):
             c_1, c_2 = row[N_COMMAND], row[N_COMMAND + 1]
@@ -359,7 +373,9 @@ def avoid_one(  # type: ignore[no-untyped-def]
                 owner[used] = j
                 used += 1
 
-    turn = settings[RIGHT_TURN] * (right - left) + own[EXTRA_TURN]
+    # Starting and stalled are the same to the speed; both turns together would lead away from the goal.
+    start *= settings[START_TURN] * slowness(preferred, v_1, v_2, limit)
+    turn = settings[RIGHT_TURN] * (right - left) + own[EXTRA_TURN] + max(start - max(own[EXTRA_TURN], 0.0), 0.0)
     if turn != 0.0:
         c, s = math.cos(turn), math.sin(turn)
         preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]

@@ -35,6 +35,10 @@ class HalfplaneSettings:
         smoothing: Part of the way from the last command to the new velocity taken per step. 0.3 adds a lag to a lag,
             1 doubles the activity of the command.
         right_turn_rad: Turn to the right of the preferred direction while a conflict lies ahead, tapered to zero.
+        start_turn_rad: Turn on top of that of a vehicle that stands, less the faster it flies. At rest every velocity
+            lies outside of every cone: without it a fleet that starts together creeps straight into a jam, while one
+            that comes at cruise goes round. Twice the turn at cruise; three times makes discs that overlap at the start
+            orbit each other.
         age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its disc grows by a age^2 / 2.
         buffer_share: Share of the error sum added to the radius, and of the clearance added to it at obstacles. Grazing
             a disc with moving errors is violating it; a third of three sigma each is the smallest buffer that ends it.
@@ -56,6 +60,7 @@ class HalfplaneSettings:
     barrier_share: float = 0.5
     smoothing: float = 0.5
     right_turn_rad: float = 0.3
+    start_turn_rad: float = 0.6
     age_acceleration_mps2: float = 2.5
     buffer_share: float = 1.0 / 3.0
     arrival_deceleration_mps2: float = 1.2
@@ -84,13 +89,14 @@ class HalfplaneSettings:
         for name in ("smoothing", "barrier_share"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
-        if abs(self.right_turn_rad) > math.pi / 2:
-            raise ValueError(f"right_turn_rad must lie within a quarter turn, got {self.right_turn_rad}")
+        for name in ("right_turn_rad", "start_turn_rad"):
+            if abs(getattr(self, name)) > math.pi / 2:
+                raise ValueError(f"{name} must lie within a quarter turn, got {getattr(self, name)}")
         if not -1.0 <= self.head_on_cosine <= 0.0:
             raise ValueError(f"head_on_cosine must lie in [-1, 0], got {self.head_on_cosine}")
 
     def as_vector(self) -> FloatArray:
-        """Values in field order, the form in which the kernels take them, shape (15,)."""
+        """Values in field order, the form in which the kernels take them, shape (16,)."""
         return np.array([getattr(self, item.name) for item in fields(self)], dtype=np.float64)
 
 

@@ -45,7 +45,7 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         piece_start: See `pieces`.
         hulls: See `pieces`.
         hull_start: See `pieces`.
-        settings: Constants, shape (15,).
+        settings: Constants, shape (16,).
         neighbours: Scratch, shape (W, N, NEIGHBOUR_COLUMNS).
         lines: Scratch, shape (W, 2 N + pieces + 2, 3).
         work: Scratch of the same shape.

@@ -3,6 +3,9 @@
 Physics at 20 ms; every vehicle decides and reports at 10 Hz in a phase of its own. Reports arrive 0.1 to 0.3 s late and
 carry the position error of the sender; own positions carry the same error. North-east axes throughout.
 
+Flights begin at cruise or from a hover. Who has arrived is gone at once if it is ideal, as in the paper; with an
+autopilot it comes down where it is, and for so long it is an obstacle that avoids nobody.
+
 The responses are fits to what the two autopilots do with velocity setpoints: ArduPilot shapes its target with limited
 acceleration (2.5 m/s^2) and jerk (5 m/s^3) and follows it through a delay of 0.06 s and a lag of 0.1 s; PX4 closes a
 velocity loop without shaping, against a strong drag, through a delay of 0.03 s and a lag of 0.17 s.
@@ -27,6 +30,8 @@ from ridlink.separation import Definition, separation_discs
 STEP_S = 0.02
 PHASES = 5
 ARRIVED_M = 5.0
+LANDING_S = 35.0
+"""Descent from 45 m at 1.5 m/s, and the last ten metres more slowly."""
 MEMORY = 16
 WATCH = ProgressWatch()
 """Only its constants: here its rule is written out for whole arrays."""
@@ -208,9 +213,13 @@ def fly(
     latency_s=(0.1, 0.3),
     airframe_m=(0.5, 2.0),
     watch=True,
+    from_rest=False,
+    landing_s: float | None = None,
     keep_path=False,
 ) -> Outcome:
     """Fly `worlds` noisy copies of a scene in lockstep."""
+    if landing_s is None:
+        landing_s = 0.0 if response == "ideal" else LANDING_S
     random = np.random.default_rng(seed)
     settings = settings or (IDEAL_SETTINGS if response == "ideal" else HalfplaneSettings())
     count = plan.count
@@ -222,6 +231,8 @@ def fly(
     cooperative = np.broadcast_to(plan.cooperative, shape)
     to_goal = goal - position
     velocity = to_goal / np.linalg.norm(to_goal, axis=-1, keepdims=True) * speed[..., None]
+    if from_rest:
+        velocity = np.where(cooperative[..., None], 0.0, velocity)
     model = RESPONSES[response](velocity)
     command = velocity.copy()
     error = random.normal(0.0, sigma_m, (*shape, 2))
@@ -239,6 +250,7 @@ def fly(
     reports[..., 0, 4:6] = command if broadcast_command else np.nan
     slot = np.ones(shape, np.int64)
     present = np.ones(shape, bool)
+    active = np.ones(shape, bool)
     side = np.zeros((*shape, count), np.int8)
     route = np.zeros(shape, np.int64)
     scratch = (
@@ -281,7 +293,8 @@ def fly(
         newest = np.argmax(arrived_times, axis=-1)
         heard[..., :6] = np.take_along_axis(reports, newest[..., None, None], axis=2)[:, :, 0]
         heard[..., 6] = now - np.take_along_axis(arrived_times, newest[..., None], axis=2)[..., 0]
-        heard[..., 7] = cooperative & announces
+        heard[..., 4:6] = np.where(active[..., None], heard[..., 4:6], np.nan)
+        heard[..., 7] = cooperative & announces & active
         measured = velocity + random.normal(0.0, 0.1, velocity.shape)
         own[..., 0:2], own[..., 2:4], own[..., 4:6], own[..., 6:8] = reported, measured, command, goal
         own[..., halfplane.LIMIT] = own[..., halfplane.CRUISE] = speed
@@ -294,13 +307,13 @@ def fly(
             own_speed_mps=own_speed[:, :, None], airframe_m=airframe[:, None, :], error_bound_m=bound,
             accuracy_bound_m=np.nan, speed_mps=np.linalg.norm(heard[..., 2:4], axis=-1)[:, None, :],
         )  # fmt: skip
-        deciding = turn_now & cooperative
+        deciding = turn_now & cooperative & active
         avoid_worlds(
             own, deciding, heard, present, discs.radius_m, discs.error_sum_m, range_m, side, route,
             obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start,
             vector, *scratch, result,
         )  # fmt: skip
-        command = np.where(deciding[..., None], result[..., 2:4], command)
+        command = np.where(deciding[..., None], result[..., 2:4], np.where(active[..., None], command, 0.0))
         decisions += deciding.sum()
         infeasible += (deciding & (result[..., halfplane.R_STATUS] == halfplane.INFEASIBLE)).sum()
         course = plan.goal - plan.start
@@ -336,22 +349,24 @@ def fly(
         apart = np.linalg.norm(position[:, :, None] - position[:, None, :], axis=-1)
         gap = np.where(both, apart - mac, np.inf)
         least_gap = np.minimum(least_gap, gap.min(axis=(1, 2)))
+        judged = both & active[:, :, None] & active[:, None, :]
         seen = np.linalg.norm(reported[:, :, None] - reported[:, None, :], axis=-1)
-        margin = np.where(both, seen - discs.radius_m, np.inf)
+        margin = np.where(judged, seen - discs.radius_m, np.inf)
         least_margin = np.minimum(least_margin, margin.min(axis=(1, 2)))
         hit = (gap < 0.0).any(axis=2)
         collided |= hit
         if plan.polygons and step % PHASES == 0:
             away = signed_distance(obstacles, position)
-            least_obstacle = np.minimum(least_obstacle, np.where(present, away, np.inf).min(axis=1))
+            least_obstacle = np.minimum(least_obstacle, np.where(active, away, np.inf).min(axis=1))
             spare = signed_distance(obstacles, reported) - own[..., halfplane.CLEARANCE]
-            least_clearance = np.minimum(least_clearance, np.where(present, spare, np.inf).min(axis=1))
-        there = present & (np.linalg.norm(goal - reported, axis=-1) < ARRIVED_M) & ~hit
+            least_clearance = np.minimum(least_clearance, np.where(active, spare, np.inf).min(axis=1))
+        there = active & (np.linalg.norm(goal - reported, axis=-1) < ARRIVED_M) & ~hit
         arrival = np.where(there, now, arrival)
-        present = present & ~there & ~hit
+        active = active & ~there & ~hit
+        present = present & ~hit & (active | (now < arrival + landing_s))
         if keep_path:
             path.append(np.where(present[..., None], position, np.nan))
-        if not present.any():
+        if not active.any():
             break
     return Outcome(
         arrival, collided, least_gap, least_margin, least_obstacle, least_clearance, infeasible / max(decisions, 1),

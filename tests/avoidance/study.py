@@ -1,5 +1,7 @@
 """Long runs of the lockstep worlds, printed as a table: python -m tests.avoidance.study [runs] [name ...].
 
+Rows called "rest" begin in a hover, as a fleet in the field does; the others at cruise. Flying alone begins alike.
+
 Columns: runs in which a reported position came inside the disc, 5th percentile of the smallest reported margin,
     smallest
 true gap of two airframes, vehicles collided, vehicles that never arrived, median time relative to flying alone, median
@@ -47,18 +49,18 @@ def cases() -> list[tuple[str, Scene, dict]]:
     for definition in ("candidate1", "remote-id", "snmac"):
         option = {"definition": Definition(definition)}
         rows.append((f"circle8 px4 {definition}", lockstep.circle(), option))
-    return rows
+    return rows + [(f"{name} rest", plan, option | {"from_rest": True}) for name, plan, option in rows]
 
 
 def main() -> None:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     wanted = sys.argv[2:]
-    print(f"{'':32}viol%  rep5    gap  macs  lost  ratio  med s  max s   rev  infeas  obst   wall")
+    print(f"{'':37}viol%  rep5    gap  macs  lost  ratio  med s  max s   rev  infeas  obst   wall")
     for name, plan, option in cases():
         if wanted and not any(word in name for word in wanted):
             continue
         begin = time.perf_counter()
-        option = {"worlds": runs, "seed": 1, "duration_s": 400.0} | option
+        option = {"worlds": runs, "seed": 1, "duration_s": 700.0} | option
         out = fly(plan, **option)
         solo = solo_time(plan, **(option | {"worlds": 2}))
         counted = np.broadcast_to(plan.cooperative, out.arrival_s.shape)
@@ -66,7 +68,7 @@ def main() -> None:
         ratio = np.median(flown / np.broadcast_to(np.median(solo, axis=0), out.arrival_s.shape)[counted])
         lost = (~out.arrived & ~out.collided)[counted].sum()
         print(
-            f"{name:32}{100 * np.mean(out.least_margin_m < 0):5.0f} {np.percentile(out.least_margin_m, 5):5.1f} "
+            f"{name:37}{100 * np.mean(out.least_margin_m < 0):5.0f} {np.percentile(out.least_margin_m, 5):5.1f} "
             f"{out.least_gap_m.min():6.1f} {out.collided.sum():5d} {lost:5d} "
             f"{ratio:6.2f} {np.median(flown):6.1f} {flown.max():6.1f} "
             f"{out.reversals:5.1f} {100 * out.infeasible_share:6.1f}% {out.least_obstacle_m.min():5.1f} "

@@ -23,6 +23,7 @@ def test_the_kernels_read_the_settings_in_field_order():
         "barrier_share": halfplane.BARRIER_SHARE,
         "smoothing": halfplane.SMOOTHING,
         "right_turn_rad": halfplane.RIGHT_TURN,
+        "start_turn_rad": halfplane.START_TURN,
         "age_acceleration_mps2": halfplane.AGE_ACCELERATION,
         "buffer_share": halfplane.BUFFER_SHARE,
         "arrival_deceleration_mps2": halfplane.ARRIVAL,
@@ -40,7 +41,8 @@ def test_the_kernels_read_the_settings_in_field_order():
 
 @pytest.mark.parametrize("name", [item.name for item in fields(HalfplaneSettings)])
 def test_every_setting_refuses_nan_and_a_value_out_of_range(name):
-    out_of_range = 3.0 if name in ("smoothing", "barrier_share", "head_on_cosine", "right_turn_rad") else -1.0
+    up_to = ("smoothing", "barrier_share", "head_on_cosine", "right_turn_rad", "start_turn_rad")
+    out_of_range = 3.0 if name in up_to else -1.0
     for value in (math.nan, -math.inf, out_of_range):
         with pytest.raises(ValueError, match=name):
             replace(HalfplaneSettings(), **{name: value})
