@@ -24,7 +24,11 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     help="What sizes the disc of a pair.",
 )
 @click.option("--compare", is_flag=True, help=f"Fly the same seed under {', '.join(COMPARED)}, one after the other.")
-@click.option("--processes", is_flag=True, help="Each daemon in an operating-system process of its own.")
+@click.option(
+    "--processes",
+    is_flag=True,
+    help="Each daemon in an operating-system process of its own; without it all share one, apart from the fleet.",
+)
 @click.option("--headless", is_flag=True, help="Show nothing but the verdict.")
 @click.option("--json", "as_json", is_flag=True, help="The verdict of each flight as one line of JSON on stdout.")
 @click.option("--any-ports", is_flag=True, help="Ports that the kernel chooses, to fly several demos side by side.")

@@ -1,4 +1,4 @@
-"""One avoidance daemon a vehicle: in this process, or each in one of its own.
+"""One avoidance daemon a vehicle: all in one process, or each in one of its own, never in the fleet's.
 
 Either way they are the daemon that ``ridlink avoid`` runs, on real sockets, told the same things.
 """
@@ -10,7 +10,6 @@ import json
 import signal
 import sys
 import tempfile
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +19,6 @@ import numpy as np
 
 from ridlink.avoidance.types import HalfplaneSettings
 from ridlink.daemon.config import DaemonConfig, as_toml
-from ridlink.daemon.service import AvoidDaemon
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
 from ridlink.geodesy import Geodetic, geodetic_from_ned
@@ -98,122 +96,94 @@ def _in_degrees(polygon_ne_m: Sequence[Sequence[float]], home: Geodetic) -> tupl
     return tuple(zip(latitude.tolist(), longitude.tolist(), strict=True))
 
 
-class Daemons(ABC):
-    """All daemons of one flight.
+class Daemons:
+    """All daemons of one flight, in processes apart from the fleet: they cannot know more than they are sent.
+
+    Args:
+        assigned: One daemon a vehicle.
+        each_its_own: Each in a process of its own, as ``ridlink avoid``; otherwise all of them share one.
 
     Attributes:
         status: Each daemon's last word on what it does, by system id.
     """
 
-    def __init__(self, assigned: Sequence[Assignment]) -> None:
+    def __init__(self, assigned: Sequence[Assignment], *, each_its_own: bool) -> None:
         self.assigned = assigned
         self.status: dict[int, str] = {}
+        self._each_its_own = each_its_own
+        self._folder = tempfile.TemporaryDirectory(prefix="ridlink-demo-")
+        self._processes: list[asyncio.subprocess.Process] = []
+        self._readers: list[asyncio.Task[None]] = []
+        self._heard: set[int] = set()
+        self._changed = asyncio.Event()
+        self._summaries: dict[int, dict[str, Any]] = {}
 
-    @abstractmethod
     async def start(self) -> None:
         """Start them, and wait until each has its links open.
 
         Raises:
             LinkError: If one does not come up.
         """
+        configs = {each.system_id: Path(self._folder.name) / f"vehicle-{each.system_id}.toml" for each in self.assigned}
+        for each in self.assigned:
+            configs[each.system_id].write_text(as_toml(each.config))
+        if self._each_its_own:
+            for system_id, path in configs.items():
+                await self._launch(system_id, "ridlink", "avoid", "--config", str(path), "--json")
+        elif configs:
+            await self._launch(None, "sitl_sim.demo.crew", *map(str, configs.values()))
+        try:
+            await asyncio.wait_for(self._all_heard(), READY_TIMEOUT_S)
+        except TimeoutError:
+            raise LinkError(f"the daemons did not come up within {READY_TIMEOUT_S:g} s") from None
 
-    @abstractmethod
     async def stop(self) -> list[dict[str, Any]]:
         """Stop them gently; their summaries."""
+        for process in self._processes:
+            if process.returncode is None:
+                process.send_signal(signal.SIGTERM)
+        if self._readers:
+            await asyncio.wait(self._readers, timeout=STOP_TIMEOUT_S)
+        for process in self._processes:
+            if process.returncode is None:
+                process.kill()
+        await asyncio.gather(*self._readers)
+        self._folder.cleanup()
+        return list(self._summaries.values())
+
+    async def _launch(self, system_id: int | None, module: str, *arguments: str) -> None:
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", module, *arguments,
+            stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
+        )  # fmt: skip
+        self._processes.append(process)
+        self._readers.append(asyncio.create_task(self._read(process, system_id)))
+
+    async def _all_heard(self) -> None:
+        wanted = {each.system_id for each in self.assigned}
+        while not wanted <= self._heard:
+            if any(process.returncode is not None for process in self._processes):
+                missing = ", ".join(map(str, sorted(wanted - self._heard)))
+                raise LinkError(f"the daemon of vehicle {missing} ended at once: its line above says why")
+            self._changed.clear()
+            await self._changed.wait()
+
+    async def _read(self, process: asyncio.subprocess.Process, system_id: int | None) -> None:
+        assert process.stdout is not None
+        async for line in process.stdout:
+            facts = json.loads(line)
+            vehicle = facts.pop("vehicle", system_id)
+            self._heard.add(vehicle)
+            self._changed.set()
+            if facts["event"] == "final":
+                self._summaries[vehicle] = facts
+            elif facts["event"] == "summary":
+                self._note(vehicle, facts)
+        await process.wait()
+        self._changed.set()
 
     def _note(self, system_id: int, facts: dict[str, Any]) -> None:
         words = [str(facts[key]) for key in ("state", "status") if facts.get(key)]
         if facts.get("conflicts"):
             words.append(f"{facts['conflicts']} in conflict")
         self.status[system_id] = ", ".join(words)
-
-
-class DaemonsHere(Daemons):
-    """As tasks of this process, beside the fleet."""
-
-    def __init__(self, assigned: Sequence[Assignment]) -> None:
-        super().__init__(assigned)
-        self._stop = asyncio.Event()
-        self._tasks: list[asyncio.Task[Any]] = []
-
-    async def start(self) -> None:
-        daemons = [
-            AvoidDaemon(each.config, on_event=lambda facts, k=each.system_id: self._note(k, facts))  # type: ignore[misc]
-            for each in self.assigned
-        ]
-        self._tasks = [asyncio.create_task(daemon.run(self._stop)) for daemon in daemons]
-        ready = asyncio.gather(*(daemon.ready.wait() for daemon in daemons))
-        done, _ = await asyncio.wait(
-            [*self._tasks, asyncio.ensure_future(ready)], timeout=READY_TIMEOUT_S, return_when=asyncio.FIRST_COMPLETED
-        )
-        if not ready.done():
-            ready.cancel()
-            for task in done:
-                await task  # raises what ended it
-            raise LinkError(f"the daemons did not come up within {READY_TIMEOUT_S:g} s")
-
-    async def stop(self) -> list[dict[str, Any]]:
-        self._stop.set()
-        ended = await asyncio.gather(*self._tasks, return_exceptions=True)
-        return [summary.as_dict() for summary in ended if not isinstance(summary, BaseException)]
-
-
-class DaemonProcesses(Daemons):
-    """As ``ridlink avoid``, each a process of its own."""
-
-    def __init__(self, assigned: Sequence[Assignment]) -> None:
-        super().__init__(assigned)
-        self._folder = tempfile.TemporaryDirectory(prefix="ridlink-demo-")
-        self._processes: list[asyncio.subprocess.Process] = []
-        self._readers: list[asyncio.Task[dict[str, Any]]] = []
-        self._up: list[asyncio.Event] = []
-
-    async def start(self) -> None:
-        for each in self.assigned:
-            config = Path(self._folder.name) / f"vehicle-{each.system_id}.toml"
-            config.write_text(as_toml(each.config))
-            process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "ridlink", "avoid", "--config", str(config), "--json",
-                stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
-            )  # fmt: skip
-            self._processes.append(process)
-            up = asyncio.Event()
-            self._up.append(up)
-            self._readers.append(asyncio.create_task(self._read(each.system_id, process, up)))
-        try:
-            await asyncio.wait_for(asyncio.gather(*(up.wait() for up in self._up)), READY_TIMEOUT_S)
-        except TimeoutError:
-            raise LinkError(f"the daemons did not come up within {READY_TIMEOUT_S:g} s") from None
-        ended = [
-            each.system_id
-            for each, process in zip(self.assigned, self._processes, strict=True)
-            if process.returncode is not None
-        ]
-        if ended:
-            raise LinkError(f"the daemon of vehicle {ended[0]} ended at once: its line above says why")
-
-    async def _read(self, system_id: int, process: asyncio.subprocess.Process, up: asyncio.Event) -> dict[str, Any]:
-        assert process.stdout is not None
-        last: dict[str, Any] = {}
-        async for line in process.stdout:
-            up.set()
-            facts = json.loads(line)
-            if facts["event"] == "final":
-                last = facts
-            elif facts["event"] == "summary":
-                self._note(system_id, facts)
-        await process.wait()
-        up.set()
-        return last
-
-    async def stop(self) -> list[dict[str, Any]]:
-        for process in self._processes:
-            if process.returncode is None:
-                process.send_signal(signal.SIGTERM)
-        _, late = await asyncio.wait(self._readers, timeout=STOP_TIMEOUT_S) if self._readers else (set(), set())
-        for process in self._processes if late else ():
-            if process.returncode is None:
-                process.kill()
-        summaries = await asyncio.gather(*self._readers)
-        self._folder.cleanup()
-        return [summary for summary in summaries if summary]

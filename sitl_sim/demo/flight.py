@@ -18,7 +18,7 @@ from ridlink.captures.recorder import Recorder
 from ridlink.errors import LinkError
 from ridlink.separation.definitions import Definition, separation_discs
 from sitl_sim.demo.conductor import Conductor
-from sitl_sim.demo.daemons import DaemonProcesses, Daemons, DaemonsHere, assignments
+from sitl_sim.demo.daemons import Daemons, assignments
 from sitl_sim.demo.options import DemoOptions
 from sitl_sim.demo.screen import Screen
 from sitl_sim.scenario import Scenario, resolve_scenario
@@ -95,7 +95,7 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         await conductor.open()
         assigned = assignments(scenario, options.definition, options.fleet, ports)
         await _warm(screen, options.processes, len(assigned))
-        daemons = (DaemonProcesses if options.processes else DaemonsHere)(assigned)
+        daemons = Daemons(assigned, each_its_own=options.processes)
         await daemons.start()
         await conductor.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
         server.begin_mission()

@@ -22,7 +22,7 @@ class DemoOptions:
         speed_mps: Cruise speed of vehicles of which the scenario says nothing.
         interval_s: Time between two Remote ID updates; None: the scenario's.
         fleet: Seed, autopilot, GNSS, radio, home and ports of the fleet; it holds at its start until the handover.
-        processes: Each daemon in an operating-system process of its own.
+        processes: Each daemon in a process of its own; otherwise all share one, apart from the fleet's.
         log: Where the flight is recorded; None: a new file in the temporary folder.
     """
 

@@ -1,7 +1,7 @@
 """Fly circle after circle and watch memory and timing: ``python -m tests.soak [MINUTES]`` (30 unless said).
 
-A daemon and a fleet live in one process here, so growth of either shows. Ends with 1 if memory grows by more than
-20 MB after the first flight, or a flight fails.
+The fleet, the air, the conductor and the recorder live in this process from flight to flight, so their growth shows;
+the daemons are started anew. Ends with 1 if memory grows by more than 20 MB after the first flight, or one fails.
 """
 
 from __future__ import annotations

@@ -1,0 +1,55 @@
+"""Several avoidance daemons in one process, apart from the fleet: ``python -m sitl_sim.demo.crew CONFIG.toml ...``.
+
+Each is told what its file says, as ``ridlink avoid --config`` is. Its events are lines of JSON on stdout with the key
+``vehicle``, and so is its summary at the end. SIGTERM or SIGINT ends all of them gently.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+import sys
+from typing import Any
+
+from ridlink.daemon.config import DaemonConfig, daemon_config, read_config_file
+from ridlink.daemon.service import AvoidDaemon
+from ridlink.errors import RidlinkError
+
+EXIT_IO = 3
+
+
+def _say(vehicle: int | None, facts: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps({"vehicle": vehicle, **facts}) + "\n")
+    sys.stdout.flush()
+
+
+async def _fly(config: DaemonConfig, stop: asyncio.Event) -> None:
+    vehicle = config.engine.vehicle_sysid
+    summary = await AvoidDaemon(config, on_event=lambda facts: _say(vehicle, facts)).run(stop)
+    _say(vehicle, {"event": "final", **summary.as_dict()})
+
+
+async def _crew(configs: list[DaemonConfig]) -> None:
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+    async with asyncio.TaskGroup() as group:
+        for config in configs:
+            group.create_task(_fly(config, stop))
+
+
+def main(paths: list[str]) -> int:
+    """Run the daemons of these configuration files; 3 if one of them cannot be started."""
+    code = 0
+    try:
+        asyncio.run(_crew([daemon_config(read_config_file(path)) for path in paths]))
+    except* RidlinkError as failed:
+        print(f"ridlink: {failed.exceptions[0]}", file=sys.stderr)
+        code = EXIT_IO
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
