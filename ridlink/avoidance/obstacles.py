@@ -78,9 +78,7 @@ def convex_hull(points: FloatArray) -> FloatArray:
 
 def _is_convex(vertices: FloatArray) -> bool:
     count = len(vertices)
-    return all(
-        _cross(vertices[i - 1], vertices[i], vertices[(i + 1) % count]) >= -1e-9 for i in range(count)
-    )
+    return all(_cross(vertices[i - 1], vertices[i], vertices[(i + 1) % count]) >= -1e-9 for i in range(count))
 
 
 def _triangles(vertices: FloatArray) -> list[list[int]]:
@@ -94,9 +92,7 @@ def _triangles(vertices: FloatArray) -> list[list[int]]:
             if _cross(a, b, c) <= 0.0:
                 continue
             others = (vertices[k] for k in left if k not in (before, index, after))
-            if any(
-                _cross(a, b, p) >= 0.0 and _cross(b, c, p) >= 0.0 and _cross(c, a, p) >= 0.0 for p in others
-            ):
+            if any(_cross(a, b, p) >= 0.0 and _cross(b, c, p) >= 0.0 and _cross(c, a, p) >= 0.0 for p in others):
                 continue
             triangles.append([before, index, after])
             left.pop(place)

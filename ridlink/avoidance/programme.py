@@ -72,9 +72,8 @@ def optimum(lines, count, limit_mps, aim, linear, point):  # type: ignore[no-unt
     point[0] = aim[0] * scale
     point[1] = aim[1] * scale
     for i in range(count):
-        if (
-            lines[i, 0] * point[0] + lines[i, 1] * point[1] < lines[i, 2] - EPSILON
-            and not optimum_on_edge(lines, i, limit_mps, aim, linear, point)
+        if lines[i, 0] * point[0] + lines[i, 1] * point[1] < lines[i, 2] - EPSILON and not optimum_on_edge(
+            lines, i, limit_mps, aim, linear, point
         ):
             return i
     return count

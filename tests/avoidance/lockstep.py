@@ -66,9 +66,7 @@ def circle(count=8, radius_m=100.0, speed=10.0) -> Scene:
 
 
 def head_on(offset_m=0.0, speed=10.0, cooperative=None) -> Scene:
-    return scene(
-        [[-250.0, 0.0], [250.0, offset_m]], [[250.0, 0.0], [-250.0, offset_m]], speed, cooperative
-    )
+    return scene([[-250.0, 0.0], [250.0, offset_m]], [[250.0, 0.0], [-250.0, offset_m]], speed, cooperative)
 
 
 def crossing(speed=10.0, cooperative=None) -> Scene:

@@ -18,16 +18,13 @@ NOTCHED = np.array(
 L_SHAPE = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 10.0], [10.0, 10.0], [10.0, 20.0], [0.0, 20.0]])
 
 
-
 def rings(flat, start):
     return [flat[a:b] for a, b in pairwise(start)]
 
 
 def aim_at(obstacles, position, goal, clearance=12.0, memory=0):
     aim, ring = np.zeros(2), np.zeros((ring_size(obstacles.hull_start), 2))
-    memory = route_aim(
-        obstacles.hull_vertex_ne_m, obstacles.hull_start, *position, *goal, clearance, memory, ring, aim
-    )
+    memory = route_aim(obstacles.hull_vertex_ne_m, obstacles.hull_start, *position, *goal, clearance, memory, ring, aim)
     return aim, memory
 
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from ridlink.avoidance.programme import nearest_admissible, new_lines
 
 LIMIT = 10.0
-half_planes = st.lists(
-    st.tuples(st.floats(0.0, 2.0 * math.pi), st.floats(-9.0, 9.0)), min_size=0, max_size=8
-).map(lambda rows: np.array([(math.cos(a), math.sin(a), d) for a, d in rows]).reshape(-1, 3))
+half_planes = st.lists(st.tuples(st.floats(0.0, 2.0 * math.pi), st.floats(-9.0, 9.0)), min_size=0, max_size=8).map(
+    lambda rows: np.array([(math.cos(a), math.sin(a), d) for a, d in rows]).reshape(-1, 3)
+)
 velocities = st.tuples(st.floats(-12.0, 12.0), st.floats(-12.0, 12.0)).map(np.array)
 
 

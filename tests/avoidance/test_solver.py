@@ -61,9 +61,7 @@ def test_every_answer_is_finite_and_within_the_limit(
 ):
     own = own_ship(position, velocity, command, limit=9.0)
     others = traffic(*rows, age=age, radius=radius, error=radius, reciprocal=reciprocal, command=(1.0, -2.0))
-    decision = solve(
-        own, others, obstacles=SQUARE if walled else None, own_clearance_m=12.0, extra_right_turn_rad=turn
-    )
+    decision = solve(own, others, obstacles=SQUARE if walled else None, own_clearance_m=12.0, extra_right_turn_rad=turn)
     for vector in (decision.velocity_ne_mps, decision.command_ne_mps, decision.preferred_ne_mps):
         assert np.all(np.isfinite(vector))
         assert np.linalg.norm(vector) <= 9.0 + 1e-9
