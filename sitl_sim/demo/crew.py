@@ -12,11 +12,10 @@ import signal
 import sys
 from typing import Any
 
+from ridlink.cli import EXIT_DONE, EXIT_IO
 from ridlink.daemon.config import DaemonConfig, daemon_config, read_config_file
 from ridlink.daemon.service import AvoidDaemon
 from ridlink.errors import RidlinkError
-
-EXIT_IO = 3
 
 
 def _say(vehicle: int | None, facts: dict[str, Any]) -> None:
@@ -42,7 +41,7 @@ async def _crew(configs: list[DaemonConfig]) -> None:
 
 def main(paths: list[str]) -> int:
     """Run the daemons of these configuration files; 3 if one of them cannot be started."""
-    code = 0
+    code = EXIT_DONE
     try:
         asyncio.run(_crew([daemon_config(read_config_file(path)) for path in paths]))
     except* RidlinkError as failed:
