@@ -6,6 +6,7 @@ tlog, raw, hexlines, pcap
 packets     what the packets of a pcap hold: MAVLink in UDP, Open Drone ID in radio frames
 broadcasts  messages of 25 bytes as records
 reader      captures by path: which format a file has
+follow      captures that still grow
 messages    records to typed messages
 lines       messages as lines, for programs (JSON) and for eyes
 statistics  what a capture holds, in counts

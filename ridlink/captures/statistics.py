@@ -46,6 +46,7 @@ class Statistics:
         transmitters: Broadcasts by who sent them and how.
         first_us, last_us: Earliest and latest time.
         captures: What was read, with its damage.
+        unread: Files that were no captures.
         fields: Remote ID fields that were out of range.
     """
 
@@ -57,6 +58,7 @@ class Statistics:
     first_us: int | None = None
     last_us: int | None = None
     captures: list[Capture] = field(default_factory=list)
+    unread: int = 0
     fields: Counter[str] = field(default_factory=Counter)
 
     def count(self, record: MessageRecord) -> None:

@@ -54,7 +54,7 @@ def read_tlog(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
     ended, in_step = False, True
     reference_us: int | None = None
     while True:
-        if not ended and len(data) - at < _LOOKAHEAD:
+        if not ended and len(data) - at < _LOOKAHEAD and not _is_settled(data, at, reference_us):
             chunk = next(source, None)
             if chunk is None:
                 ended = True
@@ -89,6 +89,17 @@ def read_tlog(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
         magic = _MAGIC.search(data, at + 1 + TIME_LENGTH)
         resume = magic.start() if magic else len(data)
         at = len(data) if ended and not magic else max(at + 1, resume - TIME_LENGTH)
+
+
+def _is_settled(data: bytes, at: int, reference_us: int | None) -> bool:
+    """The record that starts here is taken whatever follows, so that the last one of a live log is not held back."""
+    time_us = int.from_bytes(data[at : at + TIME_LENGTH], "big")
+    if reference_us is None:
+        plausible = EARLIEST_TIME_US <= time_us <= LATEST_TIME_US
+    else:
+        plausible = _is_near(time_us, reference_us)
+    found = _frame_after_time(data, at + TIME_LENGTH) if plausible else None
+    return isinstance(found, Frame) and found.checked
 
 
 def _is_near(time_us: int, reference_us: int | None) -> bool:

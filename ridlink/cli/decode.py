@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 from typing import TYPE_CHECKING, BinaryIO
 
 import click
 
-from ridlink.cli import EXIT_DONE, EXIT_REJECTS, decode_export
+from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS, decode_export
 from ridlink.cli.output import whole_output
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ PROGRESS_EVERY_S = 0.2
 @click.option("--types", metavar="GLOBS", help="Messages to show, such as 'OPEN_DRONE_ID_*,RIDLINK_*'.")
 @click.option("--source-system", type=click.IntRange(0, 255), metavar="N", help="Only messages of this system id.")
 @click.option("--stats", is_flag=True, help="Counts, rates, sequence gaps and damage instead of messages.")
+@click.option("--follow", is_flag=True, help="Go on with what is appended to the file, until interrupted.")
 @click.option("--strict", is_flag=True, help="Exit with 4 if anything in the files was damaged.")
 def decode(
     files: tuple[str, ...],
@@ -71,6 +73,7 @@ def decode(
     types: str | None,
     source_system: int | None,
     stats: bool,
+    follow: bool,
     strict: bool,
 ) -> int:
     """Decode message dumps; - is standard input.
@@ -86,6 +89,8 @@ def decode(
     from ridlink.captures.statistics import Statistics
 
     decode_export.check(output_format, output, frames, join, stats)
+    if follow:
+        decode_export.check_follow(files, kind, output_format, output, join, stats)
     selection = Selection(_wanted_names(types), source_system, since, until)
     for path in files:  # a misspelled name shows at once, not after an hour of the files before it
         if path != "-":
@@ -95,8 +100,12 @@ def decode(
         decode_export.export(files, kind, output_format, output, join, selection, statistics)
         return _verdict(statistics, strict)
     with whole_output(output) as out:
-        _decode_files(files, kind, output_format, selection, frames, stats, statistics, out)
-        if stats:
+        lines = _Lines(output_format, selection, frames, stats, statistics, out)
+        if follow:
+            _follow(files[0], kind, lines)
+        else:
+            _decode_files(files, kind, output, lines)
+        if stats and statistics.captures:
             import msgspec
 
             text = msgspec.json.encode(statistics.as_dict()) + b"\n" if output_format == "jsonl" else (
@@ -111,67 +120,110 @@ def _verdict(statistics: Statistics, strict: bool, *, silent: bool = False) -> i
     for capture in statistics.captures:
         if capture.rejects and not silent:
             click.echo(f"ridlink: {capture.name}: damaged: {capture.rejects}", err=True)
+    if statistics.unread:
+        return EXIT_IO
     return EXIT_REJECTS if strict and statistics.rejects else EXIT_DONE
 
 
-def _decode_files(
-    files: tuple[str, ...],
-    kind: str,
-    output_format: str,
-    selection: Selection,
-    frames: bool,
-    stats: bool,
-    statistics: Statistics,
-    out: BinaryIO,
-) -> None:
-    from ridlink.captures import decode_records, open_capture
-    from ridlink.captures.export.framed import framed_line
-    from ridlink.captures.lines import json_line, table_line
+class _Lines:
+    """Writes messages as lines, in batches, or counts them."""
 
-    line_of = json_line if output_format == "jsonl" else table_line
-    batch: list[bytes] = []
-    size = 0
+    def __init__(
+        self,
+        output_format: str,
+        selection: Selection,
+        frames: bool,
+        stats: bool,
+        statistics: Statistics,
+        out: BinaryIO,
+    ) -> None:
+        from ridlink.captures.lines import json_line, table_line
 
-    def write_batch() -> None:
-        nonlocal batch, size
-        if batch:
-            out.write(b"".join(batch))
-            out.flush()
-        batch, size = [], 0
+        self.large_files_as_blocks = output_format == "jsonl" and not stats
+        self.statistics = statistics
+        self.progress = _Progress(out is not sys.stdout.buffer or stats or not sys.stdout.isatty())
+        self._line_of = json_line if output_format == "jsonl" else table_line
+        self._selection = selection
+        self._frames = frames
+        self._stats = stats
+        self._out = out
+        self._batch: list[bytes] = []
+        self._size = 0
 
-    progress = _Progress(out is not sys.stdout.buffer or stats or not sys.stdout.isatty())
+    def write(self, capture: Capture) -> None:
+        """All messages of a capture."""
+        from ridlink.captures import decode_records
+        from ridlink.captures.export.framed import framed_line
+
+        self.statistics.captures.append(capture)
+        for record in decode_records(capture, self.statistics.fields):
+            self.progress.tick(capture)
+            if not self._selection.takes(record):
+                continue
+            if self._stats:
+                self.statistics.count(record)
+                continue
+            line = framed_line(self._line_of(record), record) if self._frames else self._line_of(record)
+            self._batch.append(line)
+            self._size += len(line)
+            if self._size >= BATCH_BYTES:
+                self.flush()
+        self.flush()
+
+    def write_blocks(self, reader: BlockReader) -> None:
+        """The JSON lines of a large file."""
+        from ridlink.captures.export.jsonl import json_lines
+
+        self.statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
+        for block in reader:
+            self._out.write(json_lines(block, self._selection, frames=self._frames))
+            self.progress.tick(reader, block.count)
+
+    def flush(self) -> None:
+        """Write out what is collected."""
+        if self._batch:
+            self._out.write(b"".join(self._batch))
+            self._out.flush()
+        self._batch, self._size = [], 0
+
+
+def _decode_files(files: tuple[str, ...], kind: str, output: str | None, lines: _Lines) -> None:
+    from ridlink.captures import open_capture
+
     for path in files:
-        reader = decode_export.large_reader(path, kind) if output_format == "jsonl" and not stats else None
-        if reader is not None:
-            statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
-            _write_blocks(reader, selection, frames, out, progress)
-            continue
-        # whoever reads our output live sees all there is before we wait for more
-        with open_capture(path, kind, before_read=write_batch) as capture:
-            statistics.captures.append(capture)
-            for record in decode_records(capture, statistics.fields):
-                progress.tick(capture)
-                if not selection.takes(record):
-                    continue
-                if stats:
-                    statistics.count(record)
-                    continue
-                line = framed_line(line_of(record), record) if frames else line_of(record)
-                batch.append(line)
-                size += len(line)
-                if size >= BATCH_BYTES:
-                    write_batch()
-            write_batch()
-    progress.clear()
+        with decode_export.others_go_on(files, output, lines.statistics):
+            reader = decode_export.large_reader(path, kind) if lines.large_files_as_blocks else None
+            if reader is not None:
+                lines.write_blocks(reader)
+                continue
+            # whoever reads our output live sees all there is before we wait for more
+            with open_capture(path, kind, before_read=lines.flush) as capture:
+                lines.write(capture)
+    lines.progress.clear()
 
 
-def _write_blocks(reader: BlockReader, selection: Selection, frames: bool, out: BinaryIO, progress: _Progress) -> None:
-    """The JSON lines of a large file."""
-    from ridlink.captures.export.jsonl import json_lines
+def _follow(path: str, kind: str, lines: _Lines) -> None:
+    """One file as it grows, until a signal ends it; a second signal does not wait for whoever reads our output."""
+    from ridlink.captures.follow import Follower, Stopped
 
-    for block in reader:
-        out.write(json_lines(block, selection, frames=frames))
-        progress.tick(reader, block.count)
+    follower = Follower(
+        path, kind, notice=lambda text: click.echo(f"ridlink: {text}", err=True), before_read=lines.flush
+    )
+
+    def stop(number: int, _: object) -> None:
+        follower.stop()
+        signal.signal(number, signal.SIG_DFL)
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        for capture in follower:
+            lines.write(capture)
+    except Stopped:
+        pass
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        lines.progress.clear()
 
 
 def _wanted_names(types: str | None) -> frozenset[str] | None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
 from ridlink.cli.output import whole_output
+from ridlink.errors import CaptureError
 
 if TYPE_CHECKING:
     from ridlink.captures.export.fields import Fields
@@ -72,6 +74,40 @@ def check(output_format: str, output: str | None, frames: bool, join: bool, stat
             raise click.UsageError(f"-f {output_format} needs -o")
 
 
+def check_follow(
+    files: tuple[str, ...], kind: str, output_format: str, output: str | None, join: bool, stats: bool
+) -> None:
+    """Refuse what cannot be followed.
+
+    Raises:
+        click.UsageError: If so.
+    """
+    if len(files) > 1 or files[0] == "-":
+        raise click.UsageError("--follow is for one file, and standard input is followed as it is")
+    if output_format not in ("table", "jsonl") or join or stats:
+        raise click.UsageError("--follow is for -f table and -f jsonl, without --join and --stats")
+    if kind == "pcap":
+        raise click.UsageError("--follow is for tlog, raw MAVLink and lines of hex, not for pcap")
+    if output not in (None, "-"):
+        raise click.UsageError("--follow writes to standard output: a file of -o appears only when it is whole")
+
+
+@contextmanager
+def others_go_on(files: tuple[str, ...], output: str | None, statistics: Statistics) -> Iterator[None]:
+    """One file of several that is no capture is one line; where the output is a file, which is whole or not at all,
+    or there is no other, it is an error.
+    """
+    before = len(statistics.captures)
+    try:
+        yield
+    except CaptureError as error:
+        if len(files) == 1 or output not in (None, "-"):
+            raise
+        click.echo(f"ridlink: {error}", err=True)
+        del statistics.captures[before:]
+        statistics.unread += 1
+
+
 def large_reader(path: str, kind: str) -> BlockReader | None:
     """A reader in blocks where that pays off, that is for large files; ``None`` elsewhere."""
     if path == "-" or not Path(path).is_file() or Path(path).stat().st_size < LARGE_BYTES:
@@ -110,7 +146,7 @@ def export(
 
     if selection.names is None and output_format != "mcap":  # nothing else is looked at
         selection = dataclasses.replace(selection, names=frozenset(JOINED_NAMES if join else MAPPED_NAMES))
-    messages = _messages(files, kind, selection, statistics)
+    messages = _messages(files, kind, output, selection, statistics)
     with whole_output(output) as out:
         if output_format == "geojson":
             write_geojson(messages, out)
@@ -129,14 +165,14 @@ def export(
 
 
 def _captures(
-    files: tuple[str, ...], kind: str, selection: Selection, statistics: Statistics
+    files: tuple[str, ...], kind: str, output: str | None, selection: Selection, statistics: Statistics
 ) -> Iterator[Block | list[MessageRecord]]:
     """Files of MAVLink as blocks, everything else as messages, some thousand at a time."""
     from ridlink.captures import decode_records, open_capture
     from ridlink.captures.fast.blocks import KINDS, BlockReader
 
     for path in files:
-        with open_capture(path, kind) as capture:
+        with others_go_on(files, output, statistics), open_capture(path, kind) as capture:
             if capture.kind in KINDS and path != "-" and Path(path).is_file():
                 reader = BlockReader(path, capture.kind)
                 statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
@@ -148,10 +184,12 @@ def _captures(
                 yield records
 
 
-def _messages(files: tuple[str, ...], kind: str, selection: Selection, statistics: Statistics) -> Iterator[Fields]:
+def _messages(
+    files: tuple[str, ...], kind: str, output: str | None, selection: Selection, statistics: Statistics
+) -> Iterator[Fields]:
     from ridlink.captures.export.fields import fields_of_block, fields_of_records
 
-    for part in _captures(files, kind, selection, statistics):
+    for part in _captures(files, kind, output, selection, statistics):
         yield from fields_of_records(part) if isinstance(part, list) else fields_of_block(part, selection)
 
 
@@ -166,7 +204,7 @@ def _export_folder(
         whole_folder(output) as folder,
         CsvFolder(folder) if output_format == "csv" else ParquetFolder(folder) as writer,
     ):
-        for part in _captures(files, kind, selection, statistics):
+        for part in _captures(files, kind, output, selection, statistics):
             tables = (
                 tables_of_messages(fields_of_records(part))
                 if isinstance(part, list)
