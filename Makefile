@@ -68,6 +68,7 @@ e2e: $(VENV)/.installed-dev
 
 soak: $(VENV)/.installed-dev
 	@$(BIN)/python -m tests.soak
+	@$(BIN)/python -m tests.soak.fuzz
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .coverage ridlink/mavlink/dialect.py
