@@ -181,6 +181,7 @@ def test_columns_become_the_frames_of_the_codec(data: st.DataObject) -> None:
     for row in rows:
         payload = data.draw(st.binary(max_size=spec.size)).ljust(spec.size, b"\x00")
         values = spec.layout.unpack(payload)
+        payload = spec.layout.pack(*values)  # Python makes signalling NaNs quiet
         at = 0
         for field, kind, length in zip(spec.fields, spec.types, spec.array_lengths, strict=True):
             if length == 0 or kind in ("uint8_t", "char"):
