@@ -18,7 +18,7 @@ help:
 	@echo "make coverage  branch coverage of the kernels, run as plain Python"
 	@echo "make bench  print the benchmark tables"
 	@echo "make e2e    fly the acceptance flights in real time (about 20 minutes)"
-	@echo "make soak   fly for half an hour and watch memory and timing"
+	@echo "make soak   fly for half an hour, then feed a million damaged inputs to the readers"
 	@echo "make lint   ruff and mypy alone"
 	@echo "make clean  remove what the build and the tests left"
 
