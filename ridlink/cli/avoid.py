@@ -10,6 +10,7 @@ import queue
 import signal
 import sys
 import threading
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -132,7 +133,7 @@ async def _run(config: DaemonConfig, printer: _Printer) -> Summary:
     return await AvoidDaemon(config, on_event=printer.event).run(stop)
 
 
-class _Printer:
+class _Printer(ABC):
     """Prints from a thread of its own: a reader that stops reading must not stop the vehicle."""
 
     def __init__(self) -> None:
@@ -164,11 +165,13 @@ class _Printer:
             return
         self._thread.join(1.0)
 
+    @abstractmethod
     def event(self, facts: dict[str, Any]) -> None:
-        raise NotImplementedError
+        """Print a change of state or the summary of a second."""
 
+    @abstractmethod
     def final(self, summary: Summary) -> None:
-        raise NotImplementedError
+        """Print what the flight came to."""
 
 
 class _JsonPrinter(_Printer):
