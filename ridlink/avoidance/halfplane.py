@@ -9,41 +9,57 @@ overlap.
 Axes: north-east, metres, m/s, seconds. In these axes a rotation by a positive angle is a turn to the right, and
 `a x b = a_1 b_2 - a_2 b_1` is positive when b points to the right of a.
 
-Inputs are rows of numbers so that one function serves one own-ship and whole batches of worlds; the names of the
-columns are the constants below. Nothing here allocates.
+Inputs are rows of numbers, see `rows`. Nothing here allocates.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ridlink.avoidance.kernel import kernel
 from ridlink.avoidance.programme import nearest_admissible
 from ridlink.avoidance.route import approach_speed, nearest_point, route_aim
+from ridlink.avoidance.rows import (
+    AGE,
+    AIM,
+    AIM_IS_VELOCITY,
+    CLEARANCE,
+    COMMAND,
+    CONSTRAINED,
+    CRUISE,
+    ERROR_SUM,
+    EXTRA_TURN,
+    FREE,
+    INFEASIBLE,
+    LIMIT,
+    N_COMMAND,
+    N_POSITION,
+    N_VELOCITY,
+    OVERLAPPED,
+    POSITION,
+    R_BINDING,
+    R_COMMAND,
+    R_MARGIN,
+    R_NEAREST,
+    R_OBSTACLE,
+    R_PREFERRED,
+    R_SLACK,
+    R_STATUS,
+    R_TIME,
+    R_VELOCITY,
+    RADIUS,
+    RECIPROCAL,
+    VELOCITY,
+)
+from ridlink.avoidance.rows import NEIGHBOUR_COLUMNS as NEIGHBOUR_COLUMNS
+from ridlink.avoidance.rows import OWN_COLUMNS as OWN_COLUMNS
+from ridlink.avoidance.rows import RESULT_COLUMNS as RESULT_COLUMNS
 
 # Columns of the settings vector, in the order of the fields of HalfplaneSettings.
 (
     HORIZON, RESPONSE, BARRIER, BARRIER_SHARE, SMOOTHING, RIGHT_TURN, START_TURN, AGE_ACCELERATION, BUFFER_SHARE,
     ARRIVAL, HEAD_ON_COSINE, HEAD_ON_SPEED, OBSTACLE_HORIZON, OBSTACLE_DECELERATION, OBSTACLE_RESPONSE, ROUTE_MARGIN,
 ) = range(16)  # fmt: skip
-
-# Columns of own-ship. AIM is the goal, or the preferred velocity where AIM_IS_VELOCITY is not zero.
-(
-    POSITION, VELOCITY, COMMAND, AIM, AIM_IS_VELOCITY, LIMIT, CRUISE, CLEARANCE, EXTRA_TURN, OWN_COLUMNS,
-) = (0, 2, 4, 6, 8, 9, 10, 11, 12, 13)  # fmt: skip
-
-# Columns of a neighbour. Its position is the reported one, AGE seconds old; the command is NaN where none was given.
-N_POSITION, N_VELOCITY, N_COMMAND, AGE, RADIUS, ERROR_SUM, RECIPROCAL, NEIGHBOUR_COLUMNS = (0, 2, 4, 6, 7, 8, 9, 10)
-
-# Columns of the result; BINDING holds three neighbours, -1 where there are fewer.
-(
-    R_VELOCITY, R_COMMAND, R_PREFERRED, R_STATUS, R_SLACK, R_MARGIN, R_NEAREST, R_TIME, R_BINDING, R_OBSTACLE,
-    RESULT_COLUMNS,
-) = (0, 2, 4, 6, 7, 8, 9, 10, 11, 14, 15)  # fmt: skip
-
-FREE, CONSTRAINED, OVERLAPPED, INFEASIBLE = 0.0, 1.0, 2.0, 3.0
 
 TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
@@ -422,8 +438,3 @@ def avoid_one(  # type: ignore[no-untyped-def]
     pair[1] = own[COMMAND + 1] + blend * (x[1] - own[COMMAND + 1])
     nearest_admissible(lines, hard, hard, limit, pair, work, result[R_COMMAND : R_COMMAND + 2])
     return route
-
-
-def result_row() -> np.ndarray:
-    """Room for one result of `avoid_one`."""
-    return np.zeros(RESULT_COLUMNS)

@@ -6,6 +6,6 @@ from pathlib import Path
 
 from ridlink.compiled import kernel_decorator
 
-_MODULES = ("halfplane", "programme", "route", "worlds")
+_MODULES = ("graded", "halfplane", "headings", "programme", "rotation", "route", "rows", "worlds")
 
 kernel = kernel_decorator(Path(__file__).with_name(f"{name}.py") for name in _MODULES)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ridlink.avoidance import halfplane
+from ridlink.avoidance import halfplane, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.programme import new_lines
 from ridlink.avoidance.route import ring_size
@@ -32,16 +32,16 @@ class HalfplaneSolver:
     def __init__(self, settings: HalfplaneSettings | None = None) -> None:
         self.settings = settings or HalfplaneSettings()
         self._vector = self.settings.as_vector()
-        self._own = np.zeros(halfplane.OWN_COLUMNS)
-        self._result = halfplane.result_row()
+        self._own = np.zeros(rows.OWN_COLUMNS)
+        self._result = rows.result_row()
         self._reserve(32, NO_OBSTACLES)
 
     def _reserve(self, count: int, obstacles: Obstacles) -> None:
-        rows = 2 * count + obstacles.piece_count
-        self._neighbours = np.zeros((count, halfplane.NEIGHBOUR_COLUMNS))
+        lines = 2 * count + obstacles.piece_count
+        self._neighbours = np.zeros((count, rows.NEIGHBOUR_COLUMNS))
         self._side = np.zeros(count, np.int8)
-        self._lines, self._work = new_lines(rows), new_lines(rows)
-        self._owner = np.zeros(rows, np.int64)
+        self._lines, self._work = new_lines(lines), new_lines(lines)
+        self._owner = np.zeros(lines, np.int64)
         self._ring = np.zeros((ring_size(obstacles.hull_start), 2))
 
     def solve(
@@ -90,33 +90,33 @@ class HalfplaneSolver:
                 raise ValueError(f"{name} must be finite and in range, got {value}")
         obstacles = NO_OBSTACLES if obstacles is None else obstacles
         count = len(traffic)
-        rows = 2 * count + obstacles.piece_count
+        lines = 2 * count + obstacles.piece_count
         ring = ring_size(obstacles.hull_start)
-        if count > len(self._neighbours) or rows > len(self._owner) or ring > len(self._ring):
+        if count > len(self._neighbours) or lines > len(self._owner) or ring > len(self._ring):
             self._reserve(max(2 * count, 32), obstacles)
 
         vector = self._own
-        vector[halfplane.POSITION : halfplane.POSITION + 2] = own.position_ne_m
-        vector[halfplane.VELOCITY : halfplane.VELOCITY + 2] = own.velocity_ne_mps
-        vector[halfplane.COMMAND : halfplane.COMMAND + 2] = own.command_ne_mps
+        vector[rows.POSITION : rows.POSITION + 2] = own.position_ne_m
+        vector[rows.VELOCITY : rows.VELOCITY + 2] = own.velocity_ne_mps
+        vector[rows.COMMAND : rows.COMMAND + 2] = own.command_ne_mps
         if goal_ne_m is not None:
-            vector[halfplane.AIM : halfplane.AIM + 2] = checked_pair("goal_ne_m", goal_ne_m)
+            vector[rows.AIM : rows.AIM + 2] = checked_pair("goal_ne_m", goal_ne_m)
         elif preferred_ne_mps is not None:
-            vector[halfplane.AIM : halfplane.AIM + 2] = checked_pair("preferred_ne_mps", preferred_ne_mps)
-        vector[halfplane.AIM_IS_VELOCITY] = 0.0 if preferred_ne_mps is None else 1.0
-        vector[halfplane.LIMIT] = own.speed_limit_mps
-        vector[halfplane.CRUISE] = cruise_mps
-        vector[halfplane.CLEARANCE] = clearance
-        vector[halfplane.EXTRA_TURN] = extra_right_turn_rad
+            vector[rows.AIM : rows.AIM + 2] = checked_pair("preferred_ne_mps", preferred_ne_mps)
+        vector[rows.AIM_IS_VELOCITY] = 0.0 if preferred_ne_mps is None else 1.0
+        vector[rows.LIMIT] = own.speed_limit_mps
+        vector[rows.CRUISE] = cruise_mps
+        vector[rows.CLEARANCE] = clearance
+        vector[rows.EXTRA_TURN] = extra_right_turn_rad
 
         table = self._neighbours
-        table[:count, halfplane.N_POSITION : halfplane.N_POSITION + 2] = traffic.position_ne_m
-        table[:count, halfplane.N_VELOCITY : halfplane.N_VELOCITY + 2] = traffic.velocity_ne_mps
-        table[:count, halfplane.N_COMMAND : halfplane.N_COMMAND + 2] = traffic.command_ne_mps
-        table[:count, halfplane.AGE] = traffic.age_s
-        table[:count, halfplane.RADIUS] = traffic.radius_m
-        table[:count, halfplane.ERROR_SUM] = traffic.error_sum_m
-        table[:count, halfplane.RECIPROCAL] = traffic.reciprocal
+        table[:count, rows.N_POSITION : rows.N_POSITION + 2] = traffic.position_ne_m
+        table[:count, rows.N_VELOCITY : rows.N_VELOCITY + 2] = traffic.velocity_ne_mps
+        table[:count, rows.N_COMMAND : rows.N_COMMAND + 2] = traffic.command_ne_mps
+        table[:count, rows.AGE] = traffic.age_s
+        table[:count, rows.RADIUS] = traffic.radius_m
+        table[:count, rows.ERROR_SUM] = traffic.error_sum_m
+        table[:count, rows.RECIPROCAL] = traffic.reciprocal
         self._side[:count] = traffic.passing_side
 
         route = halfplane.avoid_one(
@@ -128,18 +128,18 @@ class HalfplaneSolver:
 
     def _decision(self, count: int, route: int) -> Decision:
         row: FloatArray = self._result.copy()
-        binding = row[halfplane.R_BINDING : halfplane.R_BINDING + 3]
+        binding = row[rows.R_BINDING : rows.R_BINDING + 3]
         return Decision(
-            velocity_ne_mps=row[halfplane.R_VELOCITY : halfplane.R_VELOCITY + 2],
-            command_ne_mps=row[halfplane.R_COMMAND : halfplane.R_COMMAND + 2],
-            preferred_ne_mps=row[halfplane.R_PREFERRED : halfplane.R_PREFERRED + 2],
-            status=Status(int(row[halfplane.R_STATUS])),
+            velocity_ne_mps=row[rows.R_VELOCITY : rows.R_VELOCITY + 2],
+            command_ne_mps=row[rows.R_COMMAND : rows.R_COMMAND + 2],
+            preferred_ne_mps=row[rows.R_PREFERRED : rows.R_PREFERRED + 2],
+            status=Status(int(row[rows.R_STATUS])),
             binding=tuple(int(j) for j in binding if j >= 0.0),
-            obstacle_binding=bool(row[halfplane.R_OBSTACLE]),
-            worst_slack_mps=float(row[halfplane.R_SLACK]),
-            nearest_margin_m=float(row[halfplane.R_MARGIN]),
-            nearest_index=int(row[halfplane.R_NEAREST]),
-            time_to_violation_s=float(row[halfplane.R_TIME]),
+            obstacle_binding=bool(row[rows.R_OBSTACLE]),
+            worst_slack_mps=float(row[rows.R_SLACK]),
+            nearest_margin_m=float(row[rows.R_MARGIN]),
+            nearest_index=int(row[rows.R_NEAREST]),
+            time_to_violation_s=float(row[rows.R_TIME]),
             passing_side=self._side[:count].copy(),
             route_side=route,
         )

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from numba import prange
 
-from ridlink.avoidance.halfplane import (
+from ridlink.avoidance.halfplane import avoid_one
+from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.rows import (
     AGE,
     ERROR_SUM,
     N_COMMAND,
@@ -18,9 +20,7 @@ from ridlink.avoidance.halfplane import (
     POSITION,
     RADIUS,
     RECIPROCAL,
-    avoid_one,
 )
-from ridlink.avoidance.kernel import kernel
 
 
 @kernel(parallel=True)
