@@ -172,11 +172,12 @@ class _Lines:
 
     def write_blocks(self, reader: BlockReader) -> None:
         """The JSON lines of a large file."""
-        from ridlink.captures.export.jsonl import json_lines
+        from ridlink.captures.export.jsonl import BlockLines
 
         self.statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
+        lines = BlockLines(self._selection, frames=self._frames)
         for block in reader:
-            self._out.write(json_lines(block, self._selection, frames=self._frames))
+            self._out.write(lines.of(block))
             self.progress.tick(reader, block.count)
 
     def flush(self) -> None:

@@ -31,9 +31,6 @@ RECORDS_AT_ONCE = 8192
 LARGE_BYTES = 2_000_000
 """From here on compiled loops are faster than they are loaded."""
 
-LINES_BLOCK_LENGTH = 128 * 1024
-"""What becomes of a block, some thousand objects, stays in the cache of a processor."""
-
 
 def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | None:
     """Microseconds since 1970 of seconds since 1970 or of a date and time, UTC where it does not say."""
@@ -114,7 +111,7 @@ def large_reader(path: str, kind: str) -> BlockReader | None:
         return None
     from ridlink.captures.fast.blocks import KINDS, BlockReader
 
-    reader = BlockReader(path, kind, block_length=LINES_BLOCK_LENGTH)
+    reader = BlockReader(path, kind)
     return reader if reader.kind in KINDS else None
 
 

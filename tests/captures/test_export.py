@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import importlib
 import json
+import struct
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -22,7 +23,7 @@ from ridlink.captures.export.fields import Fields, fields_of_block, fields_of_re
 from ridlink.captures.export.framed import framed_line
 from ridlink.captures.export.geo import cut_at_antimeridian
 from ridlink.captures.export.join import COLUMNS, MAX_SENDERS, Joiner, join
-from ridlink.captures.export.jsonl import json_lines
+from ridlink.captures.export.jsonl import BlockLines
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.lines import json_line
@@ -53,7 +54,8 @@ def one_by_one(path: Path, selection: Selection, frames: bool = False) -> bytes:
 
 
 def by_blocks(path: Path, selection: Selection, frames: bool = False) -> bytes:
-    return b"".join(json_lines(block, selection, frames=frames) for block in BlockReader(path, block_length=4096))
+    lines = BlockLines(selection, frames=frames)
+    return b"".join(bytes(lines.of(block)) for block in BlockReader(path, block_length=4096))
 
 
 def frame_of(message: RemoteIdMessage, encoder: Encoder) -> bytes:
@@ -104,6 +106,10 @@ ABOUT_REMOTE_ID = [name for name in NAMES if name.startswith(("OPEN_DRONE_ID", "
 EDGES = st.sampled_from([0, 1, 36000, 36001, 36100, 25425, 25426, 25500, 6200, 6201, 6300, 65535, 2**31 - 1, 900000000])
 
 
+def float_bits(value: float) -> int:
+    return int.from_bytes(struct.pack("<f", value), "little")
+
+
 @st.composite
 def any_frame(draw: st.DrawFn) -> bytes:
     spec = MESSAGES_BY_NAME[draw(st.sampled_from(ABOUT_REMOTE_ID) | st.sampled_from(NAMES))]
@@ -139,6 +145,38 @@ def test_lines_from_columns_are_those_of_the_writer(
     path = tmp_path / "any.tlog"
     path.write_bytes(tlog_bytes([(first_us + index, frame) for index, frame in enumerate(frames)]))
     assert by_blocks(path, selection, with_frames) == one_by_one(path, selection, with_frames)
+
+
+BITS_32, BITS_64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
+DOUBLES = st.one_of(
+    st.floats(),
+    st.integers(-(10**16), 10**16).map(lambda scaled: scaled / 1e7),
+    st.sampled_from([-0.0, 1e-7, 9.9e-6, 1e-5, 1e8, 1e15, 1e16, 2.0**53, 123456789.1234567, 0.1 + 0.2, 5e-324]),
+).map(lambda value: int.from_bytes(struct.pack("<d", value), "little"))
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    floats=st.lists(st.tuples(*[BITS_32 | st.floats(width=32).map(float_bits)] * 3), min_size=1, max_size=5),
+    doubles=st.lists(DOUBLES, min_size=16, max_size=16),
+    large=st.lists(st.one_of(BITS_64, st.sampled_from([0, 2**62 - 1, 2**62, 2**63 - 1, 2**63, 2**64 - 1]))),
+)
+def test_numbers_of_every_size_are_written_alike(
+    tmp_path: Path, floats: list[tuple[int, int, int]], doubles: list[int], large: list[int]
+) -> None:
+    """All bit patterns, signalling NaNs too: from integers on the wire, and from floats of 32 and 64 bits."""
+    attitudes = [bytes(4) + struct.pack("<3I", *bits) for bits in floats]
+    payloads = [("ATTITUDE", payload) for payload in attitudes]
+    payloads += [("TIMESYNC", struct.pack("<2Q", value, value ^ 1)) for value in large]
+    payloads += [("WHEEL_DISTANCE", struct.pack("<17QB", value, *doubles, 7)) for value in large or [0]]
+    specs = [MESSAGES_BY_NAME[name] for name, _ in payloads]
+    frames = [
+        encode_frame(spec.msgid, payload, spec.crc_extra, seq=0, sysid=1, compid=1)
+        for spec, (_, payload) in zip(specs, payloads, strict=True)
+    ]
+    path = tmp_path / "numbers.tlog"
+    path.write_bytes(tlog_bytes([(START_US + index, frame) for index, frame in enumerate(frames)]))
+    assert by_blocks(path, Selection()) == one_by_one(path, Selection())
 
 
 @pytest.mark.parametrize("options", [[], ["--types", "OPEN_*,HEARTBEAT"], ["--source-system", "2"], ["--frames"]])

@@ -228,4 +228,5 @@ def converters(layout: Layout) -> dict[str, _Convert]:
 
 def columns_of(layout: Layout, rows: np.ndarray) -> dict[str, Column]:
     """Columns of the messages of one layout, under the names that JSON lines give their fields."""
-    return {name: convert(rows) for name, convert in converters(layout).items()}
+    with np.errstate(invalid="ignore"):  # signalling NaNs become quiet ones
+        return {name: convert(rows) for name, convert in converters(layout).items()}

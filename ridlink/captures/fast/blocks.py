@@ -271,8 +271,8 @@ def plain(array: np.ndarray) -> Any:
     return array.data if array.dtype == np.uint8 else array.tolist()
 
 
-def announce(kernel: Any) -> None:
+def announce(kernel: Any, what: str = "the decoder") -> None:
     """Say that the compiler runs, before it is waited for."""
     if not is_compiled(kernel):
-        sys.stderr.write("ridlink: compiling the decoder (once, a few seconds) ...\n")
+        sys.stderr.write(f"ridlink: compiling {what} (once, a few seconds) ...\n")
         sys.stderr.flush()
