@@ -49,7 +49,19 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 @click.option(
     "--definition",
     metavar="NAME",
-    help="What sizes the discs: snmac, remote-id, odid-accuracy, candidate1 or candidate2.  [default: candidate2]",
+    help="What sizes the discs: snmac, remote-id, odid-accuracy, candidate1, candidate2 or chance.  "
+    "[default: candidate2]",
+)
+@click.option(
+    "--eta",
+    type=float,
+    metavar="P",
+    help="Of chance: probability, at any one instant, that no neighbour comes too close.  [default: 0.999]",
+)
+@click.option(
+    "--chance-bound",
+    metavar="NAME",
+    help="Of chance: halfplane, covariance or contours, from tight to loose.  [default: halfplane]",
 )
 @click.option("--cruise", type=float, metavar="M/S", help="Speed towards the goal.  [default: 10]")
 @click.option("--airframe", type=float, metavar="M", help="Own largest extent, rotors turning.  [default: 0.6]")

@@ -23,8 +23,9 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
@@ -32,12 +33,15 @@ from ridlink.avoidance.types import HalfplaneSettings
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
 from ridlink.links import LinkUrl, parse_link_url
+from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.setpoint import VelocityLimits
 
 DEFAULT_VEHICLE = "udpin:127.0.0.1:14540"
 DEFAULT_REMOTE_ID = "udpout:127.0.0.1:14650"
 CONTROL_PERIOD_S = 0.1
+
+Name = TypeVar("Name", bound=StrEnum)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +85,8 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     goal: Annotated[list[float], msgspec.Meta(min_length=2, max_length=3)] | None = None
     standby: bool | None = None
     definition: str | None = None
+    eta: float | None = None
+    chance_bound: str | None = None
     cruise: float | None = None
     airframe: float | None = None
     v_max: float | None = None
@@ -185,16 +191,12 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
     if flat.response_time is not None:
         halfplane["response_time_s"] = flat.response_time
     try:
-        definition = Definition(or_default(flat.definition, engine.definition))
-    except ValueError:
-        near = difflib.get_close_matches(str(flat.definition), list(Definition), n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise ConfigError(f"unknown definition {flat.definition!r}: {hint}known are {', '.join(Definition)}") from None
-    try:
         engine = EngineConfig(
             goal=None if flat.goal is None else Goal(*flat.goal),
             standby=or_default(flat.standby, False),
-            definition=definition,
+            definition=_named(Definition, "definition", or_default(flat.definition, engine.definition)),
+            eta=or_default(flat.eta, engine.eta),
+            chance_bound=_named(ChanceBound, "chance-bound", or_default(flat.chance_bound, engine.chance_bound)),
             cruise_mps=or_default(flat.cruise, engine.cruise_mps),
             airframe_m=or_default(flat.airframe, engine.airframe_m),
             limits=VelocityLimits(
@@ -220,6 +222,20 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
     )
 
 
+def _named(kind: type[Name], what: str, name: str) -> Name:
+    """The member of that name.
+
+    Raises:
+        ConfigError: If there is none; the text says which there are.
+    """
+    try:
+        return kind(name)
+    except ValueError:
+        near = difflib.get_close_matches(name, [str(member) for member in kind], n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise ConfigError(f"unknown {what} {name!r}: {hint}known are {', '.join(kind)}") from None
+
+
 def as_toml(config: DaemonConfig) -> str:
     """The whole configuration as a file that `read_config_file` takes, defaults included."""
     engine = config.engine
@@ -227,6 +243,8 @@ def as_toml(config: DaemonConfig) -> str:
         f'vehicle = "{config.vehicle}"',
         f'rid = "{config.remote_id}"',
         f'definition = "{engine.definition}"',
+        f"eta = {engine.eta}",
+        f'chance_bound = "{engine.chance_bound}"',
         f"cruise = {engine.cruise_mps}",
         f"airframe = {engine.airframe_m}",
         f"v_max = {engine.limits.horizontal_mps}",

@@ -9,6 +9,7 @@ from ridlink.avoidance.types import HalfplaneSettings
 from ridlink.engine.static_obstacles import Polygon, StaticObstacles
 from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
+from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import MIN_AIRFRAME_M
 from ridlink.setpoint import VelocityLimits
@@ -34,6 +35,8 @@ class EngineConfig:
         goal: Where to go.
         standby: Do not begin by oneself: wait for MAV_CMD_DO_REPOSITION, so that a restart never moves a vehicle.
         definition: What sizes the discs.
+        eta: Under `Definition.CHANCE`, the probability that no neighbour comes too close, at any one instant.
+        chance_bound: Under `Definition.CHANCE`, how that becomes a distance.
         cruise_mps: Speed wanted, and the highest that avoidance asks for: a vehicle that cannot fly faster would
             answer a faster command with less than half-planes assume.
         airframe_m: Largest horizontal extent of the own airframe, rotors turning.
@@ -49,6 +52,8 @@ class EngineConfig:
     goal: Goal | None = None
     standby: bool = False
     definition: Definition = Definition.CANDIDATE2
+    eta: float = DEFAULT_ETA
+    chance_bound: ChanceBound = ChanceBound.HALFPLANE
     cruise_mps: float = 10.0
     airframe_m: float = 0.6
     limits: VelocityLimits = field(default_factory=VelocityLimits)
@@ -60,6 +65,8 @@ class EngineConfig:
     filter_positions: bool = True
 
     def __post_init__(self) -> None:
+        if not 0.0 < self.eta < 1.0:
+            raise ConfigError(f"eta must lie between 0 and 1, ends excluded, got {self.eta:g}")
         if not (math.isfinite(self.cruise_mps) and self.cruise_mps > 0.0):
             raise ConfigError(f"cruise must be positive, got {self.cruise_mps} m/s")
         if self.cruise_mps > self.limits.horizontal_mps:

@@ -379,6 +379,9 @@ class Engine:
             accuracy_bound_m=snapshot.accuracy_bound_m,
             speed_mps=snapshot.speed_mps,
             interval_s=REPORT_INTERVAL_S,
+            eta=self.config.eta,
+            neighbours=len(snapshot.tracks),
+            bound=self.config.chance_bound,
         )
         radius = discs.radius_m + snapshot.blind_growth_m
         position, velocity = snapshot.position_ned_m[:, :2], snapshot.velocity_ned_mps[:, :2]

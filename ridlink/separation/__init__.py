@@ -1,6 +1,7 @@
 """Separation definitions of the paper: reports of a pair of vehicles -> the disc that must stay empty."""
 
+from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition, Discs, separation_discs
 from ridlink.separation.volumes import mac_radius, unmac_diameter, unmac_radius
 
-__all__ = ["Definition", "Discs", "mac_radius", "separation_discs", "unmac_diameter", "unmac_radius"]
+__all__ = ["ChanceBound", "Definition", "Discs", "mac_radius", "separation_discs", "unmac_diameter", "unmac_radius"]

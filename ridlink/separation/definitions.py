@@ -13,6 +13,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ridlink.separation.chance import DEFAULT_ETA, ChanceBound, chance_error_sum
 from ridlink.separation.reference import (
     AIRFRAME_CAP_M,
     ERROR_CAP_M,
@@ -31,15 +32,23 @@ FloatArray = NDArray[np.float64]
 class Definition(StrEnum):
     """Which fields of a report size the disc of a pair.
 
+    Beside each, what a pair that never enters the disc by its reports holds at one instant, where errors are normal
+    with a third of the reported bounds on either axis. Over a mission all of them hold less, see
+    `chance.mission_probability`; how much is a question of how long errors last.
+
     SNMAC: a fixed radius of 15 m. Guarantees nothing about position errors: two vehicles that keep it by their reports
-        may collide once the errors add up to more than 15 m less the airframes.
+        may collide once the errors add up to more than 15 m less the airframes. With airframes of 3.8 m and 10 m of
+        error on either axis of each that is one encounter in five.
     REMOTE_ID: the worst of everything that standard Remote ID allows, 40 m of error and 7.5 m of airframe each. Keeps
         airframes apart for any error within 40 m, at the largest price in airspace.
     ODID_ACCURACY: largest airframe, and the error bound behind the accuracy code that standard Remote ID already
         carries. As good as the code, which is coarse and often filled with an unscaled one-sigma figure.
     CANDIDATE1: largest airframe, reported three-sigma error. Keeps airframes apart while both errors are within their
-        reported bounds (98.9 % of positions each, for errors normal on both axes).
+        reported bounds (98.9 % of positions each, for errors normal on both axes) and, since they seldom point at each
+        other, at least 99.86 % of the time for any two errors, 99.999 % for two equal ones.
     CANDIDATE2: reported airframe, reported three-sigma error. The same statement with the true size of both airframes.
+    CHANCE: reported airframe, and the least distance that keeps airframes apart with probability eta, for all
+        neighbours together: see `chance`. Eta is per instant.
     """
 
     SNMAC = "snmac"
@@ -47,19 +56,27 @@ class Definition(StrEnum):
     ODID_ACCURACY = "odid-accuracy"
     CANDIDATE1 = "candidate1"
     CANDIDATE2 = "candidate2"
+    CHANCE = "chance"
 
 
 @dataclass(frozen=True, slots=True)
 class Discs:
-    """Discs of one vehicle against n others.
+    """Discs of one vehicle against n others, part by part.
 
     Attributes:
-        radius_m: Radius of the pair's disc, R_ij, shape (...).
-        error_sum_m: Part of it that stands for the localization errors of both, eps_i + eps_j, shape (...).
+        airframe_m: What keeps airframes apart, never less than the MAC radius of the pair, shape (...).
+        error_sum_m: What stands for the localization errors of both, eps_i + eps_j, shape (...).
+        displacement_m: What both fly between two reports, shape (...).
     """
 
-    radius_m: FloatArray
+    airframe_m: FloatArray
     error_sum_m: FloatArray
+    displacement_m: FloatArray
+
+    @property
+    def radius_m(self) -> FloatArray:
+        """Radius of the pair's disc, R_ij, shape (...)."""
+        return self.airframe_m + self.error_sum_m + self.displacement_m
 
 
 def bounded_airframe(airframe_m: ArrayLike) -> FloatArray:
@@ -95,11 +112,15 @@ def separation_discs(
     accuracy_bound_m: ArrayLike,
     speed_mps: ArrayLike,
     interval_s: ArrayLike = REPORT_INTERVAL_S,
+    eta: float = DEFAULT_ETA,
+    neighbours: ArrayLike = 1,
+    bound: ChanceBound = ChanceBound.HALFPLANE,
 ) -> Discs:
-    """Pair radii and error sums [m] of one vehicle, or of many, against others, under one definition.
+    """Discs of one vehicle, or of many, against others, under one definition.
 
-    Source: paper Eq. 7 to 9 and Table IV. All arguments broadcast against each other; NaN is "unknown". The radius is
-    never below the MAC radius of the pair, never NaN, and grows with every size, error, speed and interval.
+    Source: paper Eq. 7 to 9 and Table IV; Eq. 15 to 18 for `CHANCE`. All arguments broadcast against each other; NaN is
+    "unknown". The radius is never below the MAC radius of the pair, never NaN, and grows with every size, error, speed
+    and interval.
 
     Args:
         definition: Which fields count; see `Definition` for what each guarantees.
@@ -112,38 +133,45 @@ def separation_discs(
         accuracy_bound_m: Their three-sigma errors derived from the accuracy code of standard Remote ID, shape (n,).
         speed_mps: Their ground speeds, shape (n,).
         interval_s: Time between two reports, one for all or shape (n,).
+        eta: Of `CHANCE` only: probability, at any one instant, that no neighbour comes closer than it may.
+        neighbours: Of `CHANCE` only: how many share the risk, usually n.
+        bound: Of `CHANCE` only: form of the constraint.
 
     Returns:
         Discs with the broadcast shape.
 
     Raises:
-        ValueError: If an interval is negative or not finite, or the definition is unknown.
+        ValueError: If an interval is negative or not finite, eta is not within (0, 1), or a name is unknown.
     """
     definition = Definition(definition)
     interval = np.asarray(interval_s, dtype=np.float64)
     if not np.all(np.isfinite(interval)) or np.any(interval < 0.0):
         raise ValueError("interval_s must be finite and not negative")
-    mac_radius = (bounded_airframe(own_airframe_m) + bounded_airframe(airframe_m)) / 2.0
+    airframe = (bounded_airframe(own_airframe_m) + bounded_airframe(airframe_m)) / 2.0
+    own_error, error = bounded_error(own_error_bound_m), bounded_error(error_bound_m)
     displacement = interval * (bounded_speed(own_speed_mps) + bounded_speed(speed_mps))
-    reported_error = bounded_error(own_error_bound_m) + bounded_error(error_bound_m)
-    coded_error = bounded_error(own_accuracy_bound_m) + bounded_error(accuracy_bound_m)
-    mac_radius, displacement, reported_error, coded_error = np.broadcast_arrays(
-        mac_radius, displacement, reported_error, coded_error
+    # Every definition answers in the same shape, whatever it looks at.
+    airframe, own_error, error, displacement, coded, _ = np.broadcast_arrays(
+        airframe,
+        own_error,
+        error,
+        displacement,
+        bounded_error(own_accuracy_bound_m) + bounded_error(accuracy_bound_m),
+        neighbours,
     )
+    largest = np.maximum(airframe, MAX_AIRFRAME_M)
+    nothing = np.zeros_like(airframe)
     match definition:
         case Definition.SNMAC:
-            error_sum = np.zeros_like(reported_error)
-            radius = np.full_like(mac_radius, SNMAC_PAIR_RADIUS_M)
+            return Discs(np.maximum(airframe, SNMAC_PAIR_RADIUS_M), nothing, nothing.copy())
         case Definition.REMOTE_ID:
-            error_sum = np.full_like(reported_error, 2.0 * UNKNOWN_ERROR_BOUND_M)
-            radius = MAX_AIRFRAME_M + error_sum + displacement
+            return Discs(largest, nothing + 2.0 * UNKNOWN_ERROR_BOUND_M, displacement.copy())
         case Definition.ODID_ACCURACY:
-            error_sum = coded_error.copy()
-            radius = MAX_AIRFRAME_M + error_sum + displacement
+            return Discs(largest, coded.copy(), displacement.copy())
         case Definition.CANDIDATE1:
-            error_sum = reported_error.copy()
-            radius = MAX_AIRFRAME_M + error_sum + displacement
+            return Discs(largest, own_error + error, displacement.copy())
         case Definition.CANDIDATE2:
-            error_sum = reported_error.copy()
-            radius = mac_radius + error_sum + displacement
-    return Discs(radius_m=np.maximum(radius, mac_radius), error_sum_m=error_sum)
+            return Discs(airframe.copy(), own_error + error, displacement.copy())
+        case Definition.CHANCE:
+            kept = chance_error_sum(own_error, error, eta=eta, neighbours=neighbours, bound=bound)
+            return Discs(airframe.copy(), kept, displacement.copy())

@@ -10,7 +10,7 @@ import click
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
 from sitl_sim.cli.options import fleet_options
 
-DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2")
+DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance")
 COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
 
 
@@ -22,6 +22,14 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     default="candidate2",
     show_default=True,
     help="What sizes the disc of a pair.",
+)
+@click.option(
+    "--eta",
+    type=float,
+    default=0.999,
+    show_default=True,
+    metavar="P",
+    help="Of chance: probability, at any one instant, that no neighbour comes too close.",
 )
 @click.option("--compare", is_flag=True, help=f"Fly the same seed under {', '.join(COMPARED)}, one after the other.")
 @click.option(
@@ -41,6 +49,7 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
 def demo(
     fleet: dict[str, Any],
     definition: str,
+    eta: float,
     compare: bool,
     processes: bool,
     headless: bool,
@@ -75,6 +84,7 @@ def demo(
     options = DemoOptions(
         scenario=fleet["scenario"],
         definition=Definition(definition),
+        eta=eta,
         count=fleet["count"],
         speed_mps=fleet["speed_mps"],
         interval_s=fleet["interval_s"],

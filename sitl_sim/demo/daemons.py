@@ -23,6 +23,7 @@ from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.links import parse_link_url
+from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 from ridlink.setpoint import VelocityLimits
 from sitl_sim.scenario import Scenario
@@ -47,7 +48,9 @@ class Assignment:
     config: DaemonConfig
 
 
-def assignments(scenario: Scenario, definition: Definition, fleet: FleetConfig, ports: FleetPorts) -> list[Assignment]:
+def assignments(
+    scenario: Scenario, definition: Definition, fleet: FleetConfig, ports: FleetPorts, eta: float = DEFAULT_ETA
+) -> list[Assignment]:
     """One daemon for every vehicle that cooperates, with its goal in degrees.
 
     With the documented ports it listens where the vehicle sends its telemetry, as an offboard program does with PX4.
@@ -67,6 +70,7 @@ def assignments(scenario: Scenario, definition: Definition, fleet: FleetConfig, 
         engine = EngineConfig(
             goal=Goal(float(latitude), float(longitude), float(altitude)),
             definition=definition,
+            eta=eta,
             cruise_mps=vehicle.speed_mps,
             airframe_m=vehicle.airframe_m,
             limits=VelocityLimits(

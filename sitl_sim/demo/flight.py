@@ -16,6 +16,7 @@ import numpy as np
 from ridlink.avoidance.solver import warm_up
 from ridlink.captures.recorder import Recorder
 from ridlink.errors import LinkError
+from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, separation_discs
 from sitl_sim.demo.conductor import Conductor
 from sitl_sim.demo.daemons import Daemons, assignments
@@ -43,7 +44,7 @@ def scenario_of(options: DemoOptions) -> Scenario:
     return scenario if options.interval_s is None else replace(scenario, interval_s=options.interval_s)
 
 
-def pair_radius_under(definition: Definition) -> Callable[[World], FloatArray]:
+def pair_radius_under(definition: Definition, eta: float = DEFAULT_ETA) -> Callable[[World], FloatArray]:
     """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles report of themselves."""
 
     def radii(world: World) -> FloatArray:
@@ -63,6 +64,8 @@ def pair_radius_under(definition: Definition) -> Callable[[World], FloatArray]:
             error_bound_m=bound,
             accuracy_bound_m=coded,
             speed_mps=speed,
+            eta=eta,
+            neighbours=max(len(airframe) - 1, 1),
         )
         return discs.radius_m
 
@@ -78,7 +81,7 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         OSError: If the scenario cannot be read or the log not be written.
     """
     scenario = scenario_of(options)
-    server = FleetServer(scenario, options.fleet, pair_radius=pair_radius_under(options.definition))
+    server = FleetServer(scenario, options.fleet, pair_radius=pair_radius_under(options.definition, options.eta))
     recorder: Recorder | None = None
     daemons: Daemons | None = None
     conductor: Conductor | None = None
@@ -93,7 +96,7 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         ports = server.ports
         conductor = Conductor(ports.vehicles, ports.air, recorder.receive)
         await conductor.open()
-        assigned = assignments(scenario, options.definition, options.fleet, ports)
+        assigned = assignments(scenario, options.definition, options.fleet, ports, options.eta)
         await _warm(screen, options.processes, len(assigned))
         daemons = Daemons(assigned, each_its_own=options.processes)
         await daemons.start()

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ridlink.errors import ConfigError
+from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 from sitl_sim.autopilot import Start
 from sitl_sim.server import FleetConfig
@@ -18,6 +19,7 @@ class DemoOptions:
     Args:
         scenario: Name of a built-in scenario, or a TOML file.
         definition: Separation definition that every daemon flies under.
+        eta: Of the definition chance: probability, at any one instant, that no neighbour comes too close.
         count: Number of vehicles, where the scenario takes one.
         speed_mps: Cruise speed of vehicles of which the scenario says nothing.
         interval_s: Time between two Remote ID updates; None: the scenario's.
@@ -28,6 +30,7 @@ class DemoOptions:
 
     scenario: str = "circle8"
     definition: Definition = Definition.CANDIDATE2
+    eta: float = DEFAULT_ETA
     count: int | None = None
     speed_mps: float = 10.0
     interval_s: float | None = None
@@ -38,6 +41,8 @@ class DemoOptions:
     def __post_init__(self) -> None:
         if self.fleet.start is not Start.HOLDING:
             raise ValueError("a demonstration's fleet holds until it is handed over")
+        if not 0.0 < self.eta < 1.0:
+            raise ConfigError(f"eta must lie between 0 and 1, ends excluded, got {self.eta:g}")
         if self.log is not None and not self.log.resolve().parent.is_dir():
             raise ConfigError(f"--log {self.log}: there is no folder {self.log.resolve().parent}")
 

@@ -192,6 +192,8 @@ def test_a_goal_that_is_none(goal: str) -> None:
         (["--goal", "47,8", "--cruise", "16"], "v-max"),
         (["--goal", "47,8", "--vehicle", "udp:127.0.0.1:14540"], "udpin:127.0.0.1:14540"),
         (["--goal", "47,8", "--definition", "candidat1"], "candidate1"),
+        (["--goal", "47,8", "--definition", "chance", "--eta", "1.5"], "got 1.5"),
+        (["--goal", "47,8", "--definition", "chance", "--eta", "nan"], "got nan"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_before_anything_is_opened(arguments: list[str], text: str) -> None:
