@@ -25,7 +25,7 @@ from enum import IntEnum, StrEnum
 from typing import Any
 
 from ridlink.errors import PayloadError
-from ridlink.remote_id import accuracy
+from ridlink.remote_id import accuracy, messages
 from ridlink.remote_id.convert import (
     AUTHENTICATION_FIRST_PAGE_LENGTH,
     AUTHENTICATION_PAGE_LENGTH,
@@ -40,18 +40,7 @@ from ridlink.remote_id.convert import (
     write_seconds_since_2019,
     write_up,
 )
-from ridlink.remote_id.messages import (
-    MAVLINK_NAMES,
-    Authentication,
-    BasicId,
-    Location,
-    OperatorId,
-    RemoteIdMessage,
-    SelfId,
-    Separation,
-    SeparationFlags,
-    System,
-)
+from ridlink.remote_id.messages import MAVLINK_NAMES, RemoteIdMessage, SeparationFlags
 
 MESSAGE_LENGTH = 25
 NEWEST_VERSION = 2
@@ -161,7 +150,7 @@ def encode_message(message: RemoteIdMessage, *, hour_start_s: int | None = None)
     Raises:
         PayloadError: If a code, count or text does not fit.
     """
-    if isinstance(message, Separation):
+    if isinstance(message, messages.Separation):
         message = _authentication_of(message, hour_start_s)
     return _WRITERS[type(message)](message)
 
@@ -206,7 +195,7 @@ def _write_altitude(value_m: float | None, whole: Callable[[float], int] = _near
     return max(1, whole((value_m - LOWEST_ALTITUDE_M) / ALTITUDE_STEP_M))
 
 
-def _read_location(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> Location:
+def _read_location(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> messages.Location:
     (_, status, direction_units, speed_units, climb_units, latitude, longitude, barometric, geodetic, height,
      position_accuracy, other_accuracy, tenths, time_accuracy) = _LOCATION.unpack(data)  # fmt: skip
     latitude_deg, longitude_deg = read_position(
@@ -234,7 +223,7 @@ def _read_location(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> Lo
         rejects["OPEN_DRONE_ID_LOCATION.timestamp"] += 1
     horizontal_code, vertical_code = position_accuracy & 0x0F, position_accuracy >> 4
     speed_code, barometer_code = other_accuracy & 0x0F, other_accuracy >> 4
-    return Location(
+    return messages.Location(
         status=status >> 4,
         direction_deg=direction_deg,
         speed_horizontal_mps=speed_mps,
@@ -290,7 +279,7 @@ def _write_timestamp(value_s: float | None) -> int:
     return _nearest(value_s * 10.0)
 
 
-def _write_location(message: Location) -> bytes:
+def _write_location(message: messages.Location) -> bytes:
     west, direction = _write_direction(message.direction_deg)
     fast, speed = _write_speed(message.speed_horizontal_mps)
     latitude, longitude = write_position(message.latitude_deg, message.longitude_deg)
@@ -319,7 +308,7 @@ def _write_location(message: Location) -> bytes:
 # --- SYSTEM ---
 
 
-def _read_system(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> System:
+def _read_system(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> messages.System:
     _, kinds, latitude, longitude, count, radius, ceiling, floor, eu, altitude, timestamp = _SYSTEM.unpack(data)
     latitude_deg, longitude_deg = read_position(
         latitude,
@@ -327,7 +316,7 @@ def _read_system(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> Syst
         ("OPEN_DRONE_ID_SYSTEM.operator_latitude", "OPEN_DRONE_ID_SYSTEM.operator_longitude"),
         rejects,
     )
-    return System(
+    return messages.System(
         operator_location_type=kinds & 0x03,
         classification_type=kinds >> 2 & 0x07,
         operator_latitude_deg=latitude_deg,
@@ -344,7 +333,7 @@ def _read_system(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> Syst
     )
 
 
-def _write_system(message: System) -> bytes:
+def _write_system(message: messages.System) -> bytes:
     latitude, longitude = write_position(message.operator_latitude_deg, message.operator_longitude_deg)
     return _SYSTEM.pack(
         _header(MessageType.SYSTEM),
@@ -365,29 +354,29 @@ def _write_system(message: System) -> bytes:
 # Fixed-length byte strings lose their padding on the way in and get it back on the way out.
 
 
-def _read_basic_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> BasicId:
-    return BasicId(data[1] >> 4, data[1] & 0x0F, data[2 : 2 + ID_LENGTH].rstrip(b"\x00"), id_or_mac)
+def _read_basic_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages.BasicId:
+    return messages.BasicId(data[1] >> 4, data[1] & 0x0F, data[2 : 2 + ID_LENGTH].rstrip(b"\x00"), id_or_mac)
 
 
-def _write_basic_id(message: BasicId) -> bytes:
+def _write_basic_id(message: messages.BasicId) -> bytes:
     kinds = _bits(message, "id_type", 15) << 4 | _bits(message, "ua_type", 15)
     return bytes((_header(MessageType.BASIC_ID), kinds)) + _text(message, "uas_id", ID_LENGTH) + bytes(3)
 
 
-def _read_self_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> SelfId:
-    return SelfId(data[1], data[2:].rstrip(b"\x00"), id_or_mac)
+def _read_self_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages.SelfId:
+    return messages.SelfId(data[1], data[2:].rstrip(b"\x00"), id_or_mac)
 
 
-def _write_self_id(message: SelfId) -> bytes:
+def _write_self_id(message: messages.SelfId) -> bytes:
     head = bytes((_header(MessageType.SELF_ID), _bits(message, "description_type", MAX_UINT8)))
     return head + _text(message, "description", TEXT_LENGTH)
 
 
-def _read_operator_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> OperatorId:
-    return OperatorId(data[1], data[2 : 2 + ID_LENGTH].rstrip(b"\x00"), id_or_mac)
+def _read_operator_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages.OperatorId:
+    return messages.OperatorId(data[1], data[2 : 2 + ID_LENGTH].rstrip(b"\x00"), id_or_mac)
 
 
-def _write_operator_id(message: OperatorId) -> bytes:
+def _write_operator_id(message: messages.OperatorId) -> bytes:
     head = bytes((_header(MessageType.OPERATOR_ID), _bits(message, "operator_id_type", MAX_UINT8)))
     return head + _text(message, "operator_id", ID_LENGTH) + bytes(3)
 
@@ -399,20 +388,22 @@ def _page_capacity(last_page_index: int) -> int:
     return AUTHENTICATION_FIRST_PAGE_LENGTH + AUTHENTICATION_PAGE_LENGTH * last_page_index
 
 
-def _read_authentication(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> Authentication | Separation:
+def _read_authentication(
+    data: bytes, rejects: Rejects, id_or_mac: bytes | None
+) -> messages.Authentication | messages.Separation:
     authentication_type, page = data[1] >> 4, data[1] & 0x0F
     if page:
-        return Authentication(authentication_type, page, 0, 0, None, data[2:], id_or_mac)
+        return messages.Authentication(authentication_type, page, 0, 0, None, data[2:], id_or_mac)
     _, _, last_page, length, timestamp, content = _FIRST_PAGE.unpack(data)
     if length > _page_capacity(last_page):
         rejects["OPEN_DRONE_ID_AUTHENTICATION.length"] += 1
-    message = Authentication(
+    message = messages.Authentication(
         authentication_type, 0, last_page, length, read_seconds_since_2019(timestamp), content, id_or_mac
     )
     return separation_of(message) or message
 
 
-def _write_authentication(message: Authentication) -> bytes:
+def _write_authentication(message: messages.Authentication) -> bytes:
     page = _bits(message, "data_page", LAST_PAGE)
     head = bytes((_header(MessageType.AUTHENTICATION), _bits(message, "authentication_type", 15) << 4 | page))
     if page:
@@ -428,7 +419,7 @@ def _write_authentication(message: Authentication) -> bytes:
     )
 
 
-def separation_of(message: Authentication) -> Separation | None:
+def separation_of(message: messages.Authentication) -> messages.Separation | None:
     """The RIDLINK_SEPARATION that an Authentication message carries, ``None`` where it carries something else.
 
     Its time is that of the Authentication message, in whole seconds after the full hour.
@@ -442,7 +433,7 @@ def separation_of(message: Authentication) -> Separation | None:
     if letters != SEPARATION_LETTERS or layout != SEPARATION_LAYOUT:
         return None
     given = bool(flags & SeparationFlags.COMMANDED_VELOCITY_GIVEN)
-    return Separation(
+    return messages.Separation(
         timestamp_s=None if message.timestamp_s is None else message.timestamp_s % SECONDS_PER_HOUR,
         horizontal_error_m=horizontal / 100.0 if horizontal else None,
         vertical_error_m=vertical * VERTICAL_ERROR_STEP_M if vertical else None,
@@ -462,7 +453,7 @@ def _component(value_mps: float, units_per_mps: int, limit: int) -> int:
     return min(max(round(value_mps * units_per_mps), -limit), limit)
 
 
-def _authentication_of(message: Separation, hour_start_s: int | None) -> Authentication:
+def _authentication_of(message: messages.Separation, hour_start_s: int | None) -> messages.Authentication:
     commanded = (message.commanded_vx_mps, message.commanded_vy_mps, message.commanded_vz_mps)
     components = [value for value in commanded if value is not None and math.isfinite(value)]
     flags = _bits(message, "flags", MAX_UINT8) & ~int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
@@ -488,23 +479,19 @@ def _authentication_of(message: Separation, hour_start_s: int | None) -> Authent
         vz,
         flags,
     )
-    return Authentication(SEPARATION_AUTHENTICATION_TYPE, 0, 0, SEPARATION_LENGTH, timestamp_s, content)
+    return messages.Authentication(SEPARATION_AUTHENTICATION_TYPE, 0, 0, SEPARATION_LENGTH, timestamp_s, content)
 
 
-_READERS: dict[int, Callable[[bytes, Rejects, bytes | None], RemoteIdMessage]] = {
-    MessageType.BASIC_ID: _read_basic_id,
-    MessageType.LOCATION: _read_location,
-    MessageType.AUTHENTICATION: _read_authentication,
-    MessageType.SELF_ID: _read_self_id,
-    MessageType.SYSTEM: _read_system,
-    MessageType.OPERATOR_ID: _read_operator_id,
+_Reader = Callable[[bytes, Rejects, bytes | None], RemoteIdMessage]
+_Writer = Callable[[Any], bytes]
+
+_FORMS: dict[MessageType, tuple[type, _Reader, _Writer]] = {
+    MessageType.BASIC_ID: (messages.BasicId, _read_basic_id, _write_basic_id),
+    MessageType.LOCATION: (messages.Location, _read_location, _write_location),
+    MessageType.AUTHENTICATION: (messages.Authentication, _read_authentication, _write_authentication),
+    MessageType.SELF_ID: (messages.SelfId, _read_self_id, _write_self_id),
+    MessageType.SYSTEM: (messages.System, _read_system, _write_system),
+    MessageType.OPERATOR_ID: (messages.OperatorId, _read_operator_id, _write_operator_id),
 }
-
-_WRITERS: dict[type, Callable[[Any], bytes]] = {
-    BasicId: _write_basic_id,
-    Location: _write_location,
-    Authentication: _write_authentication,
-    SelfId: _write_self_id,
-    System: _write_system,
-    OperatorId: _write_operator_id,
-}
+_READERS: dict[int, _Reader] = {kind: read for kind, (_, read, _) in _FORMS.items()}
+_WRITERS: dict[type, _Writer] = {message: write for message, _, write in _FORMS.values()}

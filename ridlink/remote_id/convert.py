@@ -445,22 +445,17 @@ def _write_authentication(message: Authentication) -> dict[str, Any]:
     }
 
 
-_READERS: dict[str, Callable[[dict[str, Any], Rejects], RemoteIdMessage]] = {
-    "OPEN_DRONE_ID_LOCATION": _read_location,
-    "RIDLINK_SEPARATION": _read_separation,
-    "OPEN_DRONE_ID_BASIC_ID": _read_basic_id,
-    "OPEN_DRONE_ID_SYSTEM": _read_system,
-    "OPEN_DRONE_ID_SELF_ID": _read_self_id,
-    "OPEN_DRONE_ID_OPERATOR_ID": _read_operator_id,
-    "OPEN_DRONE_ID_AUTHENTICATION": _read_authentication,
-}
+_Reader = Callable[[dict[str, Any], Rejects], RemoteIdMessage]
+_Writer = Callable[[Any], dict[str, Any]]
 
-_WRITERS: dict[type, Callable[[Any], dict[str, Any]]] = {
-    Location: _write_location,
-    Separation: _write_separation,
-    BasicId: _write_basic_id,
-    System: _write_system,
-    SelfId: _write_self_id,
-    OperatorId: _write_operator_id,
-    Authentication: _write_authentication,
+_FORMS: dict[type, tuple[_Reader, _Writer]] = {
+    Location: (_read_location, _write_location),
+    Separation: (_read_separation, _write_separation),
+    BasicId: (_read_basic_id, _write_basic_id),
+    System: (_read_system, _write_system),
+    SelfId: (_read_self_id, _write_self_id),
+    OperatorId: (_read_operator_id, _write_operator_id),
+    Authentication: (_read_authentication, _write_authentication),
 }
+_READERS: dict[str, _Reader] = {MAVLINK_NAMES[kind]: read for kind, (read, _) in _FORMS.items()}
+_WRITERS: dict[type, _Writer] = {kind: write for kind, (_, write) in _FORMS.items()}
