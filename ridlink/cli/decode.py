@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS, decode_export
+from ridlink.cli.options import capture_kind
 from ridlink.cli.output import whole_output
 
 if TYPE_CHECKING:
@@ -25,14 +26,7 @@ PROGRESS_EVERY_S = 0.2
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-@click.option(
-    "--in",
-    "kind",
-    type=click.Choice(["auto", "tlog", "mavlink", "pcap", "hex"]),
-    default="auto",
-    show_default=True,
-    help="Format of the files; auto tells it by content and suffix.",
-)
+@capture_kind("Format of the files; auto tells it by content and suffix.")
 @click.option(
     "-f",
     "--format",

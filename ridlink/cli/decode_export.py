@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import click
 
 from ridlink.cli.output import whole_output
+from ridlink.cli.signals import signals_raise
 from ridlink.errors import CaptureError
 
 if TYPE_CHECKING:
@@ -198,6 +199,7 @@ def _export_folder(
     from ridlink.captures.export.tables import CsvFolder, ParquetFolder, tables_of_block, tables_of_messages
 
     with (
+        signals_raise(),
         whole_folder(output) as folder,
         CsvFolder(folder) if output_format == "csv" else ParquetFolder(folder) as writer,
     ):

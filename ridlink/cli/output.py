@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import secrets
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
+
+from ridlink.cli.signals import signals_raise
 
 
 @contextmanager
@@ -23,18 +25,21 @@ def whole_output(path: str | None) -> Iterator[BinaryIO]:
         with open(target, "wb") as stream:
             yield stream
         return
+    unfinished = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
+    with signals_raise():
+        try:
+            with _new(unfinished, path) as stream:
+                yield stream
+            os.replace(unfinished, target)
+        except BaseException:
+            unfinished.unlink(missing_ok=True)
+            raise
+
+
+def _new(unfinished: Path, path: str) -> BinaryIO:
+    """A new file; why there can be none is said of the path that was asked for."""
     try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+        return open(unfinished, "xb")
     except OSError as error:
         error.filename = path
-        raise
-    try:
-        with open(handle, "wb") as stream:
-            yield stream
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, target)
-    except BaseException:
-        os.unlink(temporary)
         raise

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
+from ridlink.cli.options import above_zero
+from ridlink.cli.signals import stopped_by_signals
 
 if TYPE_CHECKING:
     import asyncio
@@ -28,16 +30,10 @@ MAV_STATE_ACTIVE = 4
 MAVLINK_VERSION = 3
 
 
-def _seconds(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
-    if value is not None and not 0.0 < value < math.inf:
-        raise click.BadParameter("must be a number of seconds above 0")
-    return value
-
-
 @click.command()
 @click.argument("url")
 @click.option("-o", "--output", required=True, metavar="F.tlog", help="The log to write.")
-@click.option("--duration", type=float, callback=_seconds, metavar="S", help="Stop after so many seconds.")
+@click.option("--duration", type=float, callback=above_zero, metavar="S", help="Stop after so many seconds.")
 @click.option("--force", is_flag=True, help="Replace the log if it exists.")
 @click.option(
     "--silent",
@@ -71,21 +67,12 @@ async def _record(
 ) -> tuple[Recorder, float]:
     """Record until the time is up, a signal comes or the disk is full; the recorder, and how long it took [s]."""
     import asyncio
-    import signal
 
     from ridlink.captures.recorder import Recorder
     from ridlink.links import Scheme, open_link
 
     loop = asyncio.get_running_loop()
-    stop = asyncio.Event()
-
-    def stop_once() -> None:
-        stop.set()
-        for number in (signal.SIGINT, signal.SIGTERM):  # a second signal finds the default action
-            loop.remove_signal_handler(number)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop_once)
+    stop = stopped_by_signals(loop)
     # The link first: a port in use must neither replace a log nor leave an empty one.
     link = await open_link(url, lambda data, _: recorder.receive(data))
     try:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE
+from ridlink.cli.options import above_zero, capture_kind
+from ridlink.cli.signals import stopped_by_signals
 
 if TYPE_CHECKING:
     from ridlink.captures import Record
@@ -20,29 +22,16 @@ LATEST_LAG_S = 1.0
 PROGRESS_EVERY_S = 0.2
 
 
-def _above_zero(_: click.Context, __: click.Parameter, value: float) -> float:
-    if not 0.0 < value < math.inf:
-        raise click.BadParameter("must be a number above 0")
-    return value
-
-
 @click.command()
 @click.argument("file")
 @click.option("--out", "url", required=True, metavar="URL", help="Where to send, such as udpout:127.0.0.1:14540.")
-@click.option(
-    "--in",
-    "kind",
-    type=click.Choice(["auto", "tlog", "mavlink", "pcap", "hex"]),
-    default="auto",
-    show_default=True,
-    help="Format of the file.",
-)
+@capture_kind("Format of the file.")
 @click.option(
     "--speed",
     type=float,
     default=1.0,
     show_default=True,
-    callback=_above_zero,
+    callback=above_zero,
     metavar="K",
     help="So many times as fast as it was recorded.",
 )
@@ -51,7 +40,7 @@ def _above_zero(_: click.Context, __: click.Parameter, value: float) -> float:
     type=float,
     default=50.0,
     show_default=True,
-    callback=_above_zero,
+    callback=above_zero,
     metavar="HZ",
     help="Messages a second of captures that have no times.",
 )
@@ -84,21 +73,12 @@ def replay(file: str, url: str, kind: str, speed: float, rate: float, loop: bool
 async def _replay(file: str, kind: str, url: str, speed: float, rate: float, loop: bool) -> tuple[int, int, float]:
     """Send until the end, or a signal; messages sent and not taken, seconds."""
     import asyncio
-    import signal
 
     from ridlink.captures import open_capture
     from ridlink.links import open_link, parse_link_url
 
     running = asyncio.get_running_loop()
-    stop = asyncio.Event()
-
-    def stop_once() -> None:
-        stop.set()
-        for number in (signal.SIGINT, signal.SIGTERM):  # a second signal finds the default action
-            running.remove_signal_handler(number)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        running.add_signal_handler(number, stop_once)
+    stop = stopped_by_signals(running)
     link_url = parse_link_url(url)
     link = await open_link(link_url, lambda data, address: None)
     player = _Player(link, stop, speed, rate)

@@ -174,6 +174,31 @@ def test_output_appears_whole_or_not_at_all(log: Path, tmp_path: Path) -> None:
     assert len(ridlink("decode", log, "-f", "jsonl", "-o", "/dev/stdout").stdout.splitlines()) == 9
 
 
+@pytest.mark.parametrize(
+    ("output_format", "number"),
+    [
+        ("jsonl", signal.SIGTERM),
+        ("jsonl", signal.SIGINT),
+        ("jsonl", signal.SIGHUP),
+        ("csv", signal.SIGTERM),
+        ("mcap", signal.SIGTERM),
+    ],
+)
+def test_of_a_command_that_a_signal_ends_nothing_stays(
+    tmp_path: Path, output_format: str, number: signal.Signals
+) -> None:
+    command = [sys.executable, "-m", "ridlink", "decode", "-", "-f", output_format, "-o", str(tmp_path / "out")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        process.stdin.write(tlog_bytes(flight(3000)))  # more than a pipe takes: the reader has begun
+        process.stdin.flush()
+        assert [path.name[:5] for path in tmp_path.iterdir()] == [".out."]
+        process.send_signal(number)
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 128 + number and list(tmp_path.iterdir()) == []
+    assert b"Traceback" not in err
+
+
 def test_a_full_disk_is_one_line_and_leaves_nothing(log: Path) -> None:
     done = ridlink("decode", log, "-o", "/dev/full")
     assert done.returncode == 3 and b"No space left" in done.stderr and len(done.stderr.splitlines()) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -213,6 +214,19 @@ def test_the_format_is_told_by_the_suffix_or_said(tmp_path: Path) -> None:
     piped = subprocess.run([*command, "-", "--to", "hex"], capture_output=True, text=True)
     assert piped.returncode == 0
     assert bytes.fromhex(piped.stdout)[0] == 0xFD and piped.stderr == "-: 1 frames\n"
+
+
+def test_of_an_encoder_that_a_signal_ends_nothing_stays(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "ridlink", "encode", "-", "-o", str(tmp_path / "out.tlog")]
+    line = b'{"t":1700000000.0,"src":"1/1","seq":0,"type":"HEARTBEAT","id":0,"fields":{"type":2}}\n'
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        process.stdin.write(line * 3000)  # more than a pipe takes: the reader has begun
+        process.stdin.flush()
+        assert [path.name[:9] for path in tmp_path.iterdir()] == [".out.tlog"]
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=30)
+    assert process.returncode == 128 + signal.SIGTERM and list(tmp_path.iterdir()) == []
 
 
 def test_nothing_is_left_of_what_cannot_be_read(tmp_path: Path) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,17 +24,20 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(path)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise FileExistsError(errno.EEXIST, "exists and is not an empty folder; name a new one", str(path))
+    working = target.absolute().with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:
-        working = Path(tempfile.mkdtemp(dir=target.absolute().parent, prefix=f".{target.name}."))
-    except OSError as error:
-        error.filename = str(path)
-        raise
-    try:
+        _make(working, path)
         yield working
-        mask = os.umask(0)
-        os.umask(mask)
-        working.chmod(0o777 & ~mask)
         os.replace(working, target)
     except BaseException:
         shutil.rmtree(working, ignore_errors=True)
+        raise
+
+
+def _make(working: Path, path: str | os.PathLike[str]) -> None:
+    """Make a folder; why there can be none is said of the path that was asked for."""
+    try:
+        working.mkdir()
+    except OSError as error:
+        error.filename = str(path)
         raise
