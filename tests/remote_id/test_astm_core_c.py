@@ -180,6 +180,36 @@ def assert_nearer(wanted: Vector, got: RemoteIdMessage) -> None:
             assert got.area_floor_m <= wanted["AreaFloor"] <= wanted["AreaCeiling"] <= got.area_ceiling_m
 
 
+SHOWN = {
+    ("vertical speed", "10.3 m/s"): "vertical speed 10.3 (truncates to zero, not rounds)",
+    ("vertical speed", "-10.3 m/s"): "vertical speed -10.3 (truncates to zero, not rounds)",
+    ("altitudes, height", "100.3 m"): "altitudes 100.3 (floor to 0.5 m, not rounded)",
+    ("altitudes, height", "-0.1 m"): "altitudes -0.1 (floor to 0.5 m, not rounded)",
+    ("altitudes, height", "-999.9 m"): "altitudes -999.9 (floor to 0.5 m, not rounded)",
+    ("latitude", "1.4e-8 deg, longitude -1.4e-8"): "lat/lon 1.4e-08 -1.4e-08",
+    ("area radius (up)", "75 m"): "area count 35 radius 75 (10 m steps, floor)",
+}
+"""Rows of the table in the specification, and the vectors they show."""
+
+
+def test_the_specification_shows_both_where_core_c_cuts_off() -> None:
+    table = [
+        [cell.strip(" `") for cell in line.strip("|").split("|")]
+        for line in (Path(__file__).resolve().parents[2] / "message_spec" / "README.md").read_text().splitlines()
+        if line.startswith("|") and line.count("|") == 8
+    ]
+    rows = {(field, value): rest for field, value, *rest in table}
+    assert len(rows) == 11
+    by_note = {vector["note"]: vector for vector in vectors("encode_decode", "location", "system")}
+    for row, note in SHOWN.items():
+        at, theirs, _, ours, _ = rows[row]
+        first, last = (int(place) for place in (at.split(", ") * 2)[:2])
+        vector = by_note[note]
+        made = astm.encode_message(message_of(vector["type"], vector["input"]))
+        assert bytes.fromhex(vector["hex"])[first : last + 1].hex() == theirs, row
+        assert made[first : last + 1].hex() == ours, row
+
+
 def test_what_core_c_reads_we_read_alike() -> None:
     for vector in vectors("encode_decode", *SINGLE):
         rejects: Counter[str] = Counter()
