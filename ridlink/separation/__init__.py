@@ -2,6 +2,15 @@
 
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition, Discs, separation_discs
-from ridlink.separation.volumes import mac_radius, unmac_diameter, unmac_radius
+from ridlink.separation.volumes import mac_radius, uncertainty_diameter, unmac_diameter, unmac_radius
 
-__all__ = ["ChanceBound", "Definition", "Discs", "mac_radius", "separation_discs", "unmac_diameter", "unmac_radius"]
+__all__ = [
+    "ChanceBound",
+    "Definition",
+    "Discs",
+    "mac_radius",
+    "separation_discs",
+    "uncertainty_diameter",
+    "unmac_diameter",
+    "unmac_radius",
+]

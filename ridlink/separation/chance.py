@@ -148,7 +148,11 @@ def independent_draws(duration_s: float, correlation_time_s: float) -> float:
 
 
 def mission_probability(eta: float, duration_s: float, correlation_time_s: float) -> float:
-    """Probability that no instant of a mission fails, `eta^(1 + T/T_c)`.
+    """Probability that no encounter of a mission fails, `eta^(1 + T/T_c)`: one every correlation time.
+
+    Exact for white errors and for a bias, a lower bound for drifting ones at instants `T_c` apart. Who also counts
+    every instant in between, at which the vehicles decided anew and nothing happened, counts more: a Gauss-Markov
+    error stays within the half-plane all the time with about `eta exp(-u phi(u) T/T_c)`, u the quantile of eta.
 
     Raises:
         ValueError: As `independent_draws`, or if eta is not within (0, 1).

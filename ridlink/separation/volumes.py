@@ -14,20 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 
-def _pairs(name: str, values: ArrayLike) -> FloatArray:
+def _lengths(name: str, values: ArrayLike) -> FloatArray:
     array = np.asarray(values, dtype=np.float64)
-    if array.ndim == 0 or array.shape[-1] != 2:
-        raise ValueError(f"{name} needs a last axis of 2, one value for each vehicle, got shape {array.shape}")
     if not np.all(np.isfinite(array)) or np.any(array < 0.0):
         raise ValueError(f"{name} must be finite and not negative")
     return array
 
 
-def _interval(interval_s: ArrayLike) -> FloatArray:
-    interval = np.asarray(interval_s, dtype=np.float64)
-    if not np.all(np.isfinite(interval)) or np.any(interval < 0.0):
-        raise ValueError("interval_s must be finite and not negative")
-    return interval
+def _pairs(name: str, values: ArrayLike) -> FloatArray:
+    array = _lengths(name, values)
+    if array.ndim == 0 or array.shape[-1] != 2:
+        raise ValueError(f"{name} needs a last axis of 2, one value for each vehicle, got shape {array.shape}")
+    return array
 
 
 def mac_radius(airframe_m: ArrayLike) -> FloatArray:
@@ -45,6 +43,34 @@ def mac_radius(airframe_m: ArrayLike) -> FloatArray:
         ValueError: If a size is negative or not finite.
     """
     return np.asarray(_pairs("airframe_m", airframe_m).sum(axis=-1) / 2.0)
+
+
+def uncertainty_diameter(
+    airframe_m: ArrayLike,
+    error_bound_m: ArrayLike,
+    speed_mps: ArrayLike,
+    interval_s: ArrayLike,
+    *,
+    direction_known: bool = False,
+) -> FloatArray:
+    """Diameter of the area in which one vehicle may be [m].
+
+    Source: paper Eq. 5 (eq:d_unmac); with `direction_known` Eq. 6.
+
+    Args:
+        airframe_m: Airframe size (diameter); all arguments broadcast.
+        error_bound_m: Localization error bound, three sigma or reported.
+        speed_mps: Ground speed.
+        interval_s: Time between two Remote ID messages.
+        direction_known: Count the displacement once, ahead of the vehicle, and not on both sides.
+
+    Raises:
+        ValueError: If any length, speed or interval is negative or not finite.
+    """
+    sides = 1.0 if direction_known else 2.0
+    flown = _lengths("interval_s", interval_s) * _lengths("speed_mps", speed_mps)
+    error = _lengths("error_bound_m", error_bound_m)
+    return np.asarray(_lengths("airframe_m", airframe_m) + 2.0 * error + sides * flown)
 
 
 def unmac_diameter(
@@ -75,9 +101,10 @@ def unmac_diameter(
     airframe = _pairs("airframe_m", airframe_m)
     error = _pairs("error_bound_m", error_bound_m)
     speed = _pairs("speed_mps", speed_mps)
-    sides = 1.0 if direction_known else 2.0
-    displacement = _interval(interval_s) * speed.sum(axis=-1)
-    return np.asarray(airframe.sum(axis=-1) + 2.0 * error.sum(axis=-1) + sides * displacement)
+    interval = _lengths("interval_s", interval_s)[..., None]
+    return np.asarray(
+        uncertainty_diameter(airframe, error, speed, interval, direction_known=direction_known).sum(axis=-1)
+    )
 
 
 def unmac_radius(

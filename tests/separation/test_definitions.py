@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ridlink.separation import Definition, mac_radius, separation_discs
+from ridlink.separation import ChanceBound, Definition, mac_radius, separation_discs
 from ridlink.separation.definitions import bounded_airframe, bounded_error, bounded_speed
 
 EXACT = {
@@ -34,12 +34,14 @@ definitions = st.sampled_from(list(Definition))
         ("odid-accuracy", 7.5 + 42.0 + 1.5, 42.0),
         ("candidate1", 7.5 + 16.2 + 1.5, 16.2),
         ("candidate2", 1.5 + 16.2 + 1.5, 16.2),
+        ("chance", 1.5 + 12.306731 + 1.5, 12.306731),  # 3.0902 standard deviations, of hypot(3.5, 1.9) m
     ],
 )
 def test_radius_of_each_definition(definition, radius, error):
     discs = separation_discs(Definition(definition), **EXACT)
     assert discs.radius_m == pytest.approx([radius])
     assert discs.error_sum_m == pytest.approx([error])
+    assert discs.airframe_m + discs.error_sum_m + discs.displacement_m == pytest.approx(discs.radius_m)
 
 
 def test_without_any_report_every_definition_that_adds_bounds_is_remote_id():
@@ -49,10 +51,24 @@ def test_without_any_report_every_definition_that_adds_bounds_is_remote_id():
         assert separation_discs(definition, **UNKNOWN).radius_m == pytest.approx(expected)
 
 
+def test_without_any_report_chance_takes_the_standards_bounds_in_quadrature():
+    radius = separation_discs(Definition.CHANCE, **UNKNOWN, eta=0.999).radius_m
+    assert radius == pytest.approx([7.5 + 3.0902 * math.hypot(40.0, 40.0) / 3.0 + 0.1 * 2 * 30.7], abs=1e-3)
+
+
+def test_an_airframe_beyond_the_assumed_maximum_counts_in_full_under_every_definition():
+    giants = EXACT | {"own_airframe_m": 30.0, "airframe_m": np.array([40.0])}
+    for definition in Definition:
+        discs = separation_discs(definition, **giants)
+        assert discs.airframe_m == pytest.approx([30.0]), "clamped to 30 m each"
+        assert discs.error_sum_m == pytest.approx(separation_discs(definition, **EXACT).error_sum_m)
+
+
 def test_definitions_are_ordered_as_in_the_paper():
     radius = {definition: separation_discs(definition, **EXACT).radius_m[0] for definition in Definition}
     assert radius[Definition.SNMAC] < radius[Definition.CANDIDATE2] < radius[Definition.CANDIDATE1]
     assert radius[Definition.CANDIDATE1] < radius[Definition.REMOTE_ID]
+    assert radius[Definition.CHANCE] < radius[Definition.CANDIDATE2]
 
 
 @pytest.mark.parametrize(
@@ -78,11 +94,12 @@ def test_reports_are_clamped(bounded, given_value, expected):
     assert bounded(given_value) == expected
 
 
-def test_one_vehicle_against_many_and_many_against_many():
-    one = separation_discs(Definition.CANDIDATE2, **(EXACT | {"airframe_m": np.array([1.0, 2.0, np.nan])}))
+@pytest.mark.parametrize("definition", list(Definition))
+def test_one_vehicle_against_many_and_many_against_many(definition):
+    one = separation_discs(definition, **(EXACT | {"airframe_m": np.array([1.0, 2.0, np.nan])}))
     assert one.radius_m.shape == one.error_sum_m.shape == (3,)
     many = separation_discs(
-        Definition.SNMAC, **(EXACT | {"own_airframe_m": np.ones((4, 5, 1)), "airframe_m": np.ones((4, 1, 5))})
+        definition, **(EXACT | {"own_airframe_m": np.ones((4, 5, 1)), "airframe_m": np.ones((4, 1, 5))})
     )
     assert many.radius_m.shape == many.error_sum_m.shape == (4, 5, 5)
 
@@ -117,6 +134,17 @@ def test_the_disc_grows_with_every_reported_value(definition, name, value, more)
     large = separation_discs(definition, **(EXACT | {name: value + more}))
     assert large.radius_m >= small.radius_m
     assert large.error_sum_m >= small.error_sum_m
+
+
+@given(
+    st.floats(0.01, 0.99), st.floats(0.0, 0.009), st.integers(0, 200), st.integers(0, 200), st.sampled_from(ChanceBound)
+)
+def test_the_disc_of_chance_grows_with_eta_and_with_the_number_of_neighbours(eta, more, neighbours, others, bound):
+    def radius(eta, neighbours):
+        return separation_discs(Definition.CHANCE, **EXACT, eta=eta, neighbours=neighbours, bound=bound).radius_m
+
+    assert radius(eta, neighbours) <= radius(eta + more, neighbours) + 1e-12
+    assert radius(eta, neighbours) <= radius(eta, neighbours + others) + 1e-12
 
 
 @given(definitions, st.sampled_from(list(EXACT)), st.floats(0.0, 1.0))
