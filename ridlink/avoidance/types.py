@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -197,6 +197,20 @@ class Traffic:
         """No neighbour at all."""
         pairs, scalars = np.empty((0, 2)), np.empty(0)
         return cls(pairs, pairs, pairs, scalars, scalars, scalars, np.empty(0, np.bool_), np.empty(0, np.int8))
+
+
+class SolverKind(StrEnum):
+    """Which solver decides.
+
+    HALFPLANE: the velocity nearest the preferred one outside of every disc, for vehicles that do not obey at once. May
+        slow down. The default.
+    GRADED: the heading of least time and risk at full speed. Faster in traffic, promises no distance.
+    ROTATION: the paper's, a heading at full speed that leads into no disc. For comparison with the paper.
+    """
+
+    HALFPLANE = "halfplane"
+    GRADED = "graded"
+    ROTATION = "rotation"
 
 
 class Status(IntEnum):

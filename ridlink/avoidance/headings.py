@@ -1,0 +1,318 @@
+"""What the two solvers that choose among headings share: how they see neighbours and obstacles, and what they report.
+
+Such a solver flies one speed and picks its heading from a fan about the direction to the goal. Whether a heading leads
+into a disc is judged by the relative velocity of the reciprocal velocity obstacle (van den Berg et al., 2008): a
+vehicle that is met half way by its neighbour may change by half as much, `w = 2 v' - v_i - v_j`; one that is not, `w =
+v' - v_j`.
+
+Axes: north-east, metres, m/s, seconds. In these axes a rotation by a positive angle is a turn to the right, and `a x b
+= a_1 b_2 - a_2 b_1` is positive when b points to the right of a. Nothing here allocates.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ridlink.avoidance.halfplane import APPROACH_OFFSET_MPS, EPSILON, INTERVAL_S, time_to_entry
+from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.route import nearest_point
+from ridlink.avoidance.rows import (
+    AGE,
+    AIM,
+    AIM_IS_VELOCITY,
+    CLEARANCE,
+    COMMAND,
+    CONSTRAINED,
+    CRUISE,
+    EXTRA_TURN,
+    FREE,
+    INFEASIBLE,
+    LIMIT,
+    N_POSITION,
+    N_VELOCITY,
+    OVERLAPPED,
+    POSITION,
+    R_BINDING,
+    R_COMMAND,
+    R_MARGIN,
+    R_NEAREST,
+    R_OBSTACLE,
+    R_SLACK,
+    R_STATUS,
+    R_TIME,
+    R_VELOCITY,
+    RADIUS,
+    RECIPROCAL,
+    VELOCITY,
+)
+
+# Columns of a neighbour as own-ship sees it: where it is, its velocity, what w is counted from, how many times v' is in
+# w, and the radius that the solver keeps from it (which the solver fills in). TAIL is for the graded solver.
+SEEN, SEEN_VELOCITY, FROM, TIMES, KEPT, TAIL, SIGHT_COLUMNS = (0, 2, 4, 6, 7, 8, 9)
+
+# Columns of an obstacle piece as own-ship sees it: distance less clearance, outward normal at its nearest point.
+GAP, NORMAL, WALL_COLUMNS = (0, 1, 3)
+
+# Columns of the way: unit vector to the goal, distance to it, speed to fly, speed wanted on the way.
+UNIT, AWAY, SPEED, PACE, WAY_COLUMNS = (0, 2, 3, 4, 5)
+
+FAR_M = 1e6
+"""Distance of the goal where there is a preferred velocity instead of one."""
+
+REACH_S = 10.0
+"""Without a goal, obstacles count that are so much flight away; with one, those before it."""
+
+WALL_S = 2.0
+"""No heading that reaches an obstacle within this time is flown while another one does not."""
+
+
+@kernel
+def find_way(own, arrival_mps2, way):  # type: ignore[no-untyped-def]
+    """Direction, distance and speed of the straight way to the goal, turned right by the extra turn.
+
+    Args:
+        own: Own-ship.
+        arrival_mps2: Deceleration that the vehicle has towards its goal; infinite for one that stops at once.
+        way: Result, shape (WAY_COLUMNS,).
+    """
+    if own[AIM_IS_VELOCITY] != 0.0:
+        to_1, to_2 = own[AIM], own[AIM + 1]
+        length = math.hypot(to_1, to_2)
+        pace = min(length, own[LIMIT])
+        way[AWAY], way[SPEED], way[PACE] = FAR_M, pace, pace
+    else:
+        to_1, to_2 = own[AIM] - own[POSITION], own[AIM + 1] - own[POSITION + 1]
+        length = math.hypot(to_1, to_2)
+        pace = min(own[CRUISE], own[LIMIT])
+        speed = min(pace, length / INTERVAL_S)
+        if not math.isinf(arrival_mps2):
+            speed = min(speed, math.sqrt(2.0 * arrival_mps2 * length) + APPROACH_OFFSET_MPS)
+        way[AWAY], way[SPEED], way[PACE] = length, speed, pace
+    if length < EPSILON:
+        # Nowhere to go: any direction is as good, the present one is the smoothest.
+        to_1, to_2 = own[VELOCITY], own[VELOCITY + 1]
+        length = math.hypot(to_1, to_2)
+        if length < EPSILON:
+            to_1, to_2, length = 1.0, 0.0, 1.0
+    c, s = math.cos(own[EXTRA_TURN]), math.sin(own[EXTRA_TURN])
+    to_1, to_2 = to_1 / length, to_2 / length
+    way[UNIT], way[UNIT + 1] = c * to_1 - s * to_2, s * to_1 + c * to_2
+
+
+@kernel
+def see_neighbours(own, neighbours, count, sights, result):  # type: ignore[no-untyped-def]
+    """Where the neighbours are now, and what is nearest; the radii to keep are the solver's to fill in.
+
+    Args:
+        own: Own-ship.
+        neighbours: One row each.
+        count: Number of neighbours.
+        sights: Result, shape (>= count, SIGHT_COLUMNS).
+        result: Result: nearest neighbour, its margin, time to violation.
+    """
+    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
+    o_1, o_2 = (own[VELOCITY] + own[COMMAND]) / 2.0, (own[VELOCITY + 1] + own[COMMAND + 1]) / 2.0
+    margin, nearest, violation = math.inf, -1, math.inf
+    for j in range(count):
+        row, sight = neighbours[j], sights[j]
+        u_1, u_2 = row[N_VELOCITY], row[N_VELOCITY + 1]
+        r_1 = row[N_POSITION] + u_1 * row[AGE] - own[POSITION]
+        r_2 = row[N_POSITION + 1] + u_2 * row[AGE] - own[POSITION + 1]
+        sight[SEEN], sight[SEEN + 1], sight[SEEN_VELOCITY], sight[SEEN_VELOCITY + 1] = r_1, r_2, u_1, u_2
+        if row[RECIPROCAL] != 0.0:
+            sight[FROM], sight[FROM + 1], sight[TIMES] = o_1 + u_1, o_2 + u_2, 2.0
+        else:
+            sight[FROM], sight[FROM + 1], sight[TIMES] = u_1, u_2, 1.0
+        sight[KEPT], sight[TAIL] = row[RADIUS], 0.0
+        gap = math.hypot(r_1, r_2) - row[RADIUS]
+        if gap < margin:
+            margin, nearest = gap, j
+        w_1, w_2 = own[VELOCITY] - u_1, own[VELOCITY + 1] - u_2
+        violation = min(violation, time_to_entry(r_1, r_2, w_1, w_2, row[RADIUS]))
+    result[R_MARGIN], result[R_NEAREST], result[R_TIME] = margin, nearest, violation
+
+
+@kernel
+def see_walls(own, vertex, start, walls):  # type: ignore[no-untyped-def]
+    """Gap to every piece of an obstacle grown by the clearance, and its outward normal; True inside of one.
+
+    Args:
+        own: Own-ship.
+        vertex: Vertices of the convex pieces, shape (m, 2).
+        start: Where each begins in it, with the end.
+        walls: Result, shape (pieces, WALL_COLUMNS).
+    """
+    inside = False
+    for piece in range(len(start) - 1):
+        wall = walls[piece]
+        distance = nearest_point(
+            vertex, start[piece], start[piece + 1], own[POSITION], own[POSITION + 1], wall[NORMAL : NORMAL + 2]
+        )
+        wall[GAP] = distance - own[CLEARANCE]
+        inside = inside or wall[GAP] < 0.0
+    return inside
+
+
+@kernel
+def ray_to_piece(vertex, first, last, clearance_m, p_1, p_2, d_1, d_2):  # type: ignore[no-untyped-def]
+    """Distance [m] along a ray at which a convex polygon grown by a clearance is entered from outside, or infinity.
+
+    The grown polygon is covered by its edges moved outwards and by discs about its corners; the first of them that the
+    ray meets is where it enters.
+
+    Args:
+        vertex: Vertices, shape (m, 2); the polygon is `first..last-1`.
+        first: Index of its first vertex.
+        last: Index after its last vertex.
+        clearance_m: Growth.
+        p_1: North of the start, outside of the grown polygon.
+        p_2: East of it.
+        d_1: North of the direction, a unit vector.
+        d_2: East of it.
+    """
+    hit = math.inf
+    for k in range(first, last):
+        following = k + 1 if k + 1 < last else first
+        a_1, a_2 = vertex[k, 0] - p_1, vertex[k, 1] - p_2
+        side_1, side_2 = vertex[following, 0] - vertex[k, 0], vertex[following, 1] - vertex[k, 1]
+        length = math.hypot(side_1, side_2)
+        side_1, side_2 = side_1 / length, side_2 / length
+        # The outward normal is (side_2, -side_1).
+        height = a_2 * side_1 - a_1 * side_2 - clearance_m
+        closing = d_2 * side_1 - d_1 * side_2
+        if height >= 0.0 and closing > EPSILON:
+            along = height / closing
+            place = (d_1 * along - a_1) * side_1 + (d_2 * along - a_2) * side_2
+            if 0.0 <= place <= length:
+                hit = min(hit, along)
+        towards = a_1 * d_1 + a_2 * d_2
+        root = towards * towards - a_1 * a_1 - a_2 * a_2 + clearance_m * clearance_m
+        if towards > 0.0 and root > 0.0:
+            hit = min(hit, max(towards - math.sqrt(root), 0.0))
+    return hit
+
+
+@kernel
+def time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m):  # type: ignore[no-untyped-def]
+    """Time [s] in which a velocity reaches the clearance of an obstacle, 0 if it leads deeper into it, else infinity.
+
+    Args:
+        own: Own-ship.
+        vertex: Vertices of the convex pieces.
+        start: Where each begins in it, with the end.
+        walls: As `see_walls` left them.
+        v_1: North of the velocity.
+        v_2: East of it.
+        reach_m: Obstacles further than this do not count.
+    """
+    speed = math.hypot(v_1, v_2)
+    if speed < EPSILON:
+        return math.inf
+    d_1, d_2 = v_1 / speed, v_2 / speed
+    nearest = math.inf
+    for piece in range(len(start) - 1):
+        wall = walls[piece]
+        if wall[GAP] < 0.0:
+            if wall[NORMAL] * d_1 + wall[NORMAL + 1] * d_2 < -EPSILON:
+                return 0.0
+        elif wall[GAP] < min(reach_m, nearest):
+            hit = ray_to_piece(
+                vertex, start[piece], start[piece + 1], own[CLEARANCE], own[POSITION], own[POSITION + 1], d_1, d_2
+            )
+            if hit < reach_m:
+                nearest = min(nearest, hit)
+    return nearest / speed
+
+
+@kernel
+def slack_to_disc(sight, v_1, v_2, horizon_s):  # type: ignore[no-untyped-def]
+    """Distance [m/s] of a velocity to the velocity obstacle of a neighbour, negative inside of it.
+
+    Infinite while the two do not approach, or do not come into the disc within the horizon. Inside the disc any
+    approach is a violation, by its closing speed.
+
+    Args:
+        sight: The neighbour.
+        v_1: North of the velocity.
+        v_2: East of it.
+        horizon_s: Entries later than this do not count.
+    """
+    r_1, r_2, radius = sight[SEEN], sight[SEEN + 1], sight[KEPT]
+    w_1, w_2 = sight[TIMES] * v_1 - sight[FROM], sight[TIMES] * v_2 - sight[FROM + 1]
+    towards = r_1 * w_1 + r_2 * w_2
+    if towards <= 0.0:
+        return math.inf
+    square = r_1 * r_1 + r_2 * r_2
+    if square <= radius * radius:
+        return -towards / max(math.sqrt(square), EPSILON) / sight[TIMES]
+    leg = math.sqrt(square - radius * radius)
+    slack = (abs(r_1 * w_2 - r_2 * w_1) * leg - towards * radius) / square / sight[TIMES]
+    if slack < 0.0 and time_to_entry(r_1, r_2, w_1, w_2, radius) > horizon_s:
+        return math.inf
+    return slack
+
+
+@kernel
+def name_binding(sights, count, v_1, v_2, horizon_s, result):  # type: ignore[no-untyped-def]
+    """Write the three neighbours whose velocity obstacles a velocity is deepest in, the deepest first."""
+    worst_1 = worst_2 = worst_3 = 0.0
+    first = second = third = -1.0
+    for j in range(count):
+        slack = slack_to_disc(sights[j], v_1, v_2, horizon_s)
+        if slack < worst_1:
+            worst_3, third, worst_2, second, worst_1, first = worst_2, second, worst_1, first, slack, j
+        elif slack < worst_2:
+            worst_3, third, worst_2, second = worst_2, second, slack, j
+        elif slack < worst_3:
+            worst_3, third = slack, j
+    result[R_BINDING], result[R_BINDING + 1], result[R_BINDING + 2] = first, second, third
+
+
+@kernel
+def report_choice(  # type: ignore[no-untyped-def]
+    own, way, sights, count, vertex, start, walls, inside_wall, reach_m, straight, horizon_s, smoothing, result
+):
+    """Fill in status, slack, binding neighbours and the command for the velocity in the result.
+
+    Args:
+        own: Own-ship.
+        way: The straight way.
+        sights: Neighbours as seen, with the radii that the solver keeps.
+        count: Number of neighbours.
+        vertex: Vertices of the obstacles' pieces.
+        start: Where each begins in it, with the end.
+        walls: As `see_walls` left them.
+        inside_wall: True within the clearance of an obstacle.
+        reach_m: Obstacles further than this do not count.
+        straight: True if the straight way was chosen.
+        horizon_s: Entries into discs later than this do not count.
+        smoothing: Part of the way from the last command to the new velocity.
+        result: Result, the velocity already in it.
+    """
+    v_1, v_2 = result[R_VELOCITY], result[R_VELOCITY + 1]
+    slack = math.inf
+    overlapped = inside_wall
+    for j in range(count):
+        sight = sights[j]
+        slack = min(slack, slack_to_disc(sight, v_1, v_2, horizon_s))
+        overlapped = overlapped or sight[SEEN] ** 2 + sight[SEEN + 1] ** 2 < sight[KEPT] ** 2
+    result[R_SLACK] = slack
+    blocked = time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m) < math.inf
+    s_1, s_2 = way[SPEED] * way[UNIT], way[SPEED] * way[UNIT + 1]
+    in_the_way = not straight and time_to_wall(own, vertex, start, walls, s_1, s_2, reach_m) < math.inf
+    result[R_OBSTACLE] = 1.0 if blocked or in_the_way else 0.0
+    if slack < 0.0 or blocked:
+        result[R_STATUS] = INFEASIBLE
+        name_binding(sights, count, v_1, v_2, horizon_s, result)
+    else:
+        result[R_STATUS] = OVERLAPPED if overlapped else FREE if straight else CONSTRAINED
+        name_binding(sights, count, s_1, s_2, horizon_s, result)
+    c_1 = own[COMMAND] + smoothing * (v_1 - own[COMMAND])
+    c_2 = own[COMMAND + 1] + smoothing * (v_2 - own[COMMAND + 1])
+    # A mean of two velocities that keep out of an obstacle may be one that does not.
+    if time_to_wall(own, vertex, start, walls, c_1, c_2, reach_m) < WALL_S:
+        c_1, c_2 = v_1, v_2
+    speed = math.hypot(c_1, c_2)
+    if speed > own[LIMIT]:
+        c_1, c_2 = c_1 * own[LIMIT] / speed, c_2 * own[LIMIT] / speed
+    result[R_COMMAND], result[R_COMMAND + 1] = c_1, c_2
