@@ -1,11 +1,23 @@
 """Velocity-space avoidance: discs and velocities in, one admissible velocity out.
 
-The types and helpers here need numpy only. The solver is in `ridlink.avoidance.solver`, which loads the compiled
+The types and helpers here need numpy only. The solvers are in `ridlink.avoidance.solver`, which loads the compiled
 kernels; importing this package does not.
 """
 
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.progress import ProgressWatch
-from ridlink.avoidance.types import Decision, HalfplaneSettings, OwnShip, Status, Traffic
+from ridlink.avoidance.settings import GradedSettings, RotationSettings
+from ridlink.avoidance.types import Decision, HalfplaneSettings, OwnShip, SolverKind, Status, Traffic
 
-__all__ = ["Decision", "HalfplaneSettings", "Obstacles", "OwnShip", "ProgressWatch", "Status", "Traffic"]
+__all__ = [
+    "Decision",
+    "GradedSettings",
+    "HalfplaneSettings",
+    "Obstacles",
+    "OwnShip",
+    "ProgressWatch",
+    "RotationSettings",
+    "SolverKind",
+    "Status",
+    "Traffic",
+]

@@ -1,48 +1,35 @@
-"""The half-plane solver for one own-ship: checked values in, one finite velocity within the limits out."""
+"""The solvers for one own-ship: checked values in, one finite velocity within the limits out."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ridlink.avoidance import halfplane, rows
+from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.programme import new_lines
 from ridlink.avoidance.route import ring_size
+from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import (
     Decision,
     FloatArray,
     HalfplaneSettings,
     OwnShip,
+    SolverKind,
     Status,
     Traffic,
     checked_pair,
 )
 
+SolverSettings = HalfplaneSettings | GradedSettings | RotationSettings
 
-class HalfplaneSolver:
-    """Velocity nearest the preferred one that keeps out of every disc; the least bad one where there is none.
 
-    Holds scratch memory only: equal arguments give equal answers, and memory of sides is the caller's. Not for use by
-    two threads at a time.
-    """
-
-    def __init__(self, settings: HalfplaneSettings | None = None) -> None:
-        self.settings = settings or HalfplaneSettings()
-        self._vector = self.settings.as_vector()
-        self._own = np.zeros(rows.OWN_COLUMNS)
-        self._result = rows.result_row()
-        self._reserve(32, NO_OBSTACLES)
-
-    def _reserve(self, count: int, obstacles: Obstacles) -> None:
-        lines = 2 * count + obstacles.piece_count
-        self._neighbours = np.zeros((count, rows.NEIGHBOUR_COLUMNS))
-        self._side = np.zeros(count, np.int8)
-        self._lines, self._work = new_lines(lines), new_lines(lines)
-        self._owner = np.zeros(lines, np.int64)
-        self._ring = np.zeros((ring_size(obstacles.hull_start), 2))
+class Solver(Protocol):
+    """Decides one step after the other; which one it is, only its maker need know."""
 
     def solve(
         self,
@@ -62,7 +49,7 @@ class HalfplaneSolver:
         Args:
             own: Own-ship.
             traffic: Neighbours.
-            goal_ne_m: Where to go, shape (2,); the way there leads round the obstacles.
+            goal_ne_m: Where to go, shape (2,).
             preferred_ne_mps: Instead of a goal, the velocity wanted, shape (2,).
             cruise_mps: Speed wanted on the way to the goal.
             obstacles: Static obstacles, never relaxed.
@@ -78,6 +65,55 @@ class HalfplaneSolver:
             ValueError: If a value is not finite or out of range (it is named), or not exactly one of goal and preferred
                 velocity is given.
         """
+
+
+def new_solver(kind: SolverKind | str = SolverKind.HALFPLANE, settings: SolverSettings | None = None) -> Solver:
+    """A solver of that kind.
+
+    Args:
+        kind: Which one.
+        settings: Its constants; those for a real vehicle if not given.
+
+    Raises:
+        ValueError: If there is no such kind, or the settings are another's.
+    """
+    kind = SolverKind(kind)
+    if kind is SolverKind.HALFPLANE and (settings is None or isinstance(settings, HalfplaneSettings)):
+        return HalfplaneSolver(settings)
+    if kind is SolverKind.GRADED and (settings is None or isinstance(settings, GradedSettings)):
+        return GradedSolver(settings)
+    if kind is SolverKind.ROTATION and (settings is None or isinstance(settings, RotationSettings)):
+        return RotationSolver(settings)
+    raise ValueError(f"the {kind} solver has no use for {type(settings).__name__}")
+
+
+class _RowSolver(ABC):
+    """Packs checked values into rows, has a kernel decide, and unpacks its answer.
+
+    Holds scratch memory only: equal arguments give equal answers, and memory of sides is the caller's. Not for use by
+    two threads at a time.
+    """
+
+    def __init__(self) -> None:
+        self._own = np.zeros(rows.OWN_COLUMNS)
+        self._result = rows.result_row()
+        self._most = 0
+        self._make_room(32, NO_OBSTACLES)
+
+    def solve(
+        self,
+        own: OwnShip,
+        traffic: Traffic,
+        *,
+        goal_ne_m: ArrayLike | None = None,
+        preferred_ne_mps: ArrayLike | None = None,
+        cruise_mps: float,
+        obstacles: Obstacles | None = None,
+        own_clearance_m: float | None = None,
+        extra_right_turn_rad: float = 0.0,
+        route_side: int = 0,
+    ) -> Decision:
+        """See `Solver.solve`."""
         if (goal_ne_m is None) == (preferred_ne_mps is None):
             raise ValueError("give either goal_ne_m or preferred_ne_mps")
         clearance = own.airframe_m / 2.0 if own_clearance_m is None else own_clearance_m
@@ -90,10 +126,8 @@ class HalfplaneSolver:
                 raise ValueError(f"{name} must be finite and in range, got {value}")
         obstacles = NO_OBSTACLES if obstacles is None else obstacles
         count = len(traffic)
-        lines = 2 * count + obstacles.piece_count
-        ring = ring_size(obstacles.hull_start)
-        if count > len(self._neighbours) or lines > len(self._owner) or ring > len(self._ring):
-            self._reserve(max(2 * count, 32), obstacles)
+        if count > self._most or not self._has_room(obstacles):
+            self._make_room(max(2 * count, 32), obstacles)
 
         vector = self._own
         vector[rows.POSITION : rows.POSITION + 2] = own.position_ne_m
@@ -118,13 +152,26 @@ class HalfplaneSolver:
         table[:count, rows.ERROR_SUM] = traffic.error_sum_m
         table[:count, rows.RECIPROCAL] = traffic.reciprocal
         self._side[:count] = traffic.passing_side
+        return self._decision(count, int(self._decide(count, obstacles, route_side)))
 
-        route = halfplane.avoid_one(
-            vector, table, count, self._side, obstacles.piece_vertex_ne_m, obstacles.piece_start,
-            obstacles.hull_vertex_ne_m, obstacles.hull_start, route_side, self._vector, self._lines, self._work,
-            self._owner, self._ring, self._result,
-        )  # fmt: skip
-        return self._decision(count, int(route))
+    def _make_room(self, count: int, obstacles: Obstacles) -> None:
+        """Scratch for so many neighbours and these obstacles."""
+        self._most = count
+        self._neighbours = np.zeros((count, rows.NEIGHBOUR_COLUMNS))
+        self._side = np.zeros(count, np.int8)
+        self._reserve(count, obstacles)
+
+    @abstractmethod
+    def _reserve(self, count: int, obstacles: Obstacles) -> None:
+        """Make the scratch of the kernel."""
+
+    @abstractmethod
+    def _has_room(self, obstacles: Obstacles) -> bool:
+        """Whether the scratch does for these obstacles, at the number of neighbours it was made for."""
+
+    @abstractmethod
+    def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
+        """Call the kernel; memory of the way round obstacles for the next step."""
 
     def _decision(self, count: int, route: int) -> Decision:
         row: FloatArray = self._result.copy()
@@ -145,8 +192,91 @@ class HalfplaneSolver:
         )
 
 
-def warm_up() -> None:
-    """Compile the kernels, or load them from the cache, once.
+class HalfplaneSolver(_RowSolver):
+    """Velocity nearest the preferred one that keeps out of every disc; the least bad one where there is none.
+
+    The way to a goal leads round the obstacles.
+    """
+
+    def __init__(self, settings: HalfplaneSettings | None = None) -> None:
+        self.settings = settings or HalfplaneSettings()
+        self._vector = self.settings.as_vector()
+        super().__init__()
+
+    def _reserve(self, count: int, obstacles: Obstacles) -> None:
+        lines = 2 * count + obstacles.piece_count
+        self._lines, self._work = new_lines(lines), new_lines(lines)
+        self._owner = np.zeros(lines, np.int64)
+        self._ring = np.zeros((ring_size(obstacles.hull_start), 2))
+
+    def _has_room(self, obstacles: Obstacles) -> bool:
+        lines = 2 * self._most + obstacles.piece_count
+        return lines <= len(self._owner) and ring_size(obstacles.hull_start) <= len(self._ring)
+
+    def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
+        route: int = halfplane.avoid_one(
+            self._own, self._neighbours, count, self._side, obstacles.piece_vertex_ne_m, obstacles.piece_start,
+            obstacles.hull_vertex_ne_m, obstacles.hull_start, route_side, self._vector, self._lines, self._work,
+            self._owner, self._ring, self._result,
+        )  # fmt: skip
+        return route
+
+
+class _HeadingSolver(_RowSolver):
+    """What the two solvers that choose among headings do alike.
+
+    They fly straight to the goal and turn away from an obstacle as soon as it lies before the goal. A choice among
+    headings is no help to a vehicle that is told to stand: without a goal, a preferred velocity of zero stays zero.
+    """
+
+    _vector: FloatArray
+    _fan: FloatArray
+
+    def _reserve(self, count: int, obstacles: Obstacles) -> None:
+        self._sights = np.zeros((count, headings.SIGHT_COLUMNS))
+        self._walls = np.zeros((obstacles.piece_count, headings.WALL_COLUMNS))
+        self._way = np.zeros(headings.WAY_COLUMNS)
+
+    def _has_room(self, obstacles: Obstacles) -> bool:
+        return obstacles.piece_count <= len(self._walls)
+
+
+class GradedSolver(_HeadingSolver):
+    """The heading of least time and risk at full speed; positions should be filtered by the caller."""
+
+    def __init__(self, settings: GradedSettings | None = None) -> None:
+        self.settings = settings or GradedSettings()
+        self._vector = self.settings.as_vector()
+        self._fan = graded.candidates()
+        super().__init__()
+
+    def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
+        graded.grade_one(
+            self._own, self._neighbours, count, obstacles.piece_vertex_ne_m, obstacles.piece_start, self._vector,
+            self._fan, self._sights, self._walls, self._way, self._result,
+        )  # fmt: skip
+        return 0
+
+
+class RotationSolver(_HeadingSolver):
+    """The paper's: the straight way, turned until it leads into no disc."""
+
+    def __init__(self, settings: RotationSettings | None = None) -> None:
+        self.settings = settings or RotationSettings()
+        self._vector = self.settings.as_vector()
+        self._fan = rotation.candidates(self.settings.step_deg, self.settings.left_weight)
+        super().__init__()
+
+    def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
+        rotation.rotate_one(
+            self._own, self._neighbours, count, obstacles.piece_vertex_ne_m, obstacles.piece_start, self._vector,
+            self._fan, self._sights, self._walls, self._way, self._result,
+        )  # fmt: skip
+        return 0
+
+
+def warm_up(kind: SolverKind | str = SolverKind.HALFPLANE) -> None:
+    """Compile the kernels of a solver, or load them from the cache, once.
 
     Seconds when cold, a fraction of one from the cache. Call it before the first deadline, not within one.
     """
@@ -155,4 +285,4 @@ def warm_up() -> None:
     one = np.ones(1)
     traffic = Traffic(pair + 20.0, pair, pair, one, one, one, np.ones(1, np.bool_), np.zeros(1, np.int8))
     own = OwnShip(np.zeros(2), np.zeros(2), np.zeros(2), 0.5, 10.0)
-    HalfplaneSolver().solve(own, traffic, goal_ne_m=(100.0, 100.0), cruise_mps=5.0, obstacles=square)
+    new_solver(kind).solve(own, traffic, goal_ne_m=(100.0, 100.0), cruise_mps=5.0, obstacles=square)

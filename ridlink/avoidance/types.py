@@ -214,7 +214,12 @@ class SolverKind(StrEnum):
 
 
 class Status(IntEnum):
-    """How free the decision was."""
+    """How free the decision was.
+
+    The solvers that choose among headings judge by the velocity obstacles of the radii that they keep: of the whole
+    discs, at any time, under `rotation`; of the smaller radii inside its risks, entered within its look-out, under
+    `graded`, which may choose a pass inside of one although there are others.
+    """
 
     FREE = 0
     """No neighbour and no obstacle stands in the way of the preferred velocity."""
@@ -235,8 +240,10 @@ class Decision:
         command_ne_mps: The same smoothed from the last command: what to send, shape (2,).
         preferred_ne_mps: What own-ship would fly without traffic, round obstacles and with its turn, shape (2,).
         status: How free the decision was.
-        binding: Indices of the neighbours (at most 3) whose constraints the velocity touches or exceeds.
-        obstacle_binding: True if the velocity touches the constraint of a static obstacle.
+        binding: Indices of the neighbours (at most 3) whose constraints the velocity touches or exceeds; where headings
+            are chosen among, of those that rule out the straight way or are exceeded, the worst first.
+        obstacle_binding: True if the velocity touches the constraint of a static obstacle, or the straight way is ruled
+            out by one.
         worst_slack_mps: Distance of the velocity to its tightest constraint, negative if it is exceeded; infinite
             without any.
         nearest_margin_m: Smallest distance to a neighbour now, less the pair radius without buffer; infinite without

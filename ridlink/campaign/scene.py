@@ -1,0 +1,104 @@
+"""Where the vehicles of a campaign start and go, and what stands in the way.
+
+Axes: north-east, metres; all vehicles share one altitude. Vectors have shape (N, 2).
+
+Source of the built-in scenes: paper, section VI-B. It does not print the radius and the sides; with 100 m, 600 m and an
+obstacle of 80 m its mission times come out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+Polygon = tuple[tuple[float, float], ...]
+
+CIRCLE_RADIUS_M = 100.0
+SQUARE_SIDE_M = 600.0
+SQUARE_OBSTACLE_SIDE_M = 80.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Geometry of a world.
+
+    Args:
+        name: For tables.
+        start_ne_m: Where each vehicle starts, shape (N, 2).
+        goal_ne_m: Where it wants to go, shape (N, 2).
+        polygons_ne_m: Static obstacles.
+        speed_mps: Cruise speeds, shape (N,); None: drawn for every run.
+        airframe_m: Airframe sizes, shape (N,); None: drawn for every run.
+        cooperative: False for one that flies straight on and avoids nobody, shape (N,); None: all avoid.
+
+    Raises:
+        ValueError: If a shape does not fit or a value is not finite or out of range.
+    """
+
+    name: str
+    start_ne_m: FloatArray
+    goal_ne_m: FloatArray
+    polygons_ne_m: tuple[Polygon, ...] = ()
+    speed_mps: FloatArray | None = None
+    airframe_m: FloatArray | None = None
+    cooperative: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.start_ne_m)
+        for name, shape in (
+            ("start_ne_m", (count, 2)), ("goal_ne_m", (count, 2)), ("speed_mps", (count,)), ("airframe_m", (count,)),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value is None:
+                continue
+            array = np.asarray(value, dtype=np.float64)
+            if array.shape != shape:
+                raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array)][0]}")
+            if array.ndim == 1 and np.any(array <= 0.0):
+                raise ValueError(f"{name} must be positive, got {array.min()}")
+            object.__setattr__(self, name, array)
+        if self.cooperative is not None:
+            object.__setattr__(self, "cooperative", np.asarray(self.cooperative, dtype=np.bool_))
+        if self.avoiding.shape != (count,):
+            raise ValueError(f"cooperative must have shape ({count},), got {self.avoiding.shape}")
+
+    @property
+    def avoiding(self) -> NDArray[np.bool_]:
+        """Who avoids, shape (N,)."""
+        return np.ones(len(self), np.bool_) if self.cooperative is None else self.cooperative
+
+    def __len__(self) -> int:
+        return len(self.start_ne_m)
+
+
+def circle(count: int = 8, radius_m: float = CIRCLE_RADIUS_M) -> Scene:
+    """Vehicles on a circle, every goal opposite its start."""
+    angle = 2.0 * math.pi * np.arange(count) / count
+    start = radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return Scene("circle8" if count == 8 else f"circle{count}", start, -start)
+
+
+def square(count: int = 24, side_m: float = SQUARE_SIDE_M, obstacle_side_m: float = SQUARE_OBSTACLE_SIDE_M) -> Scene:
+    """Vehicles on all four sides of a square, goals straight across, a square obstacle in the middle.
+
+    Raises:
+        ValueError: If they cannot be spread evenly over the sides.
+    """
+    if count <= 0 or count % 4:
+        raise ValueError(f"a square has the same number of vehicles on each side: got {count}")
+    half, per_side = side_m / 2.0, count // 4
+    along = (np.arange(per_side) + 0.5) * side_m / per_side - half
+    near, far = np.full(per_side, -half), np.full(per_side, half)
+    sides = [(near, along, far, along), (along, near, along, far), (far, along, near, along), (along, far, along, near)]
+    start = np.concatenate([np.stack([north, east], axis=1) for north, east, _, _ in sides])
+    goal = np.concatenate([np.stack([north, east], axis=1) for _, _, north, east in sides])
+    edge = obstacle_side_m / 2.0
+    block = ((-edge, -edge), (edge, -edge), (edge, edge), (-edge, edge))
+    return Scene("square24" if count == 24 else f"square{count}", start, goal, (block,))

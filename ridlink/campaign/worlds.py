@@ -1,0 +1,260 @@
+"""Whole batches of worlds in virtual time, through the kernels that the daemon calls.
+
+Every step all vehicles of all worlds report, decide from the same picture, and fly; vehicles obey at once. A run is one
+row of the outcome and depends on the plan and its own number only, not on the batch it is flown in.
+
+Axes: north-east, metres, m/s, seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.avoidance import rows
+from ridlink.avoidance.obstacles import Obstacles
+from ridlink.campaign.chance import PositionErrors, draw_fleet
+from ridlink.campaign.deciding import new_decider
+from ridlink.campaign.plan import Plan
+from ridlink.campaign.referee import judge_worlds
+from ridlink.separation.definitions import Discs, separation_discs
+from ridlink.traffic.position_filter import TIME_CONSTANT_S
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+BATCH = 128
+"""Runs flown at a time: enough for the threads, little enough for the caches."""
+
+COMPACT_EVERY = 20
+"""Steps after which worlds that are over leave the batch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcomes:
+    """What happened, one row a run: R runs of N vehicles.
+
+    Attributes:
+        run: Numbers of the runs, shape (R,).
+        duration_s: Cut-off; the time of a flight that did not arrive.
+        arrival_s: When a vehicle arrived, infinite if it did not, shape (R, N).
+        collided: True for vehicles in a mid-air collision, shape (R, N).
+        distance_m: Smallest true distance of two centres, shape (R,).
+        margin_m: The same less the MAC radius, shape (R,).
+        decisions: Number of decisions, shape (R,).
+        infeasible: Those in which no velocity met every constraint, shape (R,).
+        in_obstacle: Steps of vehicles with their true centre in an obstacle, shape (R,).
+    """
+
+    run: NDArray[np.int64]
+    duration_s: float
+    arrival_s: FloatArray
+    collided: BoolArray
+    distance_m: FloatArray
+    margin_m: FloatArray
+    decisions: NDArray[np.int64]
+    infeasible: NDArray[np.int64]
+    in_obstacle: NDArray[np.int64]
+
+    @property
+    def flights(self) -> int:
+        """Number of flights."""
+        return int(self.collided.size)
+
+    @property
+    def macs(self) -> int:
+        """Vehicles in a collision."""
+        return int(self.collided.sum())
+
+    @property
+    def arrived(self) -> int:
+        """Vehicles that arrived."""
+        return int(np.isfinite(self.arrival_s).sum())
+
+    @property
+    def unfinished(self) -> int:
+        """Vehicles that neither arrived nor collided."""
+        return self.flights - self.macs - self.arrived
+
+    @property
+    def mission_s(self) -> FloatArray:
+        """Times of the flights without a collision; the cut-off for those that did not arrive."""
+        return np.minimum(self.arrival_s[~self.collided], self.duration_s)
+
+    @classmethod
+    def joined(cls, parts: list[Outcomes]) -> Outcomes:
+        """Rows of several batches as one.
+
+        Raises:
+            ValueError: If there is none.
+        """
+        if not parts:
+            raise ValueError("no runs to join")
+        names = [name for name in cls.__slots__ if name != "duration_s"]
+        columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return cls(duration_s=parts[0].duration_s, **columns)
+
+
+def fly(plan: Plan, runs: range, *, batch: int = BATCH) -> Outcomes:
+    """Fly runs of a plan.
+
+    Args:
+        plan: What to fly.
+        runs: Numbers of the runs, not negative; they seed them.
+        batch: How many are flown at a time.
+
+    Returns:
+        One row a run, in their order.
+
+    Raises:
+        ValueError: If there are no runs, or a number is negative.
+    """
+    if not runs or min(runs) < 0 or batch < 1:
+        raise ValueError(f"runs must be a range of numbers that are not negative, got {runs} in batches of {batch}")
+    return Outcomes.joined([_Batch(plan, runs[k : k + batch]).fly() for k in range(0, len(runs), batch)])
+
+
+class _Batch:
+    """Worlds in the air, W of them; those that are over leave it."""
+
+    def __init__(self, plan: Plan, runs: range) -> None:
+        scene = plan.scene
+        shape = (len(runs), len(scene))
+        fleets = [draw_fleet(len(scene), plan.seed, run) for run in runs]
+        drawn_airframe = np.stack([fleet.airframe_m for fleet in fleets])
+        drawn_speed = np.stack([fleet.speed_mps for fleet in fleets])
+        self.plan = plan
+        self.obstacles = Obstacles.from_polygons(scene.polygons_ne_m)
+        self.airframe_m = drawn_airframe if scene.airframe_m is None else np.tile(scene.airframe_m, (shape[0], 1))
+        self.speed_mps = drawn_speed if scene.speed_mps is None else np.tile(scene.speed_mps, (shape[0], 1))
+        self.position = np.tile(scene.start_ne_m, (shape[0], 1, 1))
+        away = scene.goal_ne_m - scene.start_ne_m
+        course = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
+        self.velocity = course * self.speed_mps[..., None]
+        self.present = np.ones(shape, np.bool_)
+        self.errors = PositionErrors(
+            plan.errors, plan.sigma_m, count=shape[1], seed=plan.seed, runs=runs, interval_s=plan.interval_s
+        )
+        self.decider = new_decider(plan.settings, shape, self.obstacles)
+        still = self._discs(0.0)
+        self.still_m, self.error_sum_m = np.ascontiguousarray(still.radius_m), np.ascontiguousarray(still.error_sum_m)
+        # Every definition takes the displacement of both as it is, or not at all.
+        self.displaced_s = plan.interval_s if np.any(self._discs(1.0).radius_m > still.radius_m) else 0.0
+        self.reported = np.zeros((*shape, 2))
+        self.row = np.arange(shape[0])
+        self.outcome = Outcomes(
+            run=np.array(runs), duration_s=plan.duration_s, arrival_s=np.full(shape, np.inf),
+            collided=np.zeros(shape, np.bool_), distance_m=np.full(shape[0], np.inf),
+            margin_m=np.full(shape[0], np.inf), decisions=np.zeros(shape[0], np.int64),
+            infeasible=np.zeros(shape[0], np.int64), in_obstacle=np.zeros(shape[0], np.int64),
+        )  # fmt: skip
+
+    def _discs(self, speed_mps: float) -> Discs:
+        plan = self.plan
+        return separation_discs(
+            plan.definition, own_airframe_m=self.airframe_m[:, :, None], own_error_bound_m=plan.error_bound_m,
+            own_accuracy_bound_m=plan.accuracy_bound_m, own_speed_mps=speed_mps,
+            airframe_m=self.airframe_m[:, None, :], error_bound_m=plan.error_bound_m,
+            accuracy_bound_m=plan.accuracy_bound_m, speed_mps=speed_mps, interval_s=plan.interval_s, eta=plan.eta,
+            neighbours=max(len(plan.scene) - 1, 1), bound=plan.chance_bound,
+        )  # fmt: skip
+
+    def fly(self) -> Outcomes:
+        """Fly until all have arrived or collided, or the time is over."""
+        plan = self.plan
+        for step in range(round(plan.duration_s / plan.interval_s)):
+            if step % COMPACT_EVERY == 0:
+                self._let_go()
+                if not len(self.row):
+                    break
+            self._report(step)
+            self._decide()
+            before = self.position
+            self.position = before + self.velocity * plan.interval_s
+            self._judge(before, (step + 1) * plan.interval_s)
+        return self.outcome
+
+    def _let_go(self) -> None:
+        """Worlds without a vehicle in the air leave the batch."""
+        kept: BoolArray = np.any(self.present, axis=1)
+        if kept.all():
+            return
+        for name in (
+            "airframe_m", "speed_mps", "position", "velocity", "present", "still_m", "error_sum_m", "reported", "row",
+        ):  # fmt: skip
+            setattr(self, name, getattr(self, name)[kept])
+        self.errors.keep(kept)
+        self.decider.keep(kept)
+
+    def _report(self, step: int) -> None:
+        """Positions as everybody hears them, the vehicle itself included."""
+        report = self.position + self.errors.next()
+        if not self.plan.filtered or step == 0:
+            self.reported = report
+            return
+        predicted = self.reported + self.velocity * self.plan.interval_s
+        gain = max(1.0 / (step + 1), 1.0 - math.exp(-self.plan.interval_s / TIME_CONSTANT_S))
+        self.reported = predicted + gain * (report - predicted)
+
+    def _decide(self) -> None:
+        plan, scene = self.plan, self.plan.scene
+        speed = np.hypot(self.velocity[..., 0], self.velocity[..., 1])
+        own = np.zeros((*self.present.shape, rows.OWN_COLUMNS))
+        own[..., rows.POSITION : rows.POSITION + 2] = self.reported
+        own[..., rows.VELOCITY : rows.VELOCITY + 2] = self.velocity
+        own[..., rows.COMMAND : rows.COMMAND + 2] = self.velocity
+        # The way to the goal is flown by the true position, as in the paper.
+        own[..., rows.AIM : rows.AIM + 2] = scene.goal_ne_m - self.position + self.reported
+        own[..., rows.LIMIT] = own[..., rows.CRUISE] = self.speed_mps
+        own[..., rows.CLEARANCE] = self._clearance(speed)
+        heard = np.empty((*self.present.shape, 8))
+        heard[..., 0:2], heard[..., 2:4], heard[..., 4:6], heard[..., 6] = self.reported, self.velocity, np.nan, 0.0
+        heard[..., 7] = scene.avoiding
+        deciding = self.present & scene.avoiding
+        radius = self.still_m + self.displaced_s * (speed[:, :, None] + speed[:, None, :])
+        result = self.decider.decide(own, deciding, heard, self.present, radius, self.error_sum_m, plan.range_m)
+        decided = result[..., rows.R_VELOCITY : rows.R_VELOCITY + 2]
+        self.velocity = np.where(deciding[..., None], decided, self.velocity)
+        self.outcome.decisions[self.row] += deciding.sum(axis=1)
+        infeasible = deciding & (result[..., rows.R_STATUS] == rows.INFEASIBLE)
+        self.outcome.infeasible[self.row] += infeasible.sum(axis=1)
+
+    def _clearance(self, speed_mps: FloatArray) -> FloatArray:
+        """Distance to keep from obstacles: half of what two such vehicles would keep from each other."""
+        moving = self.displaced_s * speed_mps
+        if self.plan.obstacle_bound_m is not None:
+            return self.airframe_m / 2.0 + self.plan.obstacle_bound_m + moving
+        twin = np.diagonal(self.still_m, axis1=1, axis2=2)
+        return twin / 2.0 + moving
+
+    def _judge(self, before: FloatArray, now_s: float) -> None:
+        plan, outcome, present = self.plan, self.outcome, self.present
+        hit = np.empty_like(present)
+        distance, margin = outcome.distance_m[self.row], outcome.margin_m[self.row]
+        judge_worlds(before, self.position, present, self.airframe_m, plan.swept, hit, distance, margin)
+        outcome.distance_m[self.row], outcome.margin_m[self.row] = distance, margin
+        outcome.collided[self.row] |= hit
+        if self.obstacles.piece_count:
+            inside = present & is_inside(self.obstacles, self.position)
+            outcome.in_obstacle[self.row] += inside.sum(axis=1)
+        away = plan.scene.goal_ne_m - self.position
+        there = present & ~hit & (away[..., 0] ** 2 + away[..., 1] ** 2 < plan.arrived_m**2)
+        outcome.arrival_s[self.row] = np.where(there, now_s, outcome.arrival_s[self.row])
+        self.present = present & ~hit & ~there
+
+
+def is_inside(obstacles: Obstacles, position_ne_m: FloatArray) -> BoolArray:
+    """Whether positions (..., 2) lie in an obstacle, shape (...)."""
+    found = np.zeros(position_ne_m.shape[:-1], np.bool_)
+    for first, last in pairwise(obstacles.piece_start.tolist()):
+        ring = obstacles.piece_vertex_ne_m[first:last]
+        inside = np.ones_like(found)
+        for corner, following in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+            side, to = following - corner, position_ne_m - corner
+            inside &= side[0] * to[..., 1] - side[1] * to[..., 0] >= 0.0
+        found |= inside
+    return found
