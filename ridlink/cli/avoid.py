@@ -63,6 +63,12 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     metavar="NAME",
     help="Of chance: halfplane, covariance or contours, from tight to loose.  [default: halfplane]",
 )
+@click.option(
+    "--solver",
+    metavar="NAME",
+    help="What chooses the velocity: halfplane, graded (faster in traffic, promises no distance) or rotation (the "
+    "paper's).  [default: halfplane]",
+)
 @click.option("--cruise", type=float, metavar="M/S", help="Speed towards the goal.  [default: 10]")
 @click.option("--airframe", type=float, metavar="M", help="Own largest extent, rotors turning.  [default: 0.6]")
 @click.option("--v-max", type=float, metavar="M/S", help="Horizontal speed limit of setpoints.  [default: 15]")

@@ -6,7 +6,9 @@
     definition = "candidate2"
     cruise = 10.0
 
-    [halfplane]                        # constants of the solver
+    solver = "halfplane"
+
+    [halfplane]                        # constants of that solver; likewise [graded], [rotation]
     response_time_s = 1.0
 
     [[obstacle]]                       # static, never entered
@@ -29,7 +31,8 @@ from typing import Annotated, Any, TypeVar
 
 import msgspec
 
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import GradedSettings, RotationSettings
+from ridlink.avoidance.types import HalfplaneSettings, SolverKind
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
 from ridlink.links import LinkUrl, parse_link_url
@@ -40,6 +43,13 @@ from ridlink.setpoint import VelocityLimits
 DEFAULT_VEHICLE = "udpin:127.0.0.1:14540"
 DEFAULT_REMOTE_ID = "udpout:127.0.0.1:14650"
 CONTROL_PERIOD_S = 0.1
+
+SOLVER_TABLES = {
+    SolverKind.HALFPLANE: HalfplaneSettings,
+    SolverKind.GRADED: GradedSettings,
+    SolverKind.ROTATION: RotationSettings,
+}
+"""Tables of a file, by the name of the solver whose constants they hold."""
 
 Name = TypeVar("Name", bound=StrEnum)
 
@@ -87,6 +97,7 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     definition: str | None = None
     eta: float | None = None
     chance_bound: str | None = None
+    solver: str | None = None
     cruise: float | None = None
     airframe: float | None = None
     v_max: float | None = None
@@ -98,6 +109,8 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     filter_positions: bool | None = None
     log: str | None = None
     halfplane: dict[str, float] | None = None
+    graded: dict[str, float] | None = None
+    rotation: dict[str, float] | None = None
     obstacle: list[ObstacleTable] | None = None
 
 
@@ -124,7 +137,7 @@ def _refuse_not_finite(value: Any, key: str, where: str, text: str) -> None:
     if isinstance(value, dict):
         for name, inner in value.items():
             # Infinite means "stops at once" to the solver, and only there.
-            if key != "halfplane" or inner != math.inf:
+            if key not in SOLVER_TABLES or inner != math.inf:
                 _refuse_not_finite(inner, name, where, text)
     if isinstance(value, list):
         for inner in value:
@@ -149,9 +162,9 @@ def read_config_file(path: str | Path) -> FlatConfig:
         raise ConfigError(f"{where}: is not TOML: {' '.join(str(error).split())}") from error
     known = [item.name for item in msgspec.structs.fields(FlatConfig)]
     _refuse_unknown(document, known, where, text)
-    if isinstance(document.get("halfplane"), dict):
-        names = [item.name for item in fields(HalfplaneSettings)]
-        _refuse_unknown(document["halfplane"], names, where, text)
+    for table_name, settings in SOLVER_TABLES.items():
+        if isinstance(document.get(table_name), dict):
+            _refuse_unknown(document[table_name], [item.name for item in fields(settings)], where, text)
     for table in document.get("obstacle", []) if isinstance(document.get("obstacle"), list) else []:
         if isinstance(table, dict):
             _refuse_unknown(table, ["polygon"], where, text)
@@ -187,9 +200,9 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
 
     engine = EngineConfig()
     limits = engine.limits
-    halfplane = dict(flat.halfplane or {})
+    halfplane, graded = dict(flat.halfplane or {}), dict(flat.graded or {})
     if flat.response_time is not None:
-        halfplane["response_time_s"] = flat.response_time
+        halfplane["response_time_s"] = graded["response_time_s"] = flat.response_time
     try:
         engine = EngineConfig(
             goal=None if flat.goal is None else Goal(*flat.goal),
@@ -204,7 +217,10 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
                 or_default(flat.vz_max, limits.vertical_mps),
                 or_default(flat.a_max, limits.acceleration_mps2),
             ),
+            solver=_named(SolverKind, "solver", or_default(flat.solver, engine.solver)),
             halfplane=replace(engine.halfplane, **halfplane),
+            graded=replace(engine.graded, **graded),
+            rotation=replace(engine.rotation, **(flat.rotation or {})),
             obstacles=tuple(tuple(table.polygon) for table in flat.obstacle or ()),
             vehicle_sysid=flat.vehicle_sysid,
             uas_id=flat.uas_id,
@@ -245,6 +261,7 @@ def as_toml(config: DaemonConfig) -> str:
         f'definition = "{engine.definition}"',
         f"eta = {engine.eta}",
         f'chance_bound = "{engine.chance_bound}"',
+        f'solver = "{engine.solver}"',
         f"cruise = {engine.cruise_mps}",
         f"airframe = {engine.airframe_m}",
         f"v_max = {engine.limits.horizontal_mps}",
@@ -262,8 +279,10 @@ def as_toml(config: DaemonConfig) -> str:
         lines.append(f"uas_id = {_quoted(engine.uas_id)}")
     if config.log is not None:
         lines.append(f"log = {_quoted(str(config.log))}")
-    lines += ["", "[halfplane]"]
-    lines += [f"{item.name} = {getattr(engine.halfplane, item.name)}" for item in fields(engine.halfplane)]
+    for table_name in SOLVER_TABLES:
+        settings = getattr(engine, table_name)
+        lines += ["", f"[{table_name}]"]
+        lines += [f"{item.name} = {getattr(settings, item.name)}" for item in fields(settings)]
     for polygon in engine.obstacles:
         lines += ["", "[[obstacle]]", f"polygon = {[list(vertex) for vertex in polygon]}"]
     return "\n".join(lines) + "\n"

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ridlink.avoidance.solver import warm_up
+from ridlink.avoidance.types import SolverKind
 from ridlink.captures.recorder import Recorder
 from ridlink.daemon.config import DaemonConfig
 from ridlink.engine import Engine, StepOutput
@@ -126,7 +127,7 @@ class AvoidDaemon:
             OSError: If the recording cannot be opened.
             DecisionError: If decisions kept failing.
         """
-        await _warm_up_unless(stop)
+        await _warm_up_unless(stop, self.config.engine.solver)
         # What lives now lives for ever: no collection needs to walk through the compiled kernels and the dialect again.
         gc.collect()
         gc.freeze()
@@ -293,8 +294,8 @@ class AvoidDaemon:
         )
 
 
-async def _warm_up_unless(stop: asyncio.Event) -> None:
-    """Compile the kernels before the first deadline; cold that takes seconds, and a signal must not wait for them."""
+async def _warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
+    """Compile a solver's kernels before the first deadline; cold that takes seconds, and a signal must not wait."""
     loop = asyncio.get_running_loop()
     done = loop.create_future()
 
@@ -305,7 +306,7 @@ async def _warm_up_unless(stop: asyncio.Event) -> None:
     def compile_all() -> None:
         problem: BaseException | None = None
         try:
-            warm_up()
+            warm_up(solver)
         except Exception as error:
             problem = error
         with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile

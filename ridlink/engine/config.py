@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import GradedSettings, RotationSettings
+from ridlink.avoidance.types import HalfplaneSettings, SolverKind
 from ridlink.engine.static_obstacles import Polygon, StaticObstacles
 from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
@@ -41,7 +42,10 @@ class EngineConfig:
             answer a faster command with less than half-planes assume.
         airframe_m: Largest horizontal extent of the own airframe, rotors turning.
         limits: Limits of the setpoints.
-        halfplane: Constants of the solver.
+        solver: Which solver decides.
+        halfplane: Constants of the half-plane solver.
+        graded: Constants of the graded solver.
+        rotation: Constants of the rotation solver.
         failsafe: When doubt becomes action.
         obstacles: Static obstacles, polygons of (latitude, longitude) in degrees.
         vehicle_sysid: Only this autopilot; without it the first one heard.
@@ -57,12 +61,21 @@ class EngineConfig:
     cruise_mps: float = 10.0
     airframe_m: float = 0.6
     limits: VelocityLimits = field(default_factory=VelocityLimits)
+    solver: SolverKind = SolverKind.HALFPLANE
     halfplane: HalfplaneSettings = field(default_factory=HalfplaneSettings)
+    graded: GradedSettings = field(default_factory=GradedSettings)
+    rotation: RotationSettings = field(default_factory=RotationSettings)
     failsafe: FailsafeSettings = field(default_factory=FailsafeSettings)
     obstacles: tuple[Polygon, ...] = ()
     vehicle_sysid: int | None = None
     uas_id: str | None = None
     filter_positions: bool = True
+
+    @property
+    def solver_settings(self) -> HalfplaneSettings | GradedSettings | RotationSettings:
+        """Constants of the solver that decides."""
+        settings: HalfplaneSettings | GradedSettings | RotationSettings = getattr(self, self.solver.value)
+        return settings
 
     def __post_init__(self) -> None:
         if not 0.0 < self.eta < 1.0:

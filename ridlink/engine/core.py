@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ridlink.avoidance.progress import ProgressWatch
-from ridlink.avoidance.solver import HalfplaneSolver
+from ridlink.avoidance.solver import new_solver
 from ridlink.avoidance.types import OwnShip, Status, Traffic
 from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status
 from ridlink.engine.commands import (
@@ -136,7 +136,7 @@ class Engine:
         self.last_error = ""
         self._counters: Counter[str] = Counter()
         self._assemblers = {"vehicle": ReportAssembler(), "rid": ReportAssembler()}
-        self._solver = HalfplaneSolver(config.halfplane)
+        self._solver = new_solver(config.solver, config.solver_settings)
         self._obstacles = StaticObstacles(config.obstacles)
         self._watch = ProgressWatch()
         self._uas_id = config.uas_id.encode() if config.uas_id else None

@@ -11,6 +11,7 @@ from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
 from sitl_sim.cli.options import fleet_options
 
 DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance")
+SOLVERS = ("halfplane", "graded", "rotation")
 COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
 
 
@@ -31,6 +32,9 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     metavar="P",
     help="Of chance: probability, at any one instant, that no neighbour comes too close.",
 )
+@click.option(
+    "--solver", type=click.Choice(SOLVERS), default="halfplane", show_default=True, help="What chooses the velocity."
+)
 @click.option("--compare", is_flag=True, help=f"Fly the same seed under {', '.join(COMPARED)}, one after the other.")
 @click.option(
     "--processes",
@@ -50,6 +54,7 @@ def demo(
     fleet: dict[str, Any],
     definition: str,
     eta: float,
+    solver: str,
     compare: bool,
     processes: bool,
     headless: bool,
@@ -73,6 +78,7 @@ def demo(
 
     import msgspec
 
+    from ridlink.avoidance.types import SolverKind
     from ridlink.separation.definitions import Definition
     from sitl_sim.autopilot import Start
     from sitl_sim.cli.options import fleet_config
@@ -85,6 +91,7 @@ def demo(
         scenario=fleet["scenario"],
         definition=Definition(definition),
         eta=eta,
+        solver=SolverKind(solver),
         count=fleet["count"],
         speed_mps=fleet["speed_mps"],
         interval_s=fleet["interval_s"],

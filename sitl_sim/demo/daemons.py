@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import GradedSettings, RotationSettings
+from ridlink.avoidance.types import HalfplaneSettings, SolverKind
 from ridlink.daemon.config import DaemonConfig, as_toml
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
@@ -49,7 +50,12 @@ class Assignment:
 
 
 def assignments(
-    scenario: Scenario, definition: Definition, fleet: FleetConfig, ports: FleetPorts, eta: float = DEFAULT_ETA
+    scenario: Scenario,
+    definition: Definition,
+    fleet: FleetConfig,
+    ports: FleetPorts,
+    eta: float = DEFAULT_ETA,
+    solver: SolverKind = SolverKind.HALFPLANE,
 ) -> list[Assignment]:
     """One daemon for every vehicle that cooperates, with its goal in degrees.
 
@@ -58,8 +64,9 @@ def assignments(
     """
     base = EngineConfig().limits
     ideal = fleet.autopilot == "ideal"
-    halfplane = HalfplaneSettings()
+    halfplane, graded, rotation = HalfplaneSettings(), GradedSettings(), RotationSettings()
     if ideal:
+        graded, rotation = GradedSettings.g2(), RotationSettings.paper()
         halfplane = replace(halfplane, response_time_s=0.0, smoothing=1.0, arrival_deceleration_mps2=float("inf"))
     obstacles = tuple(_in_degrees(obstacle.polygon_ne_m, fleet.home) for obstacle in scenario.obstacles)
     assigned = []
@@ -78,7 +85,10 @@ def assignments(
                 base.vertical_mps,
                 UNLIMITED_MPS2 if ideal else base.acceleration_mps2,
             ),
+            solver=solver,
             halfplane=halfplane,
+            graded=graded,
+            rotation=rotation,
             obstacles=obstacles,
             vehicle_sysid=index + 1,
         )

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ridlink.avoidance.solver import warm_up
+from ridlink.avoidance.types import SolverKind
 from ridlink.captures.recorder import Recorder
 from ridlink.errors import LinkError
 from ridlink.separation.chance import DEFAULT_ETA
@@ -96,8 +97,8 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         ports = server.ports
         conductor = Conductor(ports.vehicles, ports.air, recorder.receive)
         await conductor.open()
-        assigned = assignments(scenario, options.definition, options.fleet, ports, options.eta)
-        await _warm(screen, options.processes, len(assigned))
+        assigned = assignments(scenario, options.definition, options.fleet, ports, options.eta, options.solver)
+        await _warm(screen, options.solver, options.processes, len(assigned))
         daemons = Daemons(assigned, each_its_own=options.processes)
         await daemons.start()
         await conductor.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
@@ -139,9 +140,9 @@ def _title(options: DemoOptions, scenario: Scenario) -> str:
     return f"{scenario.name}, {len(scenario.vehicles)} vehicles under {options.definition}, seed {options.fleet.seed}"
 
 
-async def _warm(screen: Screen, processes: bool, count: int) -> None:
+async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int) -> None:
     """Load the solver before anybody flies, and say so where that takes a while."""
-    warming = asyncio.create_task(asyncio.to_thread(warm_up))
+    warming = asyncio.create_task(asyncio.to_thread(warm_up, solver))
     done, _ = await asyncio.wait([warming], timeout=WORTH_A_WORD_S)
     if not done:
         screen.say("Compiling the solver, once for this installation (up to half a minute) ...")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from ridlink.avoidance.types import SolverKind
 from ridlink.errors import ConfigError
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
@@ -20,6 +21,7 @@ class DemoOptions:
         scenario: Name of a built-in scenario, or a TOML file.
         definition: Separation definition that every daemon flies under.
         eta: Of the definition chance: probability, at any one instant, that no neighbour comes too close.
+        solver: What chooses the velocities.
         count: Number of vehicles, where the scenario takes one.
         speed_mps: Cruise speed of vehicles of which the scenario says nothing.
         interval_s: Time between two Remote ID updates; None: the scenario's.
@@ -31,6 +33,7 @@ class DemoOptions:
     scenario: str = "circle8"
     definition: Definition = Definition.CANDIDATE2
     eta: float = DEFAULT_ETA
+    solver: SolverKind = SolverKind.HALFPLANE
     count: int | None = None
     speed_mps: float = 10.0
     interval_s: float | None = None
