@@ -27,6 +27,7 @@ LAYERS = {
     "ridlink.own_ship": 5,
     "ridlink.engine": 5,
     "ridlink.campaign": 5,
+    "ridlink.analysis": 5,
     "ridlink.captures": 5,
     "ridlink.links": 6,
     "ridlink.daemon": 6,

@@ -27,6 +27,7 @@ EXIT_REJECTS = 4
 EXIT_INTERNAL = 70
 
 COMMANDS = {
+    "analyze": "ridlink.cli.analyze:analyze",
     "avoid": "ridlink.cli.avoid:avoid",
     "decode": "ridlink.cli.decode:decode",
     "dialect": "ridlink.cli.dialect:dialect",
