@@ -1,24 +1,25 @@
-"""What a pair of drones needs between them, part by part, under each separation definition.
+"""What a pair of drones needs between them, part by part, under each separation definition, and what that holds.
 
-Two small multirotors at 10 m/s, 3.5 m of position error per axis (one sigma), Remote ID ten times a second.
+Two small multirotors at 10 m/s, 3.5 m of position error per axis (one sigma), Remote ID ten times a second, and five
+other vehicles in the picture.
 """
 
 from ridlink.separation import Definition, mac_radius, separation_discs
+from ridlink.separation.chance import DEFAULT_ETA, instant_probability, mission_probability
 
 AIRFRAME_M = 0.6
 SIGMA_M = 3.5
 SPEED_MPS = 10.0
 INTERVAL_S = 0.1
+NEIGHBOURS = 6
 
 bound_m = 3.0 * SIGMA_M  # what RIDLINK_SEPARATION carries: three standard deviations per axis
 code_bound_m = 3.0 * 10.0  # what standard Remote ID carries: the code for "better than 10 m", read as one sigma
+touch_m = mac_radius([AIRFRAME_M, AIRFRAME_M])
 
-print("one pair, radii between centres in metres")
-print(f"  airframes touch at         {mac_radius([AIRFRAME_M, AIRFRAME_M]):6.2f}")
-print(f"  error bounds of both       {2.0 * bound_m:6.2f}")
-print(f"  flown between two messages {2.0 * SPEED_MPS * INTERVAL_S:6.2f}")
+print(f"Two airframes of {AIRFRAME_M} m touch at {touch_m:.2f} m between centres. The disc of a pair, in metres:")
 print()
-print("definition      disc radius   of which for errors")
+print("definition      airframes  errors  flown  radius   risk of an encounter at its edge")
 for definition in Definition:
     discs = separation_discs(
         definition,
@@ -26,10 +27,22 @@ for definition in Definition:
         own_error_bound_m=bound_m,
         own_accuracy_bound_m=code_bound_m,
         own_speed_mps=SPEED_MPS,
-        airframe_m=[AIRFRAME_M],
-        error_bound_m=[bound_m],
-        accuracy_bound_m=[code_bound_m],
-        speed_mps=[SPEED_MPS],
+        airframe_m=AIRFRAME_M,
+        error_bound_m=bound_m,
+        accuracy_bound_m=code_bound_m,
+        speed_mps=SPEED_MPS,
         interval_s=INTERVAL_S,
+        eta=DEFAULT_ETA,
+        neighbours=NEIGHBOURS,
     )
-    print(f"{definition.value:14}  {discs.radius_m[0]:9.1f} m   {discs.error_sum_m[0]:9.1f} m")
+    # What is flown between two messages is used up; the rest of the disc is there for errors.
+    slack_m = discs.radius_m - discs.displacement_m - touch_m
+    risk = instant_probability(-slack_m, bound_m, bound_m)
+    print(
+        f"{definition.value:14}  {discs.airframe_m:9.1f}  {discs.error_sum_m:6.1f}  {discs.displacement_m:5.1f}"
+        f"  {discs.radius_m:6.1f}   {risk:.1e}"
+    )
+
+print()
+print(f"chance: eta {DEFAULT_ETA:g} an encounter, for {NEIGHBOURS} neighbours together. Errors of GNSS last some 10 s:")
+print(f"a minute in such traffic holds {mission_probability(DEFAULT_ETA, 60.0, 10.0):.4f}.")
