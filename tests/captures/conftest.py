@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from numba import config
 
 from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Location, Separation
+
+needs_compiler = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="without compiled kernels this takes too long")
 
 START_US = 1_700_000_000_123_456
 

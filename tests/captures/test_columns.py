@@ -20,7 +20,7 @@ from ridlink.captures.statistics import SourceCount
 from ridlink.errors import CaptureError, UnknownMessageError
 from ridlink.mavlink.codec import MESSAGES_BY_NAME, Encoder, encode_payload, message_spec
 from ridlink.mavlink.frames import encode_frame
-from tests.captures.conftest import START_US, flight, tlog_bytes
+from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
 
 Records = list[tuple[int, bytes]]
 REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
@@ -51,6 +51,7 @@ def test_columns_have_the_names_and_values_of_the_xml(tmp_path: Path, thousand: 
     assert units("OPEN_DRONE_ID_LOCATION")["latitude"] == "degE7"
 
 
+@needs_compiler
 def test_every_field_of_a_real_recording_is_what_the_codec_decodes() -> None:
     if not REAL.exists():
         pytest.skip("the recording of real autopilots is not part of the project")
@@ -151,6 +152,7 @@ def test_hexadecimal_lines_become_columns_too(tmp_path: Path, thousand: Records)
     assert columns["HEARTBEAT"]["offset"].tolist()[0] == 0 and columns.sources[1, 1].messages == 9
 
 
+@needs_compiler
 def test_memory_does_not_grow_with_the_file(tmp_path: Path, thousand: Records) -> None:
     small, large = (written(tmp_path, tlog_bytes(thousand) * times, f"{times}.tlog") for times in (30, 1500))
     script = (

@@ -33,7 +33,7 @@ from ridlink.mavlink.codec import MESSAGES, MESSAGES_BY_NAME, Encoder
 from ridlink.mavlink.frames import encode_frame
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation, System
-from tests.captures.conftest import START_US, flight, tlog_bytes
+from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
 
 Records = list[tuple[int, bytes]]
 REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
@@ -179,6 +179,7 @@ def test_numbers_of_every_size_are_written_alike(
     assert by_blocks(path, Selection()) == one_by_one(path, Selection())
 
 
+@needs_compiler
 @pytest.mark.parametrize("options", [[], ["--types", "OPEN_*,HEARTBEAT"], ["--source-system", "2"], ["--frames"]])
 def test_lines_of_a_real_recording_are_the_same(monkeypatch: pytest.MonkeyPatch, options: list[str]) -> None:
     if not REAL.exists():
@@ -488,12 +489,42 @@ def test_a_capture_without_positions_is_an_empty_map(tmp_path: Path) -> None:
 
 
 def test_a_track_is_cut_where_the_map_ends() -> None:
-    east = cut_at_antimeridian([[179.0, 0.0], [-179.0, 2.0]])
-    assert east == [[[179.0, 0.0], [180.0, 1.0]], [[-180.0, 1.0], [-179.0, 2.0]]]
-    west = cut_at_antimeridian([[-179.0, 2.0, 7.0], [179.0, 0.0, 9.0]])
-    assert west == [[[-179.0, 2.0, 7.0], [-180.0, 1.0, 8.0]], [[180.0, 1.0, 8.0], [179.0, 0.0, 9.0]]]
-    assert cut_at_antimeridian([[1.0, 2.0], [3.0, 4.0]]) == [[[1.0, 2.0], [3.0, 4.0]]]
-    assert len(cut_at_antimeridian([[180.0, 0.0], [-180.0, 0.0]])) == 2
+    east = list(cut_at_antimeridian([[179.0, 0.0], [-179.0, 2.0]]))
+    assert east == [[179.0, 0.0], [180.0, 1.0], None, [-180.0, 1.0], [-179.0, 2.0]]
+    west = list(cut_at_antimeridian([[-179.0, 2.0, 7.0], [179.0, 0.0, 9.0]]))
+    assert west == [[-179.0, 2.0, 7.0], [-180.0, 1.0, 8.0], None, [180.0, 1.0, 8.0], [179.0, 0.0, 9.0]]
+    assert list(cut_at_antimeridian([[1.0, 2.0], [3.0, 4.0]])) == [[1.0, 2.0], [3.0, 4.0]]
+    assert list(cut_at_antimeridian([[180.0, 0.0], [-180.0, 0.0]])).count(None) == 1
+
+
+def test_long_tracks_are_whole_and_in_order(tmp_path: Path) -> None:
+    """Longer than what is kept in memory, of two vehicles in turn; one goes to and fro across the antimeridian."""
+    places = [(sysid, 78.2 + sysid * 50.5 + 0.5 * (index % 4), index) for index in range(1300) for sysid in (1, 2)]
+    encoders = {sysid: Encoder(sysid, 1) for sysid in (1, 2)}
+    path = tmp_path / "long.tlog"
+    path.write_bytes(
+        tlog_bytes(
+            [
+                (START_US + index, encoders[sysid].encode(
+                    "GLOBAL_POSITION_INT", lat=index, lon=round((lon - 360.0 if lon > 180.0 else lon) * 1e7), alt=1
+                ))
+                for sysid, lon, index in places
+            ]
+        )
+    )  # fmt: skip
+    found = json.loads(run(path, "-f", "geojson").stdout)["features"]
+    *points, straight, crossing = found
+    assert len(points) == 2600 and [line["properties"]["track"] for line in (straight, crossing)] == ["1/1", "2/1"]
+    assert straight["geometry"]["type"] == "LineString" and crossing["geometry"]["type"] == "MultiLineString"
+    assert [round(place[1] * 1e7) for place in straight["geometry"]["coordinates"]] == list(range(1300))
+    pieces = crossing["geometry"]["coordinates"]
+    assert len(pieces) == 650 and all(len(piece) >= 2 for piece in pieces)
+    inner = [round(place[1] * 1e7) for piece in pieces for place in piece if abs(place[0]) != 180.0]
+    assert inner == list(range(1300)) and crossing["properties"]["positions"] == 1300
+    kml, gx = "{http://www.opengis.net/kml/2.2}", "{http://www.google.com/kml/ext/2.2}"
+    for track in ET.fromstring(run(path, "-f", "kml").stdout).iter(f"{gx}Track"):
+        latitudes = [round(float((place.text or "").split()[1]) * 1e7) for place in track.iter(f"{gx}coord")]
+        assert latitudes == list(range(1300)) and len(list(track.iter(f"{kml}when"))) == 1300
 
 
 def test_kml_is_xml_whatever_the_name(log: Path, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from ridlink.errors import CaptureError
 from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES, Encoder
 from ridlink.mavlink.crc import checksum
 from ridlink.mavlink.frames import encode_frame
-from tests.captures.conftest import START_US, flight, tlog_bytes
+from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
 
 Entry = tuple[int | None, bytes, int]
 Found = tuple[list[Entry], dict[str, int], dict[str, int], dict[tuple[int, int], SourceCount]]
@@ -150,6 +150,7 @@ def test_the_checksum_is_that_of_the_codec(data: bytes, extra: int) -> None:
     assert found == checksum(data, extra)
 
 
+@needs_compiler
 def test_damage_costs_intact_frames_almost_nothing_and_invents_none(tmp_path: Path) -> None:
     """One byte in a thousand is changed in a raw stream of 100,000 frames.
 
@@ -178,6 +179,7 @@ def test_damage_costs_intact_frames_almost_nothing_and_invents_none(tmp_path: Pa
             assert checksum(frame[1:end], CRC_EXTRAS[msgid]) == int.from_bytes(frame[end : end + 2], "little")
 
 
+@needs_compiler
 def test_without_a_compiler_the_results_are_the_same(tmp_path: Path) -> None:
     data = bytearray(tlog_bytes(flight(60)))
     for at in range(100, len(data), 331):
@@ -207,6 +209,7 @@ def test_without_a_compiler_the_results_are_the_same(tmp_path: Path) -> None:
     assert "OPEN_DRONE_ID_LOCATION" in outputs[0] and "bad_checksum" in outputs[0]
 
 
+@needs_compiler
 def test_the_compiler_is_announced_once_and_kept(tmp_path: Path) -> None:
     (tmp_path / "f.tlog").write_bytes(tlog_bytes(flight(9)))
     script = "import sys\nfrom ridlink.captures.columns import decode\nprint(len(decode(sys.argv[1])['HEARTBEAT']))"

@@ -14,8 +14,9 @@ from typing import Any, BinaryIO
 import msgspec
 
 from ridlink.captures.export.fields import Fields
-from ridlink.captures.export.geo import MAPPED_NAMES, Position, positions
+from ridlink.captures.export.geo import MAPPED_NAMES, positions
 from ridlink.captures.export.join import MAVLINK
+from ridlink.captures.export.tracks import Position
 from ridlink.errors import MissingExtraError
 
 LOCATION_FIX = "foxglove.LocationFix"
