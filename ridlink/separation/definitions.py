@@ -33,22 +33,25 @@ class Definition(StrEnum):
     """Which fields of a report size the disc of a pair.
 
     Beside each, what a pair that never enters the disc by its reports holds at one instant, where errors are normal
-    with a third of the reported bounds on either axis. Over a mission all of them hold less, see
-    `chance.mission_probability`; how much is a question of how long errors last.
+    with a third of the reported bounds on either axis. A mission of T seconds draws `1 + T/T_c` such instants, T_c
+    being how long errors last; beside each stands also what is left after an hour in conflict with T_c = 10 s, 361
+    draws (`chance.mission_probability`). The solver's own buffer comes on top and is not counted.
 
     SNMAC: a fixed radius of 15 m. Guarantees nothing about position errors: two vehicles that keep it by their reports
         may collide once the errors add up to more than 15 m less the airframes. With airframes of 3.8 m and 10 m of
-        error on either axis of each that is one encounter in five.
+        error on either axis of each that is one encounter in five, and after an hour nothing is left.
     REMOTE_ID: the worst of everything that standard Remote ID allows, 40 m of error and 7.5 m of airframe each. Keeps
-        airframes apart for any error within 40 m, at the largest price in airspace.
+        airframes apart for any error within 40 m, at the largest price in airspace; of normal errors of 10 m it holds
+        all but one in a hundred million, and an hour as well.
     ODID_ACCURACY: largest airframe, and the error bound behind the accuracy code that standard Remote ID already
         carries. As good as the code, which is coarse and often filled with an unscaled one-sigma figure.
     CANDIDATE1: largest airframe, reported three-sigma error. Keeps airframes apart while both errors are within their
         reported bounds (98.9 % of positions each, for errors normal on both axes) and, since they seldom point at each
-        other, at least 99.86 % of the time for any two errors, 99.999 % for two equal ones.
+        other, at least 99.86 % of the time for any two errors, 99.998 % for two equal ones; 61 % and 99.6 % of hours.
     CANDIDATE2: reported airframe, reported three-sigma error. The same statement with the true size of both airframes.
     CHANCE: reported airframe, and the least distance that keeps airframes apart with probability eta, for all
-        neighbours together: see `chance`. Eta is per instant.
+        neighbours together: see `chance`. Eta is per instant: at 0.999 seven such hours in ten pass, and what a
+        mission needs to hold 0.999 is `chance.eta_of_mission`. An unknown error counts as normal, three sigma of 40 m.
     """
 
     SNMAC = "snmac"

@@ -191,6 +191,26 @@ def test_what_each_definition_guarantees_at_one_instant() -> None:
     assert instant_probability([-1.0, 0.0, 1.0], 0.0, 0.0).tolist() == [0.0, 1.0, 1.0]
 
 
+def test_what_is_left_of_each_definition_after_an_hour_of_conflict() -> None:
+    """361 draws, as in the documentation of the definitions."""
+    hour = (3600.0, 10.0)
+    assert independent_draws(*hour) == 361.0
+
+    def held(definition: str, other_bound_m: float = BOUND_M, **chance: float) -> float:
+        discs = separation_discs(Definition(definition), **(PAIR | {"error_bound_m": other_bound_m}), **chance)
+        instant = instant_probability(discs.radius_m - AIRFRAME_M, BOUND_M, other_bound_m)
+        return float(instant) ** independent_draws(*hour)
+
+    assert held("snmac") < 1e-9
+    assert held("remote-id") > 1.0 - 361e-8
+    assert held("candidate2") == pytest.approx(0.996, abs=5e-4)
+    assert held("candidate2", 0.0) == pytest.approx(0.614, abs=1e-3)
+    assert (
+        held("chance", eta=0.999) == pytest.approx(mission_probability(0.999, *hour)) == pytest.approx(0.70, abs=0.01)
+    )
+    assert held("chance", eta=eta_of_mission(0.999, *hour)) == pytest.approx(0.999)
+
+
 def test_snmac_lets_one_encounter_in_five_collide() -> None:
     random = np.random.default_rng(31)
     position = random.uniform(-250.0, 250.0, (50_000, 2))
