@@ -65,6 +65,9 @@ LEAST_TAIL_M = 1.0
 TAIL_END = 4.0
 """Passes further outside than so many tails are no risk: there it is below 0.04 % of its value at the radius."""
 
+TRACE = 1e-12
+"""Any risk at all."""
+
 HIT_COST, WALL_COST = 1e3, 1e6
 """A heading that reaches an obstacle before the goal, and one that reaches it at once; no risk comes near either."""
 
@@ -166,6 +169,15 @@ def risk_of_heading(own, sights, count, v_1, v_2, settings, most):  # type: igno
 
 
 @kernel
+def is_free(own, sights, count, pieces, piece_start, walls, way, reach_m, settings):  # type: ignore[no-untyped-def]
+    """Whether the straight way bears no risk at all and meets no obstacle before the goal."""
+    s_1, s_2 = way[SPEED] * way[UNIT], way[SPEED] * way[UNIT + 1]
+    if risk_of_heading(own, sights, count, s_1, s_2, settings, TRACE) > 0.0:
+        return False
+    return time_to_wall(own, pieces, piece_start, walls, s_1, s_2, reach_m) == math.inf
+
+
+@kernel
 def grade_one(  # type: ignore[no-untyped-def]
     own, neighbours, count, pieces, piece_start, settings, fan, sights, walls, way, result
 ):
@@ -200,6 +212,9 @@ def grade_one(  # type: ignore[no-untyped-def]
     ahead = max(min(settings[LOOK_AHEAD], 0.9 * away / pace), 0.1)
     best, chosen = math.inf, 0
     speeds = 2 if conflict and way[SPEED] < DODGE_SHARE * way[PACE] else 1
+    if not conflict and is_free(own, sights, count, pieces, piece_start, walls, way, reach, settings):
+        # Smoothness is no reason to be off the straight way.
+        speeds = 0
     for level in range(speeds):
         speed = way[SPEED] if level == 0 else DODGE_SHARE * way[PACE]
         step = speed * ahead
