@@ -1,4 +1,5 @@
-"""The paper's simulation in full, and the graded solver against it: python -m tests.avoidance.study_paper [runs].
+"""The paper's simulation in full, and the graded solver against it: python -m tests.avoidance.study_paper [runs]
+[row of the second table ...].
 
 First table: the four definitions under the paper's solver and errors, beside what the paper prints. Second: rotation
 under Candidates 1 and 2 against the graded solver, on the same fleets and errors, for white, Gauss-Markov and constant
@@ -78,14 +79,14 @@ def front_plan(name: str, scene: Scene, errors: ErrorModel) -> Plan:
     return replace(paper_plan(scene, definition), errors=errors)
 
 
-def front_table(runs: int) -> None:
+def front_table(runs: int, names: list[str]) -> None:
     print(
         f"\nerrors of 10 m per axis, {runs} runs a cell; C1, C2: rotation, pair bound 30 m; G2, K, K2: graded, filtered"
     )
     print(
         f"{'':4}" + "".join(f"{scene + ' ' + str(errors):>28}" for errors in PER_AXIS for scene in ("circle", "square"))
     )
-    for name in ("C2", "C1", "G2", "K", "K2"):
+    for name in names or ["C2", "C1", "G2", "K", "K2"]:
         cells = [
             cell(fly(front_plan(name, scene, errors), range(runs)))
             for errors in PER_AXIS
@@ -96,5 +97,6 @@ def front_table(runs: int) -> None:
 
 if __name__ == "__main__":
     wanted = int(sys.argv[1]) if len(sys.argv) > 1 else 500
-    paper_table(wanted)
-    front_table(wanted)
+    if not sys.argv[2:]:
+        paper_table(wanted)
+    front_table(wanted, sys.argv[2:])
