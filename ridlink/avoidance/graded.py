@@ -222,7 +222,8 @@ def grade_one(  # type: ignore[no-untyped-def]
             v_1, v_2 = speed * (fan[k, 0] * u_1 - fan[k, 1] * u_2), speed * (fan[k, 1] * u_1 + fan[k, 0] * u_2)
             # Left of the direction that everybody leans to.
             left = lean - fan[k, 2]
-            left_over = math.sqrt(max(away * away - 2.0 * away * step * math.cos(left) + step * step, 0.0))
+            along = step * (c * fan[k, 0] + s * fan[k, 1])
+            left_over = math.sqrt(max(away * away - 2.0 * away * along + step * step, 0.0))
             cost = (left_over - away) / (pace * ahead) + settings[LEFT_WEIGHT] * max(left, 0.0)
             cost += settings[SMOOTHNESS] * math.hypot(v_1 - own[VELOCITY], v_2 - own[VELOCITY + 1]) / pace
             if cost >= best:
