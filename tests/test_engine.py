@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.avoidance.types import HalfplaneSettings, Status
+from ridlink.avoidance.settings import GradedSettings, RotationSettings
+from ridlink.avoidance.types import HalfplaneSettings, SolverKind, Status
 from ridlink.engine import Engine, EngineConfig, Goal, StepOutput
 from ridlink.engine.periodic import Periodic
 from ridlink.engine.static_obstacles import StaticObstacles
@@ -627,8 +628,18 @@ def square(north_m: float, half_m: float) -> tuple[tuple[float, float], ...]:
     return tuple(at(north_m + north, east)[:2] for north, east in corners)
 
 
-def test_a_static_obstacle_is_flown_round() -> None:
-    flight = Flight(settings=config(200.0, obstacles=(square(100.0, 30.0),), halfplane=IDEAL))
+@pytest.mark.parametrize("solver", list(SolverKind))
+def test_a_static_obstacle_is_flown_round(solver: SolverKind) -> None:
+    flight = Flight(
+        settings=config(
+            200.0,
+            obstacles=(square(100.0, 30.0),),
+            solver=solver,
+            halfplane=IDEAL,
+            graded=GradedSettings(response_time_s=0.0, smoothing=1.0),
+            rotation=RotationSettings(smoothing=1.0),
+        )
+    )
     nearest = math.inf
     for _ in range(500):
         flight.step()

@@ -71,12 +71,12 @@ def scenario(folder: Path, text: str) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("processes", [[], ["--processes"]], ids=["here", "processes"])
-def test_a_pair_passes_and_the_last_line_says_so(tmp_path: Path, processes: list[str]) -> None:
+@pytest.mark.parametrize("options", [[], ["--processes"], ["--solver", "graded"]], ids=["here", "processes", "graded"])
+def test_a_pair_passes_and_the_last_line_says_so(tmp_path: Path, options: list[str]) -> None:
     log = tmp_path / "flight.tlog"
     done = demo(
         "--scenario", scenario(tmp_path, HEAD_ON), "--autopilot", "ideal", "--headless", "--json", "--any-ports",
-        "--log", str(log), *processes,
+        "--log", str(log), *options,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr + done.stdout
     assert done.stderr == ""
@@ -124,6 +124,7 @@ def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
         (["--speed", "nan"], "finite", 2),
         (["--definition", "candidate3"], "candidate3", 2),
         (["--definition", "chance", "--eta", "0"], "got 0", 2),
+        (["--solver", "grade"], "grade", 2),
         (["--log", "/no/such/folder/flight.tlog"], "/no/such/folder", 2),
         (["--scenario", "missing.toml"], "missing.toml", 3),
     ],

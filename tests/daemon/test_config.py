@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from ridlink.avoidance import GradedSettings, RotationSettings, SolverKind
 from ridlink.daemon.config import (
     DaemonConfig,
     FlatConfig,
@@ -79,6 +80,16 @@ def test_printed_configuration_reads_back_as_the_same(write) -> None:
         assert daemon_config(read_config_file(write(as_toml(config)))) == config
 
 
+def test_a_solver_and_the_constants_of_each(write) -> None:
+    text = 'solver = "graded"\nresponse_time = 0.5\n[graded]\nlean_rad = 0.3\n[rotation]\nstep_deg = 5.0'
+    engine = daemon_config(read_config_file(write(text))).engine
+    assert engine.solver is SolverKind.GRADED
+    assert engine.solver_settings == GradedSettings(lean_rad=0.3, response_time_s=0.5)
+    assert engine.halfplane.response_time_s == 0.5
+    assert engine.rotation == RotationSettings(step_deg=5.0)
+    assert daemon_config(read_config_file(write(as_toml(DaemonConfig(engine=engine))))).engine == engine
+
+
 def test_flag_over_file_over_default(write) -> None:
     flat = read_config_file(write("cruise = 7.0\nairframe = 2.0"))
     config = daemon_config(overridden(flat, {"cruise": 8.0, "airframe": None, "response_time": 0.0}))
@@ -110,6 +121,10 @@ def test_flag_over_file_over_default(write) -> None:
         ("halfplane = 1", [":1", "halfplane"]),
         ("cruise = \nairframe = 1.0", ["is not TOML", "line 1"]),
         ('definition = "candidat2"', ["did you mean 'candidate2'?"]),
+        ('solver = "grade"', ["did you mean 'graded'?"]),
+        ("[graded]\nlean = 0.1", [":2", "did you mean 'lean_rad'?"]),
+        ("[graded]\nlean_rad = nan", [":2", "lean_rad must be a finite number"]),
+        ("[rotation]\nstep_deg = 7.0", ["step_deg must divide", "7.0"]),
         ('definition = "chance"\neta = 1.0', ["eta", "got 1"]),
         ('chance_bound = "contour"', ["did you mean 'contours'?"]),
         ('definition = "xyz"', ["known are snmac, remote-id"]),
