@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import subprocess
@@ -188,6 +189,21 @@ def test_what_cannot_be_encoded_is_counted_and_the_rest_is_written(tmp_path: Pat
     heartbeat = encode_frame(0, bytes([0, 0, 0, 0, 2]), CRC_EXTRAS[0], seq=3, sysid=1, compid=1)
     assert written == tlog_bytes([(1_500_000, heartbeat)]) * 2
     assert run(encode, path, "-o", out).return_value == 0
+
+
+LINE = json.dumps(HEARTBEAT | {"frame": flight(1)[0][1].hex(), "hex": "00", "fields": {"type": 2, "x": "é"}}).encode()
+
+
+@given(st.binary(max_size=80), st.integers(0, len(LINE)), st.integers(0, 8))
+def test_any_line_is_a_frame_or_refused(junk: bytes, at: int, cut: int) -> None:
+    for line in (junk, LINE[:at] + junk + LINE[at + cut :]):
+        with contextlib.suppress(WireError):
+            frame_of_line(line)
+
+
+def test_a_line_that_is_no_utf_8_is_refused() -> None:
+    with pytest.raises(WireError, match="utf-8"):
+        frame_of_line(b'{"type":"HEARTBEAT\xfd"}')
 
 
 def test_times_are_exact_to_the_microsecond_however_large(tmp_path: Path) -> None:

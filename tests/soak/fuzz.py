@@ -1,8 +1,9 @@
 """Give the readers of captures bytes that nobody meant: ``python -m tests.soak.fuzz [INPUTS]`` (1,000,000 unless said).
 
-Inputs are random bytes and valid captures of every format, made here, with damage. Each goes through every reader,
-whole and in pieces, and what comes out is decoded and written as a line. Ends with 1 where a reader raises anything
-but `CaptureError`, takes more than 5 s for an input, or memory grows by more than 50 MB.
+Inputs are random bytes, valid captures of every format, made here, and their JSON lines, with damage. Each goes through
+every reader, whole and in pieces; what comes out is decoded and written as lines, and the lines of inputs are encoded.
+Ends with 1 where a reader raises anything but `CaptureError`, or the encoder anything but `WireError`, an input takes
+more than 5 s, or memory grows by more than 50 MB.
 """
 
 from __future__ import annotations
@@ -19,8 +20,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ridlink.captures import Capture, CaptureKind, columns, decode_records
+from ridlink.captures.export.framed import framed_line
+from ridlink.captures.export.from_lines import frame_of_line
+from ridlink.captures.export.jsonl import BlockLines
+from ridlink.captures.export.selection import Selection
+from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.lines import json_line, table_line
-from ridlink.errors import CaptureError
+from ridlink.errors import CaptureError, WireError
 from ridlink.mavlink.codec import Encoder
 from tests.captures.conftest import flight, tlog_bytes
 from tests.captures.pcap_files import ethernet, ipv4, ipv6, pcap, pcapng, timed, udp
@@ -32,7 +38,7 @@ GROWTH_MB = 50.0
 WARM_UP = 2_000
 """Inputs before memory counts: caches fill and libraries are imported."""
 BLOCKS_EVERY = 50
-"""The compiled reader takes paths and large buffers, and gets one input in so many."""
+"""The compiled reader and writer take paths and large buffers, and get one input in so many."""
 PROGRESS_EVERY = 500
 
 KINDS = (*CaptureKind, None)
@@ -140,11 +146,29 @@ def read_all(data: bytes, rng: random.Random) -> int:
 
 
 def read_blocks(data: bytes, path: Path) -> None:
-    """The input through the compiled reader."""
+    """The input through the compiled reader, as columns and as lines."""
     path.write_bytes(data)
     for kind in ("auto", "tlog", "mavlink"):
         with contextlib.suppress(CaptureError):
             columns.decode(path, kind=kind)
+        with contextlib.suppress(CaptureError):
+            lines = BlockLines(Selection(), frames=kind == "tlog")
+            for block in BlockReader(path, kind):
+                lines.of(block)
+
+
+def read_lines(data: bytes) -> None:
+    """The lines of the input through the encoder."""
+    for line in data.splitlines():
+        with contextlib.suppress(WireError):
+            frame_of_line(line)
+
+
+def as_lines(capture: bytes) -> bytes:
+    """A capture as JSON lines, one with and one without its frame in turn."""
+    records = decode_records(Capture("seed", io.BytesIO(capture), None))
+    lines = [(json_line(record), record) for record in records]
+    return b"".join(framed_line(line, record) if at % 2 else line for at, (line, record) in enumerate(lines))
 
 
 def show_progress(done: int, of: int, start_s: float) -> None:
@@ -160,6 +184,7 @@ def fuzz(seed: int, numbers: range) -> int:
         if not read(lambda data=data: Capture("seed", io.BytesIO(data), None)):
             print(f"a capture made to be valid is none: {data.hex()}")
             return 1
+    valid += [as_lines(valid[0]), as_lines(valid[-1])]
 
     def hang(*_: object) -> None:
         raise Hang(f"took more than {HANG_S:g} s")
@@ -176,6 +201,7 @@ def fuzz(seed: int, numbers: range) -> int:
             signal.setitimer(signal.ITIMER_REAL, 60.0 if done == 1 else HANG_S)  # the first one may compile
             try:
                 messages += read_all(data, rng)
+                read_lines(data)
                 if (index - numbers.start) % BLOCKS_EVERY == 0:
                     read_blocks(data, path)
             except Exception as error:

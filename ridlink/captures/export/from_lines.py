@@ -60,7 +60,7 @@ def frame_of_line(line: bytes) -> TimedFrame | None:
     """
     try:
         row = _decode(line)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise WireError(str(error)) from error
     time_us = _time_us(bytes(row.t))
     data = None if row.hex is None else _unhex(row.hex, "hex")
