@@ -86,19 +86,17 @@ def decode(
     if follow:
         decode_export.check_follow(files, kind, output_format, output, join, stats)
     selection = Selection(_wanted_names(types), source_system, since, until)
-    for path in files:  # a misspelled name shows at once, not after an hour of the files before it
-        if path != "-":
-            open(path, "rb").close()
     statistics = Statistics()
+    found = decode_export.readable(files)
     if join or output_format in decode_export.EXPORTS:
-        decode_export.export(files, kind, output_format, output, join, selection, statistics)
-        return _verdict(statistics, strict)
+        decode_export.export(found, kind, output_format, output, join, selection, statistics)
+        return _verdict(statistics, strict, len(files) - len(found))
     with whole_output(output) as out:
         lines = _Lines(output_format, selection, frames, stats, statistics, out)
         if follow:
-            _follow(files[0], kind, lines)
+            _follow(found[0], kind, lines)
         else:
-            _decode_files(files, kind, output, lines)
+            _decode_files(found, kind, lines)
         if stats and statistics.captures:
             import msgspec
 
@@ -106,15 +104,15 @@ def decode(
                 statistics.as_text().encode(errors="backslashreplace")
             )  # fmt: skip
             out.write(text)
-    return _verdict(statistics, strict, silent=stats)
+    return _verdict(statistics, strict, len(files) - len(found), silent=stats)
 
 
-def _verdict(statistics: Statistics, strict: bool, *, silent: bool = False) -> int:
+def _verdict(statistics: Statistics, strict: bool, absent: int, *, silent: bool = False) -> int:
     """The exit code; damage is said on standard error."""
     for capture in statistics.captures:
         if capture.rejects and not silent:
             click.echo(f"ridlink: {capture.name}: damaged: {capture.rejects}", err=True)
-    if statistics.unread:
+    if statistics.unread or absent:
         return EXIT_IO
     return EXIT_REJECTS if strict and statistics.rejects else EXIT_DONE
 
@@ -182,11 +180,11 @@ class _Lines:
         self._batch, self._size = [], 0
 
 
-def _decode_files(files: tuple[str, ...], kind: str, output: str | None, lines: _Lines) -> None:
+def _decode_files(files: tuple[str, ...], kind: str, lines: _Lines) -> None:
     from ridlink.captures import open_capture
 
     for path in files:
-        with decode_export.others_go_on(files, output, lines.statistics):
+        with decode_export.others_go_on(files, lines.statistics):
             reader = decode_export.large_reader(path, kind) if lines.large_files_as_blocks else None
             if reader is not None:
                 lines.write_blocks(reader)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import os
+import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -90,20 +92,37 @@ def check_follow(
         raise click.UsageError("--follow writes to standard output: a file of -o appears only when it is whole")
 
 
-@contextmanager
-def others_go_on(files: tuple[str, ...], output: str | None, statistics: Statistics) -> Iterator[None]:
-    """One file of several that is no capture is one line; where the output is a file, which is whole or not at all,
-    or there is no other, it is an error.
+def readable(files: tuple[str, ...]) -> tuple[str, ...]:
+    """The files that can be opened. Of the others it is said at once, not after an hour of the files before them.
+
+    Raises:
+        OSError: If there is none.
     """
+    found = []
+    for number, path in enumerate(files, 1):
+        try:
+            if path != "-" and not stat.S_ISFIFO(os.stat(path).st_mode):  # whoever writes a pipe sees it close
+                open(path, "rb").close()
+            found.append(path)
+        except OSError as error:
+            if number == len(files) and not found:
+                raise
+            click.echo(f"ridlink: {path}: {error.strerror}", err=True)
+    return tuple(found)
+
+
+@contextmanager
+def others_go_on(files: tuple[str, ...], statistics: Statistics) -> Iterator[None]:
+    """One file that is no capture is one line and keeps no other back; where no file was one, it is an error."""
     before = len(statistics.captures)
     try:
         yield
     except CaptureError as error:
-        if len(files) == 1 or output not in (None, "-"):
-            raise
-        click.echo(f"ridlink: {error}", err=True)
         del statistics.captures[before:]
         statistics.unread += 1
+        if statistics.unread == len(files):
+            raise
+        click.echo(f"ridlink: {error}", err=True)
 
 
 def large_reader(path: str, kind: str) -> BlockReader | None:
@@ -144,7 +163,7 @@ def export(
 
     if selection.names is None and output_format != "mcap":  # nothing else is looked at
         selection = dataclasses.replace(selection, names=frozenset(JOINED_NAMES if join else MAPPED_NAMES))
-    messages = _messages(files, kind, output, selection, statistics)
+    messages = _messages(files, kind, selection, statistics)
     with whole_output(output) as out:
         if output_format == "geojson":
             write_geojson(messages, out)
@@ -163,14 +182,14 @@ def export(
 
 
 def _captures(
-    files: tuple[str, ...], kind: str, output: str | None, selection: Selection, statistics: Statistics
+    files: tuple[str, ...], kind: str, selection: Selection, statistics: Statistics
 ) -> Iterator[Block | list[MessageRecord]]:
     """Files of MAVLink as blocks, everything else as messages, some thousand at a time."""
     from ridlink.captures import decode_records, open_capture
     from ridlink.captures.fast.blocks import KINDS, BlockReader
 
     for path in files:
-        with others_go_on(files, output, statistics), open_capture(path, kind) as capture:
+        with others_go_on(files, statistics), open_capture(path, kind) as capture:
             if capture.kind in KINDS and path != "-" and Path(path).is_file():
                 reader = BlockReader(path, capture.kind)
                 statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
@@ -182,12 +201,10 @@ def _captures(
                 yield records
 
 
-def _messages(
-    files: tuple[str, ...], kind: str, output: str | None, selection: Selection, statistics: Statistics
-) -> Iterator[Fields]:
+def _messages(files: tuple[str, ...], kind: str, selection: Selection, statistics: Statistics) -> Iterator[Fields]:
     from ridlink.captures.export.fields import fields_of_block, fields_of_records
 
-    for part in _captures(files, kind, output, selection, statistics):
+    for part in _captures(files, kind, selection, statistics):
         yield from fields_of_records(part) if isinstance(part, list) else fields_of_block(part, selection)
 
 
@@ -203,7 +220,7 @@ def _export_folder(
         whole_folder(output) as folder,
         CsvFolder(folder) if output_format == "csv" else ParquetFolder(folder) as writer,
     ):
-        for part in _captures(files, kind, output, selection, statistics):
+        for part in _captures(files, kind, selection, statistics):
             tables = (
                 tables_of_messages(fields_of_records(part))
                 if isinstance(part, list)

@@ -326,7 +326,7 @@ def test_folders_appear_whole_or_not_at_all(log: Path, tmp_path: Path) -> None:
     broken = tmp_path / "broken.tlog"
     broken.write_bytes(b"no frame in here")
     listing = sorted(tmp_path.iterdir())
-    assert run(log, broken, "-f", "csv", "-o", tmp_path / "other").exception is not None
+    assert run(broken, "-f", "csv", "-o", tmp_path / "other").exception is not None
     assert run(log, "-f", "csv", "-o", tmp_path / "nowhere" / "x").exception is not None
     assert sorted(tmp_path.iterdir()) == listing
 

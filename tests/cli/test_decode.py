@@ -168,7 +168,7 @@ def test_output_appears_whole_or_not_at_all(log: Path, tmp_path: Path) -> None:
     broken = tmp_path / "broken.tlog"
     broken.write_bytes(b"no frame in here")
     before = sorted(tmp_path.iterdir())
-    done = ridlink("decode", log, broken, "-f", "jsonl", "-o", tmp_path / "other.jsonl")
+    done = ridlink("decode", broken, "-f", "jsonl", "-o", tmp_path / "other.jsonl")
     assert done.returncode == 3 and sorted(tmp_path.iterdir()) == before
     assert ridlink("decode", log, "-o", tmp_path / "nowhere" / "x").returncode == 3
     assert len(ridlink("decode", log, "-f", "jsonl", "-o", "/dev/stdout").stdout.splitlines()) == 9
@@ -216,9 +216,39 @@ def test_what_cannot_be_read_is_one_line_and_exit_code_3(tmp_path: Path, content
     assert len(done.stderr.splitlines()) == 1 and str(path).encode() in done.stderr
 
 
-def test_an_absent_second_file_is_found_out_before_the_first_is_read(log: Path, tmp_path: Path) -> None:
-    done = ridlink("decode", log, tmp_path / "absent.tlog")
-    assert done.returncode == 3 and done.stdout == b""
+def test_what_cannot_be_opened_is_said_before_the_first_file_is_read_and_keeps_no_other_back(
+    log: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out.jsonl"
+    alone = ridlink("decode", log, "-f", "jsonl").stdout
+    done = ridlink("decode", tmp_path, log, tmp_path / "absent.tlog", "-f", "jsonl")
+    said = f"ridlink: {tmp_path}: Is a directory\nridlink: {tmp_path / 'absent.tlog'}: No such file or directory\n"
+    assert (done.returncode, done.stdout, done.stderr.decode()) == (3, alone, said)
+    done = ridlink("decode", log, tmp_path / "absent.tlog", "-f", "jsonl", "-o", out)
+    assert done.returncode == 3 and out.read_bytes() == alone
+    out.unlink()
+    done = ridlink("decode", tmp_path / "absent.tlog", tmp_path, "-f", "jsonl", "-o", out)
+    assert done.returncode == 3 and len(done.stderr.splitlines()) == 2 and not out.exists()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_a_file_that_may_not_be_read_keeps_no_other_back(log: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.tlog"
+    secret.write_bytes(log.read_bytes())
+    secret.chmod(0)
+    done = ridlink("decode", secret, log, "-f", "jsonl")
+    assert done.returncode == 3 and len(done.stdout.splitlines()) == 9
+    assert done.stderr.decode() == f"ridlink: {secret}: Permission denied\n"
+
+
+def test_a_named_pipe_is_opened_once(log: Path, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    command = [sys.executable, "-m", "ridlink", "decode", str(pipe), "-f", "jsonl"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        pipe.write_bytes(log.read_bytes())
+        out, _ = process.communicate(timeout=30)
+    assert process.returncode == 0 and len(out.splitlines()) == 9
 
 
 @pytest.mark.parametrize("content", [b"", b"text\n" * 100, b"\xd4\xc3\xb2\xa1" + bytes(40)])
