@@ -24,7 +24,7 @@ def kernel_decorator(sources: Iterable[Path]) -> Decorator:
 
     Returns:
         ``kernel(function, *, parallel=False, forceinline=False)``: compiles with exact floating-point rules and keeps
-        the result on disk. With NUMBA_DISABLE_JIT=1 the function stays plain Python.
+        the result on disk, where there is a place for it. With NUMBA_DISABLE_JIT=1 the function stays plain Python.
     """
     files = tuple(sources)
 
@@ -32,8 +32,11 @@ def kernel_decorator(sources: Iterable[Path]) -> Decorator:
         function: Callable[..., Any] | None = None, /, *, parallel: bool = False, forceinline: bool = False
     ) -> Any:
         def compiled(plain: Callable[..., Any]) -> Any:
-            options = {"parallel": parallel, "forceinline": forceinline}
-            dispatcher = njit(cache=True, fastmath=False, error_model="numpy", **options)(plain)
+            options = {"parallel": parallel, "forceinline": forceinline, "fastmath": False, "error_model": "numpy"}
+            try:
+                dispatcher = njit(cache=True, **options)(plain)
+            except RuntimeError:  # it can be kept neither beside the source nor at home
+                dispatcher = njit(**options)(plain)
             index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
             if index is not None and hasattr(index, "_source_stamp"):
                 index._source_stamp = _stamp(files)

@@ -1,0 +1,35 @@
+"""Kernels are compiled strictly and kept, where there is a place to keep them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from numba import config
+from numba.core import caching
+
+from ridlink.compiled import is_compiled, kernel_decorator
+
+pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
+
+
+def halved(value: float) -> float:
+    return value / 2.0
+
+
+def test_without_a_place_to_keep_them_kernels_are_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As for a system user without a home, where the package belongs to root."""
+    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
+    kernel = kernel_decorator([Path(__file__)])(halved)
+    assert not is_compiled(kernel)
+    assert kernel(3.0) == 1.5 and is_compiled(kernel)
+
+
+def test_an_edit_in_any_source_of_a_package_makes_its_kernels_new(tmp_path: Path) -> None:
+    source = tmp_path / "other.py"
+    source.write_text("a")
+    stamps = []
+    for text in ("a", "b = 1"):
+        source.write_text(text)
+        stamps.append(kernel_decorator([source])(halved)._cache._cache_file._source_stamp)
+    assert stamps[0] != stamps[1]
