@@ -7,12 +7,13 @@ kernels; importing this package does not.
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
-from ridlink.avoidance.types import Decision, HalfplaneSettings, OwnShip, SolverKind, Status, Traffic
+from ridlink.avoidance.types import Decision, HalfplaneSettings, Memory, OwnShip, SolverKind, Status, Traffic
 
 __all__ = [
     "Decision",
     "GradedSettings",
     "HalfplaneSettings",
+    "Memory",
     "Obstacles",
     "OwnShip",
     "ProgressWatch",

@@ -23,6 +23,7 @@ from ridlink.avoidance.rows import (
     AGE,
     AIM,
     AIM_IS_VELOCITY,
+    APART,
     CLEARANCE,
     COMMAND,
     CONSTRAINED,
@@ -36,6 +37,8 @@ from ridlink.avoidance.rows import (
     N_POSITION,
     N_VELOCITY,
     OVERLAPPED,
+    PASSING_LEFT,
+    PASSING_RIGHT,
     POSITION,
     R_BINDING,
     R_COMMAND,
@@ -70,6 +73,11 @@ HOLD_FACTOR = 1.3
 CLEAR_FACTOR = 0.5
 """The rule of the road gives way when own-ship is so many radii on the other side already. A side is held until the
 miss distance is HOLD_FACTOR radii."""
+
+APART_FACTOR = 1.3
+"""A neighbour that was once so many radii away, buffer included, has the buffer held against it from then on. One that
+begins nearer, as in a fleet that starts side by side, may stay there and come up to the disc itself: pushing it out of
+a buffer first is what kept such fleets from moving at all. Once it has left, it is as any other."""
 
 HORIZON_RADII = 1.5
 """The conflict horizon is at least the time in which own-ship flies so many radii of the disc."""
@@ -162,7 +170,7 @@ def passing_side(  # type: ignore[no-untyped-def]
     on.
 
     Args:
-        memory: Side of the last step.
+        memory: What is kept of the encounter, `Memory` flags.
         r_1: North of the neighbour as seen from own-ship.
         r_2: East of it.
         v_1: North of the own velocity.
@@ -185,10 +193,10 @@ def passing_side(  # type: ignore[no-untyped-def]
     miss = (r_1 * w_2 - r_2 * w_1) / closing
     if abs(miss) > HOLD_FACTOR * radius_m:
         return 0
-    if memory < 0 and reciprocal != 0.0 and r_2 * c_1 - r_1 * c_2 > DODGE_MPS * distance:
+    if (memory & PASSING_LEFT) != 0 and reciprocal != 0.0 and r_2 * c_1 - r_1 * c_2 > DODGE_MPS * distance:
         return 1
-    if memory != 0:
-        return memory
+    if (memory & (PASSING_RIGHT | PASSING_LEFT)) != 0:
+        return 1 if (memory & PASSING_RIGHT) != 0 else -1
     if distance >= closing * horizon_s + radius_m:
         return 0
     wanted = rule_side(v_1, v_2, u_1, u_2, reciprocal, settings)
@@ -294,7 +302,7 @@ def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):  #
 
 @kernel
 def avoid_one(  # type: ignore[no-untyped-def]
-    own, neighbours, count, side, pieces, piece_start, hulls, hull_start, route, settings, lines, work, owner, ring,
+    own, neighbours, count, memory, pieces, piece_start, hulls, hull_start, route, settings, lines, work, owner, ring,
     result,
 ):  # fmt: skip
     """Decide for one own-ship.
@@ -303,7 +311,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
         neighbours: One row each, shape (>= count, NEIGHBOUR_COLUMNS).
         count: Number of neighbours.
-        side: Memory of the head-on rule, read and written, shape (>= count,), int8.
+        memory: What is kept of each encounter, read and written, `Memory` flags, shape (>= count,), int8.
         pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
         piece_start: Where each piece begins in it, with the end.
         hulls: Vertices of the hulls of all obstacles, shape (h, 2).
@@ -357,13 +365,16 @@ def avoid_one(  # type: ignore[no-untyped-def]
         c_1, c_2 = u_1, u_2
         if not math.isnan(row[N_COMMAND]) and not math.isnan(row[N_COMMAND + 1]):
             c_1, c_2 = row[N_COMMAND], row[N_COMMAND + 1]
-        side[j] = passing_side(
-            side[j], r_1, r_2, v_1, v_2, u_1, u_2, c_1, c_2, row[RECIPROCAL], radius, horizon, settings
-        )
+        before = int(memory[j])
+        apart = (before & APART) != 0 or distance >= APART_FACTOR * radius
+        # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
+        edge = radius if apart else row[RADIUS]
+        side = passing_side(before, r_1, r_2, v_1, v_2, u_1, u_2, c_1, c_2, row[RECIPROCAL], radius, horizon, settings)
+        memory[j] = (APART if apart else 0) + (PASSING_RIGHT if side > 0 else PASSING_LEFT if side < 0 else 0)
         share = 0.5 if row[RECIPROCAL] != 0.0 else 1.0
         # Head-on, the neighbour's own midpoint: then both see the same relative velocity.
         x_1, x_2 = u_1, u_2
-        if side[j] != 0:
+        if side != 0:
             x_1, x_2 = (u_1 + c_1) / 2.0, (u_2 + c_2) / 2.0
         w_1, w_2 = o_1 - x_1, o_2 - x_2
         for end in range(2):
@@ -378,10 +389,10 @@ def avoid_one(  # type: ignore[no-untyped-def]
                     line[1] = preferred[1] / speed if speed > EPSILON else 0.0
                 else:
                     line[0], line[1] = -s_1 / ahead, -s_2 / ahead
-                parting = min(settings[BARRIER] * (radius - ahead), settings[BARRIER_SHARE] * limit)
+                parting = min(settings[BARRIER] * (edge - ahead), settings[BARRIER_SHARE] * limit)
                 line[2] = parting - (line[0] * w_1 + line[1] * w_2)
             else:
-                kept = side[j] if s_1 * (v_1 - u_1) + s_2 * (v_2 - u_2) > 0.0 else 0
+                kept = side if s_1 * (v_1 - u_1) + s_2 * (v_2 - u_2) > 0.0 else 0
                 cone_half_plane(s_1, s_2, radius, horizon, w_1, w_2, kept, line)
             bound = line[0] * o_1 + line[1] * o_2 + share * line[2]
             if bound > -limit:

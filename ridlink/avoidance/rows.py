@@ -27,6 +27,9 @@ N_POSITION, N_VELOCITY, N_COMMAND, AGE, RADIUS, ERROR_SUM, RECIPROCAL, NEIGHBOUR
 FREE, CONSTRAINED, OVERLAPPED, INFEASIBLE = 0.0, 1.0, 2.0, 3.0
 """`Status` in a result."""
 
+PASSING_RIGHT, PASSING_LEFT, APART = 1, 2, 4
+"""`Memory` of an encounter."""
+
 
 def result_row() -> np.ndarray:
     """Room for one result."""

@@ -151,14 +151,14 @@ class _RowSolver(ABC):
         table[:count, rows.RADIUS] = traffic.radius_m
         table[:count, rows.ERROR_SUM] = traffic.error_sum_m
         table[:count, rows.RECIPROCAL] = traffic.reciprocal
-        self._side[:count] = traffic.passing_side
+        self._memory[:count] = traffic.memory
         return self._decision(count, int(self._decide(count, obstacles, route_side)))
 
     def _make_room(self, count: int, obstacles: Obstacles) -> None:
         """Scratch for so many neighbours and these obstacles."""
         self._most = count
         self._neighbours = np.zeros((count, rows.NEIGHBOUR_COLUMNS))
-        self._side = np.zeros(count, np.int8)
+        self._memory = np.zeros(count, np.int8)
         self._reserve(count, obstacles)
 
     @abstractmethod
@@ -187,7 +187,7 @@ class _RowSolver(ABC):
             nearest_margin_m=float(row[rows.R_MARGIN]),
             nearest_index=int(row[rows.R_NEAREST]),
             time_to_violation_s=float(row[rows.R_TIME]),
-            passing_side=self._side[:count].copy(),
+            memory=self._memory[:count].copy(),
             route_side=route,
         )
 
@@ -215,7 +215,7 @@ class HalfplaneSolver(_RowSolver):
 
     def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
         route: int = halfplane.avoid_one(
-            self._own, self._neighbours, count, self._side, obstacles.piece_vertex_ne_m, obstacles.piece_start,
+            self._own, self._neighbours, count, self._memory, obstacles.piece_vertex_ne_m, obstacles.piece_start,
             obstacles.hull_vertex_ne_m, obstacles.hull_start, route_side, self._vector, self._lines, self._work,
             self._owner, self._ring, self._result,
         )  # fmt: skip

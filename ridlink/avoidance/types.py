@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from enum import IntEnum, StrEnum
+from enum import IntEnum, IntFlag, StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -140,6 +140,19 @@ class OwnShip:
         _positive("speed_limit_mps", self.speed_limit_mps)
 
 
+class Memory(IntFlag):
+    """What a solver keeps of the encounter with one neighbour from step to step."""
+
+    PASSING_RIGHT = 1
+    """The rule of the road has it pass on the right; at most one of the two sides is set."""
+    PASSING_LEFT = 2
+    APART = 4
+    """It has been clear of the disc and its buffer, so the buffer is now held against it."""
+
+
+_REMEMBERED = int(Memory.PASSING_RIGHT | Memory.PASSING_LEFT | Memory.APART)
+
+
 @dataclass(frozen=True, slots=True)
 class Traffic:
     """Structure of arrays for n neighbours, in the caller's order.
@@ -152,8 +165,8 @@ class Traffic:
         radius_m: Radius of the pair's disc, shape (n,).
         error_sum_m: Part of it that stands for localization errors, shape (n,).
         reciprocal: True where the neighbour announces that it takes its half of the avoidance, shape (n,).
-        passing_side: Memory of the head-on rule, `Decision.passing_side` of the last step in the same order: 0 none, 1
-            own-ship passes to the right, -1 to the left, shape (n,).
+        memory: What the solver keeps of each encounter, `Decision.memory` of the last step in the same order; 0 for a
+            neighbour it never met, shape (n,), `Memory` flags.
     """
 
     position_ne_m: FloatArray
@@ -163,7 +176,7 @@ class Traffic:
     radius_m: FloatArray
     error_sum_m: FloatArray
     reciprocal: NDArray[np.bool_]
-    passing_side: Int8Array
+    memory: Int8Array
 
     def __post_init__(self) -> None:
         count = len(self.position_ne_m)
@@ -183,11 +196,11 @@ class Traffic:
                 raise ValueError(f"{name} must be finite and not negative, got {bad}")
             object.__setattr__(self, name, array)
         object.__setattr__(self, "reciprocal", np.asarray(self.reciprocal, dtype=np.bool_))
-        object.__setattr__(self, "passing_side", np.asarray(self.passing_side, dtype=np.int8))
+        object.__setattr__(self, "memory", np.asarray(self.memory, dtype=np.int8))
         if self.reciprocal.shape != (count,):
             raise ValueError(f"reciprocal must have shape ({count},), got {self.reciprocal.shape}")
-        if self.passing_side.shape != (count,) or np.any(np.abs(self.passing_side) > 1):
-            raise ValueError(f"passing_side must hold {count} values of -1, 0 or 1")
+        if self.memory.shape != (count,) or np.any(self.memory & ~_REMEMBERED):
+            raise ValueError(f"memory must hold {count} sets of Memory flags")
 
     def __len__(self) -> int:
         return len(self.position_ne_m)
@@ -251,7 +264,7 @@ class Decision:
         nearest_index: Neighbour with that margin, -1 without any.
         time_to_violation_s: Time until the reported velocities lead into the pair radius of the first neighbour, 0
             inside, infinite if never.
-        passing_side: Memory of the head-on rule to hand in with the next step, shape (n,).
+        memory: What to hand in with the next step of each encounter, shape (n,), `Memory` flags.
         route_side: Memory of the way round an obstacle to hand in with the next step.
     """
 
@@ -265,5 +278,11 @@ class Decision:
     nearest_margin_m: float
     nearest_index: int
     time_to_violation_s: float
-    passing_side: Int8Array = field(default_factory=lambda: np.empty(0, np.int8))
+    memory: Int8Array = field(default_factory=lambda: np.empty(0, np.int8))
     route_side: int = 0
+
+    @property
+    def passing_side(self) -> Int8Array:
+        """Side that the rule of the road gives own-ship, shape (n,): 1 right, -1 left, 0 where there is none."""
+        right, left = self.memory & Memory.PASSING_RIGHT, self.memory & Memory.PASSING_LEFT
+        return (right != 0).astype(np.int8) - (left != 0).astype(np.int8)

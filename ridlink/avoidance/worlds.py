@@ -68,8 +68,8 @@ def name_vehicles(names, answer):  # type: ignore[no-untyped-def]
 
 @kernel(parallel=True)
 def avoid_worlds(  # type: ignore[no-untyped-def]
-    own, deciding, heard, present, radius_m, error_sum_m, range_m, side, route, pieces, piece_start, hulls, hull_start,
-    settings, neighbours, lines, work, owner, ring, row_side, index, result,
+    own, deciding, heard, present, radius_m, error_sum_m, range_m, memory, route, pieces, piece_start, hulls,
+    hull_start, settings, neighbours, lines, work, owner, ring, row_memory, index, result,
 ):  # fmt: skip
     """Decide by half-planes for every vehicle of every world.
 
@@ -81,7 +81,7 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         radius_m: See above.
         error_sum_m: See above.
         range_m: See above.
-        side: Memory of the head-on rule, read and written, shape (W, N, N), int8.
+        memory: What each vehicle keeps of its encounters, read and written, shape (W, N, N), int8.
         route: Memory of the way round obstacles, read and written, shape (W, N), int64.
         pieces: Obstacles, the same in every world, as in `avoid_one`; so are `piece_start`, `hulls`, `hull_start`.
         piece_start: See `pieces`.
@@ -93,13 +93,13 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         work: Scratch of the same shape.
         owner: Scratch, shape (W, 2 N + pieces), int64.
         ring: Scratch, shape (W, `ring_size`, 2).
-        row_side: Scratch, shape (W, N), int8.
+        row_memory: Scratch, shape (W, N), int8.
         index: Scratch, shape (W, N), int64.
         result: See above.
     """
     worlds, vehicles = own.shape[0], own.shape[1]
     for world in prange(worlds):
-        rows, sides, names = neighbours[world], row_side[world], index[world]
+        rows, kept, names = neighbours[world], row_memory[world], index[world]
         for i in range(vehicles):
             if not deciding[world, i]:
                 continue
@@ -107,18 +107,18 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
                 own[world], i, heard[world], present[world], radius_m[world], error_sum_m[world], range_m, rows, names
             )
             for k in range(count):
-                sides[k] = side[world, i, names[k]]
-            # A side is forgotten with the vehicle that goes out of range.
+                kept[k] = memory[world, i, names[k]]
+            # An encounter is forgotten with the vehicle that goes out of range.
             for j in range(vehicles):
                 if present[world, j]:
-                    side[world, i, j] = 0
+                    memory[world, i, j] = 0
             answer = result[world, i]
             route[world, i] = avoid_one(
-                own[world, i], rows, count, sides, pieces, piece_start, hulls, hull_start, route[world, i], settings,
+                own[world, i], rows, count, kept, pieces, piece_start, hulls, hull_start, route[world, i], settings,
                 lines[world], work[world], owner[world], ring[world], answer,
             )  # fmt: skip
             for k in range(count):
-                side[world, i, names[k]] = sides[k]
+                memory[world, i, names[k]] = kept[k]
             name_vehicles(names, answer)
 
 

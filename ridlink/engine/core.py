@@ -393,7 +393,7 @@ class Engine:
             radius_m=radius,
             error_sum_m=discs.error_sum_m,
             reciprocal=snapshot.avoiding,
-            passing_side=snapshot.passing_side,
+            memory=snapshot.memory,
         )
         now = position + velocity * snapshot.age_s[:, None]
         return traffic, encounters(now, velocity - np.asarray(own.velocity_ned_mps[:2]), radius)
@@ -447,8 +447,8 @@ class Engine:
             route_side=self._route_side,
         )
         self._route_side = decision.route_side
-        for track, side in zip(snapshot.tracks, decision.passing_side.tolist(), strict=True):
-            track.passing_side = side
+        for track, memory in zip(snapshot.tracks, decision.memory.tolist(), strict=True):
+            track.memory = memory
         self._infeasible += decision.status is Status.INFEASIBLE
         altitude = self._kept_altitude_m if goal.altitude_m is None else goal.altitude_m
         most = config.limits.vertical_mps

@@ -74,7 +74,7 @@ class Snapshot:
         accuracy_bound_m: The same from the accuracy code, shape (n,).
         airframe_m: Reported sizes, NaN where unknown, shape (n,).
         avoiding: Who takes its half, shape (n,).
-        passing_side: Memory of the head-on rule, shape (n,).
+        memory: What the solver keeps of each encounter, shape (n,).
     """
 
     tracks: tuple[Track, ...]
@@ -88,7 +88,7 @@ class Snapshot:
     accuracy_bound_m: FloatArray
     airframe_m: FloatArray
     avoiding: NDArray[np.bool_]
-    passing_side: NDArray[np.int8]
+    memory: NDArray[np.int8]
 
     def __len__(self) -> int:
         return len(self.tracks)
@@ -361,7 +361,7 @@ class TrafficPicture:
             accuracy_bound_m=rows[chosen, 12],
             airframe_m=rows[chosen, 13],
             avoiding=np.array([track.report.avoiding for track in kept], dtype=np.bool_),
-            passing_side=np.array([track.passing_side for track in kept], dtype=np.int8),
+            memory=np.array([track.memory for track in kept], dtype=np.int8),
         )
 
     def _known_apart(

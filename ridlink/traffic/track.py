@@ -78,7 +78,7 @@ class Track:
         measured_at_s: Monotonic time for which the position holds.
         received_at_s: Monotonic time of the last report that brought something new.
         interval_s: Smoothed time between reports.
-        passing_side: Memory of the solver's head-on rule.
+        memory: What the solver keeps of the encounter.
         urgency_s: Time until it matters, as of the last snapshot; the larger, the sooner it is given up.
         in_conflict: It was predicted to enter our disc, as of the last decision.
         filter: Position filter.
@@ -94,7 +94,7 @@ class Track:
     received_at_s: float
     filter: PositionFilter
     interval_s: float = 0.1
-    passing_side: int = 0
+    memory: int = 0
     urgency_s: float = 0.0
     in_conflict: bool = False
     trusted_clock: bool = False

@@ -202,6 +202,7 @@ def fly(
     response="px4",
     definition=Definition.CANDIDATE2,
     sigma_m=3.5,
+    error_bound_m: float | None = None,
     gnss="gauss-markov",
     settings: HalfplaneSettings | None = None,
     duration_s=120.0,
@@ -270,7 +271,7 @@ def fly(
     least_margin = np.full(worlds, np.inf)
     least_obstacle = np.full(worlds, np.inf)
     least_clearance = np.full(worlds, np.inf)
-    bound = 3.0 * sigma_m
+    bound = 3.0 * sigma_m if error_bound_m is None else error_bound_m
     turn = np.zeros(shape)
     window = round(WATCH.window_s / 0.1)
     distances = np.full((window, *shape), np.nan)

@@ -47,6 +47,20 @@ def test_eight_vehicles_through_one_point(response):
     assert out.least_gap_m.min() > 6.0
 
 
+def test_a_smaller_disc_is_a_faster_flight_though_all_of_them_overlap_with_their_buffers_at_the_start():
+    """30.7 m/s from rest, reported bound 30 m, what the position filter leaves of white errors: neighbours start 76.5 m
+    apart, the discs are 67, 74 and 94 m and a third of the error sum more with the buffer."""
+    seed = 29
+    fast = FAST | {"sigma_m": 1.6, "error_bound_m": 30.0, "from_rest": True}
+    median = {}
+    for definition in (Definition.CANDIDATE2, Definition.CANDIDATE1, Definition.REMOTE_ID):
+        out = fly(circle(speed=30.7), worlds=10, seed=seed, definition=definition, **fast)
+        assert_safe_arrival(out, seed)
+        median[definition] = np.median(out.arrival_s, axis=1)
+    assert np.median(median[Definition.CANDIDATE2]) < np.median(median[Definition.CANDIDATE1])
+    assert median[Definition.REMOTE_ID].min() > np.median(median[Definition.CANDIDATE1])
+
+
 @pytest.mark.parametrize(("response", "median_s"), [("px4", 32.0), ("ardupilot", 30.0), ("ideal", 24.5)])
 def test_eight_vehicles_through_one_point_from_a_hover(response, median_s):
     """From rest as from cruise they go round; without a turn of their own PX4's vehicles crept in and took 37 s."""

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.avoidance import HalfplaneSettings, Obstacles, OwnShip, Status, Traffic
+from ridlink.avoidance import HalfplaneSettings, Memory, Obstacles, OwnShip, Status, Traffic
 from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.solver import HalfplaneSolver, warm_up
 
@@ -152,7 +152,7 @@ def test_well_clear_on_the_left_both_pass_starboard_to_starboard():
 
 def test_the_side_is_held_against_noise_but_right_wins_a_disagreement():
     others = traffic((120.0, 12.0, -10.0, 0.0))
-    held = replace(others, passing_side=np.array([-1], np.int8))
+    held = replace(others, memory=np.array([Memory.PASSING_LEFT], np.int8))
     assert solve(own_ship(), others).passing_side.tolist() == [1]
     assert solve(own_ship(), held).passing_side.tolist() == [-1]
     dodging = replace(held, command_ne_mps=np.array([[-9.0, -4.0]]))
@@ -172,6 +172,22 @@ def test_a_neighbour_that_avoids_nobody_is_left_all_of_the_work():
     shared = solve(own_ship(), traffic((120.0, 0.0, -10.0, 0.0)))
     alone = solve(own_ship(), traffic((120.0, 0.0, -10.0, 0.0), reciprocal=False))
     assert alone.velocity_ne_mps[1] > shared.velocity_ne_mps[1]
+
+
+def test_a_neighbour_that_begins_inside_the_buffer_is_not_pushed_out_of_it():
+    """Disc 24 m, buffer 7 m: beside each other at 28 m a fleet may start; what has been further away is sent back."""
+    beside = traffic((0.0, 28.0, 0.0, 0.0))
+    starting = solve(own_ship(velocity=(0.0, 0.0)), beside, goal_ne_m=(0.0, 0.0))
+    assert starting.velocity_ne_mps.tolist() == [0.0, 0.0] and starting.memory.tolist() == [0]
+    met = replace(beside, memory=np.array([Memory.APART], np.int8))
+    assert solve(own_ship(velocity=(0.0, 0.0)), met, goal_ne_m=(0.0, 0.0)).velocity_ne_mps[1] < -0.5
+    away = solve(own_ship(), traffic((0.0, 60.0, 0.0, 0.0)))
+    assert away.memory.tolist() == [Memory.APART]
+
+
+def test_inside_the_buffer_it_began_in_a_neighbour_is_approached_no_faster_than_the_gap_allows():
+    decision = solve(own_ship(velocity=(0.0, 0.0)), traffic((0.0, 28.0, 0.0, 0.0)), goal_ne_m=(0.0, 500.0))
+    assert 0.0 < decision.velocity_ne_mps[1] <= 28.0 - 24.0
 
 
 def test_an_overlap_separates():

@@ -81,8 +81,8 @@ def test_traffic_refuses_negative_values_and_wrong_lengths(name):
 
 def test_a_neighbour_need_not_say_what_it_commands():
     assert len(replace(TRAFFIC, command_ne_mps=np.full((1, 2), math.nan))) == 1
-    with pytest.raises(ValueError, match="passing_side"):
-        replace(TRAFFIC, passing_side=np.array([2], np.int8))
+    with pytest.raises(ValueError, match="memory"):
+        replace(TRAFFIC, memory=np.array([8], np.int8))
 
 
 def test_the_package_itself_does_not_load_the_compiler():
