@@ -285,4 +285,4 @@ class Decision:
     def passing_side(self) -> Int8Array:
         """Side that the rule of the road gives own-ship, shape (n,): 1 right, -1 left, 0 where there is none."""
         right, left = self.memory & Memory.PASSING_RIGHT, self.memory & Memory.PASSING_LEFT
-        return (right != 0).astype(np.int8) - (left != 0).astype(np.int8)
+        return np.asarray((right != 0).astype(np.int8) - (left != 0).astype(np.int8))
