@@ -152,7 +152,7 @@ def location_by_hand(data: bytes) -> dict[str, Any]:
     return {
         "status": data[1] >> 4,
         "direction_deg": None if direction == 361 else direction % 360,
-        "speed_horizontal_mps": None if data[3] == 255 else data[3] * 0.75 + 63.75 if fast else data[3] / 4,
+        "speed_horizontal_mps": None if fast and data[3] == 255 else data[3] * 0.75 + 63.75 if fast else data[3] / 4,
         "speed_vertical_mps": None if climb == 126 else climb / 2,
         "latitude_deg": latitude / 1e7 if known else None,
         "longitude_deg": longitude / 1e7 if known else None,
