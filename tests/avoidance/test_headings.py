@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -328,6 +329,14 @@ def test_a_slow_vehicle_looks_at_both_ends_of_its_response():
 
 
 @BOTH
+def test_a_neighbour_that_flies_along_at_the_same_velocity_is_no_risk(solver):
+    decision = solve(own_ship(), traffic((40.0, 0.0, 10.0 - 1e-10, 0.0), reciprocal=False), solver)
+    assert np.linalg.norm(decision.velocity_ne_mps) == pytest.approx(10.0)
+    if solver is GRADED:
+        assert decision.velocity_ne_mps == pytest.approx([10.0, 0.0])
+
+
+@BOTH
 def test_the_extra_turn_is_to_the_right(solver):
     decision = solve(own_ship(), Traffic.empty(), solver, extra_right_turn_rad=0.5)
     assert math.radians(turn_of(decision)) == pytest.approx(0.5)
@@ -525,6 +534,7 @@ def test_the_kernels_are_plain_python_where_compilation_is_off():
     assert np.array(eval(plain.stdout)) == pytest.approx(np.array(compiled), abs=1e-9)
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_warming_up_one_solver_compiles_it_and_no_other():
     code = (
         "from ridlink.avoidance import graded, halfplane, rotation;"
