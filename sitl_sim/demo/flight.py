@@ -137,7 +137,8 @@ def _log_path(options: DemoOptions, scenario: Scenario) -> Path:
 
 
 def _title(options: DemoOptions, scenario: Scenario) -> str:
-    return f"{scenario.name}, {len(scenario.vehicles)} vehicles under {options.definition}, seed {options.fleet.seed}"
+    how = f"under {options.definition} by {options.solver}"
+    return f"{scenario.name}, {len(scenario.vehicles)} vehicles {how}, seed {options.fleet.seed}"
 
 
 async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int) -> None:
@@ -180,6 +181,7 @@ def _result(
         "decision_ms": _worst(summaries, "decision_ms", ("p50", "p99", "max")),
         "setpoint_gap_ms": _worst(summaries, "setpoint_gap_ms", ("p99", "max")),
         "infeasible_steps": sum(summary["infeasible_steps"] for summary in summaries),
+        "solver": str(options.solver),
         "autopilot": options.fleet.autopilot,
         "gnss": options.fleet.gnss,
         "passed": verdict.passed,
