@@ -98,7 +98,8 @@ class GradedSettings:
         left_weight: Cost of a radian to the left of the leaned way.
         smoothness: Cost of a change of velocity by the whole cruise speed.
         look_ahead_s: The time to the goal is compared after so long on a heading.
-        response_time_s: The vehicle is taken to fly on for so long before it obeys; risks are seen from both ends.
+        response_time_s: The vehicle is taken to fly on for so long before it obeys; risks are seen from both ends. Worth
+            a metre where one overtakes another, and little elsewhere.
         age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its radius grows by a age^2 / 2.
         arrival_deceleration_mps2: The speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s). Infinite for a
             vehicle that stops at once.
