@@ -42,7 +42,7 @@ class RotationSettings:
         step_deg: Candidates are so far apart; a divisor of 360. The coarse grid is a hidden margin: with 5 degrees
             flights are a little faster and collide more often.
         left_weight: Cost of a radian to the left of the straight way, in speeds: it must be worth a wide turn to the
-            right, or vehicles dance. With a tenth of it twice as many collide under sNMAC.
+            right, or vehicles dance. With a thirtieth of it twice as many collide under sNMAC.
         cost_weight: Metres of a disc that are worth a deviation by the whole speed where every candidate leads into
             one.
         arrival_deceleration_mps2: The speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s). Infinite for a
@@ -98,8 +98,8 @@ class GradedSettings:
         left_weight: Cost of a radian to the left of the leaned way.
         smoothness: Cost of a change of velocity by the whole cruise speed.
         look_ahead_s: The time to the goal is compared after so long on a heading.
-        response_time_s: The vehicle is taken to fly on for so long before it obeys; risks are seen from both ends. Worth
-            a metre where one overtakes another, and little elsewhere.
+        response_time_s: The vehicle is taken to fly on for so long before it obeys; risks are seen from both ends. It
+            earns a metre where one overtakes another, and little elsewhere.
         age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its radius grows by a age^2 / 2.
         arrival_deceleration_mps2: The speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s). Infinite for a
             vehicle that stops at once.
