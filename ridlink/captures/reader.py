@@ -27,6 +27,7 @@ from ridlink.remote_id.text import display_name
 
 CHUNK_LENGTH = 256 * 1024
 HEAD_LENGTH = 64 * 1024
+SHORT_HEAD_LENGTH = 1024
 ENOUGH_FRAMES = 16
 
 STDIN = "-"
@@ -152,8 +153,12 @@ class Capture:
     def _read_head(self) -> bytes:
         """Enough of the beginning to tell the format; of a live pipe no more than that."""
         head = b""
+        judged = 0
         while len(head) < HEAD_LENGTH and (chunk := self._read()):
             head += chunk
+            if len(head) > SHORT_HEAD_LENGTH and len(head) - judged < judged // 16:
+                continue  # what comes byte by byte is not judged anew with each
+            judged = len(head)
             if head.startswith(MAGICS) or looks_like_hex(head) or len(_checked_frames(head)) >= ENOUGH_FRAMES:
                 break
         return head

@@ -143,6 +143,12 @@ def test_what_is_no_capture_raises(tmp_path: Path, content: bytes | None) -> Non
         decode(path)
 
 
+def test_a_single_line_of_hexadecimal_becomes_a_column(tmp_path: Path) -> None:
+    path = tmp_path / "one.hex"
+    path.write_text(flight(1)[0][1].hex())
+    assert decode(path)["HEARTBEAT"]["offset"].tolist() == [0]
+
+
 def test_hexadecimal_lines_become_columns_too(tmp_path: Path, thousand: Records) -> None:
     path = written(tmp_path, b"".join(frame.hex().encode() + b"\n" for _, frame in thousand[:9]), "f.hex")
     columns = decode(path)

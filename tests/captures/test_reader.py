@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ridlink.captures import CaptureKind, open_capture, read_messages
+from ridlink.captures import Capture, CaptureKind, open_capture, read_messages, reader
 from ridlink.captures.reader import detect_kind
 from ridlink.errors import CaptureError
 from ridlink.mavlink.frames import encode_frame
@@ -129,3 +129,24 @@ def test_messages_are_typed(tmp_path: Path) -> None:
     assert isinstance(location.remote_id, Location) and location.remote_id.latitude_deg == 47.4
     assert isinstance(separation.remote_id, Separation) and separation.remote_id.horizontal_error_m == 3.0
     assert (stranger.name, stranger.message, stranger.source) == ("UNKNOWN", None, (9, 8))
+
+
+class ByteByByte(io.BytesIO):
+    """A pipe whose writer does not collect."""
+
+    def read1(self, size: int | None = -1, /) -> bytes:
+        return super().read1(1)
+
+
+def test_a_text_that_comes_byte_by_byte_is_not_judged_anew_with_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    judged = []
+    monkeypatch.setattr(reader, "looks_like_hex", lambda head: judged.append(len(head)) or False)
+    with pytest.raises(CaptureError, match="no capture"):
+        Capture("pipe", ByteByByte(b"log line\n" * 4000), None)
+    assert len(judged) < 1200 and judged[:1000] == list(range(1, 1001))
+
+
+def test_what_comes_byte_by_byte_is_told_as_soon_as_it_is_enough(thousand: Records) -> None:
+    stream = ByteByByte(tlog_bytes(thousand[:40]))
+    assert Capture("pipe", stream, None).kind is CaptureKind.TLOG
+    assert stream.tell() < len(stream.getvalue()) // 2

@@ -221,11 +221,11 @@ class BlockReader:
                 batch.append(record)
                 if len(batch) == RECORDS_PER_BLOCK:
                     self.position = capture.position
-                    yield _block_of(batch, slot_by_id)
+                    yield _block_of(batch, slot_by_id, self.position)
                     batch = []
         self.position = capture.position
         if batch:
-            yield _block_of(batch, slot_by_id)
+            yield _block_of(batch, slot_by_id, self.position)
 
 
 class _Index:
@@ -237,7 +237,7 @@ class _Index:
         self.times = np.empty(capacity, np.uint64)
 
 
-def _block_of(batch: Iterable[Record], slot_by_id: dict[int, int]) -> Block:
+def _block_of(batch: Iterable[Record], slot_by_id: dict[int, int], end: int) -> Block:
     records = list(batch)
     index = _Index(len(records))
     start = kernels.MARGIN
@@ -249,7 +249,7 @@ def _block_of(batch: Iterable[Record], slot_by_id: dict[int, int]) -> Block:
     margin = bytes(kernels.MARGIN)
     data = np.frombuffer(bytearray(b"".join((margin, *(record.frame.raw for record in records), margin))), np.uint8)
     offsets = np.array([record.offset for record in records], np.uint64)
-    return Block(data, 0, index.starts, index.slots, index.times, len(records), int(offsets[-1]), 0, offsets)
+    return Block(data, 0, index.starts, index.slots, index.times, len(records), end, 0, offsets)
 
 
 def _read_into(stream: Any, view: memoryview, name: str) -> int:
