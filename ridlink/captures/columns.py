@@ -56,6 +56,10 @@ def units(name: str) -> dict[str, str]:
 def decode(path: str | os.PathLike[str], types: Iterable[str] | None = None, *, kind: str = "auto") -> Columns:
     """All messages of a capture.
 
+    All of them are in memory at once: 24 bytes and the full payload for each, which is 1.2 times the size of a tlog of
+    Remote ID (620 MB for 9 million messages in 510 MB), and 170 MB for the interpreter and the compiler. `iter_blocks`
+    takes 200 MB whatever the size.
+
     Args:
         path: File, or ``-`` for standard input.
         types: Names of messages to take; all where ``None``.
