@@ -37,7 +37,7 @@ from ridlink.avoidance.headings import (
     see_walls,
     time_to_wall,
 )
-from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.rows import (
     AGE,
     ERROR_SUM,
@@ -225,7 +225,7 @@ def grade_one(  # type: ignore[no-untyped-def]
             along = step * (c * fan[k, 0] + s * fan[k, 1])
             left_over = math.sqrt(max(away * away - 2.0 * away * along + step * step, 0.0))
             cost = (left_over - away) / (pace * ahead) + settings[LEFT_WEIGHT] * max(left, 0.0)
-            cost += settings[SMOOTHNESS] * math.hypot(v_1 - own[VELOCITY], v_2 - own[VELOCITY + 1]) / pace
+            cost += settings[SMOOTHNESS] * norm(v_1 - own[VELOCITY], v_2 - own[VELOCITY + 1]) / pace
             if cost >= best:
                 continue
             most = (best - cost) / settings[RISK_WEIGHT]

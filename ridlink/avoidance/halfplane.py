@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.programme import nearest_admissible
 from ridlink.avoidance.route import approach_speed, nearest_point, route_aim
 from ridlink.avoidance.rows import (
@@ -115,7 +115,7 @@ def cone_half_plane(r_1, r_2, radius_m, horizon_s, w_1, w_2, side, line):  # typ
     if side == 0:
         off_1, off_2 = w_1 - r_1 / horizon_s, w_2 - r_2 / horizon_s
         towards = off_1 * r_1 + off_2 * r_2
-        off = math.hypot(off_1, off_2)
+        off = norm(off_1, off_2)
         if towards < 0.0 and towards * towards > radius_m * radius_m * off * off:
             line[0], line[1] = off_1 / off, off_2 / off
             line[2] = radius_m / horizon_s - off
@@ -145,7 +145,7 @@ def rule_side(v_1, v_2, u_1, u_2, reciprocal, settings):  # type: ignore[no-unty
         reciprocal: Not zero if the neighbour takes its half of the avoidance.
         settings: Constants.
     """
-    own, other = math.hypot(v_1, v_2), math.hypot(u_1, u_2)
+    own, other = norm(v_1, v_2), norm(u_1, u_2)
     if min(own, other) <= settings[HEAD_ON_SPEED]:
         return 0
     opposite = settings[HEAD_ON_COSINE] * own * other
@@ -185,8 +185,8 @@ def passing_side(  # type: ignore[no-untyped-def]
         settings: Constants.
     """
     w_1, w_2 = v_1 - u_1, v_2 - u_2
-    closing = math.hypot(w_1, w_2)
-    distance = math.hypot(r_1, r_2)
+    closing = norm(w_1, w_2)
+    distance = norm(r_1, r_2)
     if closing < EPSILON or distance < radius_m or r_1 * w_1 + r_2 * w_2 <= 0.0:
         return 0
     # Miss distance, positive when own-ship passes to the right of the neighbour.
@@ -225,8 +225,8 @@ def lean(preferred, r_1, r_2, u_1, u_2, radius_m, horizon_s):  # type: ignore[no
 @kernel
 def slowness(preferred, v_1, v_2, limit):  # type: ignore[no-untyped-def]
     """How far own-ship is from the speed it wants, 0 at that speed and 1 at rest."""
-    wanted = min(math.hypot(preferred[0], preferred[1]), limit)
-    return max(1.0 - math.hypot(v_1, v_2) / max(wanted, EPSILON), 0.0)
+    wanted = min(norm(preferred[0], preferred[1]), limit)
+    return max(1.0 - norm(v_1, v_2) / max(wanted, EPSILON), 0.0)
 
 
 @kernel
@@ -257,11 +257,11 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
         preferred[0], preferred[1] = own[AIM], own[AIM + 1]
         return 0
     p_1, p_2 = own[POSITION], own[POSITION + 1]
-    to_goal = math.hypot(own[AIM] - p_1, own[AIM + 1] - p_2)
+    to_goal = norm(own[AIM] - p_1, own[AIM + 1] - p_2)
     clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
     route = route_aim(vertex, start, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
     to_1, to_2 = aim[0] - p_1, aim[1] - p_2
-    length = math.hypot(to_1, to_2)
+    length = norm(to_1, to_2)
     preferred[0] = preferred[1] = 0.0
     if to_goal < EPSILON or length < EPSILON:
         return route
@@ -342,36 +342,37 @@ def avoid_one(  # type: ignore[no-untyped-def]
     margin, nearest, violation = math.inf, -1, math.inf
     line = work[0]
     for j in range(count):
-        row = neighbours[j]
-        u_1, u_2, age = row[N_VELOCITY], row[N_VELOCITY + 1], row[AGE]
-        r_1, r_2 = row[N_POSITION] + u_1 * age - p_1, row[N_POSITION + 1] + u_2 * age - p_2
-        radius = row[RADIUS] + settings[BUFFER_SHARE] * row[ERROR_SUM]
+        u_1, u_2, age = neighbours[j, N_VELOCITY], neighbours[j, N_VELOCITY + 1], neighbours[j, AGE]
+        r_1, r_2 = neighbours[j, N_POSITION] + u_1 * age - p_1, neighbours[j, N_POSITION + 1] + u_2 * age - p_2
+        radius = neighbours[j, RADIUS] + settings[BUFFER_SHARE] * neighbours[j, ERROR_SUM]
         radius += settings[AGE_ACCELERATION] * age * age / 2.0
         # A large disc must be seen earlier.
         horizon = max(settings[HORIZON], HORIZON_RADII * radius / max(own[CRUISE], 1.0))
-        distance = math.hypot(r_1, r_2)
-        if distance - row[RADIUS] < margin:
-            margin, nearest = distance - row[RADIUS], j
-        violation = min(violation, time_to_entry(r_1, r_2, v_1 - u_1, v_2 - u_2, row[RADIUS]))
-        overlapped = overlapped or distance < row[RADIUS]
-        weight = lean(preferred, r_1, r_2, u_1, u_2, row[RADIUS], horizon)
-        if weight > 0.0 and rule_side(v_1, v_2, u_1, u_2, row[RECIPROCAL], settings) < 0:
+        distance = norm(r_1, r_2)
+        if distance - neighbours[j, RADIUS] < margin:
+            margin, nearest = distance - neighbours[j, RADIUS], j
+        violation = min(violation, time_to_entry(r_1, r_2, v_1 - u_1, v_2 - u_2, neighbours[j, RADIUS]))
+        overlapped = overlapped or distance < neighbours[j, RADIUS]
+        weight = lean(preferred, r_1, r_2, u_1, u_2, neighbours[j, RADIUS], horizon)
+        if weight > 0.0 and rule_side(v_1, v_2, u_1, u_2, neighbours[j, RECIPROCAL], settings) < 0:
             left = max(left, weight)
         else:
             right = max(right, weight)
-        if row[RECIPROCAL] != 0.0:
+        if neighbours[j, RECIPROCAL] != 0.0:
             # Going round works where the other does it too; who stands or lands is passed, not gone round with.
             start = max(start, weight * min(max(distance / max(radius, EPSILON) - START_RADII, 0.0), 1.0))
         c_1, c_2 = u_1, u_2
-        if not math.isnan(row[N_COMMAND]) and not math.isnan(row[N_COMMAND + 1]):
-            c_1, c_2 = row[N_COMMAND], row[N_COMMAND + 1]
+        if not math.isnan(neighbours[j, N_COMMAND]) and not math.isnan(neighbours[j, N_COMMAND + 1]):
+            c_1, c_2 = neighbours[j, N_COMMAND], neighbours[j, N_COMMAND + 1]
         before = int(memory[j])
         apart = (before & APART) != 0 or distance >= APART_FACTOR * radius
         # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
-        edge = radius if apart else row[RADIUS]
-        side = passing_side(before, r_1, r_2, v_1, v_2, u_1, u_2, c_1, c_2, row[RECIPROCAL], radius, horizon, settings)
+        edge = radius if apart else neighbours[j, RADIUS]
+        side = passing_side(
+            before, r_1, r_2, v_1, v_2, u_1, u_2, c_1, c_2, neighbours[j, RECIPROCAL], radius, horizon, settings
+        )
         memory[j] = (APART if apart else 0) + (PASSING_RIGHT if side > 0 else PASSING_LEFT if side < 0 else 0)
-        share = 0.5 if row[RECIPROCAL] != 0.0 else 1.0
+        share = 0.5 if neighbours[j, RECIPROCAL] != 0.0 else 1.0
         # Head-on, the neighbour's own midpoint: then both see the same relative velocity.
         x_1, x_2 = u_1, u_2
         if side != 0:
@@ -380,11 +381,11 @@ def avoid_one(  # type: ignore[no-untyped-def]
         for end in range(2):
             wait = settings[RESPONSE] * end
             s_1, s_2 = r_1 + (u_1 - v_1) * wait, r_2 + (u_2 - v_2) * wait
-            ahead = math.hypot(s_1, s_2)
+            ahead = norm(s_1, s_2)
             if ahead < radius:
                 if ahead < EPSILON:
                     # Exactly on top of each other: any direction separates, the one to the own goal is as good as any.
-                    speed = math.hypot(preferred[0], preferred[1])
+                    speed = norm(preferred[0], preferred[1])
                     line[0] = preferred[0] / speed if speed > EPSILON else 1.0
                     line[1] = preferred[1] / speed if speed > EPSILON else 0.0
                 else:
@@ -406,13 +407,13 @@ def avoid_one(  # type: ignore[no-untyped-def]
     if turn != 0.0:
         c, s = math.cos(turn), math.sin(turn)
         preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]
-    speed = math.hypot(preferred[0], preferred[1])
+    speed = norm(preferred[0], preferred[1])
     if speed > limit:
         preferred[0], preferred[1] = preferred[0] * limit / speed, preferred[1] * limit / speed
 
     x = result[R_VELOCITY : R_VELOCITY + 2]
     feasible = nearest_admissible(lines, hard, used, limit, preferred, work, x)
-    speed = math.hypot(x[0], x[1])
+    speed = norm(x[0], x[1])
     if speed > limit:
         x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
 
@@ -432,7 +433,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
         elif named < 3 and (named == 0 or result[R_BINDING + named - 1] != owner[k]):
             result[R_BINDING + named] = owner[k]
             named += 1
-    moved = math.hypot(x[0] - preferred[0], x[1] - preferred[1]) > TOUCHING_MPS
+    moved = norm(x[0] - preferred[0], x[1] - preferred[1]) > TOUCHING_MPS
     result[R_STATUS] = FREE
     if not feasible:
         result[R_STATUS] = INFEASIBLE

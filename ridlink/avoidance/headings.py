@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from ridlink.avoidance.halfplane import APPROACH_OFFSET_MPS, EPSILON, INTERVAL_S, time_to_entry
-from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.route import nearest_point
 from ridlink.avoidance.rows import (
     AGE,
@@ -77,12 +77,12 @@ def find_way(own, arrival_mps2, way):  # type: ignore[no-untyped-def]
     """
     if own[AIM_IS_VELOCITY] != 0.0:
         to_1, to_2 = own[AIM], own[AIM + 1]
-        length = math.hypot(to_1, to_2)
+        length = norm(to_1, to_2)
         pace = min(length, own[LIMIT])
         way[AWAY], way[SPEED], way[PACE] = FAR_M, pace, pace
     else:
         to_1, to_2 = own[AIM] - own[POSITION], own[AIM + 1] - own[POSITION + 1]
-        length = math.hypot(to_1, to_2)
+        length = norm(to_1, to_2)
         pace = min(own[CRUISE], own[LIMIT])
         speed = min(pace, length / INTERVAL_S)
         if not math.isinf(arrival_mps2):
@@ -91,7 +91,7 @@ def find_way(own, arrival_mps2, way):  # type: ignore[no-untyped-def]
     if length < EPSILON:
         # Nowhere to go: any direction is as good, the present one is the smoothest.
         to_1, to_2 = own[VELOCITY], own[VELOCITY + 1]
-        length = math.hypot(to_1, to_2)
+        length = norm(to_1, to_2)
         if length < EPSILON:
             to_1, to_2, length = 1.0, 0.0, 1.0
     c, s = math.cos(own[EXTRA_TURN]), math.sin(own[EXTRA_TURN])
@@ -124,7 +124,7 @@ def see_neighbours(own, neighbours, count, sights, result):  # type: ignore[no-u
         else:
             sight[FROM], sight[FROM + 1], sight[TIMES] = u_1, u_2, 1.0
         sight[KEPT], sight[TAIL] = row[RADIUS], 0.0
-        gap = math.hypot(r_1, r_2) - row[RADIUS]
+        gap = norm(r_1, r_2) - row[RADIUS]
         if gap < margin:
             margin, nearest = gap, j
         w_1, w_2 = own[VELOCITY] - u_1, own[VELOCITY + 1] - u_2
@@ -175,7 +175,7 @@ def ray_to_piece(vertex, first, last, clearance_m, p_1, p_2, d_1, d_2):  # type:
         following = k + 1 if k + 1 < last else first
         a_1, a_2 = vertex[k, 0] - p_1, vertex[k, 1] - p_2
         side_1, side_2 = vertex[following, 0] - vertex[k, 0], vertex[following, 1] - vertex[k, 1]
-        length = math.hypot(side_1, side_2)
+        length = norm(side_1, side_2)
         side_1, side_2 = side_1 / length, side_2 / length
         # The outward normal is (side_2, -side_1).
         height = a_2 * side_1 - a_1 * side_2 - clearance_m
@@ -205,7 +205,7 @@ def time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m):  # type: ignore[
         v_2: East of it.
         reach_m: Obstacles further than this do not count.
     """
-    speed = math.hypot(v_1, v_2)
+    speed = norm(v_1, v_2)
     if speed < EPSILON:
         return math.inf
     d_1, d_2 = v_1 / speed, v_2 / speed
@@ -312,7 +312,7 @@ def report_choice(  # type: ignore[no-untyped-def]
     # A mean of two velocities that keep out of an obstacle may be one that does not.
     if time_to_wall(own, vertex, start, walls, c_1, c_2, reach_m) < WALL_S:
         c_1, c_2 = v_1, v_2
-    speed = math.hypot(c_1, c_2)
+    speed = norm(c_1, c_2)
     if speed > own[LIMIT]:
         c_1, c_2 = c_1 * own[LIMIT] / speed, c_2 * own[LIMIT] / speed
     result[R_COMMAND], result[R_COMMAND + 1] = c_1, c_2

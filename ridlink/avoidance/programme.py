@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.kernel import kernel, norm
 
 EPSILON = 1e-9
 """Speeds are compared to this, m/s; it is far below what any autopilot resolves."""
@@ -67,7 +67,7 @@ def optimum(lines, count, limit_mps, aim, linear, point):  # type: ignore[no-unt
     Returns `count` on success, else the index of the first half-plane that could not be met; `point` then is the
     optimum over those before it. Arguments as in `optimum_on_edge`.
     """
-    length = math.hypot(aim[0], aim[1])
+    length = norm(aim[0], aim[1])
     scale = limit_mps / length if linear or length > limit_mps else 1.0
     point[0] = aim[0] * scale
     point[1] = aim[1] * scale
@@ -107,7 +107,7 @@ def least_excess(lines, hard, count, start, limit_mps, work, point):  # type: ig
         for j in range(hard, i):
             # An earlier half-plane may be exceeded, but by no more than this one: d_j - n_j.x <= d_i - n_i.x.
             e_1, e_2 = lines[j, 0] - n_1, lines[j, 1] - n_2
-            length = math.hypot(e_1, e_2)
+            length = norm(e_1, e_2)
             if length <= EPSILON:
                 continue
             work[used, 0], work[used, 1] = e_1 / length, e_2 / length

@@ -34,7 +34,7 @@ from ridlink.avoidance.headings import (
     see_walls,
     time_to_wall,
 )
-from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.rows import R_PREFERRED, R_VELOCITY
 
 # Columns of the settings vector, in the order of the fields of RotationSettings.
@@ -65,7 +65,7 @@ def least_excess(sights, count, v_1, v_2):  # type: ignore[no-untyped-def]
         sight = sights[j]
         w_1, w_2 = sight[TIMES] * v_1 - sight[FROM], sight[TIMES] * v_2 - sight[FROM + 1]
         if sight[SEEN] * w_1 + sight[SEEN + 1] * w_2 > 0.0:
-            miss = abs(sight[SEEN] * w_2 - sight[SEEN + 1] * w_1) / max(math.hypot(w_1, w_2), EPSILON)
+            miss = abs(sight[SEEN] * w_2 - sight[SEEN + 1] * w_1) / max(norm(w_1, w_2), EPSILON)
             least = min(least, miss - sight[KEPT])
     return least
 

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.kernel import kernel, norm
 
 ARC = 5
 """Points that stand for a grown corner. Chords of a right angle in four steps cut 2 % of the clearance, which the route
@@ -45,7 +45,7 @@ def nearest_point(vertex, first, last, p_1, p_2, found):  # type: ignore[no-unty
         following = k + 1 if k + 1 < last else first
         a_1, a_2 = vertex[k, 0], vertex[k, 1]
         side_1, side_2 = vertex[following, 0] - a_1, vertex[following, 1] - a_2
-        length = math.hypot(side_1, side_2)
+        length = norm(side_1, side_2)
         normal_1, normal_2 = side_2 / length, -side_1 / length
         height = (p_1 - a_1) * normal_1 + (p_2 - a_2) * normal_2
         if height > 0.0:
@@ -56,7 +56,7 @@ def nearest_point(vertex, first, last, p_1, p_2, found):  # type: ignore[no-unty
         along = ((p_1 - a_1) * side_1 + (p_2 - a_2) * side_2) / (length * length)
         along = min(max(along, 0.0), 1.0)
         gap_1, gap_2 = p_1 - a_1 - along * side_1, p_2 - a_2 - along * side_2
-        distance = math.hypot(gap_1, gap_2)
+        distance = norm(gap_1, gap_2)
         if distance < closest:
             closest = distance
             outward_1, outward_2 = gap_1, gap_2
@@ -138,15 +138,15 @@ def length_round(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-unty
     here = tangent(ring, count, p_1, p_2, t_1, t_2, side)
     # Seen from the far end the sides swap.
     there = tangent(ring, count, t_1, t_2, p_1, p_2, -side)
-    length = math.hypot(ring[here, 0] - p_1, ring[here, 1] - p_2)
-    length += math.hypot(ring[there, 0] - t_1, ring[there, 1] - t_2)
+    length = norm(ring[here, 0] - p_1, ring[here, 1] - p_2)
+    length += norm(ring[there, 0] - t_1, ring[there, 1] - t_2)
     step = -1 if side > 0 else 1
     k = here
     for _ in range(count):
         if k == there:
             break
         following = (k + step + count) % count
-        length += math.hypot(ring[following, 0] - ring[k, 0], ring[following, 1] - ring[k, 1])
+        length += norm(ring[following, 0] - ring[k, 0], ring[following, 1] - ring[k, 1])
         k = following
     return length
 
@@ -217,7 +217,7 @@ def route_aim(vertex, start, p_1, p_2, goal_1, goal_2, clearance_m, memory, ring
             chosen = side * (nearest_polygon + 1)
         touch = tangent(ring, count, p_1, p_2, target_1, target_2, side)
         # Too near, the way along the ring leans outwards, or its chords would lead nearer and nearer.
-        outwards = min(4.0 * lacking, 1.0) * math.hypot(ring[touch, 0] - p_1, ring[touch, 1] - p_2)
+        outwards = min(4.0 * lacking, 1.0) * norm(ring[touch, 0] - p_1, ring[touch, 1] - p_2)
         aim[0], aim[1] = ring[touch, 0] + outwards * away_1, ring[touch, 1] + outwards * away_2
         last_polygon = nearest_polygon
     return chosen

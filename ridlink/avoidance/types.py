@@ -100,6 +100,10 @@ class HalfplaneSettings:
         return np.array([getattr(self, item.name) for item in fields(self)], dtype=np.float64)
 
 
+FARTHEST = 1e9
+"""Metres, or metres a second, beyond which no number is taken: squares of it are still exact enough to compare."""
+
+
 def checked_pair(name: str, value: ArrayLike) -> FloatArray:
     """`value` as a finite (2,) array; `ValueError` names it otherwise."""
     pair = np.asarray(value, dtype=np.float64)
@@ -107,11 +111,13 @@ def checked_pair(name: str, value: ArrayLike) -> FloatArray:
         raise ValueError(f"{name} must have shape (2,), got {pair.shape}")
     if not (math.isfinite(pair[0]) and math.isfinite(pair[1])):
         raise ValueError(f"{name} must be finite, got {pair.tolist()}")
+    if max(abs(pair[0]), abs(pair[1])) > FARTHEST:
+        raise ValueError(f"{name} must lie within {FARTHEST:g}, got {pair.tolist()}")
     return pair
 
 
 def _positive(name: str, value: float) -> None:
-    if not (math.isfinite(value) and value > 0.0):
+    if not (math.isfinite(value) and 0.0 < value <= FARTHEST):
         raise ValueError(f"{name} must be positive and finite, got {value}")
 
 
@@ -186,13 +192,16 @@ class Traffic:
                 raise ValueError(f"{name} must have shape ({count}, 2), got {array.shape}")
             if name != "command_ne_mps" and not np.all(np.isfinite(array)):
                 raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array).all(axis=1)][0].tolist()}")
+            if np.any(np.abs(array) > FARTHEST):
+                raise ValueError(f"{name} must lie within {FARTHEST:g}, got {np.nanmax(np.abs(array)):g}")
             object.__setattr__(self, name, array)
         for name in ("age_s", "radius_m", "error_sum_m"):
             array = np.asarray(getattr(self, name), dtype=np.float64)
             if array.shape != (count,):
                 raise ValueError(f"{name} must have shape ({count},), got {array.shape}")
-            if not np.all(np.isfinite(array)) or np.any(array < 0.0):
-                bad = array[~(np.isfinite(array) & (array >= 0.0))][0]
+            allowed = (array >= 0.0) & (array <= FARTHEST)
+            if not np.all(allowed):
+                bad = array[~allowed][0]
                 raise ValueError(f"{name} must be finite and not negative, got {bad}")
             object.__setattr__(self, name, array)
         object.__setattr__(self, "reciprocal", np.asarray(self.reciprocal, dtype=np.bool_))

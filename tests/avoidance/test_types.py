@@ -106,3 +106,10 @@ def test_a_vehicle_at_its_goal_is_not_stalled():
     assert max(watch.update(now, 2.0, 10.0) for now in np.arange(0.0, 20.0, 0.1)) == 0.0
     with pytest.raises(ValueError, match="goal_distance_m"):
         watch.update(30.0, math.nan, 10.0)
+
+
+@pytest.mark.parametrize("name", ["position_ne_m", "velocity_ne_mps"])
+def test_a_number_whose_square_would_overflow_is_refused_with_its_value(name):
+    for valid in (OWN, TRAFFIC):
+        with pytest.raises(ValueError, match=f"{name} must lie within 1e\\+09.*1e\\+200"):
+            replace(valid, **{name: np.full(np.shape(getattr(valid, name)), 1e200)})
