@@ -45,7 +45,6 @@ LONGEST_AGE_S = 10.0
 """A position older than this says nothing about where we are."""
 CLOCK_BACK_MS = 1000
 """time_boot_ms back by more is a restart of the autopilot; by less, a datagram that overtook another."""
-UNKNOWN_VERTICAL_ERROR_M = 40.0
 UNKNOWN_ACCURACY_MM = (0, 0xFFFFFFFF)
 
 
@@ -265,7 +264,9 @@ class OwnShipTelemetry:
         if age > INFLATE_AFTER_S:
             error += math.hypot(north, east) * age
         altitude = self._altitude_m - down * age
-        vertical = self._vertical_error_m if self._vertical_error_m is not None else UNKNOWN_VERTICAL_ERROR_M
+        vertical = self._vertical_error_m if now_s - self._gps_at_s <= ACCURACY_VALID_S else None
+        if vertical is not None and age > INFLATE_AFTER_S:
+            vertical += abs(down) * age
         return OwnState(
             position=Geodetic(latitude, longitude, altitude),
             altitude_ellipsoid_m=None if self._undulation_m is None else altitude + self._undulation_m,

@@ -158,6 +158,23 @@ def test_an_intruder_that_avoids_nobody_is_kept_out_under_every_definition(defin
     assert math.dist(flight.vehicle.position[:2], (200.0, 0.0)) < 3.0
 
 
+@pytest.mark.parametrize(("up_m", "spoilt", "passes"), [(40.0, {}, True), (40.0, {"speed_vertical_mps": None}, False),
+                                                        (10.0, {}, False)])  # fmt: skip
+def test_an_intruder_far_above_is_flown_under_if_its_height_is_known(
+    up_m: float, spoilt: dict[str, Any], passes: bool
+) -> None:
+    other = intruder(200.0, 0.0, (-5.0, 0.0, 0.0))
+    other.position[2] -= up_m
+    flight = Flight(settings=config(200.0))
+    flight.others = [lambda now_s: other.remote_id(now_s, **spoilt)]
+    aside = 0.0
+    for _ in range(250):
+        flight.step()
+        other.advance(STEP_S)
+        aside = max(aside, abs(float(flight.vehicle.position[1])))
+    assert (aside < 0.5) == passes
+
+
 class Stubborn(Emulated):
     """Flies on as it does, whatever it is told: its conflicts last."""
 
@@ -669,6 +686,7 @@ def test_static_obstacles_lie_where_they_are_wherever_we_are() -> None:
         ({"cruise_mps": math.nan}, "cruise"),
         ({"airframe_m": 0.0}, "airframe"),
         ({"airframe_m": math.inf}, "airframe"),
+        ({"airframe_height_m": 0.0}, "airframe-height"),
         ({"vehicle_sysid": 0}, "vehicle-sysid"),
         ({"goal": Goal(math.nan, 0.0)}, "finite"),
         ({"goal": Goal(10.0, 181.0)}, "longitude"),

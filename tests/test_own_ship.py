@@ -113,6 +113,24 @@ def test_an_unknown_error_is_the_worst_of_the_standard() -> None:
     assert telemetry.state(0.0).error_bound_m == 40.0  # type: ignore[union-attr]
 
 
+def test_an_unknown_or_old_vertical_error_is_unknown() -> None:
+    telemetry, autopilot = flying()
+    autopilot.receiver(0.0, v_acc=0)
+    autopilot.position(0.0)
+    state = telemetry.state(0.1)
+    assert state is not None and state.vertical_error_bound_m is None
+    autopilot.receiver(0.1, v_acc=2000)
+    autopilot.position(0.2, vz=200)
+    fresh, late = telemetry.state(0.2), telemetry.state(1.2)
+    assert fresh is not None and fresh.vertical_error_bound_m == pytest.approx(6.0)
+    assert late is not None and late.vertical_error_bound_m == pytest.approx(8.0)  # a second of descent without a word
+    telemetry, autopilot = flying()
+    autopilot.receiver(0.0)
+    autopilot.position(5.0)
+    state = telemetry.state(5.2)
+    assert state is not None and state.vertical_error_bound_m is None
+
+
 def test_the_larger_of_receiver_and_estimator_counts_and_is_capped() -> None:
     telemetry, autopilot = flying()
     autopilot.say(0.0, "ESTIMATOR_STATUS", flags=831, pos_horiz_accuracy=2.4)

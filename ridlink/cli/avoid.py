@@ -71,6 +71,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 )
 @click.option("--cruise", type=float, metavar="M/S", help="Speed towards the goal.  [default: 10]")
 @click.option("--airframe", type=float, metavar="M", help="Own largest extent, rotors turning.  [default: 0.6]")
+@click.option("--airframe-height", type=float, metavar="M", help="Own vertical extent.  [default: as --airframe]")
 @click.option("--v-max", type=float, metavar="M/S", help="Horizontal speed limit of setpoints.  [default: 15]")
 @click.option("--vz-max", type=float, metavar="M/S", help="Vertical speed limit of setpoints.  [default: 2]")
 @click.option("--a-max", type=float, metavar="M/S2", help="Largest change of setpoints per second.  [default: 5]")

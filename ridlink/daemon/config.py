@@ -100,6 +100,7 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     solver: str | None = None
     cruise: float | None = None
     airframe: float | None = None
+    airframe_height: float | None = None
     v_max: float | None = None
     vz_max: float | None = None
     a_max: float | None = None
@@ -212,6 +213,7 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
             chance_bound=_named(ChanceBound, "chance-bound", or_default(flat.chance_bound, engine.chance_bound)),
             cruise_mps=or_default(flat.cruise, engine.cruise_mps),
             airframe_m=or_default(flat.airframe, engine.airframe_m),
+            airframe_height_m=flat.airframe_height,
             limits=VelocityLimits(
                 or_default(flat.v_max, limits.horizontal_mps),
                 or_default(flat.vz_max, limits.vertical_mps),
@@ -277,6 +279,8 @@ def as_toml(config: DaemonConfig) -> str:
         lines.append(f"vehicle_sysid = {engine.vehicle_sysid}")
     if engine.uas_id is not None:
         lines.append(f"uas_id = {_quoted(engine.uas_id)}")
+    if engine.airframe_height_m is not None:
+        lines.append(f"airframe_height = {engine.airframe_height_m}")
     if config.log is not None:
         lines.append(f"log = {_quoted(str(config.log))}")
     for table_name in SOLVER_TABLES:

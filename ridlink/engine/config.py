@@ -41,6 +41,8 @@ class EngineConfig:
         cruise_mps: Speed wanted, and the highest that avoidance asks for: a vehicle that cannot fly faster would
             answer a faster command with less than half-planes assume.
         airframe_m: Largest horizontal extent of the own airframe, rotors turning.
+        airframe_height_m: Largest vertical extent of it; None: as large as the horizontal one, since hardly anything
+            that flies is taller than wide.
         limits: Limits of the setpoints.
         solver: Which solver decides.
         halfplane: Constants of the half-plane solver.
@@ -60,6 +62,7 @@ class EngineConfig:
     chance_bound: ChanceBound = ChanceBound.HALFPLANE
     cruise_mps: float = 10.0
     airframe_m: float = 0.6
+    airframe_height_m: float | None = None
     limits: VelocityLimits = field(default_factory=VelocityLimits)
     solver: SolverKind = SolverKind.HALFPLANE
     halfplane: HalfplaneSettings = field(default_factory=HalfplaneSettings)
@@ -77,6 +80,11 @@ class EngineConfig:
         settings: HalfplaneSettings | GradedSettings | RotationSettings = getattr(self, self.solver.value)
         return settings
 
+    @property
+    def height_m(self) -> float:
+        """Vertical extent of the own airframe."""
+        return self.airframe_m if self.airframe_height_m is None else self.airframe_height_m
+
     def __post_init__(self) -> None:
         if not 0.0 < self.eta < 1.0:
             raise ConfigError(f"eta must lie between 0 and 1, ends excluded, got {self.eta:g}")
@@ -89,6 +97,8 @@ class EngineConfig:
             )
         if not (math.isfinite(self.airframe_m) and self.airframe_m >= MIN_AIRFRAME_M):
             raise ConfigError(f"airframe must be at least {MIN_AIRFRAME_M:g} m, got {self.airframe_m:g}")
+        if not (math.isfinite(self.height_m) and self.height_m > 0.0):
+            raise ConfigError(f"airframe-height must be positive, got {self.height_m:g}")
         if self.vehicle_sysid is not None and not 1 <= self.vehicle_sysid <= 255:
             raise ConfigError(f"vehicle-sysid must be between 1 and 255, got {self.vehicle_sysid}")
         if self.uas_id is not None and not 1 <= len(self.uas_id.encode()) <= UAS_ID_LENGTH:

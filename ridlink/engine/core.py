@@ -129,6 +129,8 @@ class Engine:
                 unusable_error_m=ERROR_CAP_M,
                 unknown_speed_mps=UNKNOWN_SPEED_MPS,
                 filtered=config.filter_positions,
+                own_height_m=config.height_m,
+                vertical_horizon_s=config.halfplane.horizon_s,
             )
         )
         self.setpoints = SetpointStream(config.limits)

@@ -33,6 +33,7 @@ class RemoteIdReport:
         height_m: Above take-off (``height_reference`` 0) or ground (1).
         velocity_ned_mps: ``None`` if the speed is unknown, or the direction of a moving vehicle is; a hovering vehicle
             has no direction and velocity zero. The down component is 0 where the vertical speed is unknown.
+        climb_mps: Vertical speed, positive upwards; ``None`` where it is unknown.
         speed_horizontal_mps: Known also where only the direction is missing.
         horizontal_error_m: Three standard deviations of either horizontal axis, as the sender states it.
         accuracy_bound_m: Three standard deviations that the standard's accuracy code allows.
@@ -58,6 +59,7 @@ class RemoteIdReport:
     height_m: float | None = None
     height_reference: int = 0
     velocity_ned_mps: tuple[float, float, float] | None = None
+    climb_mps: float | None = None
     speed_horizontal_mps: float | None = None
     horizontal_error_m: float | None = None
     accuracy_bound_m: float | None = None
@@ -134,6 +136,7 @@ def report_of(
         height_m=location.height_m,
         height_reference=location.height_reference,
         velocity_ned_mps=velocity_of(location),
+        climb_mps=location.speed_vertical_mps,
         speed_horizontal_mps=location.speed_horizontal_mps,
         horizontal_error_m=extension.horizontal_error_m,
         accuracy_bound_m=three_sigma_bound_m(location.horizontal_accuracy, convention),

@@ -17,7 +17,8 @@ class OwnState:
         altitude_ellipsoid_m: The same altitude above the ellipsoid; None where the receiver does not tell.
         velocity_ned_mps: Velocity.
         error_bound_m: Horizontal error, three standard deviations of either axis, grown while the position is old.
-        vertical_error_bound_m: Vertical error, three standard deviations.
+        vertical_error_bound_m: Vertical error, three standard deviations, grown while the position is old; None where
+            the receiver does not tell.
         home_altitude_m: Altitude above mean sea level from which the autopilot counts its relative altitude.
         age_s: Time since the position came.
     """
@@ -26,7 +27,7 @@ class OwnState:
     altitude_ellipsoid_m: float | None
     velocity_ned_mps: tuple[float, float, float]
     error_bound_m: float
-    vertical_error_bound_m: float
+    vertical_error_bound_m: float | None
     home_altitude_m: float
     age_s: float
 

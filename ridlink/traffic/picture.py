@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ridlink.geodesy import Geodetic, ned_from_geodetic
 from ridlink.remote_id.report import RemoteIdReport
+from ridlink.traffic.altitude import known_apart, vertical_bound
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.position_filter import offset_m
 from ridlink.traffic.track import SENDER_AGE_S, Relation, Track, TrackKey, Update, hours_apart_s, new_track
@@ -40,9 +41,9 @@ class PictureSettings:
         max_tracks: Tracks kept at most; the least urgent one gives way.
         max_considered: Tracks handed to the solver at most, the most urgent ones: its time grows with their number.
         filtered: Smooth reported positions, see `PositionFilter`.
-        vertical_margin_m: Vertical distance left over after all vertical errors before another altitude counts.
-        vertical_lookahead_s: Vertical speeds count for so long: a gap that closes within it is none.
-        unknown_height_m: Vertical extent of a vehicle that does not tell.
+        own_height_m: Vertical extent of the own airframe; None: unknown, so that everybody flies at our height.
+        vertical_horizon_s: Climb rates count for so long: a gap in height that closes within it is none.
+        all_heights: Hand out those who are known to fly far above or below as well, marked as such.
         echo_margin_m: Own reports come back this far from where we are, beyond errors and a second of flight.
     """
 
@@ -52,9 +53,9 @@ class PictureSettings:
     max_tracks: int = 2000
     max_considered: int = 256
     filtered: bool = True
-    vertical_margin_m: float = 10.0
-    vertical_lookahead_s: float = 5.0
-    unknown_height_m: float = 2.0
+    own_height_m: float | None = None
+    vertical_horizon_s: float = 8.0
+    all_heights: bool = False
     echo_margin_m: float = 5.0
 
 
@@ -73,6 +74,11 @@ class Snapshot:
         error_bound_m: Reported three-sigma errors, NaN where unknown, shape (n,).
         accuracy_bound_m: The same from the accuracy code, shape (n,).
         airframe_m: Reported sizes, NaN where unknown, shape (n,).
+        above_m: How far each is above us now, NaN where that cannot be said, shape (n,).
+        climb_mps: Climb rates, NaN where unknown, shape (n,).
+        vertical_bound_m: Gap in height that is none, at this instant and without reserve, infinite where unknown,
+            shape (n,).
+        apart: Known to fly far above or below, so that it need not be avoided; only with `all_heights`, shape (n,).
         avoiding: Who takes its half, shape (n,).
         memory: What the solver keeps of each encounter, shape (n,).
     """
@@ -87,6 +93,10 @@ class Snapshot:
     error_bound_m: FloatArray
     accuracy_bound_m: FloatArray
     airframe_m: FloatArray
+    above_m: FloatArray
+    climb_mps: FloatArray
+    vertical_bound_m: FloatArray
+    apart: NDArray[np.bool_]
     avoiding: NDArray[np.bool_]
     memory: NDArray[np.int8]
 
@@ -316,11 +326,12 @@ class TrafficPicture:
                     track.report.altitude_geodetic_m,
                     track.report.vertical_error_m,
                     track.report.airframe_height_m,
+                    track.report.climb_mps,
                 )
                 for track in candidates
             ],
             dtype=np.float64,
-        ).reshape(count, 17)
+        ).reshape(count, 18)
         age = np.maximum(rows[:, 8], 0.0)
         own_altitude = own.altitude_ellipsoid_m
         altitude = rows[:, 14]
@@ -330,8 +341,10 @@ class TrafficPicture:
         altitude = np.where(comparable, altitude, origin_altitude)
         origin = Geodetic(own.position.latitude_deg, own.position.longitude_deg, origin_altitude)
         position = ned_from_geodetic(rows[:, 0], rows[:, 1], altitude, origin)
-        above = altitude - origin_altitude  # not the plane's "down": that sinks with the curvature of the Earth
-        apart = self._known_apart(own, rows, age, above, comparable)
+        climb = rows[:, 17]
+        # Not the plane's "down": that sinks with the curvature of the Earth.
+        above = np.where(comparable, altitude - origin_altitude + climb * age, np.nan)
+        bound, apart = self._heights(own, rows, age, above)
         self.counters["other_altitude"] += int(apart.sum())
         self.counters["on_ground"] += len(self.tracks) - count
 
@@ -344,10 +357,10 @@ class TrafficPicture:
         for track, value in zip(candidates, urgency.tolist(), strict=True):
             track.urgency_s = value
             track.in_conflict = False
-        chosen = np.flatnonzero(~apart)
-        if len(chosen) > self.settings.max_considered:
-            self.counters["not_considered"] += len(chosen) - self.settings.max_considered
-            chosen = chosen[np.argsort(urgency[chosen], kind="stable")[: self.settings.max_considered]]
+        chosen = self._most_urgent(np.flatnonzero(~apart), urgency)
+        self.counters["not_considered"] += count - len(chosen) - int(apart.sum())
+        if self.settings.all_heights:
+            chosen = np.concatenate([chosen, self._most_urgent(np.flatnonzero(apart), urgency)])
         kept = tuple(candidates[k] for k in chosen)
         return Snapshot(
             tracks=kept,
@@ -360,19 +373,35 @@ class TrafficPicture:
             error_bound_m=rows[chosen, 11],
             accuracy_bound_m=rows[chosen, 12],
             airframe_m=rows[chosen, 13],
+            above_m=above[chosen],
+            climb_mps=climb[chosen],
+            vertical_bound_m=bound[chosen],
+            apart=apart[chosen],
             avoiding=np.array([track.report.avoiding for track in kept], dtype=np.bool_),
             memory=np.array([track.memory for track in kept], dtype=np.int8),
         )
 
-    def _known_apart(
-        self, own: OwnState, rows: FloatArray, age: FloatArray, above: FloatArray, comparable: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
-        """Who is known to fly so much higher or lower that it will not matter within the look-ahead."""
-        error = np.where(np.isfinite(rows[:, 15]), rows[:, 15], np.inf)
-        height = np.where(np.isfinite(rows[:, 16]), rows[:, 16], self.settings.unknown_height_m)
-        climbing = own.velocity_ned_mps[2] - rows[:, 4]  # the neighbour's climb relative to ours
-        above = above - rows[:, 4] * age
-        later = above + climbing * self.settings.vertical_lookahead_s
-        gap = np.where(np.sign(above) == np.sign(later), np.minimum(np.abs(above), np.abs(later)), 0.0)
-        needed = own.vertical_error_bound_m + error + height + self.settings.vertical_margin_m
-        return np.asarray(comparable & (gap > needed))
+    def _most_urgent(self, chosen: NDArray[np.intp], urgency_s: FloatArray) -> NDArray[np.intp]:
+        """As many of the chosen as may be considered, in their order where that is all of them."""
+        most = self.settings.max_considered
+        return chosen if len(chosen) <= most else chosen[np.argsort(urgency_s[chosen], kind="stable")[:most]]
+
+    def _heights(
+        self, own: OwnState, rows: FloatArray, age: FloatArray, above: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """The vertical bound of this instant, and who is known to stay further up or down within the horizon."""
+        unknowable = (own.vertical_error_bound_m, self.settings.own_height_m)
+        own_error, own_height = (math.nan if value is None else value for value in unknowable)
+        error, height, climb = rows[:, 15], rows[:, 16], (-own.velocity_ned_mps[2], rows[:, 17])
+        now = vertical_bound(
+            above, error_m=(own_error, error), height_m=(own_height, height), climb_mps=climb, reserve_m=0.0
+        )
+        within = vertical_bound(
+            above,
+            error_m=(own_error, error),
+            height_m=(own_height, height),
+            climb_mps=climb,
+            age_s=age,
+            horizon_s=self.settings.vertical_horizon_s,
+        )
+        return now, known_apart(above, within)

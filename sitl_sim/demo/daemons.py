@@ -80,6 +80,7 @@ def assignments(
             eta=eta,
             cruise_mps=vehicle.speed_mps,
             airframe_m=vehicle.airframe_m,
+            airframe_height_m=vehicle.airframe_height_m,
             limits=VelocityLimits(
                 max(base.horizontal_mps, SPEED_RESERVE * vehicle.speed_mps),
                 base.vertical_mps,

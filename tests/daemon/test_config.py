@@ -28,6 +28,7 @@ goal = [47.39, 8.54, 100]
 definition = "candidate1"
 cruise = 12
 airframe = 1.2
+airframe_height = 0.5
 v_max = 14.0
 vz_max = 1.5
 a_max = 4.0
@@ -65,6 +66,7 @@ def test_every_key_arrives(write) -> None:
     assert engine.goal == Goal(47.39, 8.54, 100.0)
     assert engine.definition is Definition.CANDIDATE1
     assert (engine.cruise_mps, engine.airframe_m, engine.vehicle_sysid, engine.uas_id) == (12.0, 1.2, 2, "FA-1")
+    assert engine.height_m == 0.5
     assert engine.limits.horizontal_mps == 14.0
     assert (engine.limits.vertical_mps, engine.limits.acceleration_mps2) == (1.5, 4.0)
     assert engine.standby and not engine.filter_positions

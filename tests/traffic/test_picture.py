@@ -15,7 +15,7 @@ from ridlink.traffic.picture import PictureSettings, Snapshot, TrafficPicture
 from ridlink.traffic.position_filter import moved
 
 HERE = (47.3977, 8.5456)
-SETTINGS = PictureSettings(unknown_error_m=40.0, unusable_error_m=185.0, unknown_speed_mps=30.7)
+SETTINGS = PictureSettings(unknown_error_m=40.0, unusable_error_m=185.0, unknown_speed_mps=30.7, own_height_m=0.3)
 OWN = OwnState(
     position=Geodetic(*HERE, 540.0),
     altitude_ellipsoid_m=587.0,
@@ -31,8 +31,9 @@ def report(sysid: int = 5, north: float = 100.0, east: float = 0.0, **fields: ob
     latitude, longitude = moved(*HERE, north, east)
     plain = RemoteIdReport(
         source=(sysid, 1), status=2, latitude_deg=latitude, longitude_deg=longitude, altitude_geodetic_m=587.0,
-        velocity_ned_mps=(-10.0, 0.0, 0.0), speed_horizontal_mps=10.0, horizontal_error_m=3.0, vertical_error_m=5.0,
-        airframe_size_m=0.6, airframe_height_m=0.3, avoiding=True, extended=True, timestamp_s=100.0, received_at_s=10.0,
+        velocity_ned_mps=(-10.0, 0.0, 0.0), climb_mps=0.0, speed_horizontal_mps=10.0, horizontal_error_m=3.0,
+        vertical_error_m=5.0, airframe_size_m=0.6, airframe_height_m=0.3, avoiding=True, extended=True,
+        timestamp_s=100.0, received_at_s=10.0,
     )  # fmt: skip
     return replace(plain, **fields)
 
@@ -99,10 +100,15 @@ def test_on_the_ground_is_no_traffic() -> None:
         ({"altitude_geodetic_m": 587.0 + 60.0, "vertical_error_m": None}, True),
         ({"altitude_geodetic_m": 587.0 + 60.0, "vertical_error_m": 50.0}, True),
         ({"altitude_geodetic_m": None, "altitude_barometric_m": 900.0}, True),
-        ({"altitude_geodetic_m": 587.0 + 60.0, "velocity_ned_mps": (-10.0, 0.0, 9.0)}, True),
-        ({"altitude_geodetic_m": 587.0 + 60.0, "velocity_ned_mps": (-10.0, 0.0, 30.0)}, True),
-        ({"altitude_geodetic_m": 587.0 + 60.0, "velocity_ned_mps": (-10.0, 0.0, -9.0)}, False),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "airframe_height_m": None}, True),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "climb_mps": None}, True),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "climb_mps": -4.0}, False),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "climb_mps": -6.0}, True),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "climb_mps": -30.0}, True),
+        ({"altitude_geodetic_m": 587.0 + 60.0, "climb_mps": 9.0}, False),
+        ({"altitude_geodetic_m": 587.0 - 60.0, "climb_mps": 9.0}, True),
         ({"altitude_geodetic_m": 587.0 + 30.0, "airframe_height_m": 20.0}, True),
+        ({"altitude_geodetic_m": None, "height_m": 200.0, "height_reference": 0}, True),
     ],
 )
 def test_other_altitudes_count_only_if_they_are_known_to_be_other(fields: dict[str, object], counts: bool) -> None:
@@ -113,6 +119,25 @@ def test_without_an_own_ellipsoidal_altitude_everybody_is_at_our_height() -> Non
     snapshot = seen(report(altitude_geodetic_m=900.0), own=replace(OWN, altitude_ellipsoid_m=None))
     assert len(snapshot) == 1
     assert abs(snapshot.position_ned_m[0, 2]) < 0.01
+
+
+@pytest.mark.parametrize("fields", [{"altitude_ellipsoid_m": None}, {"vertical_error_bound_m": None}])
+def test_an_own_height_that_is_not_known_opens_no_gate(fields: dict[str, object]) -> None:
+    above = report(altitude_geodetic_m=900.0)
+    assert len(seen(above)) == 0
+    assert len(seen(above, own=replace(OWN, **fields))) == 1  # type: ignore[arg-type]
+    unknown_airframe = picture(above, settings=replace(SETTINGS, own_height_m=None))
+    assert len(unknown_airframe.snapshot(OWN, 10.0)) == 1
+
+
+def test_those_who_fly_far_above_are_handed_out_where_they_are_wanted() -> None:
+    made = picture(report(5), report(6, altitude_geodetic_m=700.0), settings=replace(SETTINGS, all_heights=True))
+    snapshot = made.snapshot(OWN, 10.0)
+    assert [track.report.source[0] for track in snapshot.tracks] == [5, 6]
+    assert snapshot.apart.tolist() == [False, True]
+    assert snapshot.above_m == pytest.approx([0.0, 113.0])
+    assert snapshot.vertical_bound_m == pytest.approx([10.3, 10.3])
+    assert made.counters["other_altitude"] == 1
 
 
 def test_the_senders_age_counts_if_it_is_plausible() -> None:
