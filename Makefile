@@ -59,7 +59,9 @@ coverage: $(VENV)/.installed-dev
 	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q --cov=ridlink.avoidance --cov-report= \
 	  tests/avoidance/test_programme.py tests/avoidance/test_solver.py tests/avoidance/test_obstacles.py \
 	  tests/avoidance/test_headings.py
-	@$(BIN)/coverage report --include='$(KERNELS)' --omit='ridlink/avoidance/worlds.py' --fail-under=90
+	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q --cov=ridlink.captures.fast --cov-append --cov-report= \
+	  tests/captures/test_fast.py tests/captures/test_columns.py tests/captures/test_export.py
+	@$(BIN)/coverage report --include='$(KERNELS),ridlink/captures/fast/*' --omit='ridlink/avoidance/worlds.py' --fail-under=90
 
 bench: $(VENV)/.installed-dev
 	@$(BIN)/python -m tests.bench
