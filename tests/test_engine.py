@@ -617,7 +617,7 @@ def test_decisions_that_fail_become_zero_velocity_and_then_a_hold(monkeypatch: p
     def broken(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("no")
 
-    monkeypatch.setattr(flight.engine._solver, "solve", broken)
+    monkeypatch.setattr(flight.engine._decider.solver, "solve", broken)
     assert flight.step().decision.commanded_ned_mps == (0.0, 0.0, 0.0)
     assert not flight.engine.fatal
     flight.step(2)
@@ -630,11 +630,11 @@ def test_decisions_that_fail_become_zero_velocity_and_then_a_hold(monkeypatch: p
 def test_rare_failures_are_not_fatal(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = Flight()
     flight.step(2)
-    right = flight.engine._solver.solve
+    right = flight.engine._decider.solver.solve
     for _ in range(4):
-        monkeypatch.setattr(flight.engine._solver, "solve", lambda *_, **__: 1 / 0)
+        monkeypatch.setattr(flight.engine._decider.solver, "solve", lambda *_, **__: 1 / 0)
         flight.step()
-        monkeypatch.setattr(flight.engine._solver, "solve", right)
+        monkeypatch.setattr(flight.engine._decider.solver, "solve", right)
         flight.step(10)
     assert flight.engine.counters["decision_failed"] == 4
     assert not flight.engine.fatal

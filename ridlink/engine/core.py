@@ -8,16 +8,10 @@ Axes: north, east, down about the own position of the instant; metres, m/s, seco
 
 from __future__ import annotations
 
-import math
 from collections import Counter, deque
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from ridlink.avoidance.progress import ProgressWatch
-from ridlink.avoidance.solver import new_solver
-from ridlink.avoidance.types import OwnShip, Status, Traffic
 from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status
 from ridlink.engine.commands import (
     ACCEPTED,
@@ -29,37 +23,30 @@ from ridlink.engine.commands import (
     message_requests,
     repositioned,
 )
-from ridlink.engine.config import EngineConfig, Goal
-from ridlink.engine.decision import Conflict, DecisionRecord
+from ridlink.engine.config import EngineConfig
+from ridlink.engine.deciding import Decider
+from ridlink.engine.decision import DecisionRecord
 from ridlink.engine.periodic import Periodic
-from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
-from ridlink.geodesy import ned_from_geodetic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import messages_of
 from ridlink.remote_id.messages import MAVLINK_NAMES, BasicId, Location, RemoteIdMessage
-from ridlink.separation.definitions import separation_discs
 from ridlink.separation.reference import (
     ERROR_CAP_M,
-    REPORT_INTERVAL_S,
     UNKNOWN_ERROR_BOUND_M,
     UNKNOWN_SPEED_MPS,
 )
 from ridlink.setpoint import STOP, SetpointStream, Velocity
-from ridlink.traffic.encounter import Encounters, encounters
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.picture import PictureSettings, Snapshot, TrafficPicture
+from ridlink.traffic.picture import PictureSettings, TrafficPicture
 from ridlink.traffic.track import TrackKey
 
 MOST_COLLISIONS = 8
 """COLLISION messages per second: a link of a few kbit/s must not drown in warnings."""
 COLLISION_PERIOD_S = 1.0 - 1e-6
-
-VERTICAL_GAIN_PER_S = 0.5
-"""Climb towards the goal altitude per metre missing: braking from 2 m/s then takes the 1 m/s^2 that autopilots have."""
 
 MESSAGE_IDS = frozenset(
     msgid for msgid in CRC_EXTRAS if 12900 <= msgid <= 12920 or msgid in (0, 24, 32, 33, 75, 76, 230, 245, 61400)
@@ -138,18 +125,13 @@ class Engine:
         self.last_error = ""
         self._counters: Counter[str] = Counter()
         self._assemblers = {"vehicle": ReportAssembler(), "rid": ReportAssembler()}
-        self._solver = new_solver(config.solver, config.solver_settings)
-        self._obstacles = StaticObstacles(config.obstacles)
-        self._watch = ProgressWatch()
+        self._decider = Decider(config)
         self._uas_id = config.uas_id.encode() if config.uas_id else None
         self._encoder = Encoder(config.vehicle_sysid or 1, AVOIDANCE_COMPONENT)
         self._replies: list[tuple[bytes, Hashable]] = []
         self._started_s: float | None = None
         self._last_step_s: float | None = None
-        self._kept_altitude_m: float | None = None
-        self._route_side = 0
         self._reports = 0
-        self._infeasible = 0
         self._failures: deque[float] = deque(maxlen=FATAL_FAILURES)
         self._decision_time_s = 0.0
         self._heartbeat_due = Periodic(1.0)
@@ -264,14 +246,9 @@ class Engine:
             if goal is not None:
                 self.goal = goal
                 self.rung = request(self.rung)
-                self._new_leg()
+                self._decider.begin_leg()
         ack = acknowledged(self._encoder, message, result, frame.sysid, frame.compid)
         self._replies.append((ack, source))
-
-    def _new_leg(self) -> None:
-        self._kept_altitude_m = None
-        self._watch = ProgressWatch()
-        self._route_side = 0
 
     # --- out ------------------------------------------------------------------------------------------------------
 
@@ -295,7 +272,7 @@ class Engine:
         elif self.rung.stream is Stream.ZERO:
             record = replace(record, commanded_ned_mps=STOP)
         if self.rung.state is State.ENGAGED and before is not State.ENGAGED and before is not State.HOLD:
-            self._new_leg()
+            self._decider.begin_leg()
         output = StepOutput(record)
         if record.commanded_ned_mps is not None:
             output.to_vehicle.append(self._setpoint(record.commanded_ned_mps, now_s))
@@ -331,7 +308,7 @@ class Engine:
             tracks=len(self.picture),
             state=self.rung.state.name.lower(),
             reason=self.rung.reason,
-            infeasible_steps=self._infeasible,
+            infeasible_steps=self._decider.infeasible,
         )
 
     def _conditions(self, own: OwnState | None, now_s: float, since_last_s: float) -> Conditions:
@@ -356,11 +333,11 @@ class Engine:
         commanded = STOP if streaming else None
         try:
             snapshot = self.picture.snapshot(own, now_s)
-            traffic, seen = self._traffic(own, snapshot)
-            record = self._seen(record, snapshot, seen)
+            traffic, seen = self._decider.traffic(own, snapshot)
+            record = self._decider.seen(record, snapshot, seen)
             if self.rung.stream is not Stream.DECISION or self.goal is None:
                 return replace(record, commanded_ned_mps=commanded)
-            return self._decide(record, self.goal, own, snapshot, traffic, now_s)
+            return self._decider.decide(record, self.goal, own, self.setpoints.velocity, snapshot, traffic, now_s)
         except Exception as error:  # a fault here must become a hold, never a missing setpoint
             self._counters["decision_failed"] += 1
             self.last_error = f"{type(error).__name__}: {error}"
@@ -368,102 +345,6 @@ class Engine:
             if len(self._failures) == FATAL_FAILURES and now_s - self._failures[0] <= FATAL_WITHIN_S:
                 self.fatal = True
             return replace(record, commanded_ned_mps=commanded)
-
-    def _traffic(self, own: OwnState, snapshot: Snapshot) -> tuple[Traffic, Encounters]:
-        discs = separation_discs(
-            self.config.definition,
-            own_airframe_m=self.config.airframe_m,
-            own_error_bound_m=own.error_bound_m,
-            own_accuracy_bound_m=own.error_bound_m,
-            own_speed_mps=own.speed_mps,
-            airframe_m=snapshot.airframe_m,
-            error_bound_m=snapshot.error_bound_m,
-            accuracy_bound_m=snapshot.accuracy_bound_m,
-            speed_mps=snapshot.speed_mps,
-            interval_s=REPORT_INTERVAL_S,
-            eta=self.config.eta,
-            neighbours=len(snapshot.tracks),
-            bound=self.config.chance_bound,
-        )
-        radius = discs.radius_m + snapshot.blind_growth_m
-        position, velocity = snapshot.position_ned_m[:, :2], snapshot.velocity_ned_mps[:, :2]
-        traffic = Traffic(
-            position_ne_m=position,
-            velocity_ne_mps=velocity,
-            command_ne_mps=snapshot.command_ned_mps[:, :2],
-            age_s=snapshot.age_s,
-            radius_m=radius,
-            error_sum_m=discs.error_sum_m,
-            reciprocal=snapshot.avoiding,
-            memory=snapshot.memory,
-        )
-        now = position + velocity * snapshot.age_s[:, None]
-        return traffic, encounters(now, velocity - np.asarray(own.velocity_ned_mps[:2]), radius)
-
-    def _seen(self, record: DecisionRecord, snapshot: Snapshot, seen: Encounters) -> DecisionRecord:
-        soon = seen.entry_s <= self.config.halfplane.horizon_s
-        for track, conflict in zip(snapshot.tracks, soon.tolist(), strict=True):
-            track.in_conflict = conflict
-        urgent_first = np.flatnonzero(soon)[np.argsort(seen.entry_s[soon], kind="stable")]
-        conflicts = tuple(
-            Conflict(
-                snapshot.tracks[k],
-                entry_s=float(seen.entry_s[k]),
-                closest_s=float(seen.closest_s[k]),
-                miss_m=float(seen.miss_m[k]),
-                height_m=-float(snapshot.position_ned_m[k, 2]),
-            )
-            for k in urgent_first
-        )
-        return replace(
-            record,
-            conflicts=conflicts,
-            nearest_margin_m=float(np.min(seen.margin_m, initial=math.inf)),
-            time_to_violation_s=float(np.min(seen.entry_s, initial=math.inf)),
-        )
-
-    def _decide(
-        self, record: DecisionRecord, goal: Goal, own: OwnState, snapshot: Snapshot, traffic: Traffic, now_s: float
-    ) -> DecisionRecord:
-        config = self.config
-        here = own.position
-        if self._kept_altitude_m is None:
-            self._kept_altitude_m = here.altitude_m
-        target = ned_from_geodetic(goal.latitude_deg, goal.longitude_deg, here.altitude_m, here)[:2]
-        distance = float(np.hypot(*target))
-        turn = self._watch.update(now_s, distance, config.cruise_mps)
-        decision = self._solver.solve(
-            OwnShip(
-                position_ne_m=np.zeros(2),
-                velocity_ne_mps=np.array(own.velocity_ned_mps[:2]),
-                command_ne_mps=np.array(self.setpoints.velocity[:2]),
-                airframe_m=config.airframe_m,
-                speed_limit_mps=config.cruise_mps,
-            ),
-            traffic,
-            goal_ne_m=target,
-            cruise_mps=config.cruise_mps,
-            obstacles=self._obstacles.about(here),
-            own_clearance_m=config.airframe_m / 2.0 + own.error_bound_m + REPORT_INTERVAL_S * own.speed_mps,
-            extra_right_turn_rad=turn,
-            route_side=self._route_side,
-        )
-        self._route_side = decision.route_side
-        for track, memory in zip(snapshot.tracks, decision.memory.tolist(), strict=True):
-            track.memory = memory
-        self._infeasible += decision.status is Status.INFEASIBLE
-        altitude = self._kept_altitude_m if goal.altitude_m is None else goal.altitude_m
-        most = config.limits.vertical_mps
-        down = min(max(VERTICAL_GAIN_PER_S * (here.altitude_m - altitude), -most), most)
-        north, east = decision.command_ne_mps.tolist()
-        return replace(
-            record,
-            preferred_ned_mps=(*decision.preferred_ne_mps.tolist(), down),
-            commanded_ned_mps=(north, east, down),
-            status=decision.status,
-            binding=tuple(snapshot.tracks[k] for k in decision.binding),
-            goal_distance_m=distance,
-        )
 
     # --- frames ---------------------------------------------------------------------------------------------------
 

@@ -227,7 +227,7 @@ def test_decisions_that_keep_failing_end_the_daemon_after_a_stop() -> None:
         async with running() as flight:
             vehicle = flight.vehicle
             await vehicle.until(lambda: len(vehicle.setpoints()) >= 5)
-            flight.daemon.engine._solver.solve = lambda *_, **__: 1 / 0  # type: ignore[method-assign,assignment]
+            flight.daemon.engine._decider.solver.solve = lambda *_, **__: 1 / 0  # type: ignore[method-assign,assignment]
             assert flight.task is not None
             with pytest.raises(DecisionError, match="ZeroDivisionError"):
                 await asyncio.wait_for(flight.task, PATIENCE_S)
@@ -293,7 +293,7 @@ def test_stopping_during_the_warm_up_is_prompt(monkeypatch: pytest.MonkeyPatch) 
         loop = asyncio.get_running_loop()
         begun, release = asyncio.Event(), threading.Event()
 
-        def endless() -> float:
+        def endless(_: object) -> float:
             loop.call_soon_threadsafe(begun.set)
             release.wait()
             return 0.0

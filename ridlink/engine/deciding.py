@@ -1,0 +1,173 @@
+"""From the traffic of one instant to the velocity of one instant: discs, conflicts, solver, altitude.
+
+Axes: north, east, down about the own position of the instant; metres, m/s, seconds of the caller's monotonic clock.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ridlink.avoidance.progress import ProgressWatch
+from ridlink.avoidance.solver import new_solver
+from ridlink.avoidance.types import OwnShip, Status, Traffic
+from ridlink.engine.config import EngineConfig, Goal
+from ridlink.engine.decision import Conflict, DecisionRecord
+from ridlink.engine.static_obstacles import StaticObstacles
+from ridlink.geodesy import ned_from_geodetic
+from ridlink.separation.definitions import Discs, separation_discs
+from ridlink.separation.reference import REPORT_INTERVAL_S
+from ridlink.setpoint import Velocity
+from ridlink.traffic.encounter import Encounters, encounters
+from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.picture import Snapshot
+
+VERTICAL_GAIN_PER_S = 0.5
+"""Climb towards the goal altitude per metre missing: braking from 2 m/s then takes the 1 m/s^2 that autopilots have."""
+
+
+class Decider:
+    """Sees who is in conflict, and chooses the velocity; remembers what belongs to one leg of the flight.
+
+    Args:
+        config: As the engine has it.
+
+    Attributes:
+        solver: Chooses the horizontal velocity.
+        infeasible: Decisions that had no admissible velocity.
+    """
+
+    def __init__(self, config: EngineConfig) -> None:
+        self.config = config
+        self.solver = new_solver(config.solver, config.solver_settings)
+        self.infeasible = 0
+        self._obstacles = StaticObstacles(config.obstacles)
+        self.begin_leg()
+
+    def begin_leg(self) -> None:
+        """A new goal, or a new engagement."""
+        self._kept_altitude_m: float | None = None
+        self._watch = ProgressWatch()
+        self._route_side = 0
+
+    def discs(self, own: OwnState, own_speed_mps: float, snapshot: Snapshot) -> Discs:
+        """Discs of own-ship against everybody of a snapshot, at an own speed [m/s]."""
+        return separation_discs(
+            self.config.definition,
+            own_airframe_m=self.config.airframe_m,
+            own_error_bound_m=own.error_bound_m,
+            own_accuracy_bound_m=own.error_bound_m,
+            own_speed_mps=own_speed_mps,
+            airframe_m=snapshot.airframe_m,
+            error_bound_m=snapshot.error_bound_m,
+            accuracy_bound_m=snapshot.accuracy_bound_m,
+            speed_mps=snapshot.speed_mps,
+            interval_s=REPORT_INTERVAL_S,
+            eta=self.config.eta,
+            neighbours=len(snapshot.tracks),
+            bound=self.config.chance_bound,
+        )
+
+    def traffic(self, own: OwnState, snapshot: Snapshot) -> tuple[Traffic, Encounters]:
+        """Discs and velocities for the solver, and what happens if everybody flies on."""
+        discs = self.discs(own, own.speed_mps, snapshot)
+        radius = discs.radius_m + snapshot.blind_growth_m
+        position, velocity = snapshot.position_ned_m[:, :2], snapshot.velocity_ned_mps[:, :2]
+        traffic = Traffic(
+            position_ne_m=position,
+            velocity_ne_mps=velocity,
+            command_ne_mps=snapshot.command_ned_mps[:, :2],
+            age_s=snapshot.age_s,
+            radius_m=radius,
+            error_sum_m=discs.error_sum_m,
+            reciprocal=snapshot.avoiding,
+            memory=snapshot.memory,
+        )
+        now = position + velocity * snapshot.age_s[:, None]
+        return traffic, encounters(now, velocity - np.asarray(own.velocity_ned_mps[:2]), radius)
+
+    def seen(self, record: DecisionRecord, snapshot: Snapshot, seen: Encounters) -> DecisionRecord:
+        """The record with the conflicts of this instant."""
+        soon = seen.entry_s <= self.config.halfplane.horizon_s
+        for track, conflict in zip(snapshot.tracks, soon.tolist(), strict=True):
+            track.in_conflict = conflict
+        urgent_first = np.flatnonzero(soon)[np.argsort(seen.entry_s[soon], kind="stable")]
+        conflicts = tuple(
+            Conflict(
+                snapshot.tracks[k],
+                entry_s=float(seen.entry_s[k]),
+                closest_s=float(seen.closest_s[k]),
+                miss_m=float(seen.miss_m[k]),
+                height_m=-float(snapshot.position_ned_m[k, 2]),
+            )
+            for k in urgent_first
+        )
+        return replace(
+            record,
+            conflicts=conflicts,
+            nearest_margin_m=float(np.min(seen.margin_m, initial=math.inf)),
+            time_to_violation_s=float(np.min(seen.entry_s, initial=math.inf)),
+        )
+
+    def decide(
+        self,
+        record: DecisionRecord,
+        goal: Goal,
+        own: OwnState,
+        last: Velocity,
+        snapshot: Snapshot,
+        traffic: Traffic,
+        now_s: float,
+    ) -> DecisionRecord:
+        """The record with the velocity to fly.
+
+        Args:
+            record: What is known of this step.
+            goal: Where to go.
+            own: Own state.
+            last: Velocity sent last.
+            snapshot: Who counts.
+            traffic: The same for the solver.
+            now_s: Monotonic time.
+        """
+        config = self.config
+        here = own.position
+        if self._kept_altitude_m is None:
+            self._kept_altitude_m = here.altitude_m
+        target = ned_from_geodetic(goal.latitude_deg, goal.longitude_deg, here.altitude_m, here)[:2]
+        distance = float(np.hypot(*target))
+        turn = self._watch.update(now_s, distance, config.cruise_mps)
+        decision = self.solver.solve(
+            OwnShip(
+                position_ne_m=np.zeros(2),
+                velocity_ne_mps=np.array(own.velocity_ned_mps[:2]),
+                command_ne_mps=np.array(last[:2]),
+                airframe_m=config.airframe_m,
+                speed_limit_mps=config.cruise_mps,
+            ),
+            traffic,
+            goal_ne_m=target,
+            cruise_mps=config.cruise_mps,
+            obstacles=self._obstacles.about(here),
+            own_clearance_m=config.airframe_m / 2.0 + own.error_bound_m + REPORT_INTERVAL_S * own.speed_mps,
+            extra_right_turn_rad=turn,
+            route_side=self._route_side,
+        )
+        self._route_side = decision.route_side
+        for track, memory in zip(snapshot.tracks, decision.memory.tolist(), strict=True):
+            track.memory = memory
+        self.infeasible += decision.status is Status.INFEASIBLE
+        altitude = self._kept_altitude_m if goal.altitude_m is None else goal.altitude_m
+        most = config.limits.vertical_mps
+        down = min(max(VERTICAL_GAIN_PER_S * (here.altitude_m - altitude), -most), most)
+        north, east = decision.command_ne_mps.tolist()
+        return replace(
+            record,
+            preferred_ned_mps=(*decision.preferred_ne_mps.tolist(), down),
+            commanded_ned_mps=(north, east, down),
+            status=decision.status,
+            binding=tuple(snapshot.tracks[k] for k in decision.binding),
+            goal_distance_m=distance,
+        )
