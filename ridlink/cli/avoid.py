@@ -211,6 +211,8 @@ class _HumanPrinter(_Printer):
     def event(self, facts: dict[str, Any]) -> None:
         if facts["event"] == "state":
             self._put(f"{self._clear}{facts['state']}: {facts['reason']}\n", error=True)
+        elif facts["event"] == "warning":
+            self._put(f"{self._clear}warning: {facts['text']}\n", error=True)
         elif facts["event"] == "recording_ended":
             self._put(f"{self._clear}the recording has ended: {facts['reason']}\n", error=True)
         elif self._live:

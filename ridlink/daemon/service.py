@@ -87,8 +87,8 @@ class AvoidDaemon:
 
     Args:
         config: What it is told.
-        on_event: Called with a dictionary for every change of state, once a second, and if the recording ends early;
-            keys `event`, `t`, ... .
+        on_event: Called with a dictionary for every change of state, once a second, for every warning, and if the
+            recording ends early; keys `event`, `t`, ... .
 
     Attributes:
         engine: The engine.
@@ -245,9 +245,11 @@ class AvoidDaemon:
         if self._recorder is not None and self._recorder.error is not None and not self._recording_ended:
             self._recording_ended = True
             self._emit("recording_ended", reason=_words(self._recorder.error))
+        for text in output.warnings:
+            self._emit("warning", text=text)
         if not self._summary_due.due(record.time_s):
             return
-        command = record.commanded_ned_mps
+        command, detection = record.commanded_ned_mps, record.detection
         self._emit(
             "summary",
             state=state[0],
@@ -261,6 +263,9 @@ class AvoidDaemon:
             commanded_ned_mps=None if command is None else [round(value, 2) for value in command],
             status=None if record.status is None else record.status.name.lower(),
             setpoints=self.engine.setpoints.sent,
+            detection_needed_m=_finite(detection.needed_m if detection is not None else None),
+            detection_given_m=_finite(detection.given_m if detection is not None else None),
+            detection_short=detection is not None and detection.short,
         )
 
     def _emit(self, event: str, **facts: Any) -> None:

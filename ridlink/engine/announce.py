@@ -1,4 +1,4 @@
-"""What the daemon says about itself: HEARTBEAT, RIDLINK_STATUS, COLLISION. Nothing is steered by any of it."""
+"""What the daemon says of itself: HEARTBEAT, RIDLINK_STATUS, COLLISION, STATUSTEXT. Nothing is steered by any of it."""
 
 from __future__ import annotations
 
@@ -27,6 +27,10 @@ COLLISION_BY_SYSTEM_ID = 1
 COLLISION_REPORT, COLLISION_MOVE_HORIZONTALLY = 1, 3
 COLLISION_LOW, COLLISION_HIGH = 1, 2
 HIGH_THREAT_S = 3.0
+
+SEVERITY_WARNING = 4
+"""MAV_SEVERITY."""
+LONGEST_TEXT = 50
 
 
 def heartbeat(encoder: Encoder, engaged: bool) -> bytes:
@@ -86,3 +90,8 @@ def collision(encoder: Encoder, conflict: Conflict, state: State) -> bytes:
         altitude_minimum_delta=conflict.height_m,
         horizontal_minimum_delta=conflict.miss_m,
     )
+
+
+def warning(encoder: Encoder, text: str) -> bytes:
+    """STATUSTEXT (253) of a warning, cut to what one message holds."""
+    return encoder.encode("STATUSTEXT", severity=SEVERITY_WARNING, text=text[:LONGEST_TEXT])

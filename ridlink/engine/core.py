@@ -12,7 +12,7 @@ from collections import Counter, deque
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 
-from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status
+from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status, warning
 from ridlink.engine.commands import (
     ACCEPTED,
     DENIED,
@@ -26,6 +26,7 @@ from ridlink.engine.commands import (
 from ridlink.engine.config import EngineConfig
 from ridlink.engine.deciding import Decider
 from ridlink.engine.decision import DecisionRecord
+from ridlink.engine.detection import DetectionRange, DetectionWatch, reaction_of
 from ridlink.engine.periodic import Periodic
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
@@ -41,7 +42,7 @@ from ridlink.separation.reference import (
 )
 from ridlink.setpoint import STOP, SetpointStream, Velocity
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.picture import PictureSettings, TrafficPicture
+from ridlink.traffic.picture import PictureSettings, Snapshot, TrafficPicture
 from ridlink.traffic.track import TrackKey
 
 MOST_COLLISIONS = 8
@@ -68,6 +69,7 @@ class StepOutput:
         to_vehicle: Frames for the autopilot.
         to_air: Frames for the Remote ID link.
         replies: Frames for others who spoke on the vehicle link, with their addresses.
+        warnings: What an operator should hear of; on the vehicle link it is a STATUSTEXT.
         decision: What was decided.
     """
 
@@ -75,6 +77,7 @@ class StepOutput:
     to_vehicle: list[bytes] = field(default_factory=list)
     to_air: list[bytes] = field(default_factory=list)
     replies: list[tuple[bytes, Hashable]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +140,9 @@ class Engine:
         self._heartbeat_due = Periodic(1.0)
         self._status_due = Periodic(1.0)
         self._request_due = Periodic(1.0)
+        self._detection_due = Periodic(1.0)
+        self._detection_watch = DetectionWatch()
+        self._detection: DetectionRange | None = None
         self._warned_at_s: dict[TrackKey, float] = {}
 
     # --- in -------------------------------------------------------------------------------------------------------
@@ -334,7 +340,9 @@ class Engine:
         try:
             snapshot = self.picture.snapshot(own, now_s)
             traffic, seen = self._decider.traffic(own, snapshot)
-            record = self._decider.seen(record, snapshot, seen)
+            record = replace(
+                self._decider.seen(record, snapshot, seen), detection=self._detection_range(own, snapshot, now_s)
+            )
             if self.rung.stream is not Stream.DECISION or self.goal is None:
                 return replace(record, commanded_ned_mps=commanded)
             return self._decider.decide(record, self.goal, own, self.setpoints.velocity, snapshot, traffic, now_s)
@@ -345,6 +353,16 @@ class Engine:
             if len(self._failures) == FATAL_FAILURES and now_s - self._failures[0] <= FATAL_WITHIN_S:
                 self.fatal = True
             return replace(record, commanded_ned_mps=commanded)
+
+    def _detection_range(self, own: OwnState, snapshot: Snapshot, now_s: float) -> DetectionRange | None:
+        """From how far neighbours must be heard and are heard, as of the last full second."""
+        if self._detection_due.due(now_s):
+            telemetry, lock = self.telemetry, self.telemetry.lock
+            self._detection_watch.hear(self.picture.tracks.values(), telemetry.armed and telemetry.ready, now_s)
+            reaction = reaction_of(lock.autopilot if lock else None, self.config.limits.acceleration_mps2)
+            needed_m = self._decider.needed_range_m(own, snapshot, reaction)
+            self._detection = self._detection_watch.judge(needed_m, len(snapshot) > 0)
+        return self._detection
 
     # --- frames ---------------------------------------------------------------------------------------------------
 
@@ -377,6 +395,9 @@ class Engine:
             vehicle.extend(message_requests(encoder, lock.sysid))
         if telemetry.armed:
             vehicle.extend(self._collisions(record, now_s))
+        if record.detection is not None and (text := self._detection_watch.warning(record.detection, now_s)):
+            output.warnings.append(text)
+            vehicle.append(warning(encoder, text))
 
     def _collisions(self, record: DecisionRecord, now_s: float) -> list[bytes]:
         """COLLISION once a second for each of the most urgent conflicts."""

@@ -9,20 +9,24 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.solver import new_solver
-from ridlink.avoidance.types import OwnShip, Status, Traffic
+from ridlink.avoidance.types import OwnShip, SolverKind, Status, Traffic
 from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import Conflict, DecisionRecord
+from ridlink.engine.detection import Reaction, needed_range
 from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.geodesy import ned_from_geodetic
-from ridlink.separation.definitions import Discs, separation_discs
+from ridlink.separation.definitions import Discs, bounded_speed, separation_discs
 from ridlink.separation.reference import REPORT_INTERVAL_S
 from ridlink.setpoint import Velocity
 from ridlink.traffic.encounter import Encounters, encounters
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import Snapshot
+
+FloatArray = NDArray[np.float64]
 
 VERTICAL_GAIN_PER_S = 0.5
 """Climb towards the goal altitude per metre missing: braking from 2 m/s then takes the 1 m/s^2 that autopilots have."""
@@ -54,21 +58,64 @@ class Decider:
 
     def discs(self, own: OwnState, own_speed_mps: float, snapshot: Snapshot) -> Discs:
         """Discs of own-ship against everybody of a snapshot, at an own speed [m/s]."""
+        return self._discs(
+            own,
+            own_speed_mps,
+            snapshot.airframe_m,
+            snapshot.error_bound_m,
+            snapshot.accuracy_bound_m,
+            snapshot.speed_mps,
+        )
+
+    def _discs(
+        self,
+        own: OwnState,
+        own_speed_mps: float,
+        airframe_m: FloatArray,
+        error_bound_m: FloatArray,
+        accuracy_bound_m: FloatArray,
+        speed_mps: FloatArray,
+    ) -> Discs:
         return separation_discs(
             self.config.definition,
             own_airframe_m=self.config.airframe_m,
             own_error_bound_m=own.error_bound_m,
             own_accuracy_bound_m=own.error_bound_m,
             own_speed_mps=own_speed_mps,
-            airframe_m=snapshot.airframe_m,
-            error_bound_m=snapshot.error_bound_m,
-            accuracy_bound_m=snapshot.accuracy_bound_m,
-            speed_mps=snapshot.speed_mps,
+            airframe_m=airframe_m,
+            error_bound_m=error_bound_m,
+            accuracy_bound_m=accuracy_bound_m,
+            speed_mps=speed_mps,
             interval_s=REPORT_INTERVAL_S,
             eta=self.config.eta,
-            neighbours=len(snapshot.tracks),
+            neighbours=len(airframe_m),
             bound=self.config.chance_bound,
         )
+
+    def needed_range_m(self, own: OwnState, snapshot: Snapshot, reaction: Reaction) -> float:
+        """From how far the most demanding neighbour of a snapshot must be heard at cruise speed [m].
+
+        With nobody there: one that says nothing of itself, avoids nobody and is heard once a second.
+        """
+        config = self.config
+        discs = self.discs(own, config.cruise_mps, snapshot)
+        disc_m, speed_mps, interval_s = discs.radius_m, snapshot.speed_mps, [t.interval_s for t in snapshot.tracks]
+        error_m, avoiding = discs.error_sum_m, snapshot.avoiding
+        if not snapshot.tracks:
+            unknown = self._discs(own, config.cruise_mps, *[np.full(1, math.nan)] * 4)
+            disc_m, error_m = unknown.radius_m, unknown.error_sum_m
+            speed_mps, avoiding, interval_s = np.full(1, math.nan), np.zeros(1, np.bool_), [1.0]
+        if config.solver is SolverKind.HALFPLANE:
+            disc_m = disc_m + config.halfplane.buffer_share * error_m
+        needed = needed_range(
+            disc_m,
+            bounded_speed(speed_mps),
+            avoiding,
+            speed_mps=config.cruise_mps,
+            reaction=reaction,
+            interval_s=interval_s,
+        )
+        return float(np.max(needed))
 
     def traffic(self, own: OwnState, snapshot: Snapshot) -> tuple[Traffic, Encounters]:
         """Discs and velocities for the solver, and what happens if everybody flies on."""

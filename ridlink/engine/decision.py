@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from ridlink.avoidance.types import Status
+from ridlink.engine.detection import DetectionRange
 from ridlink.failsafe import State
 from ridlink.setpoint import Velocity
 from ridlink.traffic.own_state import OwnState
@@ -48,6 +49,7 @@ class DecisionRecord:
         status: Result of the solver; None without a decision.
         binding: Neighbours whose constraints bind.
         goal_distance_m: Horizontal distance to the goal; None without a decision.
+        detection: From how far neighbours must be heard and are heard; None before own state is known.
     """
 
     time_s: float
@@ -62,3 +64,4 @@ class DecisionRecord:
     status: Status | None = None
     binding: tuple[Track, ...] = ()
     goal_distance_m: float | None = None
+    detection: DetectionRange | None = None

@@ -56,9 +56,7 @@ def vertical_bound(
     own_climb, climb = (np.asarray(each, dtype=np.float64) for each in climb_mps)
     parts = [np.asarray(each, dtype=np.float64) for each in (*error_m, *height_m)]
     known = np.isfinite(above) & np.isfinite(own_climb) & np.isfinite(climb)
-    # At the same height any climb closes a gap that is none: it counts, so that nothing jumps there.
-    rising = np.where(known, climb - own_climb, 0.0)
-    closing = np.where(above == 0.0, np.abs(rising), np.maximum(-np.sign(above) * rising, 0.0))
+    closing = np.maximum(-np.sign(above) * np.where(known, climb - own_climb, 0.0), 0.0)
     bound = parts[0] + parts[1] + (parts[2] + parts[3]) / 2.0 + closing * horizon_s
     bound = bound + reserve_m + UNHEARD_CLIMB_MPS * np.asarray(age_s, dtype=np.float64)
     # An error or a height below zero is none.

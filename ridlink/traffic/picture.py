@@ -216,6 +216,8 @@ class TrafficPicture:
         if track is None:
             return
         if self._own is not None:
+            here = (self._own.position.latitude_deg, self._own.position.longitude_deg)
+            track.first_heard_m = math.hypot(*offset_m(here, (track.latitude_deg, track.longitude_deg)))
             track.urgency_s = self._urgency_of(track, self._own)
         if len(self.tracks) >= self.settings.max_tracks and not self._make_room(track):
             self.counters["track_refused"] += 1

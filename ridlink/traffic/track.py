@@ -77,6 +77,8 @@ class Track:
         longitude_deg: The same.
         measured_at_s: Monotonic time for which the position holds.
         received_at_s: Monotonic time of the last report that brought something new.
+        began_at_s: Monotonic time of the first report.
+        first_heard_m: Distance from us at the first report; None if we did not know where we were.
         interval_s: Smoothed time between reports.
         memory: What the solver keeps of the encounter.
         urgency_s: Time until it matters, as of the last snapshot; the larger, the sooner it is given up.
@@ -93,6 +95,8 @@ class Track:
     measured_at_s: float
     received_at_s: float
     filter: PositionFilter
+    began_at_s: float = 0.0
+    first_heard_m: float | None = None
     interval_s: float = 0.1
     memory: int = 0
     urgency_s: float = 0.0
@@ -229,6 +233,7 @@ def new_track(
         measured_at_s=measured_at_s,
         received_at_s=report.received_at_s,
         filter=smoother,
+        began_at_s=report.received_at_s,
         interval_s=report.update_interval_s or 0.1,
         trusted_clock=trusted_clock,
     )

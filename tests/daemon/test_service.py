@@ -314,7 +314,7 @@ def test_stopping_during_the_warm_up_is_prompt(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_warm_up_that_fails_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     async def test() -> None:
-        monkeypatch.setattr("ridlink.daemon.service.warm_up", lambda: 1 / 0)
+        monkeypatch.setattr("ridlink.daemon.service.warm_up", lambda _: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             await AvoidDaemon(DaemonConfig()).run(asyncio.Event())
 

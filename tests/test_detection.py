@@ -1,0 +1,184 @@
+"""From how far a neighbour must be heard, against the response study's figures; and what the air is seen to give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.engine.detection import (
+    ARDUPILOT_REACTION,
+    PX4_REACTION,
+    DetectionWatch,
+    needed_range,
+    reaction_of,
+    reaction_time,
+)
+from ridlink.own_ship import ARDUPILOT, PX4
+from ridlink.remote_id.report import RemoteIdReport
+from ridlink.separation.definitions import Definition, separation_discs
+from ridlink.traffic.track import Track, new_track
+
+
+def head_on_m(speed_mps: float, sigma_m: float, reciprocal: bool) -> float:
+    """Range needed by two equal vehicles of 0.6 m head-on, ArduPilot, buffer of a third of both errors."""
+    error_m = 3.0 * sigma_m
+    discs = separation_discs(
+        Definition.CANDIDATE2, own_airframe_m=0.6, own_error_bound_m=error_m, own_accuracy_bound_m=error_m,
+        own_speed_mps=speed_mps, airframe_m=[0.6], error_bound_m=[error_m], accuracy_bound_m=[error_m],
+        speed_mps=[speed_mps],
+    )  # fmt: skip
+    disc_m = discs.radius_m + discs.error_sum_m / 3.0
+    return float(needed_range(disc_m, [speed_mps], [reciprocal], speed_mps=speed_mps, reaction=ARDUPILOT_REACTION)[0])
+
+
+@pytest.mark.parametrize(
+    ("sigma_m", "range_m", "both_avoid_mps", "intruder_mps"),
+    [
+        (1.9, 100.0, 14.0, 10.5), (3.5, 100.0, 11.5, 8.0), (10.0, 100.0, 5.0, None),
+        (1.9, 150.0, 20.0, 16.0), (3.5, 150.0, 17.0, 13.0), (10.0, 150.0, 11.0, None),
+        (10.0, 400.0, None, 22.0),
+    ],
+)  # fmt: skip
+def test_the_largest_speeds_of_the_response_study(
+    sigma_m: float, range_m: float, both_avoid_mps: float | None, intruder_mps: float | None
+) -> None:
+    """The study prints speeds in halves of a metre per second; "never" and "> 25" are told by the next two tests."""
+    for reciprocal, largest in ((True, both_avoid_mps), (False, intruder_mps)):
+        if largest is not None:
+            assert head_on_m(largest, sigma_m, reciprocal) <= range_m
+            assert head_on_m(largest + 1.5, sigma_m, reciprocal) > range_m
+
+
+@pytest.mark.parametrize("speed_mps", [0.5, 2.0, 5.0, 10.0, 25.0])
+def test_at_equal_speeds_an_intruder_must_be_heard_from_twice_the_disc_however_slow(speed_mps: float) -> None:
+    assert head_on_m(speed_mps, 10.0, reciprocal=False) > 2.0 * 80.6
+    for range_m in (100.0, 150.0):
+        assert head_on_m(speed_mps, 10.0, reciprocal=False) > range_m
+
+
+@pytest.mark.parametrize(
+    ("sigma_m", "reciprocal"), [(1.9, True), (1.9, False), (3.5, True), (3.5, False), (10.0, True)]
+)
+def test_400_m_are_enough_for_25_mps(sigma_m: float, reciprocal: bool) -> None:
+    assert head_on_m(25.0, sigma_m, reciprocal) < 400.0
+
+
+@pytest.mark.parametrize(
+    ("aside_m", "speed_mps", "expected_s"),
+    [
+        (5.0, 10.0, 0.7 + 2.0),  # still speeding up: sqrt(2 * 5 / 2.5)
+        (20.0, 10.0, 0.7 + 4.0),  # just there: V^2 / (2 a) = 20
+        (30.0, 10.0, 0.7 + 4.0 + 1.0),
+        (0.0, 10.0, 0.7),
+    ],
+)
+def test_reaction_time(aside_m: float, speed_mps: float, expected_s: float) -> None:
+    assert float(reaction_time(aside_m, speed_mps, ARDUPILOT_REACTION)) == pytest.approx(expected_s)
+
+
+def test_a_sender_at_one_hertz_costs_a_second_of_closing() -> None:
+    figures = {"speed_mps": 10.0, "reaction": PX4_REACTION}
+    fast, slow = needed_range([20.0, 20.0], [5.0, 5.0], [False, False], interval_s=[0.1, 1.0], **figures)  # type: ignore[arg-type]
+    assert slow - fast == pytest.approx(15.0)
+
+
+def test_the_autopilot_and_the_limit_of_setpoints_make_the_reaction() -> None:
+    assert reaction_of(ARDUPILOT, 5.0) == ARDUPILOT_REACTION
+    assert reaction_of(PX4, 5.0) == PX4_REACTION
+    assert reaction_of(None, 5.0) == ARDUPILOT_REACTION
+    assert reaction_of(PX4, 1.0).acceleration_mps2 == 1.0
+
+
+@given(
+    disc=st.floats(0.0, 300.0), more=st.floats(0.0, 100.0), speed=st.floats(0.5, 30.0), other=st.floats(0.0, 60.0),
+    reciprocal=st.booleans(),
+)  # fmt: skip
+def test_a_larger_disc_and_a_faster_neighbour_need_more(
+    disc: float, more: float, speed: float, other: float, reciprocal: bool
+) -> None:
+    def needed(disc_m: float, other_mps: float, avoids: bool) -> float:
+        (value,) = needed_range([disc_m], [other_mps], [avoids], speed_mps=speed, reaction=PX4_REACTION)
+        return float(value)
+
+    assert needed(disc + more, other, reciprocal) >= needed(disc, other, reciprocal)
+    assert needed(disc, other + more, reciprocal) >= needed(disc, other, reciprocal)
+    assert needed(disc, other, True) <= needed(disc, other, False)
+    assert math.isfinite(needed(disc, other, reciprocal))
+
+
+# --- what the air gives -----------------------------------------------------------------------------------------------
+
+
+def heard(sysid: int, at_s: float, distance_m: float | None, status: int = 2) -> Track:
+    report = RemoteIdReport(
+        source=(sysid, 1), status=status, latitude_deg=47.0, longitude_deg=8.0, received_at_s=at_s
+    )  # fmt: skip
+    track = new_track(("rid", sysid, 1, None, 0), report, at_s, filtered=False)
+    assert track is not None
+    track.first_heard_m = distance_m
+    return track
+
+
+@pytest.fixture
+def watch() -> Iterator[DetectionWatch]:
+    """In flight since time zero."""
+    made = DetectionWatch()
+    made.hear([], True, 0.0)
+    yield made
+
+
+def test_nothing_is_said_without_evidence(watch: DetectionWatch) -> None:
+    for sysid, at_s in ((2, 20.0), (3, 21.0)):
+        watch.hear([heard(sysid, at_s, 50.0)], True, at_s)
+    judged = watch.judge(500.0, True)
+    assert (judged.given_m, judged.short, watch.warning(judged, 30.0)) == (None, False, "")
+    watch.hear([heard(4, 22.0, 60.0)], True, 22.0)
+    judged = watch.judge(500.0, True)
+    assert judged.given_m == pytest.approx(55.0) and judged.short
+    assert watch.warning(judged, 30.0) == "Remote ID heard from 55 m, 500 m needed"
+
+
+@pytest.mark.parametrize(
+    ("track", "flying"),
+    [
+        (heard(9, 5.0, 50.0), True),  # was in range when we took off
+        (heard(9, 20.0, 50.0, status=1), True),  # stands on the ground
+        (heard(9, 20.0, None), True),  # we did not know where we were
+        (heard(9, 20.0, 50.0), False),  # we stand ourselves
+        (heard(2, 20.0, 50.0), True),  # was heard before
+    ],
+)
+def test_what_is_no_evidence(watch: DetectionWatch, track: Track, flying: bool) -> None:
+    for sysid in (2, 3, 4):
+        watch.hear([heard(sysid, 11.0, 300.0)], True, 11.0)
+    watch.hear([track], flying, 20.0)
+    for _ in range(4):
+        watch.hear([track], flying, 21.0)
+    assert watch.given_m == 300.0
+
+
+def test_who_comes_from_behind_a_house_does_not_shrink_the_air(watch: DetectionWatch) -> None:
+    distances = [300.0, 310.0, 290.0, 305.0, 20.0, 35.0]
+    for sysid, distance in enumerate(distances, start=2):
+        watch.hear([heard(sysid, 20.0, distance)], True, 20.0 + sysid)
+    assert watch.given_m is None or watch.given_m > 300.0
+
+
+def test_judgement_has_hysteresis_and_warnings_have_a_pause(watch: DetectionWatch) -> None:
+    tracks = [heard(sysid, 20.0, 100.0) for sysid in (2, 3, 4)]
+    watch.hear(tracks, True, 20.0)
+    assert not watch.judge(100.0, True).short
+    assert watch.judge(101.0, True).short
+    assert watch.judge(95.0, True).short
+    assert watch.judge(500.0, False).short  # nobody there: as before, and nobody to need it
+    assert not watch.judge(90.0, True).short
+    assert not watch.judge(500.0, False).short
+    short = watch.judge(120.0, True)
+    said = [watch.warning(short, float(now)) for now in range(30, 120)]
+    assert np.flatnonzero(said).tolist() == [0, 60]
+    assert all(len(text) <= 50 for text in said)
