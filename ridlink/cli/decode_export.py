@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import os
+import shutil
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import click
 
 from ridlink.cli.output import whole_output
-from ridlink.cli.signals import signals_raise
+from ridlink.cli.signals import removed_by_signals
 from ridlink.errors import CaptureError
 
 if TYPE_CHECKING:
@@ -216,8 +217,8 @@ def _export_folder(
     from ridlink.captures.export.tables import CsvFolder, ParquetFolder, tables_of_block, tables_of_messages
 
     with (
-        signals_raise(),
         whole_folder(output) as folder,
+        removed_by_signals(lambda: shutil.rmtree(folder, ignore_errors=True)),
         CsvFolder(folder) if output_format == "csv" else ParquetFolder(folder) as writer,
     ):
         for part in _captures(files, kind, selection, statistics):

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from ridlink.cli.signals import signals_raise
+from ridlink.cli.signals import removed_by_signals
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def whole_output(path: str | None) -> Iterator[BinaryIO]:
             yield stream
         return
     unfinished = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
-    with signals_raise():
+    with removed_by_signals(lambda: unfinished.unlink(missing_ok=True)):
         try:
             with _new(unfinished, path) as stream:
                 yield stream

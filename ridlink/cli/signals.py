@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -13,29 +13,28 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def signals_raise() -> Iterator[None]:
-    """SIGTERM and SIGHUP end the command like an error, so that it takes away what it has half written.
+def removed_by_signals(remove: Callable[[], None]) -> Iterator[None]:
+    """A signal that ends the command takes away first what is half written, and ends it with 128 + n.
 
-    Raises:
-        SystemExit: With 128 + n, where signal n came. A second signal finds the action that was there before.
+    No exception does that: one that comes at any time would be lost in a callback of the compiler or of an import.
+
+    Args:
+        remove: Takes it away.
     """
 
     def end(number: int, _: object) -> None:
-        restore()
-        sys.exit(128 + number)
+        remove()
+        os._exit(128 + number)
 
-    def restore() -> None:
-        for number, action in before.items():
-            signal.signal(number, action)
-
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     for number, action in before.items():
         if action is not signal.SIG_IGN:  # as under nohup
             signal.signal(number, end)
     try:
         yield
     finally:
-        restore()
+        for number, action in before.items():
+            signal.signal(number, action)
 
 
 def stopped_by_signals(loop: asyncio.AbstractEventLoop) -> asyncio.Event:
