@@ -74,7 +74,7 @@ class BlockLines:
             if self._frames:
                 lines.literal(',"frame":')
                 lines.texts([block.frame(entry).hex() for entry in entries.tolist()])
-            lines.literal("}\n")
+            lines.finish("}\n")
             self._by_message = _with_room(self._by_message, at, lines.longest())
             at = lines.write(self._by_message, at, entries, starts, ends)
         for entry, records in pack_records(block, self._selection):
@@ -187,12 +187,15 @@ class _Lines:
         for number, (place, _) in enumerate(self._floats):
             self._cells[place] = cells[number]
 
-    def longest(self) -> int:
-        """More bytes than all lines can have; called once, before `write`."""
+    def finish(self, text: str) -> None:
+        """What every line ends with; then they can be written."""
+        self._literals.append(f"{self._literal}{text}".encode())
         if self._floats:
             with np.errstate(invalid="ignore", over="ignore"):
                 self._write_floats()
-        self._literals.append(self._literal.encode())
+
+    def longest(self) -> int:
+        """More bytes than all lines can have."""
         cell = max(writing.LONGEST_NUMBER, *map(len, self._table))
         return self._rows * (sum(map(len, self._literals)) + len(self._kinds) * cell)
 
