@@ -2,12 +2,12 @@
 
 python -m tests.avoidance.study_response [runs] [px4|ardupilot] [speed] [geometry ...]
 
-For eight geometries: runs in which a reported position came inside the disc [%], 5th percentile of the smallest reported
-margin [m], smallest true gap of two airframes [m], collisions, vehicles that did not arrive, median time relative to
-flying alone, reversals of the lateral command a vehicle; then the prototype's figures in the same order (without
-collisions and arrivals, of which all its runs had none and all), and what is worse than those beyond the noise of the
-runs. Paths are 500 m, circles have a radius of 100 m, airframes are 0.5 to 2 m, errors Gauss-Markov of 3.5 m, latencies
-0.1 to 0.3 s, everybody begins at cruise.
+For eight geometries: runs in which a reported position came inside the disc [%], 5th percentile of the smallest
+reported margin [m], smallest true gap of two airframes [m], collisions, vehicles that did not arrive, median time
+relative to flying alone, reversals of the lateral command a vehicle; then the prototype's figures in the same order
+(without collisions and arrivals, of which all its runs had none and all), and what is worse than those beyond the noise
+of the runs. Paths are 500 m, circles have a radius of 100 m, airframes are 0.5 to 2 m, errors Gauss-Markov of 3.5 m,
+latencies 0.1 to 0.3 s, everybody begins at cruise.
 """
 
 from __future__ import annotations
