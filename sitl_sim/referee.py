@@ -5,10 +5,10 @@ of a pair inside a step is known exactly, and nobody slips through another betwe
 
 - MAC, mid-air collision: true horizontal distance below half the sum of the airframe sizes (paper Eq. 9) while the
   airframes overlap vertically (heights: ``VehicleSpec.airframe_height_m``). Judged for everything in the air.
-- Separation and uNMAC: judged for pairs on their missions and in one altitude slice. A pair violates its uNMAC when it
-  *enters* the pair radius; a pair that is inside from the start has not had the chance, and counts from when it first
-  was clear. On true positions this happens whenever the position errors do what the radius is there for; what
-  avoidance can answer for is the count on reported positions. Both are kept.
+- Separation and uNMAC: judged for pairs on their missions that are inside each other's height bound. A pair violates
+  its uNMAC when it *enters* the cylinder of its radius and that bound; a pair that is inside from the start has not had
+  the chance, and counts from when it first was clear. On true positions this happens whenever the position errors do
+  what the radius is there for; what avoidance can answer for is the count on reported positions. Both are kept.
 - Arrival: the true or the reported position is within 5 m of the goal horizontally.
 """
 
@@ -34,7 +34,8 @@ ARRIVAL_RADIUS_M = 5.0
 """Horizontal distance to the goal that counts as arrived: the paper's simulation."""
 
 ALTITUDE_SLICE_M = 15.0
-"""Pairs further apart vertically than this are in different slices of airspace; separation is a horizontal notion."""
+"""Least height bound, and the one where nobody says anything of vertical errors: pairs that are further apart
+vertically are in different slices of airspace, and their horizontal distance says nothing."""
 
 SWEPT_WITHIN_M = 25.0
 """Pairs that may come nearer than this inside a step are swept between its samples. Beyond, samples suffice: with 1 m
@@ -161,6 +162,7 @@ class Referee:
         self._others = ~np.eye(count, dtype=np.bool_)
         self._distances = _PairDistances(count)
         self._before: FloatArray = np.array(position_ned_m, dtype=np.float64).reshape(count, 3)
+        self._bound_m: FloatArray = np.full((count, count), ALTITUDE_SLICE_M)
         self.begin()
 
     def begin(self) -> None:
@@ -233,6 +235,7 @@ class Referee:
         pair_radius_m: FloatArray,
         *,
         active: BoolArray,
+        vertical_error_m: FloatArray | None = None,
     ) -> None:
         """Judge the uNMAC of every pair at the moment of a report.
 
@@ -241,18 +244,30 @@ class Referee:
             reported_position_ned_m: Reported positions, shape (n, 3).
             pair_radius_m: uNMAC radii, shape (n, n), symmetric.
             active: Who is on its mission, shape (n,).
+            vertical_error_m: Three-sigma vertical errors that the vehicles report, shape (n,); with the heights of the
+                airframes they make the height bound of each pair, from now on.
         """
-        judged = self._in_one_slice(position_ned_m, active)
-        self._true_entries.see(self._distances.of(position_ned_m), pair_radius_m, judged)
-        self._reported_entries.see(self._distances.of(reported_position_ned_m), pair_radius_m, judged)
+        if vertical_error_m is not None:
+            half_m = np.asarray(vertical_error_m) + self._height_m / 2.0
+            np.maximum(half_m[:, None] + half_m[None, :], ALTITUDE_SLICE_M, out=self._bound_m)
+        judged = self._pairs(active)
+        for entries, position in (
+            (self._true_entries, position_ned_m),
+            (self._reported_entries, reported_position_ned_m),
+        ):
+            entries.see(self._distances.of(position), pair_radius_m, judged, self._level(position))
 
-    def _in_one_slice(self, position_ned_m: FloatArray, active: BoolArray) -> BoolArray:
+    def _pairs(self, active: BoolArray) -> BoolArray:
         judged = self._others & active[:, None]
         judged &= active[None, :]
-        down = position_ned_m[:, 2]
-        if np.ptp(down) >= ALTITUDE_SLICE_M:
-            judged &= np.abs(down[:, None] - down[None, :]) < ALTITUDE_SLICE_M
         return judged
+
+    def _level(self, position_ned_m: FloatArray) -> BoolArray | None:
+        """Pairs inside each other's height bound, shape (n, n); None where that is everybody."""
+        down = position_ned_m[:, 2]
+        if np.ptp(down) < ALTITUDE_SLICE_M:
+            return None
+        return np.asarray(np.abs(down[:, None] - down[None, :]) < self._bound_m)
 
     def _judge_pairs(
         self, time_s: float, dt_s: float, start: FloatArray, step: FloatArray, in_air: BoolArray, active: BoolArray
@@ -261,7 +276,9 @@ class Referee:
         hit = np.zeros(len(start), dtype=np.bool_)
         if np.count_nonzero(in_air) < 2:
             return hit
-        judged = self._in_one_slice(self._before, active)
+        judged, level = self._pairs(active), self._level(self._before)
+        if level is not None:
+            judged &= level
         distance_m = self._distances.of(self._before)
         nearer = judged & (distance_m < self._closest_m)
         np.copyto(self._closest_m, distance_m, where=nearer)
@@ -353,14 +370,16 @@ class Referee:
 
 
 class _EntryCounter:
-    """Counts pairs that entered their radius after having been outside of it."""
+    """Counts pairs that entered their cylinder after having been outside of it."""
 
     def __init__(self, count: int) -> None:
         self._was_clear = np.zeros((count, count), dtype=np.bool_)
         self._entered = np.zeros((count, count), dtype=np.bool_)
 
-    def see(self, distance_m: FloatArray, radius_m: FloatArray, judged: BoolArray) -> None:
+    def see(self, distance_m: FloatArray, radius_m: FloatArray, judged: BoolArray, level: BoolArray | None) -> None:
         inside = distance_m < radius_m
+        if level is not None:
+            inside &= level
         self._entered |= inside & judged & self._was_clear
         self._was_clear |= judged & ~inside
 

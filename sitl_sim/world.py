@@ -289,7 +289,9 @@ class World:
         position, reported = self.position_ned_m, self.reported_position_ned_m
         collided = self._referee.observe(self.mission_time_s, TICK_S, position, reported, in_air=in_air, active=active)
         if self._ticks % self._ticks_per_report == 0 and np.count_nonzero(active) > 1:
-            self._referee.observe_reports(position, reported, self._pair_radius(self), active=active)
+            self._referee.observe_reports(
+                position, reported, self._pair_radius(self), active=active, vertical_error_m=3.0 * self.v_acc_m
+            )
         self.state[collided] = VehicleState.GONE
         done = self.arrived & (self.state == VehicleState.AIRBORNE)
         self.state[done] = VehicleState.LANDING if self._arrival == "land" else VehicleState.GONE

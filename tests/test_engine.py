@@ -175,6 +175,58 @@ def test_an_intruder_far_above_is_flown_under_if_its_height_is_known(
     assert (aside < 0.5) == passes
 
 
+class Pair:
+    """Two engines that fly at each other along one line."""
+
+    def __init__(self, **options: Any) -> None:
+        self.vehicles = [Emulated(k + 1, ned_m=(150.0 * (2 * k - 1), 0.0, -50.0), error_m=10.5) for k in (0, 1)]
+        self.engines = [Engine(config(-vehicle.position[0], **options)) for vehicle in self.vehicles]
+        self.heights: list[list[float]] = []
+        self.worst_m = math.inf
+        """Least horizontal distance while neither was known to be above the other."""
+        self.commands: list[Any] = []
+
+    def fly(self, steps: int, spoilt: dict[str, Any] | None = None) -> None:
+        """Some steps; who tells nothing but its place and speed is spoilt in both reports."""
+        for k in range(steps):
+            now_s = k * STEP_S
+            reports = [vehicle.remote_id(now_s, **(spoilt or {})) for vehicle in self.vehicles]
+            for vehicle, engine, report in zip(self.vehicles, self.engines, reversed(reports), strict=True):
+                engine.receive_vehicle(vehicle.telemetry(now_s), now_s, source="autopilot")
+                engine.receive_remote_id(report, "air", now_s)
+                output = engine.step(now_s)
+                self.commands.append(output.decision.commanded_ned_mps)
+                for frame in output.to_vehicle:
+                    vehicle.hear(frame)
+            for vehicle in self.vehicles:
+                vehicle.advance(STEP_S)
+            self.heights.append([-float(vehicle.position[2]) for vehicle in self.vehicles])
+            gap = self.vehicles[0].position - self.vehicles[1].position
+            if abs(gap[2]) < 6.45:  # three metres of error each, and half of 0.6 m and 0.3 m
+                self.worst_m = min(self.worst_m, float(np.hypot(*gap[:2])))
+
+
+def test_vertical_avoidance_leaves_the_height_of_a_conflict_and_returns_within_the_band() -> None:
+    pair = Pair(vertical_avoidance=True, vertical_cost=0.1, vertical_band_m=15.0)
+    pair.fly(450)
+    low, high = np.min(pair.heights), np.max(pair.heights)
+    assert high - low > 5.0
+    assert low >= 35.0 - 0.3 and high <= 65.0 + 0.3
+    assert pair.heights[-1] == pytest.approx([50.0, 50.0], abs=0.5)
+    assert pair.worst_m > 0.6 + 2 * 10.5 + 2.0
+
+
+def test_vertical_avoidance_is_off_unless_asked_for_and_stays_level_where_heights_are_unknown() -> None:
+    plain, unknown = Pair(), Pair(vertical_avoidance=True, vertical_cost=0.1)
+    plain.fly(300)
+    unknown.fly(300, spoilt={"speed_vertical_mps": None})
+    for pair in (plain, unknown):
+        assert np.ptp(pair.heights) < 0.1
+    # Without a cylinder to leave the plane decides as it does alone.
+    one, other = ([command[:2] for command in pair.commands] for pair in (unknown, plain))
+    assert np.array(one) == pytest.approx(np.array(other), abs=1e-3)
+
+
 class Stubborn(Emulated):
     """Flies on as it does, whatever it is told: its conflicts last."""
 
@@ -687,6 +739,9 @@ def test_static_obstacles_lie_where_they_are_wherever_we_are() -> None:
         ({"airframe_m": 0.0}, "airframe"),
         ({"airframe_m": math.inf}, "airframe"),
         ({"airframe_height_m": 0.0}, "airframe-height"),
+        ({"vertical_band_m": 0.0}, "vertical-band"),
+        ({"vertical_cost": math.nan}, "vertical-cost"),
+        ({"min_height_m": 120.0}, "max-height"),
         ({"vehicle_sysid": 0}, "vehicle-sysid"),
         ({"goal": Goal(math.nan, 0.0)}, "finite"),
         ({"goal": Goal(10.0, 181.0)}, "longitude"),

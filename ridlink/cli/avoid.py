@@ -81,6 +81,22 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     metavar="S",
     help="How long the vehicle flies on before it obeys; 0 for one that obeys at once.  [default: 1]",
 )
+@click.option("--vertical", is_flag=True, default=None, help="Climb or descend, too, where turning is not enough.")
+@click.option(
+    "--vertical-cost",
+    type=float,
+    metavar="SHARE",
+    help="Of --vertical: climb or descend where turning and slowing cost more than this share of the cruise speed.  "
+    "[default: 0.25]",
+)
+@click.option(
+    "--vertical-band",
+    type=float,
+    metavar="M",
+    help="Of --vertical: stay so near to the altitude of the goal.  [default: 40]",
+)
+@click.option("--min-height", type=float, metavar="M", help="Of --vertical: least height over home.  [default: 20]")
+@click.option("--max-height", type=float, metavar="M", help="Of --vertical: largest height over home.  [default: 120]")
 @click.option(
     "--vehicle-sysid",
     type=click.IntRange(1, 255),

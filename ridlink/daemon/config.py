@@ -105,6 +105,11 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     vz_max: float | None = None
     a_max: float | None = None
     response_time: float | None = None
+    vertical: bool | None = None
+    vertical_cost: float | None = None
+    vertical_band: float | None = None
+    min_height: float | None = None
+    max_height: float | None = None
     vehicle_sysid: int | None = None
     uas_id: str | None = None
     filter_positions: bool | None = None
@@ -224,6 +229,11 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
             graded=replace(engine.graded, **graded),
             rotation=replace(engine.rotation, **(flat.rotation or {})),
             obstacles=tuple(tuple(table.polygon) for table in flat.obstacle or ()),
+            vertical_avoidance=or_default(flat.vertical, engine.vertical_avoidance),
+            vertical_cost=or_default(flat.vertical_cost, engine.vertical_cost),
+            vertical_band_m=or_default(flat.vertical_band, engine.vertical_band_m),
+            min_height_m=or_default(flat.min_height, engine.min_height_m),
+            max_height_m=or_default(flat.max_height, engine.max_height_m),
             vehicle_sysid=flat.vehicle_sysid,
             uas_id=flat.uas_id,
             filter_positions=or_default(flat.filter_positions, engine.filter_positions),
@@ -269,6 +279,11 @@ def as_toml(config: DaemonConfig) -> str:
         f"v_max = {engine.limits.horizontal_mps}",
         f"vz_max = {engine.limits.vertical_mps}",
         f"a_max = {engine.limits.acceleration_mps2}",
+        f"vertical = {str(engine.vertical_avoidance).lower()}",
+        f"vertical_cost = {engine.vertical_cost}",
+        f"vertical_band = {engine.vertical_band_m}",
+        f"min_height = {engine.min_height_m}",
+        f"max_height = {engine.max_height_m}",
         f"standby = {str(engine.standby).lower()}",
         f"filter_positions = {str(engine.filter_positions).lower()}",
     ]

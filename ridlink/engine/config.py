@@ -50,6 +50,12 @@ class EngineConfig:
         rotation: Constants of the rotation solver.
         failsafe: When doubt becomes action.
         obstacles: Static obstacles, polygons of (latitude, longitude) in degrees.
+        vertical_avoidance: Climb or descend, too, where the horizontal decision is bad; see `avoidance.vertical`.
+        vertical_cost: Of the cruise speed; a horizontal decision further from the straight way is bad.
+        vertical_band_m: Vertical avoidance stays so near to the altitude of the goal, ...
+        min_height_m: ... above this height over home, ...
+        max_height_m: ... and below this one. 120 m is the ceiling of open flights in Europe and of small ones in the
+            United States. A goal outside of them widens the band to itself.
         vehicle_sysid: Only this autopilot; without it the first one heard.
         uas_id: Own identity in Remote ID; without it what BASIC_ID on the vehicle link says.
         filter_positions: Smooth reported positions, own and others'.
@@ -70,6 +76,11 @@ class EngineConfig:
     rotation: RotationSettings = field(default_factory=RotationSettings)
     failsafe: FailsafeSettings = field(default_factory=FailsafeSettings)
     obstacles: tuple[Polygon, ...] = ()
+    vertical_avoidance: bool = False
+    vertical_cost: float = 0.25
+    vertical_band_m: float = 40.0
+    min_height_m: float = 20.0
+    max_height_m: float = 120.0
     vehicle_sysid: int | None = None
     uas_id: str | None = None
     filter_positions: bool = True
@@ -99,6 +110,15 @@ class EngineConfig:
             raise ConfigError(f"airframe must be at least {MIN_AIRFRAME_M:g} m, got {self.airframe_m:g}")
         if not (math.isfinite(self.height_m) and self.height_m > 0.0):
             raise ConfigError(f"airframe-height must be positive, got {self.height_m:g}")
+        if not 0.0 <= self.vertical_cost <= 2.0:
+            raise ConfigError(f"vertical-cost must lie between 0 and 2, got {self.vertical_cost:g}")
+        if not (math.isfinite(self.vertical_band_m) and self.vertical_band_m > 0.0):
+            raise ConfigError(f"vertical-band must be positive, got {self.vertical_band_m:g} m")
+        if not 0.0 <= self.min_height_m < self.max_height_m < math.inf:
+            raise ConfigError(
+                f"min-height must not be negative and lie below max-height, got {self.min_height_m:g} and "
+                f"{self.max_height_m:g} m"
+            )
         if self.vehicle_sysid is not None and not 1 <= self.vehicle_sysid <= 255:
             raise ConfigError(f"vehicle-sysid must be between 1 and 255, got {self.vehicle_sysid}")
         if self.uas_id is not None and not 1 <= len(self.uas_id.encode()) <= UAS_ID_LENGTH:

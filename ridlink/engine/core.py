@@ -13,6 +13,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 
 from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status, warning
+from ridlink.engine.climbing import Climber
 from ridlink.engine.commands import (
     ACCEPTED,
     DENIED,
@@ -121,6 +122,7 @@ class Engine:
                 filtered=config.filter_positions,
                 own_height_m=config.height_m,
                 vertical_horizon_s=config.halfplane.horizon_s,
+                all_heights=config.vertical_avoidance,
             )
         )
         self.setpoints = SetpointStream(config.limits)
@@ -129,6 +131,7 @@ class Engine:
         self._counters: Counter[str] = Counter()
         self._assemblers = {"vehicle": ReportAssembler(), "rid": ReportAssembler()}
         self._decider = Decider(config)
+        self._climber = Climber(config) if config.vertical_avoidance else None
         self._uas_id = config.uas_id.encode() if config.uas_id else None
         self._encoder = Encoder(config.vehicle_sysid or 1, AVOIDANCE_COMPONENT)
         self._replies: list[tuple[bytes, Hashable]] = []
@@ -252,9 +255,14 @@ class Engine:
             if goal is not None:
                 self.goal = goal
                 self.rung = request(self.rung)
-                self._decider.begin_leg()
+                self._begin_leg()
         ack = acknowledged(self._encoder, message, result, frame.sysid, frame.compid)
         self._replies.append((ack, source))
+
+    def _begin_leg(self) -> None:
+        self._decider.begin_leg()
+        if self._climber is not None:
+            self._climber.begin_leg()
 
     # --- out ------------------------------------------------------------------------------------------------------
 
@@ -278,7 +286,7 @@ class Engine:
         elif self.rung.stream is Stream.ZERO:
             record = replace(record, commanded_ned_mps=STOP)
         if self.rung.state is State.ENGAGED and before is not State.ENGAGED and before is not State.HOLD:
-            self._decider.begin_leg()
+            self._begin_leg()
         output = StepOutput(record)
         if record.commanded_ned_mps is not None:
             output.to_vehicle.append(self._setpoint(record.commanded_ned_mps, now_s))
@@ -338,14 +346,24 @@ class Engine:
         streaming = self.rung.stream is not Stream.NOTHING
         commanded = STOP if streaming else None
         try:
-            snapshot = self.picture.snapshot(own, now_s)
+            everybody = self.picture.snapshot(own, now_s)
+            snapshot = everybody.at_our_height()
             traffic, seen = self._decider.traffic(own, snapshot)
-            record = replace(
-                self._decider.seen(record, snapshot, seen), detection=self._detection_range(own, snapshot, now_s)
-            )
+            detection = self._detection_range(own, snapshot, now_s)
+            record = replace(self._decider.seen(record, snapshot, seen), detection=detection)
             if self.rung.stream is not Stream.DECISION or self.goal is None:
                 return replace(record, commanded_ned_mps=commanded)
-            return self._decider.decide(record, self.goal, own, self.setpoints.velocity, snapshot, traffic, now_s)
+            record = self._decider.decide(record, self.goal, own, self.setpoints.velocity, snapshot, traffic, now_s)
+            if self._climber is None:
+                return record
+            return self._climber.climb(
+                record,
+                own,
+                everybody,
+                self._decider,
+                last_down_mps=self.setpoints.velocity[2],
+                identity=(self._encoder.sysid, self._uas_id),
+            )
         except Exception as error:  # a fault here must become a hold, never a missing setpoint
             self._counters["decision_failed"] += 1
             self.last_error = f"{type(error).__name__}: {error}"

@@ -41,12 +41,18 @@ class Decider:
     Attributes:
         solver: Chooses the horizontal velocity.
         infeasible: Decisions that had no admissible velocity.
+        straight_ne_mps: Velocity straight to the goal at the speed that the last decision wanted, shape (2,).
+        cost_mps: How far the velocity of the last decision is from flying straight to the goal.
+        target_altitude_m: Where the last decision wants to be, above mean sea level.
     """
 
     def __init__(self, config: EngineConfig) -> None:
         self.config = config
         self.solver = new_solver(config.solver, config.solver_settings)
         self.infeasible = 0
+        self.straight_ne_mps = np.zeros(2)
+        self.cost_mps = 0.0
+        self.target_altitude_m = 0.0
         self._obstacles = StaticObstacles(config.obstacles)
         self.begin_leg()
 
@@ -206,9 +212,11 @@ class Decider:
         for track, memory in zip(snapshot.tracks, decision.memory.tolist(), strict=True):
             track.memory = memory
         self.infeasible += decision.status is Status.INFEASIBLE
-        altitude = self._kept_altitude_m if goal.altitude_m is None else goal.altitude_m
+        self.straight_ne_mps = target * (float(np.hypot(*decision.preferred_ne_mps)) / max(distance, 1e-9))
+        self.cost_mps = float(np.hypot(*(decision.velocity_ne_mps - self.straight_ne_mps)))
+        self.target_altitude_m = self._kept_altitude_m if goal.altitude_m is None else goal.altitude_m
         most = config.limits.vertical_mps
-        down = min(max(VERTICAL_GAIN_PER_S * (here.altitude_m - altitude), -most), most)
+        down = min(max(VERTICAL_GAIN_PER_S * (here.altitude_m - self.target_altitude_m), -most), most)
         north, east = decision.command_ne_mps.tolist()
         return replace(
             record,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -102,6 +102,14 @@ class Snapshot:
 
     def __len__(self) -> int:
         return len(self.tracks)
+
+    def at_our_height(self) -> Snapshot:
+        """Those who are not known to fly far above or below."""
+        if not self.apart.any():
+            return self
+        chosen = np.flatnonzero(~self.apart)
+        arrays = {item.name: getattr(self, item.name)[chosen] for item in fields(self) if item.name != "tracks"}
+        return replace(self, tracks=tuple(self.tracks[k] for k in chosen), **arrays)
 
 
 NAN3 = (math.nan, math.nan, math.nan)

@@ -35,6 +35,7 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
 @click.option(
     "--solver", type=click.Choice(SOLVERS), default="halfplane", show_default=True, help="What chooses the velocity."
 )
+@click.option("--vertical", is_flag=True, help="Daemons climb or descend, too, where turning is not enough.")
 @click.option("--compare", is_flag=True, help=f"Fly the same seed under {', '.join(COMPARED)}, one after the other.")
 @click.option(
     "--processes",
@@ -55,6 +56,7 @@ def demo(
     definition: str,
     eta: float,
     solver: str,
+    vertical: bool,
     compare: bool,
     processes: bool,
     headless: bool,
@@ -92,6 +94,7 @@ def demo(
         definition=Definition(definition),
         eta=eta,
         solver=SolverKind(solver),
+        vertical=vertical,
         count=fleet["count"],
         speed_mps=fleet["speed_mps"],
         interval_s=fleet["interval_s"],

@@ -56,6 +56,8 @@ def assignments(
     ports: FleetPorts,
     eta: float = DEFAULT_ETA,
     solver: SolverKind = SolverKind.HALFPLANE,
+    *,
+    vertical: bool = False,
 ) -> list[Assignment]:
     """One daemon for every vehicle that cooperates, with its goal in degrees.
 
@@ -92,6 +94,7 @@ def assignments(
             rotation=rotation,
             obstacles=obstacles,
             vehicle_sysid=index + 1,
+            vertical_avoidance=vertical,
         )
         link = (
             f"udpin:{HOST}:{fleet.companion_port + index}"

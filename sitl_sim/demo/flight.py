@@ -97,7 +97,15 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         ports = server.ports
         conductor = Conductor(ports.vehicles, ports.air, recorder.receive)
         await conductor.open()
-        assigned = assignments(scenario, options.definition, options.fleet, ports, options.eta, options.solver)
+        assigned = assignments(
+            scenario,
+            options.definition,
+            options.fleet,
+            ports,
+            options.eta,
+            options.solver,
+            vertical=options.vertical,
+        )
         await _warm(screen, options.solver, options.processes, len(assigned))
         daemons = Daemons(assigned, each_its_own=options.processes)
         await daemons.start()
@@ -137,7 +145,7 @@ def _log_path(options: DemoOptions, scenario: Scenario) -> Path:
 
 
 def _title(options: DemoOptions, scenario: Scenario) -> str:
-    how = f"under {options.definition} by {options.solver}"
+    how = f"under {options.definition} by {options.solver}{', climbing too' if options.vertical else ''}"
     return f"{scenario.name}, {len(scenario.vehicles)} vehicles {how}, seed {options.fleet.seed}"
 
 
@@ -182,6 +190,7 @@ def _result(
         "setpoint_gap_ms": _worst(summaries, "setpoint_gap_ms", ("p99", "max")),
         "infeasible_steps": sum(summary["infeasible_steps"] for summary in summaries),
         "solver": str(options.solver),
+        "vertical": options.vertical,
         "autopilot": options.fleet.autopilot,
         "gnss": options.fleet.gnss,
         "passed": verdict.passed,

@@ -22,6 +22,7 @@ class DemoOptions:
         definition: Separation definition that every daemon flies under.
         eta: Of the definition chance: probability, at any one instant, that no neighbour comes too close.
         solver: What chooses the velocities.
+        vertical: Daemons may climb or descend, too.
         count: Number of vehicles, where the scenario takes one.
         speed_mps: Cruise speed of vehicles of which the scenario says nothing.
         interval_s: Time between two Remote ID updates; None: the scenario's.
@@ -34,6 +35,7 @@ class DemoOptions:
     definition: Definition = Definition.CANDIDATE2
     eta: float = DEFAULT_ETA
     solver: SolverKind = SolverKind.HALFPLANE
+    vertical: bool = False
     count: int | None = None
     speed_mps: float = 10.0
     interval_s: float | None = None

@@ -29,6 +29,11 @@ definition = "candidate1"
 cruise = 12
 airframe = 1.2
 airframe_height = 0.5
+vertical = true
+vertical_cost = 0.3
+vertical_band = 25.0
+min_height = 30.0
+max_height = 90.0
 v_max = 14.0
 vz_max = 1.5
 a_max = 4.0
@@ -67,6 +72,8 @@ def test_every_key_arrives(write) -> None:
     assert engine.definition is Definition.CANDIDATE1
     assert (engine.cruise_mps, engine.airframe_m, engine.vehicle_sysid, engine.uas_id) == (12.0, 1.2, 2, "FA-1")
     assert engine.height_m == 0.5
+    vertical = (engine.vertical_avoidance, engine.vertical_cost, engine.vertical_band_m)
+    assert (*vertical, engine.min_height_m, engine.max_height_m) == (True, 0.3, 25.0, 30.0, 90.0)
     assert engine.limits.horizontal_mps == 14.0
     assert (engine.limits.vertical_mps, engine.limits.acceleration_mps2) == (1.5, 4.0)
     assert engine.standby and not engine.filter_positions

@@ -162,6 +162,31 @@ def test_a_mission_that_begins_inside_a_radius_counts_only_after_it_was_clear() 
     assert referee.verdict().unmac_violations == 1
 
 
+@pytest.mark.parametrize(("up_m", "error_m", "entered"), [(0.0, 15.0, 1), (29.0, 15.0, 1), (32.0, 15.0, 0),
+                                                          (14.0, 1.0, 1), (16.0, 1.0, 0), (16.0, None, 0)])  # fmt: skip
+def test_a_disc_counts_only_inside_the_height_bound_of_the_pair(
+    up_m: float, error_m: float | None, entered: int
+) -> None:
+    both = np.array([True, True])
+    clear = np.array([[0.0, 0.0, -50.0], [50.0, 0.0, -50.0 - up_m]])
+    inside = clear - [[0.0, 0.0, 0.0], [40.0, 0.0, 0.0]]
+    referee = Referee(scenario(*map(tuple, clear.tolist())), clear)
+    errors = None if error_m is None else np.array([error_m, error_m])
+    for positions in (clear, inside):
+        referee.observe_reports(positions, positions, radii(24.0), active=both, vertical_error_m=errors)
+    assert (referee.verdict().unmac_violations, referee.verdict().unmac_violations_true) == (entered, entered)
+
+
+def test_coming_down_into_the_cylinder_of_a_neighbour_below_is_an_entry() -> None:
+    both, errors = np.array([True, True]), np.array([15.0, 15.0])
+    above = np.array([[0.0, 0.0, -50.0], [10.0, 0.0, -90.0]])
+    down = np.array([[0.0, 0.0, -50.0], [10.0, 0.0, -70.0]])
+    referee = Referee(scenario((0.0, 0.0, -50.0), (10.0, 0.0, -90.0)), above)
+    for positions, entered in ((above, 0), (down, 1)):
+        referee.observe_reports(positions, positions, radii(24.0), active=both, vertical_error_m=errors)
+        assert referee.verdict().unmac_violations == entered
+
+
 def test_an_obstacle_is_hit_by_the_airframe_and_never_jumped() -> None:
     match = Match(scenario((-60.0, 0.0, -50.0), (-60.0, 41.0, -50.0), (-60.0, -40.4, -50.0), tower=True))
     # a step that carries all three from one side to the other: one through it, one past it, one with a rotor in it
