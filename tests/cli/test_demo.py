@@ -71,7 +71,11 @@ def scenario(folder: Path, text: str) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("options", [[], ["--processes"], ["--solver", "graded"]], ids=["here", "processes", "graded"])
+@pytest.mark.parametrize(
+    "options",
+    [[], ["--processes"], ["--solver", "graded"], ["--vertical"]],
+    ids=["here", "processes", "graded", "vertical"],
+)
 def test_a_pair_passes_and_the_last_line_says_so(tmp_path: Path, options: list[str]) -> None:
     log = tmp_path / "flight.tlog"
     done = demo(
