@@ -12,8 +12,8 @@ from ridlink.daemon.service import AvoidDaemon
 from ridlink.engine import EngineConfig, Goal
 from ridlink.geodesy import geodetic_from_ned
 from ridlink.links import parse_link_url
+from ridlink.scenario import Scenario, VehicleSpec
 from sitl_sim.autopilot import Start
-from sitl_sim.scenario import Scenario, VehicleSpec
 from sitl_sim.server import FleetConfig, FleetServer
 
 SCENARIO = Scenario(

@@ -25,8 +25,8 @@ from ridlink.remote_id.messages import (
     SeparationFlags,
     System,
 )
+from ridlink.scenario import VehicleSpec
 from sitl_sim.autopilot.navigation import Navigation, Vector
-from sitl_sim.scenario import VehicleSpec
 from sitl_sim.world import VehicleState
 
 STATIC_INTERVAL_S = 3.0

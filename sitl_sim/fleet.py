@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ridlink.separation.reference import CATEGORIES, MAX_AIRFRAME_M, MIN_AIRFRAME_M
 
 if TYPE_CHECKING:
-    from sitl_sim.scenario import Scenario
+    from ridlink.scenario import Scenario
 
 FloatArray = npt.NDArray[np.float64]
 

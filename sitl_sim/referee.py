@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from sitl_sim.scenario import Scenario, distance_to_polygon
+from ridlink.scenario import Scenario, distance_to_polygon
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -24,12 +24,12 @@ import numpy as np
 from ridlink.errors import ConfigError, LinkError
 from ridlink.geodesy import Geodetic
 from ridlink.links import Link, open_link
+from ridlink.scenario import Scenario
 from sitl_sim.autopilot import FLAVOURS, Autopilot, FleetNavigation, Outgoing, Start
 from sitl_sim.broadcast import Broadcaster
 from sitl_sim.fleet import Stream, vehicle_generator
 from sitl_sim.gnss import ERROR_MODELS, ErrorModel
 from sitl_sim.radio import Air
-from sitl_sim.scenario import Scenario
 from sitl_sim.vehicle import TICK_S
 from sitl_sim.world import FloatArray, VehicleState, World
 

@@ -19,10 +19,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from ridlink.scenario import Scenario
 from ridlink.separation.volumes import unmac_radius
 from sitl_sim.gnss import ErrorModel, GnssReceivers
 from sitl_sim.referee import Referee, Verdict
-from sitl_sim.scenario import Scenario
 from sitl_sim.vehicle import TICK_S, FleetDynamics, model_for_speed
 
 FloatArray = npt.NDArray[np.float64]

@@ -17,6 +17,8 @@ LAYERS = {
     "ridlink.units": 0,
     "ridlink.geodesy": 0,
     "ridlink.compiled": 0,
+    "ridlink.checked_toml": 0,
+    "ridlink.scenario": 0,
     "ridlink.mavlink": 1,
     "ridlink.remote_id": 2,
     "ridlink.traffic": 2,

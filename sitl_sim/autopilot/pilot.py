@@ -15,6 +15,7 @@ from collections.abc import Callable
 from enum import IntEnum, StrEnum
 
 from ridlink.mavlink.codec import Message
+from ridlink.scenario import VehicleSpec
 from sitl_sim.autopilot.guidance import (
     STILL,
     Climb,
@@ -29,7 +30,6 @@ from sitl_sim.autopilot.modes import Flavour, Mode
 from sitl_sim.autopilot.navigation import Navigation, Vector
 from sitl_sim.autopilot.parameters import Parameters
 from sitl_sim.autopilot.setpoints import RefusedSetpoint, Setpoint, decode_setpoint
-from sitl_sim.scenario import VehicleSpec
 from sitl_sim.world import VehicleState, World
 
 HOME_REACHED_M = 1.0

@@ -77,8 +77,8 @@ def sim(
     import logging
     from dataclasses import replace
 
+    from ridlink.scenario import resolve_scenario
     from sitl_sim.autopilot import Start
-    from sitl_sim.scenario import resolve_scenario
     from sitl_sim.server import FleetServer
 
     logging.basicConfig(format="ridlink sim: %(message)s", level=logging.WARNING)

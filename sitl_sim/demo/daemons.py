@@ -24,10 +24,10 @@ from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.links import parse_link_url
+from ridlink.scenario import Scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 from ridlink.setpoint import VelocityLimits
-from sitl_sim.scenario import Scenario
 from sitl_sim.server import HOST, FleetConfig, FleetPorts
 
 READY_TIMEOUT_S = 90.0

@@ -17,13 +17,13 @@ from ridlink.avoidance.solver import warm_up
 from ridlink.avoidance.types import SolverKind
 from ridlink.captures.recorder import Recorder
 from ridlink.errors import LinkError
+from ridlink.scenario import Scenario, resolve_scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, separation_discs
 from sitl_sim.demo.conductor import Conductor
 from sitl_sim.demo.daemons import Daemons, assignments
 from sitl_sim.demo.options import DemoOptions
 from sitl_sim.demo.screen import Screen
-from sitl_sim.scenario import Scenario, resolve_scenario
 from sitl_sim.server import FleetServer
 from sitl_sim.world import FloatArray, World
 

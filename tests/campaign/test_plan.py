@@ -10,8 +10,8 @@ from ridlink.avoidance import GradedSettings, RotationSettings, SolverKind
 from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.plan import Plan, graded_plan, paper_plan
 from ridlink.campaign.scene import Scene, circle, square
+from ridlink.scenario import built_in
 from ridlink.separation import Definition
-from sitl_sim.scenario import built_in
 
 
 @pytest.mark.parametrize(("scene", "name"), [(circle(), "circle8"), (square(), "square24"), (circle(5), "circle8")])

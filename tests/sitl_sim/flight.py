@@ -7,8 +7,8 @@ from typing import Any
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.scenario import Scenario, VehicleSpec
 from sitl_sim.autopilot import Autopilot, FleetNavigation, Start
-from sitl_sim.scenario import Scenario, VehicleSpec
 from sitl_sim.vehicle import TICK_S
 from sitl_sim.world import World
 

@@ -14,9 +14,9 @@ from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.accuracy import three_sigma_bound_m
 from ridlink.remote_id.convert import from_mavlink
 from ridlink.remote_id.messages import Location, Separation, SeparationFlags
+from ridlink.scenario import VehicleSpec
 from sitl_sim.autopilot import Navigation
 from sitl_sim.broadcast import Broadcaster
-from sitl_sim.scenario import VehicleSpec
 from sitl_sim.world import VehicleState
 
 HOME = Geodetic(47.397742, 8.545594, 488.0)

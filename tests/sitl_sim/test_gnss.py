@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from ridlink.scenario import built_in
 from sitl_sim.fleet import CATEGORIES, draw_fleet, draw_paper_fleet, with_parameters
 from sitl_sim.gnss import CORRELATION_TIME_S, ERROR_MODELS, ErrorModel, GnssReceivers
-from sitl_sim.scenario import built_in
 
 FloatArray = npt.NDArray[np.float64]
 

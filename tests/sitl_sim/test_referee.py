@@ -11,8 +11,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from ridlink.scenario import ObstacleSpec, Scenario, VehicleSpec
 from sitl_sim.referee import Outcome, Referee
-from sitl_sim.scenario import ObstacleSpec, Scenario, VehicleSpec
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -16,8 +16,8 @@ import pytest
 from ridlink.errors import ConfigError, LinkError
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.scenario import Scenario, VehicleSpec, built_in
 from sitl_sim.autopilot import Start
-from sitl_sim.scenario import Scenario, VehicleSpec, built_in
 from sitl_sim.server import FleetConfig, FleetServer
 
 CLIENT = Path(__file__).with_name("mavutil_client.py")

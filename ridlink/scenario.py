@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ridlink.checked_toml import CheckedTable, read_toml
 from ridlink.errors import ConfigError
-from sitl_sim.checked_toml import CheckedTable, read_toml
 
 Point2 = tuple[float, float]
 Point3 = tuple[float, float, float]

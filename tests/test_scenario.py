@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ridlink.errors import ConfigError
-from sitl_sim.scenario import (
+from ridlink.scenario import (
     BUILT_IN,
     ObstacleSpec,
     VehicleSpec,
