@@ -84,7 +84,7 @@ class PositionErrors:
 
     Args:
         model: How sigma becomes an error.
-        sigma_m: Standard deviation.
+        sigma_m: Standard deviation, of all or of each, shape (N,).
         count: Vehicles in a run.
         seed: Seed of the campaign.
         runs: The runs of the batch, W of them.
@@ -94,10 +94,10 @@ class PositionErrors:
     _BLOCK = 32
 
     def __init__(
-        self, model: ErrorModel, sigma_m: float, *, count: int, seed: int, runs: range, interval_s: float
+        self, model: ErrorModel, sigma_m: float | FloatArray, *, count: int, seed: int, runs: range, interval_s: float
     ) -> None:
         self._model = ErrorModel(model)
-        self._sigma_m = sigma_m
+        self._sigma_m: FloatArray = np.broadcast_to(np.asarray(sigma_m, dtype=np.float64), (count,))
         self._count = count
         self._random = [generator(seed, run, Source.POSITION) for run in runs]
         self._keep = math.exp(-interval_s / CORRELATION_TIME_S)
@@ -130,7 +130,7 @@ class PositionErrors:
         """Draws of one run for the next reports, shape (block, N, 2)."""
         shape = (self._BLOCK, self._count)
         if self._model is not ErrorModel.WHITE_RADIAL:
-            return self._sigma_m * random.standard_normal((*shape, 2))
+            return self._sigma_m[:, None] * random.standard_normal((*shape, 2))
         radius = self._sigma_m * np.abs(random.standard_normal(shape))
         angle = random.uniform(0.0, 2.0 * math.pi, shape)
         return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)

@@ -7,10 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ridlink.avoidance import graded, headings, rotation, rows, worlds
+from ridlink.avoidance import graded, rotation, rows, worlds
 from ridlink.avoidance.obstacles import Obstacles
-from ridlink.avoidance.programme import new_lines
-from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings
 
@@ -65,14 +63,7 @@ class _Headings:
             self._kernel = worlds.grade_worlds
             fan = graded.candidates()
         self._constants = (obstacles.piece_vertex_ne_m, obstacles.piece_start, settings.as_vector(), fan)
-        count = shape[0]
-        self._scratch = (
-            np.zeros((*shape, rows.NEIGHBOUR_COLUMNS)),
-            np.zeros((*shape, headings.SIGHT_COLUMNS)),
-            np.zeros((count, obstacles.piece_count, headings.WALL_COLUMNS)),
-            np.zeros((count, headings.WAY_COLUMNS)),
-            np.zeros(shape, np.int64),
-        )
+        self._scratch = worlds.headings_scratch(*shape, obstacles)
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
 
     def decide(
@@ -90,26 +81,16 @@ class _Headings:
 
 
 class _Halfplanes:
-    """The half-plane solver, which remembers sides."""
+    """The half-plane solver, which remembers its encounters."""
 
     def __init__(self, settings: HalfplaneSettings, shape: tuple[int, int], obstacles: Obstacles) -> None:
-        count, vehicles = shape
-        lines = 2 * vehicles + obstacles.piece_count
-        self._side = np.zeros((count, vehicles, vehicles), np.int8)
+        self._memory = worlds.new_memory(*shape)
         self._route = np.zeros(shape, np.int64)
         self._constants = (
             obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start,
             settings.as_vector(),
         )  # fmt: skip
-        self._scratch = (
-            np.zeros((*shape, rows.NEIGHBOUR_COLUMNS)),
-            np.stack([new_lines(lines)] * count),
-            np.stack([new_lines(lines)] * count),
-            np.zeros((count, lines), np.int64),
-            np.zeros((count, ring_size(obstacles.hull_start), 2)),
-            np.zeros(shape, np.int8),
-            np.zeros(shape, np.int64),
-        )
+        self._scratch = worlds.halfplane_scratch(*shape, obstacles)
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
 
     def decide(
@@ -117,10 +98,10 @@ class _Halfplanes:
         error_sum_m: FloatArray, range_m: float,
     ) -> FloatArray:  # fmt: skip
         worlds.avoid_worlds(
-            own, deciding, heard, present, radius_m, error_sum_m, range_m, self._side, self._route, *self._constants,
+            own, deciding, heard, present, radius_m, error_sum_m, range_m, self._memory, self._route, *self._constants,
             *self._scratch, self._result,
         )  # fmt: skip
         return self._result[: len(own)]
 
     def keep(self, kept: BoolArray) -> None:
-        self._side, self._route = self._side[kept], self._route[kept]
+        self._memory, self._route = self._memory[kept], self._route[kept]

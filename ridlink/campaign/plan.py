@@ -34,7 +34,7 @@ class Plan:
         definition: What sizes the discs.
         settings: Constants of the solver, which they name.
         errors: How sigma becomes a position error.
-        sigma_m: Standard deviation of the errors.
+        sigma_m: Standard deviation of the errors, where the scene says nothing.
         bound_sigmas: Reported error bound of each vehicle in standard deviations; 1.5 is the paper's reading.
         obstacle_bound_m: Part of the distance to obstacles that stands for the own error; None: what the definition
             takes for it.
@@ -92,15 +92,20 @@ class Plan:
 
     @property
     def error_bound_m(self) -> float:
-        """Error bound that every vehicle reports."""
+        """Error bound that every vehicle reports of which the scene says nothing."""
         return self.bound_sigmas * self.sigma_m
 
     @property
     def accuracy_bound_m(self) -> float:
         """What of that is left in the accuracy code of standard Remote ID; NaN where the code is "unknown"."""
-        convention = AccuracyConvention.LETTER
-        bound = three_sigma_bound_m(code_of_three_sigma(self.error_bound_m, convention), convention)
-        return math.nan if bound is None else bound
+        return coded_bound_m(self.error_bound_m)
+
+
+def coded_bound_m(error_bound_m: float) -> float:
+    """What of a reported error bound is left in the accuracy code of standard Remote ID [m]; NaN for "unknown"."""
+    convention = AccuracyConvention.LETTER
+    bound = three_sigma_bound_m(code_of_three_sigma(error_bound_m, convention), convention)
+    return math.nan if bound is None else bound
 
 
 def paper_plan(

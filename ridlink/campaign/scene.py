@@ -14,6 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ridlink.errors import ConfigError
+from ridlink.scenario import Scenario
+
 FloatArray = NDArray[np.float64]
 
 Polygon = tuple[tuple[float, float], ...]
@@ -35,6 +38,8 @@ class Scene:
         speed_mps: Cruise speeds, shape (N,); None: drawn for every run.
         airframe_m: Airframe sizes, shape (N,); None: drawn for every run.
         cooperative: False for one that flies straight on and avoids nobody, shape (N,); None: all avoid.
+        sigma_m: Standard deviations of the position errors, shape (N,); None: the plan's.
+        extended: False for a stock sender, whose error and size the others do not know, shape (N,); None: all tell.
 
     Raises:
         ValueError: If a shape does not fit or a value is not finite or out of range.
@@ -47,11 +52,14 @@ class Scene:
     speed_mps: FloatArray | None = None
     airframe_m: FloatArray | None = None
     cooperative: NDArray[np.bool_] | None = None
+    sigma_m: FloatArray | None = None
+    extended: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         count = len(self.start_ne_m)
         for name, shape in (
             ("start_ne_m", (count, 2)), ("goal_ne_m", (count, 2)), ("speed_mps", (count,)), ("airframe_m", (count,)),
+            ("sigma_m", (count,)),
         ):  # fmt: skip
             value = getattr(self, name)
             if value is None:
@@ -61,13 +69,18 @@ class Scene:
                 raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
             if not np.all(np.isfinite(array)):
                 raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array)][0]}")
-            if array.ndim == 1 and np.any(array <= 0.0):
+            if name == "sigma_m" and np.any(array < 0.0):
+                raise ValueError(f"{name} must not be negative, got {array.min()}")
+            if name in ("speed_mps", "airframe_m") and np.any(array <= 0.0):
                 raise ValueError(f"{name} must be positive, got {array.min()}")
             object.__setattr__(self, name, array)
-        if self.cooperative is not None:
-            object.__setattr__(self, "cooperative", np.asarray(self.cooperative, dtype=np.bool_))
-        if self.avoiding.shape != (count,):
-            raise ValueError(f"cooperative must have shape ({count},), got {self.avoiding.shape}")
+        for name in ("cooperative", "extended"):
+            if getattr(self, name) is None:
+                continue
+            flags = np.asarray(getattr(self, name), dtype=np.bool_)
+            if flags.shape != (count,):
+                raise ValueError(f"{name} must have shape ({count},), got {flags.shape}")
+            object.__setattr__(self, name, flags)
 
     @property
     def avoiding(self) -> NDArray[np.bool_]:
@@ -102,3 +115,32 @@ def square(count: int = 24, side_m: float = SQUARE_SIDE_M, obstacle_side_m: floa
     edge = obstacle_side_m / 2.0
     block = ((-edge, -edge), (edge, -edge), (edge, edge), (-edge, edge))
     return Scene("square24" if count == 24 else f"square{count}", start, goal, (block,))
+
+
+def scene_of(scenario: Scenario, sigma_m: float) -> Scene:
+    """The scene of a scenario, whose vehicles have the speeds and sizes that it gives.
+
+    Args:
+        scenario: Built in or read from a file.
+        sigma_m: Standard deviation of vehicles that state none.
+
+    Raises:
+        ConfigError: If it has no vehicles, or they are not all at one height.
+    """
+    vehicles = scenario.vehicles
+    if not vehicles:
+        raise ConfigError(f"{scenario.name}: a campaign needs vehicles, and there are none")
+    start, goal = np.array([v.start_ned_m for v in vehicles]), np.array([v.goal_ned_m for v in vehicles])
+    downs = np.unique(np.concatenate([start[:, 2], goal[:, 2]]))
+    if len(downs) > 1:
+        raise ConfigError(
+            f"{scenario.name}: a campaign flies at one height, and here are starts and goals from down = {downs[0]:g} "
+            f"to {downs[-1]:g}"
+        )
+    return Scene(
+        scenario.name, start[:, :2], goal[:, :2], tuple(obstacle.polygon_ne_m for obstacle in scenario.obstacles),
+        speed_mps=np.array([v.speed_mps for v in vehicles]), airframe_m=np.array([v.airframe_m for v in vehicles]),
+        cooperative=np.array([v.cooperative for v in vehicles]),
+        sigma_m=np.array([sigma_m if v.sigma_m is None else v.sigma_m for v in vehicles]),
+        extended=np.array([v.extended for v in vehicles]),
+    )  # fmt: skip

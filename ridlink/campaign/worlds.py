@@ -19,7 +19,7 @@ from ridlink.avoidance import rows
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.campaign.chance import PositionErrors, draw_fleet
 from ridlink.campaign.deciding import new_decider
-from ridlink.campaign.plan import Plan
+from ridlink.campaign.plan import Plan, coded_bound_m
 from ridlink.campaign.referee import judge_worlds
 from ridlink.separation.definitions import Discs, separation_discs
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
@@ -131,13 +131,15 @@ class _Batch:
         self.obstacles = Obstacles.from_polygons(scene.polygons_ne_m)
         self.airframe_m = drawn_airframe if scene.airframe_m is None else np.tile(scene.airframe_m, (shape[0], 1))
         self.speed_mps = drawn_speed if scene.speed_mps is None else np.tile(scene.speed_mps, (shape[0], 1))
+        self.sigma_m = np.full(shape[1], plan.sigma_m) if scene.sigma_m is None else scene.sigma_m
+        self.extended = np.ones(shape[1], np.bool_) if scene.extended is None else scene.extended
         self.position = np.tile(scene.start_ne_m, (shape[0], 1, 1))
         away = scene.goal_ne_m - scene.start_ne_m
         course = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
         self.velocity = course * self.speed_mps[..., None]
         self.present = np.ones(shape, np.bool_)
         self.errors = PositionErrors(
-            plan.errors, plan.sigma_m, count=shape[1], seed=plan.seed, runs=runs, interval_s=plan.interval_s
+            plan.errors, self.sigma_m, count=shape[1], seed=plan.seed, runs=runs, interval_s=plan.interval_s
         )
         self.decider = new_decider(plan.settings, shape, self.obstacles)
         still = self._discs(0.0)
@@ -155,12 +157,15 @@ class _Batch:
 
     def _discs(self, speed_mps: float) -> Discs:
         plan = self.plan
+        error_m = plan.bound_sigmas * self.sigma_m
+        coded_m = np.array([coded_bound_m(bound) for bound in error_m])
+        told_airframe_m = np.where(self.extended, self.airframe_m, np.nan)
+        told_error_m = np.where(self.extended, error_m, np.nan)
         return separation_discs(
-            plan.definition, own_airframe_m=self.airframe_m[:, :, None], own_error_bound_m=plan.error_bound_m,
-            own_accuracy_bound_m=plan.accuracy_bound_m, own_speed_mps=speed_mps,
-            airframe_m=self.airframe_m[:, None, :], error_bound_m=plan.error_bound_m,
-            accuracy_bound_m=plan.accuracy_bound_m, speed_mps=speed_mps, interval_s=plan.interval_s, eta=plan.eta,
-            neighbours=max(len(plan.scene) - 1, 1), bound=plan.chance_bound,
+            plan.definition, own_airframe_m=self.airframe_m[:, :, None], own_error_bound_m=error_m[:, None],
+            own_accuracy_bound_m=coded_m[:, None], own_speed_mps=speed_mps, airframe_m=told_airframe_m[:, None, :],
+            error_bound_m=told_error_m, accuracy_bound_m=coded_m, speed_mps=speed_mps,
+            interval_s=plan.interval_s, eta=plan.eta, neighbours=max(len(plan.scene) - 1, 1), bound=plan.chance_bound,
         )  # fmt: skip
 
     def fly(self) -> Outcomes:

@@ -1,0 +1,117 @@
+"""The table of a campaign: one row a cell, what happened in it and how far that can be trusted.
+
+Units: metres, seconds; shares within 0 and 1. None where there is nothing to tell, such as the ratio to a definition
+that was not flown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ridlink.campaign.plan import Plan
+from ridlink.campaign.statistics import Interval, Medians, bootstrap_medians, clopper_pearson
+from ridlink.campaign.worlds import Outcomes
+from ridlink.separation.definitions import Definition
+
+DYNAMICS = "ideal"
+"""Vehicles obey at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One cell.
+
+    Attributes:
+        scenario: Name of the scene.
+        definition: What sized the discs.
+        gnss: How sigma became a position error.
+        solver: Who decided.
+        dynamics: How vehicles answer.
+        runs: Runs flown.
+        flights: Vehicles in all of them.
+        arrived: Those that arrived.
+        unfinished: Those that neither arrived nor collided.
+        macs: Those in a mid-air collision; two at a time.
+        mac_rate: Share of them.
+        mac_rate_ci95: Clopper-Pearson interval of it.
+        median_s: Median time of flights without a collision; the cut-off counts for those that did not arrive.
+        median_ci95: Bootstrap interval of it.
+        max_time_s: The longest.
+        ratio_to_snmac: Median by the one under sNMAC with the same scene, errors and solver.
+        min_separation_m: Smallest true distance of two centres.
+        min_margin_m: The same less the MAC radius of the pair, the smallest over all pairs.
+        infeasible_share: Decisions in which no velocity met every constraint.
+    """
+
+    scenario: str
+    definition: str
+    gnss: str
+    solver: str
+    dynamics: str
+    runs: int
+    flights: int
+    arrived: int
+    unfinished: int
+    macs: int
+    mac_rate: float
+    mac_rate_ci95: Interval
+    median_s: float | None
+    median_ci95: Interval | None
+    max_time_s: float | None
+    ratio_to_snmac: float | None
+    min_separation_m: float | None
+    min_margin_m: float | None
+    infeasible_share: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+def table_rows(cells: Sequence[tuple[Plan, Outcomes]]) -> list[Row]:
+    """Rows of all cells, in their order."""
+    medians = [mission_medians(plan, outcomes) for plan, outcomes in cells]
+    reference = {
+        _but_definition(plan): found.median
+        for (plan, _), found in zip(cells, medians, strict=True)
+        if plan.definition is Definition.SNMAC
+    }
+    return [
+        _row(plan, outcomes, found, reference.get(_but_definition(plan)))
+        for (plan, outcomes), found in zip(cells, medians, strict=True)
+    ]
+
+
+def mission_medians(plan: Plan, outcomes: Outcomes) -> Medians:
+    """Median mission time of a cell, and those of resampled campaigns; the same runs in every cell of a campaign."""
+    run = np.broadcast_to(np.arange(len(outcomes.run))[:, None], outcomes.collided.shape)[~outcomes.collided]
+    return bootstrap_medians(outcomes.mission_s, run, len(outcomes.run), plan.seed)
+
+
+def _but_definition(plan: Plan) -> tuple[str, str, str]:
+    return plan.scene.name, str(plan.errors), str(plan.solver)
+
+
+def _row(plan: Plan, outcomes: Outcomes, medians: Medians, snmac_s: float | None) -> Row:
+    times = outcomes.mission_s
+    median_s = _finite(medians.median)
+    ratio = None if median_s is None or not snmac_s or math.isnan(snmac_s) else median_s / snmac_s
+    return Row(
+        scenario=plan.scene.name, definition=str(plan.definition), gnss=str(plan.errors), solver=str(plan.solver),
+        dynamics=DYNAMICS, runs=len(outcomes.run), flights=outcomes.flights, arrived=outcomes.arrived,
+        unfinished=outcomes.unfinished, macs=outcomes.macs, mac_rate=outcomes.macs / outcomes.flights,
+        mac_rate_ci95=clopper_pearson(outcomes.macs, outcomes.flights), median_s=median_s,
+        median_ci95=medians.interval, max_time_s=float(times.max()) if times.size else None, ratio_to_snmac=ratio,
+        min_separation_m=_finite(float(outcomes.distance_m.min())),
+        min_margin_m=_finite(float(outcomes.margin_m.min())),
+        infeasible_share=int(outcomes.infeasible.sum()) / max(int(outcomes.decisions.sum()), 1),
+    )  # fmt: skip
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
