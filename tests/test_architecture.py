@@ -33,6 +33,7 @@ LAYERS = {
     "ridlink.captures": 5,
     "ridlink.links": 6,
     "ridlink.daemon": 6,
+    "ridlink.campaign_runner": 6,
     "ridlink.cli": 7,
 }
 """A module imports its own layer and those below."""

@@ -29,6 +29,7 @@ EXIT_INTERNAL = 70
 COMMANDS = {
     "analyze": "ridlink.cli.analyze:analyze",
     "avoid": "ridlink.cli.avoid:avoid",
+    "campaign": "ridlink.cli.campaign:campaign",
     "decode": "ridlink.cli.decode:decode",
     "dialect": "ridlink.cli.dialect:dialect",
     "encode": "ridlink.cli.encode:encode",

@@ -1,0 +1,163 @@
+"""The folder of a campaign: its configuration, and what was flown, in shards that are whole or not there.
+
+    campaign.json                        what is flown
+    shards/<cell>/runs-000000.parquet    one row a run, beginning with that run
+    rows.json                            the table, once everything is there
+
+A shard is written under another name, forced onto the disk and renamed.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from ridlink.campaign.plan import Plan
+from ridlink.campaign.table import DYNAMICS
+from ridlink.campaign.worlds import Outcomes
+from ridlink.captures.export.tables import arrow
+from ridlink.errors import ConfigError
+
+CONFIGURATION = "campaign.json"
+ROWS = "rows.json"
+UNFINISHED = ".unfinished"
+"""Suffix of what is half written."""
+
+
+class CampaignFolder:
+    """Where a campaign is kept.
+
+    Args:
+        path: The folder; made where it does not exist.
+        configuration: Everything that the rows depend on, as JSON would give it back.
+        resume: Go on with what is there.
+
+    Raises:
+        ConfigError: If there is a campaign in the folder, and `resume` is false or it is another one.
+        MissingExtraError: If pyarrow is not installed.
+        OSError: If the folder cannot be made or written.
+    """
+
+    def __init__(self, path: Path, configuration: dict[str, Any], *, resume: bool) -> None:
+        self._arrow, self._parquet = arrow()
+        self.path = path
+        self._writing: Path | None = None
+        known = path / CONFIGURATION
+        if known.exists():
+            _check_same(path, configuration, resume)
+            if not os.access(path, os.W_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        elif path.is_dir() and any(path.iterdir()):
+            raise ConfigError(f"{path}: is not empty and holds no campaign; name a new folder")
+        else:
+            path.mkdir(parents=True, exist_ok=True)
+            self._write(known, json.dumps(configuration, indent=1).encode())
+        for left in path.rglob(f"*{UNFINISHED}"):
+            left.unlink(missing_ok=True)
+
+    def write(self, plan: Plan, outcomes: Outcomes) -> None:
+        """Keep some runs of a plan; when this returns they are on the disk.
+
+        Raises:
+            OSError: If that fails; nothing is left of it.
+        """
+        pa = self._arrow
+        runs = len(outcomes.run)
+        same = {
+            "scenario": plan.scene.name,
+            "definition": str(plan.definition),
+            "gnss": str(plan.errors),
+            "solver": str(plan.solver),
+            "dynamics": DYNAMICS,
+        }
+        columns = {name: pa.array([value] * runs).dictionary_encode() for name, value in same.items()}
+        columns["seed"] = pa.array([plan.seed] * runs)
+        for name in _columns():
+            values = getattr(outcomes, name)
+            columns[name] = pa.array(values.tolist() if values.ndim > 1 else values)
+        buffer = io.BytesIO()
+        self._parquet.write_table(pa.table(columns), buffer, compression="zstd")
+        target = self._shard(plan, int(outcomes.run[0]))
+        target.parent.mkdir(parents=True, exist_ok=True)
+        self._write(target, buffer.getvalue())
+
+    def read(self, plan: Plan, runs: range) -> Outcomes | None:
+        """Runs of a plan, or None where they are missing or the shard is damaged."""
+        shard = self._shard(plan, runs[0])
+        if not shard.exists():
+            return None
+        try:
+            table = self._parquet.read_table(shard)
+            columns = {name: np.array(table[name].to_pylist()) for name in _columns()}
+        except (self._arrow.ArrowInvalid, OSError, KeyError):
+            return None
+        if columns["run"].tolist() != list(runs):
+            return None
+        return Outcomes(duration_s=plan.duration_s, **columns)
+
+    def write_rows(self, rows: Sequence[dict[str, Any]]) -> None:
+        """Keep the table."""
+        self._write(self.path / ROWS, json.dumps({"rows": list(rows)}, indent=1).encode())
+
+    def discard_unfinished(self) -> None:
+        """Take away what is half written; may be called by a signal."""
+        if self._writing is not None:
+            self._writing.unlink(missing_ok=True)
+
+    def _shard(self, plan: Plan, first: int) -> Path:
+        cell = f"{quote(plan.scene.name, safe='')}_{plan.definition}_{plan.errors}_{plan.solver}"
+        return self.path / "shards" / cell / f"runs-{first:06d}.parquet"
+
+    def _write(self, target: Path, data: bytes) -> None:
+        working = self._writing = target.with_name(target.name + UNFINISHED)
+        try:
+            with open(working, "wb") as stream:
+                stream.write(data)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(working, target)
+        except OSError as error:
+            working.unlink(missing_ok=True)
+            error.filename, error.filename2 = str(target), None
+            raise
+        finally:
+            self._writing = None
+        listing = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(listing)
+        finally:
+            os.close(listing)
+
+
+def _columns() -> list[str]:
+    return [name for name in Outcomes.__slots__ if name != "duration_s"]
+
+
+def _check_same(path: Path, configuration: dict[str, Any], resume: bool) -> None:
+    """A folder is gone on with by the campaign that began it, and by no other."""
+    if not resume:
+        raise ConfigError(f"{path}: holds a campaign already; go on with it by --resume, or name a new folder")
+    try:
+        found = json.loads((path / CONFIGURATION).read_text())
+    except ValueError as error:
+        raise ConfigError(f"{path / CONFIGURATION}: is damaged: {error}") from error
+    wanted = json.loads(json.dumps(configuration))
+    for key in [*wanted, *found]:
+        if found.get(key) != wanted.get(key):
+            raise ConfigError(
+                f"{path}: holds another campaign: {key} is {_short(found.get(key))} there and "
+                f"{_short(wanted.get(key))} here"
+            )
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,109 @@
+"""Flying a campaign in several processes, each of one thread.
+
+Shards are handed out in their order and come back as they are done. What a run brings forth depends on its plan and
+its number alone, so the number of processes changes the time only.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+
+import numba
+
+from ridlink.campaign.plan import Plan
+from ridlink.campaign.worlds import Outcomes, fly
+from ridlink.errors import RidlinkError
+
+SHARD_RUNS = 64
+"""Runs in a shard: some seconds of one process, and little to lose."""
+
+
+class WorkerLostError(RidlinkError):
+    """A process that flew has gone: killed, or out of memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What one process flies at a time.
+
+    Args:
+        plan: Number of the plan.
+        runs: Runs of it.
+    """
+
+    plan: int
+    runs: range
+
+
+def tasks_of(plans: Sequence[Plan], runs: int) -> list[Task]:
+    """All shards of a campaign."""
+    return [
+        Task(k, range(first, min(first + SHARD_RUNS, runs)))
+        for k in range(len(plans))
+        for first in range(0, runs, SHARD_RUNS)
+    ]
+
+
+def fly_tasks(plans: Sequence[Plan], tasks: Sequence[Task], jobs: int) -> Generator[tuple[Task, Outcomes], None, None]:
+    """Fly tasks, and give each as it is done.
+
+    Args:
+        plans: What the tasks number.
+        tasks: What is flown.
+        jobs: Number of processes; with one, this process flies.
+
+    Raises:
+        WorkerLostError: If a process was killed.
+    """
+    if jobs == 1 or len(tasks) < 2:
+        before = numba.get_num_threads()
+        numba.set_num_threads(1)
+        try:
+            for task in tasks:
+                yield task, fly(plans[task.plan], task.runs)
+        finally:
+            numba.set_num_threads(before)
+        return
+    pool = ProcessPoolExecutor(
+        min(jobs, len(tasks)), multiprocessing.get_context("spawn"), initializer=_begin, initargs=(tuple(plans),)
+    )
+    try:
+        flying: dict[Future[Outcomes], Task] = {pool.submit(_fly, task): task for task in tasks}
+        while flying:
+            for future in wait(flying, return_when=FIRST_COMPLETED).done:
+                yield flying.pop(future), future.result()
+    except BrokenProcessPool as error:
+        raise WorkerLostError("a process that flew was killed, or ran out of memory") from error
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+_plans: tuple[Plan, ...] = ()
+"""Of a worker, which is told once."""
+
+
+def _begin(plans: tuple[Plan, ...]) -> None:
+    """A worker flies with one thread, leaves Ctrl-C to its parent, and does not outlive it."""
+    global _plans
+    _plans = plans
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    numba.set_num_threads(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _fly(task: Task) -> Outcomes:
+    return fly(_plans[task.plan], task.runs)
