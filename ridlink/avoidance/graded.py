@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from ridlink.avoidance.halfplane import EPSILON
+from ridlink.avoidance.encounter import EPSILON
 from ridlink.avoidance.headings import (
     AWAY,
     FAR_M,
@@ -41,6 +41,7 @@ from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.rows import (
     AGE,
     ERROR_SUM,
+    LANES,
     R_PREFERRED,
     R_VELOCITY,
     RADIUS,
@@ -87,11 +88,11 @@ def fill_radii(neighbours, count, settings, sights):  # type: ignore[no-untyped-
     """Radius and tail of every neighbour: airframes and displacement as they are, of the errors a share."""
     crowd = settings[CROWD] * math.log(max(count, settings[CROWD_FROM], 1.0) / CROWD_OF)
     for j in range(count):
-        row = neighbours[j]
-        errors = row[ERROR_SUM]
-        radius = row[RADIUS] - errors + (settings[BASE] + crowd) * errors
-        radius = max(radius, min(settings[LEAST_RADIUS], row[RADIUS]))
-        sights[j, KEPT] = radius + settings[AGE_ACCELERATION] * row[AGE] * row[AGE] / 2.0
+        block, k = neighbours[j // LANES], j % LANES
+        errors, disc, age = block[ERROR_SUM + k], block[RADIUS + k], block[AGE + k]
+        radius = disc - errors + (settings[BASE] + crowd) * errors
+        radius = max(radius, min(settings[LEAST_RADIUS], disc))
+        sights[j, KEPT] = radius + settings[AGE_ACCELERATION] * age * age / 2.0
         sights[j, TAIL] = max(settings[TAIL_SHARE] * errors, LEAST_TAIL_M)
 
 
@@ -185,7 +186,7 @@ def grade_one(  # type: ignore[no-untyped-def]
 
     Args:
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
-        neighbours: One row each, shape (>= count, NEIGHBOUR_COLUMNS).
+        neighbours: Blocks of neighbours, all of them heard, as many blocks as hold `count`.
         count: Number of neighbours.
         pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
         piece_start: Where each piece begins in it, with the end.

@@ -6,18 +6,17 @@ once" is what a linear response tends to, and the true path lies between the two
 that is grazed with moving errors is violated; inside the disc a barrier asks for separation in proportion to the
 overlap.
 
-Axes: north-east, metres, m/s, seconds. In these axes a rotation by a positive angle is a turn to the right, and
-`a x b = a_1 b_2 - a_2 b_1` is positive when b points to the right of a.
-
-Inputs are rows of numbers, see `rows`. Nothing here allocates.
+What is worked out for one neighbour is in `encounter`; here all neighbours are met, block by block, and the decision is
+made. Axes: north-east, metres, m/s, seconds. Inputs are rows and blocks of numbers, see `rows`. Nothing here allocates.
 """
 
 from __future__ import annotations
 
 import math
 
-from ridlink.avoidance.kernel import kernel, norm
-from ridlink.avoidance.programme import nearest_admissible
+from ridlink.avoidance.encounter import EPSILON, half_plane, lean, passing_side, rule_side, time_to_entry
+from ridlink.avoidance.kernel import copy_lanes, kernel, larger, norm, smaller
+from ridlink.avoidance.programme import BOUND, EXCESS, N_1, N_2, measure, nearest_admissible
 from ridlink.avoidance.route import approach_speed, nearest_point, route_aim
 from ridlink.avoidance.rows import (
     AGE,
@@ -31,14 +30,17 @@ from ridlink.avoidance.rows import (
     ERROR_SUM,
     EXTRA_TURN,
     FREE,
+    GAP,
+    HEARD,
     INFEASIBLE,
+    LANES,
+    LATER,
     LIMIT,
     N_COMMAND,
     N_POSITION,
     N_VELOCITY,
+    NOW,
     OVERLAPPED,
-    PASSING_LEFT,
-    PASSING_RIGHT,
     POSITION,
     R_BINDING,
     R_COMMAND,
@@ -52,9 +54,10 @@ from ridlink.avoidance.rows import (
     R_VELOCITY,
     RADIUS,
     RECIPROCAL,
+    REPORTED,
+    SIDE,
     VELOCITY,
 )
-from ridlink.avoidance.rows import NEIGHBOUR_COLUMNS as NEIGHBOUR_COLUMNS
 from ridlink.avoidance.rows import OWN_COLUMNS as OWN_COLUMNS
 from ridlink.avoidance.rows import RESULT_COLUMNS as RESULT_COLUMNS
 
@@ -66,13 +69,6 @@ from ridlink.avoidance.rows import RESULT_COLUMNS as RESULT_COLUMNS
 
 TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
-
-EPSILON = 1e-9
-
-HOLD_FACTOR = 1.3
-CLEAR_FACTOR = 0.5
-"""The rule of the road gives way when own-ship is so many radii on the other side already. A side is held until the
-miss distance is HOLD_FACTOR radii."""
 
 APART_FACTOR = 1.3
 """A neighbour that was once so many radii away, buffer included, has the buffer held against it from then on. One that
@@ -86,140 +82,15 @@ START_RADII = 1.5
 """A neighbour nearer than so many radii calls for no turn of a standing vehicle; one a radius further for all of it.
 Who stands at the edge of a disc waits, and is not just starting."""
 
-DODGE_MPS = 1.0
-"""A neighbour that moves to its right across the line of sight by more than this dodges to the right."""
-
 APPROACH_OFFSET_MPS = 0.3
 """Keeps the last metre to a goal from taking for ever."""
 
 INTERVAL_S = 0.1
 """Time between decisions; a goal nearer than one step of cruise is flown to in one step."""
 
-
-@kernel
-def cone_half_plane(r_1, r_2, radius_m, horizon_s, w_1, w_2, side, line):  # type: ignore[no-untyped-def]
-    """Smallest change out of the velocity obstacle of a disc outside own-ship.
-
-    Args:
-        r_1: North of the neighbour as seen from own-ship; |r| >= radius.
-        r_2: East of it.
-        radius_m: Radius of the disc.
-        horizon_s: Conflicts later than this do not count, which cuts the cone off by a circle.
-        w_1: North of the relative velocity, own less neighbour's.
-        w_2: East of it.
-        side: 0 nearest boundary; 1 the right leg of the cone, -1 the left one, without the circle.
-        line: Result: outward normal of the boundary and the change along it, shape (3,).
-    """
-    square = r_1 * r_1 + r_2 * r_2
-    chosen = side
-    if side == 0:
-        off_1, off_2 = w_1 - r_1 / horizon_s, w_2 - r_2 / horizon_s
-        towards = off_1 * r_1 + off_2 * r_2
-        off = norm(off_1, off_2)
-        if towards < 0.0 and towards * towards > radius_m * radius_m * off * off:
-            line[0], line[1] = off_1 / off, off_2 / off
-            line[2] = radius_m / horizon_s - off
-            return
-        # Straight on is passed on the right, also when rounding says left.
-        chosen = 1 if r_1 * off_2 - r_2 * off_1 >= -EPSILON * math.sqrt(square) * off else -1
-    leg = math.sqrt(max(square - radius_m * radius_m, 0.0))
-    # Leg of the cone: r turned by asin(R / |r|) to the chosen side; its outward normal is a quarter turn further.
-    leg_1 = (r_1 * leg - chosen * r_2 * radius_m) / square
-    leg_2 = (r_2 * leg + chosen * r_1 * radius_m) / square
-    line[0], line[1] = -chosen * leg_2, chosen * leg_1
-    line[2] = -(line[0] * w_1 + line[1] * w_2)
-
-
-@kernel
-def rule_side(v_1, v_2, u_1, u_2, reciprocal, settings):  # type: ignore[no-untyped-def]
-    """Side that the rule of the road gives own-ship: 1 right, -1 left, 0 where there is none.
-
-    On opposite courses both turn to the right. A crossing vehicle that avoids nobody is passed astern: ahead of it, at
-    its own speed, a slow answer ends in a race with it.
-
-    Args:
-        v_1: North of the own velocity.
-        v_2: East of it.
-        u_1: North of the neighbour's reported velocity.
-        u_2: East of it.
-        reciprocal: Not zero if the neighbour takes its half of the avoidance.
-        settings: Constants.
-    """
-    own, other = norm(v_1, v_2), norm(u_1, u_2)
-    if min(own, other) <= settings[HEAD_ON_SPEED]:
-        return 0
-    opposite = settings[HEAD_ON_COSINE] * own * other
-    parallel = v_1 * u_1 + v_2 * u_2
-    if parallel < opposite:
-        return 1
-    if reciprocal == 0.0 and parallel < -opposite:
-        # Astern is the side that the neighbour moves away from.
-        return -1 if v_1 * u_2 - v_2 * u_1 > 0.0 else 1
-    return 0
-
-
-@kernel
-def passing_side(  # type: ignore[no-untyped-def]
-    memory, r_1, r_2, v_1, v_2, u_1, u_2, c_1, c_2, reciprocal, radius_m, horizon_s, settings
-):
-    """Side on which own-ship passes a neighbour where the nearest boundary will not do: 1 right, -1 left, 0 nearest.
-
-    Both vehicles must see the same case, so only reported velocities count, no private commands. The choice is held
-    until the encounter is over, so that noise cannot turn it, with one exception: where the two disagree, because one
-    of them saw itself clear on the left and the other did not, right wins. Otherwise both dodge the same way and lock
-    on.
-
-    Args:
-        memory: What is kept of the encounter, `Memory` flags.
-        r_1: North of the neighbour as seen from own-ship.
-        r_2: East of it.
-        v_1: North of the own velocity.
-        v_2: East of it.
-        u_1: North of the neighbour's reported velocity.
-        u_2: East of it.
-        c_1: North of what the neighbour was told to fly, its velocity where it does not say.
-        c_2: East of it.
-        reciprocal: Not zero if the neighbour takes its half of the avoidance.
-        radius_m: Disc with its buffer.
-        horizon_s: Conflict horizon.
-        settings: Constants.
-    """
-    w_1, w_2 = v_1 - u_1, v_2 - u_2
-    closing = norm(w_1, w_2)
-    distance = norm(r_1, r_2)
-    if closing < EPSILON or distance < radius_m or r_1 * w_1 + r_2 * w_2 <= 0.0:
-        return 0
-    # Miss distance, positive when own-ship passes to the right of the neighbour.
-    miss = (r_1 * w_2 - r_2 * w_1) / closing
-    if abs(miss) > HOLD_FACTOR * radius_m:
-        return 0
-    if (memory & PASSING_LEFT) != 0 and reciprocal != 0.0 and r_2 * c_1 - r_1 * c_2 > DODGE_MPS * distance:
-        return 1
-    if (memory & (PASSING_RIGHT | PASSING_LEFT)) != 0:
-        return 1 if (memory & PASSING_RIGHT) != 0 else -1
-    if distance >= closing * horizon_s + radius_m:
-        return 0
-    wanted = rule_side(v_1, v_2, u_1, u_2, reciprocal, settings)
-    return -wanted if wanted * miss < -CLEAR_FACTOR * radius_m else wanted
-
-
-@kernel
-def lean(preferred, r_1, r_2, u_1, u_2, radius_m, horizon_s):  # type: ignore[no-untyped-def]
-    """Weight in [0, 1] of the turn that a neighbour calls for, tapered in miss distance and time.
-
-    A turn switched by a threshold moves the miss distance over that threshold itself and chatters.
-    """
-    w_1, w_2 = preferred[0] - u_1, preferred[1] - u_2
-    square = w_1 * w_1 + w_2 * w_2
-    if square < EPSILON:
-        return 0.0
-    time = (r_1 * w_1 + r_2 * w_2) / square
-    if time <= 0.0:
-        return 0.0
-    miss = abs(r_1 * w_2 - r_2 * w_1) / math.sqrt(square)
-    near = min(max((2.0 * radius_m - miss) / radius_m, 0.0), 1.0)
-    soon = min(max((2.5 * horizon_s - time) / horizon_s, 0.0), 1.0)
-    return near * soon * min(time, 1.0)
+FAR = 1e300
+"""Metres or seconds that stand for infinity where least values are sought: the compiler knows too well what the smaller
+one of infinity and a number is, and what it makes of that does not go by lanes."""
 
 
 @kernel
@@ -227,20 +98,6 @@ def slowness(preferred, v_1, v_2, limit):  # type: ignore[no-untyped-def]
     """How far own-ship is from the speed it wants, 0 at that speed and 1 at rest."""
     wanted = min(norm(preferred[0], preferred[1]), limit)
     return max(1.0 - norm(v_1, v_2) / max(wanted, EPSILON), 0.0)
-
-
-@kernel
-def time_to_entry(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
-    """Time [s] until a disc is entered at relative velocity w (own less neighbour's); 0 inside, infinite if never."""
-    inside = radius_m * radius_m - r_1 * r_1 - r_2 * r_2
-    if inside > 0.0:
-        return 0.0
-    square = w_1 * w_1 + w_2 * w_2
-    towards = r_1 * w_1 + r_2 * w_2
-    root = towards * towards + square * inside
-    if towards <= 0.0 or root <= 0.0:
-        return math.inf
-    return max((towards - math.sqrt(root)) / square, 0.0)
 
 
 @kernel
@@ -273,9 +130,9 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
 
 
 @kernel
-def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):  # type: ignore[no-untyped-def]
-    """One hard half-plane for each convex piece that could matter; returns their number, and True while too near
-    one."""
+def obstacle_half_planes(own, vertex, start, settings, lines, normal):  # type: ignore[no-untyped-def]
+    """One hard half-plane for each convex piece that could matter, and some that forbid nothing up to a multiple of
+    LANES; returns their number without those, and True while too near an obstacle."""
     used = 0
     inside = False
     limit = own[LIMIT]
@@ -294,33 +151,193 @@ def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):  #
             bound = -approach
         else:
             bound = min(-gap * settings[BARRIER], settings[BARRIER_SHARE] * limit)
-        lines[used, 0], lines[used, 1], lines[used, 2] = normal[0], normal[1], bound
-        owner[used] = -1
+        lines[N_1, used], lines[N_2, used], lines[BOUND, used] = normal[0], normal[1], bound
         used += 1
+    for k in range(used, -(-used // LANES) * LANES):
+        lines[N_1, k], lines[N_2, k], lines[BOUND, k] = 0.0, 0.0, -math.inf
     return used, inside
 
 
 @kernel
+def neighbour_half_planes(own, neighbours, count, range_m, preferred, settings, lines, first):  # type: ignore[no-untyped-def]
+    """The half-planes of all neighbours, LANES of now and LANES of later for every block; those that no velocity within
+    the limit fails forbid nothing.
+
+    Args:
+        own: Own-ship.
+        neighbours: Blocks; what is kept of the encounters is brought up to date.
+        count: Number of blocks.
+        range_m: Neighbours whose reports are from further away are not heard.
+        preferred: Velocity without traffic, shape (2,).
+        settings: Constants.
+        lines: Result, from column `first` on.
+        first: See `lines`.
+
+    Returns:
+        Number of columns of `lines` used; weights of the turn to the right, to the left, and when starting; least
+        distance less radius [m] and least time to violation [s], FAR if there is none.
+    """
+    p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
+    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
+    o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
+    a_1, a_2 = preferred[0], preferred[1]
+    speed = norm(a_1, a_2)
+    way_1, way_2 = a_1 / max(speed, EPSILON), a_2 / max(speed, EPSILON)
+    if speed <= EPSILON:
+        way_1, way_2 = 1.0, 0.0
+    limit, stretch = own[LIMIT], HORIZON_RADII / max(own[CRUISE], 1.0)
+    least_horizon, wait, buffer, growth = (
+        settings[HORIZON], settings[RESPONSE], settings[BUFFER_SHARE], settings[AGE_ACCELERATION] / 2.0,
+    )  # fmt: skip
+    cosine, course_speed = settings[HEAD_ON_COSINE], settings[HEAD_ON_SPEED]
+    barrier, most = settings[BARRIER], settings[BARRIER_SHARE] * limit
+
+    used, reach = first, range_m * range_m
+    right = left = start = 0.0
+    margin = violation = FAR
+    for b in range(count):
+        block = neighbours[b]
+        # One array and distances known beforehand, and no branch: that lets the compiler take all lanes at once.
+        for k in range(LANES):
+            off_1, off_2 = block[REPORTED + k] - p_1, block[REPORTED + LANES + k] - p_2
+            heard = (block[HEARD + k] != 0.0) & (off_1 * off_1 + off_2 * off_2 <= reach)
+            reciprocal = block[RECIPROCAL + k] != 0.0
+            r_1, r_2 = block[N_POSITION + k] - p_1, block[N_POSITION + LANES + k] - p_2
+            u_1, u_2, age = block[N_VELOCITY + k], block[N_VELOCITY + LANES + k], block[AGE + k]
+            c_1, c_2 = block[N_COMMAND + k], block[N_COMMAND + LANES + k]
+            disc = block[RADIUS + k]
+            radius = disc + buffer * block[ERROR_SUM + k] + growth * age * age
+            # A large disc must be seen earlier.
+            horizon = larger(least_horizon, stretch * radius)
+            some = larger(radius, EPSILON)
+            once_per = 1.0 / (horizon * some)
+            once_per_horizon = once_per * some
+            distance = math.sqrt(r_1 * r_1 + r_2 * r_2)
+            w_1, w_2 = v_1 - u_1, v_2 - u_2
+
+            gap = distance - disc if heard else FAR
+            block[GAP + k] = gap
+            margin = smaller(margin, gap)
+            entry = time_to_entry(r_1, r_2, w_1, w_2, disc, FAR)
+            violation = smaller(violation, entry if heard else FAR)
+
+            rule = rule_side(v_1, v_2, u_1, u_2, reciprocal, cosine, course_speed)
+            called = lean(r_1, r_2, a_1 - u_1, a_2 - u_2, disc, once_per_horizon)
+            weight = called if heard else 0.0
+            right, left = larger(right, 0.0 if rule < 0.0 else weight), larger(left, weight if rule < 0.0 else 0.0)
+            # Going round works where the other does it too; who stands or lands is passed, not gone round with.
+            away = smaller(larger(distance * horizon * once_per - START_RADII, 0.0), 1.0)
+            start = larger(start, weight * away if reciprocal else 0.0)
+
+            apart = (block[APART + k] != 0.0) | (distance >= APART_FACTOR * radius)
+            # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
+            edge = radius if apart else disc
+            side = passing_side(
+                block[SIDE + k], rule, r_1, r_2, distance, w_1, w_2, c_1, c_2, reciprocal, radius, horizon
+            )
+            # An encounter is forgotten with the neighbour that goes out of range.
+            block[APART + k], block[SIDE + k] = 1.0 if apart & heard else 0.0, side if heard else 0.0
+            # Head-on, the neighbour's own midpoint: then both see the same relative velocity.
+            x_1, x_2 = (u_1 + c_1) / 2.0 if side != 0.0 else u_1, (u_2 + c_2) / 2.0 if side != 0.0 else u_2
+            share = 0.5 if reciprocal else 1.0
+
+            now_side = side if r_1 * w_1 + r_2 * w_2 > 0.0 else 0.0
+            n_1, n_2, change = half_plane(
+                r_1, r_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, now_side, way_1, way_2, barrier, most
+            )
+            bound = n_1 * o_1 + n_2 * o_2 + share * change
+            matters = heard & (bound > -limit)
+            block[NOW + k], block[NOW + LANES + k] = n_1, n_2
+            block[NOW + 2 * LANES + k] = bound if matters else -math.inf
+
+            s_1, s_2 = r_1 - w_1 * wait, r_2 - w_2 * wait
+            later_side = side if s_1 * w_1 + s_2 * w_2 > 0.0 else 0.0
+            n_1, n_2, change = half_plane(
+                s_1, s_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, later_side, way_1, way_2, barrier, most
+            )
+            bound = n_1 * o_1 + n_2 * o_2 + share * change
+            matters = heard & (bound > -limit)
+            block[LATER + k], block[LATER + LANES + k] = n_1, n_2
+            block[LATER + 2 * LANES + k] = bound if matters else -math.inf
+
+        for row in range(3):
+            copy_lanes(block, NOW + LANES * row, lines[row], used)
+        used += LANES
+        if wait > 0.0:
+            for row in range(3):
+                copy_lanes(block, LATER + LANES * row, lines[row], used)
+            used += LANES
+    return used, right, left, start, margin, violation
+
+
+@kernel
+def nearest_neighbour(neighbours, count, margin_m):  # type: ignore[no-untyped-def]
+    """Place of the first neighbour with that least gap, -1 if nobody is heard."""
+    if margin_m == FAR:
+        return -1
+    for b in range(count):
+        block = neighbours[b]
+        for k in range(LANES):
+            if block[GAP + k] == margin_m:
+                return LANES * b + k
+    return -1
+
+
+@kernel
+def name_binding(lines, hard, first, last, ends, slack_mps, result):  # type: ignore[no-untyped-def]
+    """Write what the velocity touches or exceeds, at least what it is nearest to: obstacles, three neighbours.
+
+    Args:
+        lines: Half-planes, measured at that velocity.
+        hard: Number of hard ones.
+        first: Index of the first one of a neighbour.
+        last: Index after the last one.
+        ends: Half-planes for each neighbour.
+        slack_mps: Distance of the velocity to the tightest of all.
+        result: Result.
+    """
+    result[R_OBSTACLE] = 0.0
+    for b in range(3):
+        result[R_BINDING + b] = -1.0
+    if math.isinf(slack_mps):
+        return
+    excess = lines[EXCESS]
+    touching = -(max(slack_mps, 0.0) + TOUCHING_MPS)
+    for k in range(hard):
+        if excess[k] >= touching:
+            result[R_OBSTACLE] = 1.0
+    named = place = 0
+    for block in range(first, last, LANES * ends):
+        for k in range(LANES):
+            if excess[block + k] >= touching or excess[block + LANES * (ends - 1) + k] >= touching:
+                result[R_BINDING + named] = place + k
+                named += 1
+                if named == 3:
+                    return
+        place += LANES
+
+
+@kernel
 def avoid_one(  # type: ignore[no-untyped-def]
-    own, neighbours, count, memory, pieces, piece_start, hulls, hull_start, route, settings, lines, work, owner, ring,
+    own, neighbours, count, range_m, pieces, piece_start, hulls, hull_start, route, settings, lines, chosen, work, ring,
     result,
 ):  # fmt: skip
     """Decide for one own-ship.
 
     Args:
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
-        neighbours: One row each, shape (>= count, NEIGHBOUR_COLUMNS).
-        count: Number of neighbours.
-        memory: What is kept of each encounter, read and written, `Memory` flags, shape (>= count,), int8.
+        neighbours: Blocks of neighbours, shape (>= count, BLOCK); what is kept of each encounter is read and written.
+        count: Number of blocks.
+        range_m: Neighbours whose reports are from further away are not heard.
         pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
         piece_start: Where each piece begins in it, with the end.
         hulls: Vertices of the hulls of all obstacles, shape (h, 2).
         hull_start: Where each hull begins in it, with the end.
         route: Memory of the way round obstacles.
         settings: Constants, `HalfplaneSettings.as_vector`.
-        lines: Scratch for half-planes, shape (>= 2 count + pieces + 2, 3).
-        work: Scratch of the same shape.
-        owner: Scratch: neighbour of each half-plane, shape (>= 2 count + pieces,), int64.
+        lines: Scratch, `new_lines(pieces, 2 LANES count)`.
+        chosen: Scratch, `new_choice` of the same.
+        work: Scratch, another.
         ring: Scratch for routes, shape (`ring_size`, 2).
         result: Result, shape (RESULT_COLUMNS,).
 
@@ -328,81 +345,19 @@ def avoid_one(  # type: ignore[no-untyped-def]
         Memory of the way round obstacles for the next step.
     """
     limit = own[LIMIT]
-    p_1, p_2 = own[POSITION], own[POSITION + 1]
-    v_1, v_2 = own[VELOCITY], own[VELOCITY + 1]
-    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
-    o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
     preferred = result[R_PREFERRED : R_PREFERRED + 2]
     pair = result[R_VELOCITY : R_VELOCITY + 2]
     route = preferred_velocity(own, hulls, hull_start, route, settings, ring, pair, preferred)
-    hard, overlapped = obstacle_half_planes(own, pieces, piece_start, settings, lines, owner, pair)
-
-    used = hard
-    right = left = start = 0.0
-    margin, nearest, violation = math.inf, -1, math.inf
-    line = work[0]
-    for j in range(count):
-        u_1, u_2, age = neighbours[j, N_VELOCITY], neighbours[j, N_VELOCITY + 1], neighbours[j, AGE]
-        r_1, r_2 = neighbours[j, N_POSITION] + u_1 * age - p_1, neighbours[j, N_POSITION + 1] + u_2 * age - p_2
-        radius = neighbours[j, RADIUS] + settings[BUFFER_SHARE] * neighbours[j, ERROR_SUM]
-        radius += settings[AGE_ACCELERATION] * age * age / 2.0
-        # A large disc must be seen earlier.
-        horizon = max(settings[HORIZON], HORIZON_RADII * radius / max(own[CRUISE], 1.0))
-        distance = norm(r_1, r_2)
-        if distance - neighbours[j, RADIUS] < margin:
-            margin, nearest = distance - neighbours[j, RADIUS], j
-        violation = min(violation, time_to_entry(r_1, r_2, v_1 - u_1, v_2 - u_2, neighbours[j, RADIUS]))
-        overlapped = overlapped or distance < neighbours[j, RADIUS]
-        weight = lean(preferred, r_1, r_2, u_1, u_2, neighbours[j, RADIUS], horizon)
-        if weight > 0.0 and rule_side(v_1, v_2, u_1, u_2, neighbours[j, RECIPROCAL], settings) < 0:
-            left = max(left, weight)
-        else:
-            right = max(right, weight)
-        if neighbours[j, RECIPROCAL] != 0.0:
-            # Going round works where the other does it too; who stands or lands is passed, not gone round with.
-            start = max(start, weight * min(max(distance / max(radius, EPSILON) - START_RADII, 0.0), 1.0))
-        c_1, c_2 = u_1, u_2
-        if not math.isnan(neighbours[j, N_COMMAND]) and not math.isnan(neighbours[j, N_COMMAND + 1]):
-            c_1, c_2 = neighbours[j, N_COMMAND], neighbours[j, N_COMMAND + 1]
-        before = int(memory[j])
-        apart = (before & APART) != 0 or distance >= APART_FACTOR * radius
-        # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
-        edge = radius if apart else neighbours[j, RADIUS]
-        side = passing_side(
-            before, r_1, r_2, v_1, v_2, u_1, u_2, c_1, c_2, neighbours[j, RECIPROCAL], radius, horizon, settings
-        )
-        memory[j] = (APART if apart else 0) + (PASSING_RIGHT if side > 0 else PASSING_LEFT if side < 0 else 0)
-        share = 0.5 if neighbours[j, RECIPROCAL] != 0.0 else 1.0
-        # Head-on, the neighbour's own midpoint: then both see the same relative velocity.
-        x_1, x_2 = u_1, u_2
-        if side != 0:
-            x_1, x_2 = (u_1 + c_1) / 2.0, (u_2 + c_2) / 2.0
-        w_1, w_2 = o_1 - x_1, o_2 - x_2
-        for end in range(2):
-            wait = settings[RESPONSE] * end
-            s_1, s_2 = r_1 + (u_1 - v_1) * wait, r_2 + (u_2 - v_2) * wait
-            ahead = norm(s_1, s_2)
-            if ahead < radius:
-                if ahead < EPSILON:
-                    # Exactly on top of each other: any direction separates, the one to the own goal is as good as any.
-                    speed = norm(preferred[0], preferred[1])
-                    line[0] = preferred[0] / speed if speed > EPSILON else 1.0
-                    line[1] = preferred[1] / speed if speed > EPSILON else 0.0
-                else:
-                    line[0], line[1] = -s_1 / ahead, -s_2 / ahead
-                parting = min(settings[BARRIER] * (edge - ahead), settings[BARRIER_SHARE] * limit)
-                line[2] = parting - (line[0] * w_1 + line[1] * w_2)
-            else:
-                kept = side if s_1 * (v_1 - u_1) + s_2 * (v_2 - u_2) > 0.0 else 0
-                cone_half_plane(s_1, s_2, radius, horizon, w_1, w_2, kept, line)
-            bound = line[0] * o_1 + line[1] * o_2 + share * line[2]
-            if bound > -limit:
-                lines[used, 0], lines[used, 1], lines[used, 2] = line[0], line[1], bound
-                owner[used] = j
-                used += 1
+    hard, near_obstacle = obstacle_half_planes(own, pieces, piece_start, settings, lines, pair)
+    first = -(-hard // LANES) * LANES
+    used, right, left, start, margin, violation = neighbour_half_planes(
+        own, neighbours, count, range_m, preferred, settings, lines, first
+    )
+    overlapped = near_obstacle or margin < 0.0
 
     # Starting and stalled are the same to the speed; both turns together would lead away from the goal.
-    start *= settings[START_TURN] * slowness(preferred, v_1, v_2, limit)
+    if start > 0.0:
+        start *= settings[START_TURN] * slowness(preferred, own[VELOCITY], own[VELOCITY + 1], limit)
     turn = settings[RIGHT_TURN] * (right - left) + own[EXTRA_TURN] + max(start - max(own[EXTRA_TURN], 0.0), 0.0)
     if turn != 0.0:
         c, s = math.cos(turn), math.sin(turn)
@@ -412,27 +367,13 @@ def avoid_one(  # type: ignore[no-untyped-def]
         preferred[0], preferred[1] = preferred[0] * limit / speed, preferred[1] * limit / speed
 
     x = result[R_VELOCITY : R_VELOCITY + 2]
-    feasible = nearest_admissible(lines, hard, used, limit, preferred, work, x)
+    feasible = nearest_admissible(lines, hard, first, used, limit, preferred, chosen, work, x)
     speed = norm(x[0], x[1])
     if speed > limit:
         x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
 
-    slack = math.inf
-    for k in range(used):
-        slack = min(slack, lines[k, 0] * x[0] + lines[k, 1] * x[1] - lines[k, 2])
-    for b in range(3):
-        result[R_BINDING + b] = -1.0
-    result[R_OBSTACLE] = 0.0
-    named = 0
-    for k in range(used):
-        here = lines[k, 0] * x[0] + lines[k, 1] * x[1] - lines[k, 2]
-        if here > max(slack, 0.0) + TOUCHING_MPS:
-            continue
-        if owner[k] < 0:
-            result[R_OBSTACLE] = 1.0
-        elif named < 3 and (named == 0 or result[R_BINDING + named - 1] != owner[k]):
-            result[R_BINDING + named] = owner[k]
-            named += 1
+    slack = -measure(lines, 0, used, x[0], x[1])
+    name_binding(lines, hard, first, used, 2 if settings[RESPONSE] > 0.0 else 1, slack, result)
     moved = norm(x[0] - preferred[0], x[1] - preferred[1]) > TOUCHING_MPS
     result[R_STATUS] = FREE
     if not feasible:
@@ -441,12 +382,14 @@ def avoid_one(  # type: ignore[no-untyped-def]
         result[R_STATUS] = OVERLAPPED
     elif moved:
         result[R_STATUS] = CONSTRAINED
-    result[R_SLACK], result[R_MARGIN], result[R_NEAREST], result[R_TIME] = slack, margin, nearest, violation
+    result[R_SLACK], result[R_NEAREST] = slack, nearest_neighbour(neighbours, count, margin)
+    result[R_MARGIN] = margin if margin < FAR else math.inf
+    result[R_TIME] = violation if violation < FAR else math.inf
 
     # Smoothed, and put back behind obstacles: a mean of two velocities that keep out may be one that does not.
     blend = settings[SMOOTHING]
     pair = work[len(work) - 1]
     pair[0] = own[COMMAND] + blend * (x[0] - own[COMMAND])
     pair[1] = own[COMMAND + 1] + blend * (x[1] - own[COMMAND + 1])
-    nearest_admissible(lines, hard, hard, limit, pair, work, result[R_COMMAND : R_COMMAND + 2])
+    nearest_admissible(lines, hard, hard, hard, limit, pair, chosen, work, result[R_COMMAND : R_COMMAND + 2])
     return route

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import math
 
-from ridlink.avoidance.halfplane import APPROACH_OFFSET_MPS, EPSILON, INTERVAL_S, time_to_entry
+from ridlink.avoidance.encounter import EPSILON, time_to_entry
+from ridlink.avoidance.halfplane import APPROACH_OFFSET_MPS, INTERVAL_S
 from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.route import nearest_point
 from ridlink.avoidance.rows import (
-    AGE,
     AIM,
     AIM_IS_VELOCITY,
     CLEARANCE,
@@ -27,6 +27,7 @@ from ridlink.avoidance.rows import (
     EXTRA_TURN,
     FREE,
     INFEASIBLE,
+    LANES,
     LIMIT,
     N_POSITION,
     N_VELOCITY,
@@ -105,7 +106,7 @@ def see_neighbours(own, neighbours, count, sights, result):  # type: ignore[no-u
 
     Args:
         own: Own-ship.
-        neighbours: One row each.
+        neighbours: Blocks of neighbours, all of them heard.
         count: Number of neighbours.
         sights: Result, shape (>= count, SIGHT_COLUMNS).
         result: Result: nearest neighbour, its margin, time to violation.
@@ -114,21 +115,20 @@ def see_neighbours(own, neighbours, count, sights, result):  # type: ignore[no-u
     o_1, o_2 = (own[VELOCITY] + own[COMMAND]) / 2.0, (own[VELOCITY + 1] + own[COMMAND + 1]) / 2.0
     margin, nearest, violation = math.inf, -1, math.inf
     for j in range(count):
-        row, sight = neighbours[j], sights[j]
-        u_1, u_2 = row[N_VELOCITY], row[N_VELOCITY + 1]
-        r_1 = row[N_POSITION] + u_1 * row[AGE] - own[POSITION]
-        r_2 = row[N_POSITION + 1] + u_2 * row[AGE] - own[POSITION + 1]
+        block, k, sight = neighbours[j // LANES], j % LANES, sights[j]
+        u_1, u_2, radius = block[N_VELOCITY + k], block[N_VELOCITY + LANES + k], block[RADIUS + k]
+        r_1, r_2 = block[N_POSITION + k] - own[POSITION], block[N_POSITION + LANES + k] - own[POSITION + 1]
         sight[SEEN], sight[SEEN + 1], sight[SEEN_VELOCITY], sight[SEEN_VELOCITY + 1] = r_1, r_2, u_1, u_2
-        if row[RECIPROCAL] != 0.0:
+        if block[RECIPROCAL + k] != 0.0:
             sight[FROM], sight[FROM + 1], sight[TIMES] = o_1 + u_1, o_2 + u_2, 2.0
         else:
             sight[FROM], sight[FROM + 1], sight[TIMES] = u_1, u_2, 1.0
-        sight[KEPT], sight[TAIL] = row[RADIUS], 0.0
-        gap = norm(r_1, r_2) - row[RADIUS]
+        sight[KEPT], sight[TAIL] = radius, 0.0
+        gap = norm(r_1, r_2) - radius
         if gap < margin:
             margin, nearest = gap, j
         w_1, w_2 = own[VELOCITY] - u_1, own[VELOCITY + 1] - u_2
-        violation = min(violation, time_to_entry(r_1, r_2, w_1, w_2, row[RADIUS]))
+        violation = min(violation, time_to_entry(r_1, r_2, w_1, w_2, radius, math.inf))
     result[R_MARGIN], result[R_NEAREST], result[R_TIME] = margin, nearest, violation
 
 
@@ -247,7 +247,7 @@ def slack_to_disc(sight, v_1, v_2, horizon_s):  # type: ignore[no-untyped-def]
         return -towards / max(math.sqrt(square), EPSILON) / sight[TIMES]
     leg = math.sqrt(square - radius * radius)
     slack = (abs(r_1 * w_2 - r_2 * w_1) * leg - towards * radius) / square / sight[TIMES]
-    if slack < 0.0 and time_to_entry(r_1, r_2, w_1, w_2, radius) > horizon_s:
+    if slack < 0.0 and time_to_entry(r_1, r_2, w_1, w_2, radius, math.inf) > horizon_s:
         return math.inf
     return slack
 

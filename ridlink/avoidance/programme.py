@@ -1,12 +1,15 @@
 """Exact two-dimensional programme: the velocity nearest a preferred one in a disc cut by half-planes.
 
-A half-plane is a row (n_1, n_2, d) with a unit normal: velocities x with n.x >= d are allowed. Units are m/s. The
-method is the randomised-incremental idea of Seidel as ORCA uses it (van den Berg et al., "Reciprocal n-body collision
-avoidance", 2011), in normal form: a new half-plane either keeps the optimum or moves it onto its own edge, which leaves
-a problem in one dimension; and when nothing is allowed, the largest excess over all soft half-planes is made as small
-as possible, while the hard ones at the head of the list stay as they are.
+A half-plane (n_1, n_2, d) has a unit normal: velocities x with n.x >= d are allowed; d - n.x is by how much x exceeds
+it. Units are m/s. The method is the incremental idea of Seidel as ORCA uses it (van den Berg et al., "Reciprocal n-body
+collision avoidance", 2011), in normal form: a new half-plane either keeps the optimum or moves it onto its own edge,
+which leaves a problem in one dimension. Any order of the half-planes will do. Here the next one is always that which is
+exceeded most: a handful of rounds find those that matter, and only these ever meet each other, however many there are.
+When nothing is allowed, the largest excess over all soft half-planes is made as small as possible in the same way,
+while the hard ones at the head of the list stay as they are.
 
-Compiled by numba; nothing here allocates. With NUMBA_DISABLE_JIT=1 the same functions run as plain Python.
+Half-planes to choose from come as `lines`, a row for each of n_1, n_2, d, and one for the excess; chosen ones as one
+row each. Compiled by numba; nothing here allocates. With NUMBA_DISABLE_JIT=1 the same functions run as plain Python.
 """
 
 from __future__ import annotations
@@ -15,25 +18,29 @@ import math
 
 import numpy as np
 
-from ridlink.avoidance.kernel import kernel, norm
+from ridlink.avoidance.kernel import kernel, larger, norm
+from ridlink.avoidance.rows import LANES
 
 EPSILON = 1e-9
 """Speeds are compared to this, m/s; it is far below what any autopilot resolves."""
 
+# Rows of `lines`.
+N_1, N_2, BOUND, EXCESS = range(4)
+
 
 @kernel
-def optimum_on_edge(lines, index, limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
+def optimum_on_edge(chosen, index, limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
     """Best point on the edge of half-plane `index` that meets all earlier ones; False if there is none.
 
     Args:
-        lines: Half-planes, shape (m, 3).
+        chosen: Half-planes, shape (m, 3).
         index: The one whose edge is searched; those before it count.
         limit_mps: Radius of the disc.
         aim: Preferred velocity, or with `linear` the direction to go as far as possible in, shape (2,).
         linear: Which of the two `aim` is.
         point: Result, shape (2,), written only on success.
     """
-    n_1, n_2, d = lines[index, 0], lines[index, 1], lines[index, 2]
+    n_1, n_2, d = chosen[index, 0], chosen[index, 1], chosen[index, 2]
     room = limit_mps * limit_mps - d * d
     if room < 0.0:
         return False
@@ -41,8 +48,8 @@ def optimum_on_edge(lines, index, limit_mps, aim, linear, point):  # type: ignor
     high = math.sqrt(room)
     low = -high
     for j in range(index):
-        slope = lines[j, 0] * along_1 + lines[j, 1] * along_2
-        rest = lines[j, 2] - d * (lines[j, 0] * n_1 + lines[j, 1] * n_2)
+        slope = chosen[j, 0] * along_1 + chosen[j, 1] * along_2
+        rest = chosen[j, 2] - d * (chosen[j, 0] * n_1 + chosen[j, 1] * n_2)
         if abs(slope) <= EPSILON:
             if rest > EPSILON * 10.0:
                 return False
@@ -61,61 +68,115 @@ def optimum_on_edge(lines, index, limit_mps, aim, linear, point):  # type: ignor
 
 
 @kernel
-def optimum(lines, count, limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
-    """Best point of the disc within the first `count` half-planes.
-
-    Returns `count` on success, else the index of the first half-plane that could not be met; `point` then is the
-    optimum over those before it. Arguments as in `optimum_on_edge`.
-    """
+def unconstrained(limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
+    """Best point of the disc; arguments as in `optimum_on_edge`."""
     length = norm(aim[0], aim[1])
     scale = limit_mps / length if linear or length > limit_mps else 1.0
     point[0] = aim[0] * scale
     point[1] = aim[1] * scale
-    for i in range(count):
-        if lines[i, 0] * point[0] + lines[i, 1] * point[1] < lines[i, 2] - EPSILON and not optimum_on_edge(
-            lines, i, limit_mps, aim, linear, point
-        ):
-            return i
-    return count
 
 
 @kernel
-def least_excess(lines, hard, count, start, limit_mps, work, point):  # type: ignore[no-untyped-def]
-    """Make the largest excess over the soft half-planes `hard..count-1` as small as possible; hard ones stay met.
+def furthest(chosen, count, limit_mps, direction, point):  # type: ignore[no-untyped-def]
+    """Furthest point of the disc in a direction within the first `count` of a few half-planes; False if there is none.
+
+    Arguments as in `optimum_on_edge`.
+    """
+    unconstrained(limit_mps, direction, True, point)
+    for i in range(count):
+        if chosen[i, 0] * point[0] + chosen[i, 1] * point[1] < chosen[i, 2] - EPSILON and not optimum_on_edge(
+            chosen, i, limit_mps, direction, True, point
+        ):
+            return False
+    return True
+
+
+@kernel
+def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
+    """Fill in by how much a velocity exceeds half-planes `first..last-1`; the largest excess, minus infinity of none.
 
     Args:
-        lines: Half-planes, hard ones first, shape (m, 3).
-        hard: Number of hard half-planes; they must have been met by `point`.
-        count: Number of half-planes.
-        start: First half-plane that `point` fails.
+        lines: Half-planes, shape (4, m).
+        first: Index of the first.
+        last: Index after the last.
+        x_1: North of the velocity.
+        x_2: East of it.
+    """
+    n_1, n_2, bound, excess = lines[N_1], lines[N_2], lines[BOUND], lines[EXCESS]
+    worst = -math.inf
+    for k in range(first, last):
+        excess[k] = bound[k] - (n_1[k] * x_1 + n_2[k] * x_2)
+        worst = larger(worst, excess[k])
+    return worst
+
+
+@kernel
+def choose(lines, first, excess, chosen, place):  # type: ignore[no-untyped-def]
+    """Copy the first half-plane with that excess, as `measure` left it, to a row of `chosen`."""
+    k = first
+    while lines[EXCESS, k] != excess:
+        k += 1
+    chosen[place, 0], chosen[place, 1], chosen[place, 2] = lines[N_1, k], lines[N_2, k], lines[BOUND, k]
+
+
+@kernel
+def nearest(lines, first, last, limit_mps, preferred, chosen, point):  # type: ignore[no-untyped-def]
+    """Best point of the disc within half-planes `first..last-1`; False, and some point, if there is none.
+
+    Arguments as in `nearest_admissible`.
+    """
+    unconstrained(limit_mps, preferred, False, point)
+    # A half-plane is chosen but once, except by rounding where two of them are all but parallel.
+    for place in range(last - first):
+        worst = measure(lines, first, last, point[0], point[1])
+        if worst <= EPSILON:
+            break
+        choose(lines, first, worst, chosen, place)
+        if not optimum_on_edge(chosen, place, limit_mps, preferred, False, point):
+            return False
+    return True
+
+
+@kernel
+def least_excess(lines, hard, first, last, limit_mps, chosen, work, point):  # type: ignore[no-untyped-def]
+    """Make the largest excess over half-planes `first..last-1` as small as possible, the `hard` first ones staying met.
+
+    Args:
+        lines: Half-planes, shape (4, m).
+        hard: Number of hard half-planes, which are the first ones; they must be met by `point`.
+        first: Index of the first soft one.
+        last: Index after the last one.
         limit_mps: Radius of the disc.
-        work: Scratch, shape (m, 3).
-        point: In: optimum before `start`. Out: velocity of least excess.
+        chosen: Scratch, shape (m + 2, 3).
+        work: Scratch of the same shape.
+        point: In: any point that meets the hard ones. Out: velocity of least excess.
 
     Returns:
-        That excess, m/s.
+        That excess, m/s; zero if there is none.
     """
     excess = 0.0
-    aim = work[count]
-    for i in range(start, count):
-        n_1, n_2, d = lines[i, 0], lines[i, 1], lines[i, 2]
-        if d - (n_1 * point[0] + n_2 * point[1]) <= excess:
-            continue
-        for k in range(hard):
-            work[k, 0], work[k, 1], work[k, 2] = lines[k, 0], lines[k, 1], lines[k, 2]
+    aim = work[len(work) - 2]
+    for k in range(hard):
+        work[k, 0], work[k, 1], work[k, 2] = lines[N_1, k], lines[N_2, k], lines[BOUND, k]
+    for place in range(last - first):
+        worst = measure(lines, first, last, point[0], point[1])
+        if worst <= excess + EPSILON:
+            break
+        choose(lines, first, worst, chosen, place)
+        n_1, n_2, d = chosen[place, 0], chosen[place, 1], chosen[place, 2]
         used = hard
-        for j in range(hard, i):
-            # An earlier half-plane may be exceeded, but by no more than this one: d_j - n_j.x <= d_i - n_i.x.
-            e_1, e_2 = lines[j, 0] - n_1, lines[j, 1] - n_2
+        for j in range(place):
+            # One chosen earlier may be exceeded, but by no more than this one: d_j - n_j.x <= d_i - n_i.x.
+            e_1, e_2 = chosen[j, 0] - n_1, chosen[j, 1] - n_2
             length = norm(e_1, e_2)
             if length <= EPSILON:
                 continue
             work[used, 0], work[used, 1] = e_1 / length, e_2 / length
-            work[used, 2] = (lines[j, 2] - d) / length
+            work[used, 2] = (chosen[j, 2] - d) / length
             used += 1
         kept_1, kept_2 = point[0], point[1]
         aim[0], aim[1] = n_1, n_2
-        if optimum(work, used, limit_mps, aim, True, point) < used:
+        if not furthest(work, used, limit_mps, aim, point):
             # The old point is feasible here by construction: only rounding leads to this branch.
             point[0], point[1] = kept_1, kept_2
         excess = max(excess, d - (n_1 * point[0] + n_2 * point[1]))
@@ -123,37 +184,52 @@ def least_excess(lines, hard, count, start, limit_mps, work, point):  # type: ig
 
 
 @kernel
-def nearest_admissible(lines, hard, count, limit_mps, preferred, work, point):  # type: ignore[no-untyped-def]
+def nearest_admissible(lines, hard, first, last, limit_mps, preferred, chosen, work, point):  # type: ignore[no-untyped-def]
     """Velocity nearest `preferred` within all half-planes and the disc, or the one that exceeds the soft ones least.
 
     Where the hard half-planes contradict each other, all of them are moved back by their least possible excess first.
 
     Args:
-        lines: Half-planes, hard ones first, shape (m, 3) with m > count; hard rows may be moved back.
+        lines: Half-planes, shape (4, m): `hard` hard ones, some that everything meets up to `first`, soft ones up to
+            `last`. Hard ones may be moved back.
         hard: Number of hard half-planes.
-        count: Number of half-planes.
+        first: Index of the first soft one.
+        last: Index after the last one.
         limit_mps: Radius of the disc.
         preferred: Preferred velocity, shape (2,).
-        work: Scratch, shape (m, 3).
+        chosen: Scratch, shape (m + 2, 3).
+        work: Scratch of the same shape.
         point: Result, shape (2,).
 
     Returns:
         True if every half-plane is met as it was given.
     """
-    failed = optimum(lines, count, limit_mps, preferred, False, point)
-    if failed == count:
+    if nearest(lines, 0, last, limit_mps, preferred, chosen, point):
         return True
-    if failed < hard:
-        excess = least_excess(lines, 0, hard, failed, limit_mps, work, point)
+    if not nearest(lines, 0, hard, limit_mps, preferred, chosen, point):
+        excess = least_excess(lines, 0, 0, hard, limit_mps, chosen, work, point)
         for k in range(hard):
-            lines[k, 2] -= excess + 1e3 * EPSILON
-        failed = optimum(lines, count, limit_mps, preferred, False, point)
-        if failed == count or failed < hard:
+            lines[BOUND, k] -= excess + 1e3 * EPSILON
+        if nearest(lines, 0, last, limit_mps, preferred, chosen, point):
             return False
-    least_excess(lines, hard, count, failed, limit_mps, work, point)
+        nearest(lines, 0, hard, limit_mps, preferred, chosen, point)
+    least_excess(lines, hard, first, last, limit_mps, chosen, work, point)
     return False
 
 
-def new_lines(count: int) -> np.ndarray:
-    """Room for `count` half-planes and two spare rows, one for `least_excess` and one for its caller."""
-    return np.zeros((count + 2, 3))
+def padded(count: int) -> int:
+    """The next multiple of LANES: soft half-planes begin at one, and hard ones are followed by some that do nothing."""
+    return -(-count // LANES) * LANES
+
+
+def new_lines(hard: int, soft: int) -> np.ndarray:
+    """Room for so many half-planes, shape (4, m), none of which forbids anything."""
+    lines = np.zeros((4, padded(hard) + padded(soft)))
+    lines[BOUND] = -np.inf
+    return lines
+
+
+def new_choice(columns: int) -> np.ndarray:
+    """Room for the choices that `nearest_admissible` makes among so many columns of lines, and for two spare rows, one
+    of them its caller's, shape (m + 2, 3)."""
+    return np.zeros((columns + 2, 3))

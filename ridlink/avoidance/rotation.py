@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from ridlink.avoidance.halfplane import EPSILON
+from ridlink.avoidance.encounter import EPSILON
 from ridlink.avoidance.headings import (
     AWAY,
     FAR_M,
@@ -91,7 +91,7 @@ def rotate_one(  # type: ignore[no-untyped-def]
 
     Args:
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
-        neighbours: One row each, shape (>= count, NEIGHBOUR_COLUMNS).
+        neighbours: Blocks of neighbours, all of them heard, as many blocks as hold `count`.
         count: Number of neighbours.
         pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
         piece_start: Where each piece begins in it, with the end.

@@ -1,7 +1,11 @@
-"""The rows of numbers that every solver's kernels take and give, by the names of their columns.
+"""The numbers that every solver's kernels take and give, by the names of their columns.
 
-One own-ship, its neighbours and the result are rows, so that one function serves a single own-ship and whole batches of
-worlds, and the same batches feed every solver.
+One own-ship and its result are rows of numbers, its neighbours are blocks of numbers, so that one function serves a
+single own-ship and whole batches of worlds, and the same batches feed every solver.
+
+A block holds LANES neighbours column after column: number `COLUMN + lane` of a block is COLUMN of the neighbour in that
+lane. What is done to every neighbour alike is done to all lanes of a block in a few instructions. The first number of a
+pair is at its COLUMN, the second at COLUMN + LANES.
 
 Axes: north-east, metres, m/s, seconds.
 """
@@ -15,8 +19,17 @@ import numpy as np
     POSITION, VELOCITY, COMMAND, AIM, AIM_IS_VELOCITY, LIMIT, CRUISE, CLEARANCE, EXTRA_TURN, OWN_COLUMNS,
 ) = (0, 2, 4, 6, 8, 9, 10, 11, 12, 13)  # fmt: skip
 
-# Columns of a neighbour. Its position is the reported one, AGE seconds old; the command is NaN where none was given.
-N_POSITION, N_VELOCITY, N_COMMAND, AGE, RADIUS, ERROR_SUM, RECIPROCAL, NEIGHBOUR_COLUMNS = (0, 2, 4, 6, 7, 8, 9, 10)
+LANES = 8
+"""Neighbours in a block: what the widest registers of today's processors hold."""
+
+# Columns of a block of neighbours. The position is where the neighbour is now, REPORTED where its report had it; the
+# command is its velocity where none was given. Lanes of which HEARD is zero count for nothing. SIDE (1 right, -1 left,
+# 0 none) and APART (0 or 1) are what is kept of the encounter. From GAP on, the columns are the kernels' own: distance
+# less radius, half-planes of now and of later (n_1, n_2, bound).
+(
+    N_POSITION, N_VELOCITY, N_COMMAND, AGE, RECIPROCAL, HEARD, REPORTED, RADIUS, ERROR_SUM, SIDE, APART, GAP, NOW,
+    LATER, BLOCK,
+) = (LANES * column for column in (0, 2, 4, 6, 7, 8, 9, 11, 12, 13, 14, 15, 16, 19, 22))  # fmt: skip
 
 # Columns of the result; BINDING holds three neighbours, -1 where there are fewer.
 (
@@ -27,8 +40,15 @@ N_POSITION, N_VELOCITY, N_COMMAND, AGE, RADIUS, ERROR_SUM, RECIPROCAL, NEIGHBOUR
 FREE, CONSTRAINED, OVERLAPPED, INFEASIBLE = 0.0, 1.0, 2.0, 3.0
 """`Status` in a result."""
 
-PASSING_RIGHT, PASSING_LEFT, APART = 1, 2, 4
-"""`Memory` of an encounter."""
+
+def blocks_for(count: int) -> int:
+    """Blocks that hold so many neighbours."""
+    return -(-count // LANES)
+
+
+def new_blocks(count: int) -> np.ndarray:
+    """Room for so many neighbours, shape (blocks, BLOCK); nobody is heard yet."""
+    return np.zeros((blocks_for(count), BLOCK))
 
 
 def result_row() -> np.ndarray:

@@ -11,18 +11,21 @@ from numpy.typing import ArrayLike
 
 from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
-from ridlink.avoidance.programme import new_lines
+from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import (
     Decision,
     FloatArray,
     HalfplaneSettings,
+    Int8Array,
+    Memory,
     OwnShip,
     SolverKind,
     Status,
     Traffic,
     checked_pair,
+    sides,
 )
 
 SolverSettings = HalfplaneSettings | GradedSettings | RotationSettings
@@ -143,22 +146,36 @@ class _RowSolver(ABC):
         vector[rows.CLEARANCE] = clearance
         vector[rows.EXTRA_TURN] = extra_right_turn_rad
 
-        table = self._neighbours
-        table[:count, rows.N_POSITION : rows.N_POSITION + 2] = traffic.position_ne_m
-        table[:count, rows.N_VELOCITY : rows.N_VELOCITY + 2] = traffic.velocity_ne_mps
-        table[:count, rows.N_COMMAND : rows.N_COMMAND + 2] = traffic.command_ne_mps
-        table[:count, rows.AGE] = traffic.age_s
-        table[:count, rows.RADIUS] = traffic.radius_m
-        table[:count, rows.ERROR_SUM] = traffic.error_sum_m
-        table[:count, rows.RECIPROCAL] = traffic.reciprocal
-        self._memory[:count] = traffic.memory
+        self._pack(traffic)
         return self._decision(count, int(self._decide(count, obstacles, route_side)))
+
+    def _pack(self, traffic: Traffic) -> None:
+        """Neighbours as blocks, by way of columns."""
+        count, columns, blocks = len(traffic), self._columns, self._neighbours
+        gives_none = np.isnan(traffic.command_ne_mps[:, :1]) | np.isnan(traffic.command_ne_mps[:, 1:])
+        for first, pairs in (
+            (rows.N_POSITION, traffic.position_ne_m + traffic.velocity_ne_mps * traffic.age_s[:, None]),
+            (rows.N_VELOCITY, traffic.velocity_ne_mps),
+            (rows.N_COMMAND, np.where(gives_none, traffic.velocity_ne_mps, traffic.command_ne_mps)),
+            (rows.REPORTED, traffic.position_ne_m),
+        ):
+            columns[first // rows.LANES : first // rows.LANES + 2, :count] = pairs.T
+        columns[rows.AGE // rows.LANES, :count] = traffic.age_s
+        columns[rows.RADIUS // rows.LANES, :count] = traffic.radius_m
+        columns[rows.ERROR_SUM // rows.LANES, :count] = traffic.error_sum_m
+        columns[rows.RECIPROCAL // rows.LANES, :count] = traffic.reciprocal
+        columns[rows.SIDE // rows.LANES, :count] = sides(traffic.memory)
+        columns[rows.APART // rows.LANES, :count] = (traffic.memory & Memory.APART) != 0
+        columns[rows.HEARD // rows.LANES, :count] = 1.0
+        columns[rows.HEARD // rows.LANES, count:] = 0.0
+        lanes = columns.reshape(len(columns), len(blocks), rows.LANES)
+        blocks.reshape(len(blocks), -1, rows.LANES)[:, : len(columns)] = lanes.swapaxes(0, 1)
 
     def _make_room(self, count: int, obstacles: Obstacles) -> None:
         """Scratch for so many neighbours and these obstacles."""
         self._most = count
-        self._neighbours = np.zeros((count, rows.NEIGHBOUR_COLUMNS))
-        self._memory = np.zeros(count, np.int8)
+        self._neighbours = rows.new_blocks(count)
+        self._columns = np.zeros((rows.GAP // rows.LANES, rows.LANES * len(self._neighbours)))
         self._reserve(count, obstacles)
 
     @abstractmethod
@@ -172,6 +189,14 @@ class _RowSolver(ABC):
     @abstractmethod
     def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
         """Call the kernel; memory of the way round obstacles for the next step."""
+
+    def _memory(self, count: int) -> Int8Array:
+        """`Memory` flags of the encounters, shape (count,)."""
+        lanes = self._neighbours.reshape(len(self._neighbours), -1, rows.LANES)
+        side = lanes[:, rows.SIDE // rows.LANES].ravel()[:count]
+        apart = lanes[:, rows.APART // rows.LANES].ravel()[:count]
+        passing = np.where(side > 0.0, Memory.PASSING_RIGHT, np.where(side < 0.0, Memory.PASSING_LEFT, 0))
+        return np.asarray(passing + np.where(apart > 0.0, Memory.APART, 0), dtype=np.int8)
 
     def _decision(self, count: int, route: int) -> Decision:
         row: FloatArray = self._result.copy()
@@ -187,7 +212,7 @@ class _RowSolver(ABC):
             nearest_margin_m=float(row[rows.R_MARGIN]),
             nearest_index=int(row[rows.R_NEAREST]),
             time_to_violation_s=float(row[rows.R_TIME]),
-            memory=self._memory[:count].copy(),
+            memory=self._memory(count),
             route_side=route,
         )
 
@@ -204,20 +229,19 @@ class HalfplaneSolver(_RowSolver):
         super().__init__()
 
     def _reserve(self, count: int, obstacles: Obstacles) -> None:
-        lines = 2 * count + obstacles.piece_count
-        self._lines, self._work = new_lines(lines), new_lines(lines)
-        self._owner = np.zeros(lines, np.int64)
+        self._lines = new_lines(obstacles.piece_count, 2 * rows.LANES * len(self._neighbours))
+        self._chosen, self._work = (new_choice(self._lines.shape[1]) for _ in range(2))
         self._ring = np.zeros((ring_size(obstacles.hull_start), 2))
 
     def _has_room(self, obstacles: Obstacles) -> bool:
-        lines = 2 * self._most + obstacles.piece_count
-        return lines <= len(self._owner) and ring_size(obstacles.hull_start) <= len(self._ring)
+        spare = self._lines.shape[1] - 2 * rows.LANES * len(self._neighbours)
+        return obstacles.piece_count <= spare and ring_size(obstacles.hull_start) <= len(self._ring)
 
     def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
         route: int = halfplane.avoid_one(
-            self._own, self._neighbours, count, self._memory, obstacles.piece_vertex_ne_m, obstacles.piece_start,
-            obstacles.hull_vertex_ne_m, obstacles.hull_start, route_side, self._vector, self._lines, self._work,
-            self._owner, self._ring, self._result,
+            self._own, self._neighbours, rows.blocks_for(count), math.inf, obstacles.piece_vertex_ne_m,
+            obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start, route_side, self._vector,
+            self._lines, self._chosen, self._work, self._ring, self._result,
         )  # fmt: skip
         return route
 

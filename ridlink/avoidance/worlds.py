@@ -17,15 +17,26 @@ at the same instant.
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 from numba import prange
 
+from ridlink.avoidance import headings
 from ridlink.avoidance.graded import grade_one
 from ridlink.avoidance.halfplane import avoid_one
-from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.kernel import copy_lanes, kernel
+from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.rotation import rotate_one
+from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.rows import (
     AGE,
+    APART,
+    BLOCK,
     ERROR_SUM,
+    HEARD,
+    LANES,
     N_COMMAND,
     N_POSITION,
     N_VELOCITY,
@@ -34,27 +45,76 @@ from ridlink.avoidance.rows import (
     R_NEAREST,
     RADIUS,
     RECIPROCAL,
+    REPORTED,
+    SIDE,
+    blocks_for,
 )
+
+SMALL_WORLD = 64
+"""Vehicles up to which everybody is passed over for everybody."""
 
 
 @kernel
-def hear(own, i, heard, present, radius_m, error_sum_m, range_m, rows, names):  # type: ignore[no-untyped-def]
-    """Rows and names of the neighbours that vehicle `i` of one world hears; returns their number."""
-    p_1, p_2 = own[i, POSITION], own[i, POSITION + 1]
+def draw_picture(heard, present, picture):  # type: ignore[no-untyped-def]
+    """What the others hear of each vehicle of one world, as blocks of neighbours."""
+    for j in range(len(heard)):
+        block, lane, report = picture[j // LANES], j % LANES, heard[j]
+        age = report[6]
+        for axis in range(2):
+            column = LANES * axis + lane
+            block[REPORTED + column], block[N_VELOCITY + column] = report[axis], report[2 + axis]
+            block[N_POSITION + column] = report[axis] + report[2 + axis] * age
+        commands = not (math.isnan(report[4]) or math.isnan(report[5]))
+        block[N_COMMAND + lane] = report[4] if commands else report[2]
+        block[N_COMMAND + LANES + lane] = report[5] if commands else report[3]
+        block[AGE + lane], block[RECIPROCAL + lane] = age, report[7]
+        block[HEARD + lane] = 1.0 if present[j] else 0.0
+
+
+@kernel
+def fill_in(numbers, picture, column):  # type: ignore[no-untyped-def]
+    """Write a column of all blocks, a number for each vehicle."""
+    whole = len(numbers) // LANES
+    for b in range(whole):
+        copy_lanes(numbers, LANES * b, picture[b], column)
+    for j in range(LANES * whole, len(numbers)):
+        picture[whole, column + j % LANES] = numbers[j]
+
+
+@kernel
+def gather(own, i, radius_m, error_sum_m, range_m, memory, picture, neighbours, names):  # type: ignore[no-untyped-def]
+    """Copy the vehicles that vehicle `i` of one world hears to blocks of their own.
+
+    Args:
+        own: Own-ships of the world.
+        i: The one that hears.
+        radius_m: Radii of its discs, shape (N,).
+        error_sum_m: Parts of them, shape (N,).
+        range_m: Vehicles further than this are not heard.
+        memory: What it keeps of its encounters; nothing is left there, it is in the blocks.
+        picture: The world, as `draw_picture` left it.
+        neighbours: Result, blocks.
+        names: Result: their places in the world.
+
+    Returns:
+        Number of vehicles.
+    """
+    p_1, p_2, reach = own[i, POSITION], own[i, POSITION + 1], range_m * range_m
     count = 0
-    for j in range(len(present)):
-        if j == i or not present[j]:
-            continue
-        report = heard[j]
-        if (report[0] - p_1) ** 2 + (report[1] - p_2) ** 2 > range_m * range_m:
-            continue
-        rows[count, N_POSITION], rows[count, N_POSITION + 1] = report[0], report[1]
-        rows[count, N_VELOCITY], rows[count, N_VELOCITY + 1] = report[2], report[3]
-        rows[count, N_COMMAND], rows[count, N_COMMAND + 1] = report[4], report[5]
-        rows[count, AGE], rows[count, RECIPROCAL] = report[6], report[7]
-        rows[count, RADIUS], rows[count, ERROR_SUM] = radius_m[i, j], error_sum_m[i, j]
-        names[count] = j
-        count += 1
+    for j in range(len(radius_m)):
+        block, lane = picture[j // LANES], j % LANES
+        off_1, off_2 = block[REPORTED + lane] - p_1, block[REPORTED + LANES + lane] - p_2
+        if block[HEARD + lane] != 0.0 and j != i and off_1 * off_1 + off_2 * off_2 <= reach:
+            target, place = neighbours[count // LANES], count % LANES
+            for column in range(0, RADIUS, LANES):
+                target[column + place] = block[column + lane]
+            target[RADIUS + place], target[ERROR_SUM + place] = radius_m[j], error_sum_m[j]
+            target[SIDE + place], target[APART + place] = memory[j // LANES, lane], memory[j // LANES, LANES + lane]
+            names[count] = j
+            count += 1
+        memory[j // LANES, lane] = memory[j // LANES, LANES + lane] = 0.0
+    for k in range(count, LANES * (-(-count // LANES))):
+        neighbours[k // LANES, HEARD + k % LANES] = 0.0
     return count
 
 
@@ -69,7 +129,7 @@ def name_vehicles(names, answer):  # type: ignore[no-untyped-def]
 @kernel(parallel=True)
 def avoid_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, error_sum_m, range_m, memory, route, pieces, piece_start, hulls,
-    hull_start, settings, neighbours, lines, work, owner, ring, row_memory, index, result,
+    hull_start, settings, picture, neighbours, names, lines, chosen, work, ring, result,
 ):  # fmt: skip
     """Decide by half-planes for every vehicle of every world.
 
@@ -81,51 +141,65 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         radius_m: See above.
         error_sum_m: See above.
         range_m: See above.
-        memory: What each vehicle keeps of its encounters, read and written, shape (W, N, N), int8.
+        memory: What each vehicle keeps of its encounters, read and written, see `new_memory`.
         route: Memory of the way round obstacles, read and written, shape (W, N), int64.
         pieces: Obstacles, the same in every world, as in `avoid_one`; so are `piece_start`, `hulls`, `hull_start`.
         piece_start: See `pieces`.
         hulls: See `pieces`.
         hull_start: See `pieces`.
         settings: Constants, `HalfplaneSettings.as_vector`.
-        neighbours: Scratch, shape (W, N, NEIGHBOUR_COLUMNS).
-        lines: Scratch, shape (W, 2 N + pieces + 2, 3).
-        work: Scratch of the same shape.
-        owner: Scratch, shape (W, 2 N + pieces), int64.
-        ring: Scratch, shape (W, `ring_size`, 2).
-        row_memory: Scratch, shape (W, N), int8.
-        index: Scratch, shape (W, N), int64.
+        picture: Scratch; it and the following ones come from `halfplane_scratch`.
+        neighbours: See `picture`.
+        names: See `picture`.
+        lines: See `picture`.
+        chosen: See `picture`.
+        work: See `picture`.
+        ring: See `picture`.
         result: See above.
     """
-    worlds, vehicles = own.shape[0], own.shape[1]
-    for world in prange(worlds):
-        rows, kept, names = neighbours[world], row_memory[world], index[world]
+    for world in prange(own.shape[0]):
+        view, few, places = picture[world], neighbours[world], names[world]
+        vehicles, blocks = own.shape[1], len(view)
+        draw_picture(heard[world], present[world], view)
         for i in range(vehicles):
             if not deciding[world, i]:
                 continue
-            count = hear(
-                own[world], i, heard[world], present[world], radius_m[world], error_sum_m[world], range_m, rows, names
-            )
-            for k in range(count):
-                kept[k] = memory[world, i, names[k]]
-            # An encounter is forgotten with the vehicle that goes out of range.
-            for j in range(vehicles):
-                if present[world, j]:
-                    memory[world, i, j] = 0
-            answer = result[world, i]
-            route[world, i] = avoid_one(
-                own[world, i], rows, count, kept, pieces, piece_start, hulls, hull_start, route[world, i], settings,
-                lines[world], work[world], owner[world], ring[world], answer,
-            )  # fmt: skip
-            for k in range(count):
-                memory[world, i, names[k]] = kept[k]
-            name_vehicles(names, answer)
+            answer, kept = result[world, i], memory[world, i]
+            # In a small world, passing over those that are not heard is less work than copying those that are.
+            if vehicles <= SMALL_WORLD:
+                fill_in(radius_m[world, i], view, RADIUS)
+                fill_in(error_sum_m[world, i], view, ERROR_SUM)
+                for b in range(blocks):
+                    copy_lanes(kept[b], 0, view[b], SIDE)
+                    copy_lanes(kept[b], LANES, view[b], APART)
+                view[i // LANES, HEARD + i % LANES] = 0.0
+                route[world, i] = avoid_one(
+                    own[world, i], view, blocks, range_m, pieces, piece_start, hulls, hull_start, route[world, i],
+                    settings, lines[world], chosen[world], work[world], ring[world], answer,
+                )  # fmt: skip
+                view[i // LANES, HEARD + i % LANES] = 1.0 if present[world, i] else 0.0
+                for b in range(blocks):
+                    copy_lanes(view[b], SIDE, kept[b], 0)
+                    copy_lanes(view[b], APART, kept[b], LANES)
+            else:
+                count = gather(
+                    own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, kept, view, few, places
+                )
+                route[world, i] = avoid_one(
+                    own[world, i], few, -(-count // LANES), range_m, pieces, piece_start, hulls, hull_start,
+                    route[world, i], settings, lines[world], chosen[world], work[world], ring[world], answer,
+                )  # fmt: skip
+                for k in range(count):
+                    block, lane, j = few[k // LANES], k % LANES, places[k]
+                    kept[j // LANES, j % LANES] = block[SIDE + lane]
+                    kept[j // LANES, LANES + j % LANES] = block[APART + lane]
+                name_vehicles(places, answer)
 
 
 @kernel(parallel=True)
 def rotate_worlds(  # type: ignore[no-untyped-def]
-    own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, neighbours,
-    sights, walls, way, index, result,
+    own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
+    neighbours, names, memory, sights, walls, way, result,
 ):  # fmt: skip
     """Decide by rotation, as the paper does, for every vehicle of every world.
 
@@ -141,45 +215,84 @@ def rotate_worlds(  # type: ignore[no-untyped-def]
         piece_start: See `pieces`.
         settings: Constants, `RotationSettings.as_vector`.
         fan: Candidates, `rotation.candidates`.
-        neighbours: Scratch, shape (W, N, NEIGHBOUR_COLUMNS).
-        sights: Scratch, shape (W, N, SIGHT_COLUMNS).
-        walls: Scratch, shape (W, pieces, WALL_COLUMNS).
-        way: Scratch, shape (W, WAY_COLUMNS).
-        index: Scratch, shape (W, N), int64.
+        picture: Scratch; it and the following ones come from `headings_scratch`.
+        neighbours: See `picture`.
+        names: See `picture`.
+        memory: See `picture`.
+        sights: See `picture`.
+        walls: See `picture`.
+        way: See `picture`.
         result: See above.
     """
     for world in prange(own.shape[0]):
-        rows, names = neighbours[world], index[world]
+        view, few, places = picture[world], neighbours[world], names[world]
+        draw_picture(heard[world], present[world], view)
+        kept = memory[world]
         for i in range(own.shape[1]):
             if deciding[world, i]:
-                count = hear(
-                    own[world], i, heard[world], present[world], radius_m[world], error_sum_m[world], range_m, rows,
-                    names,
-                )  # fmt: skip
+                count = gather(
+                    own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, kept, view, few, places
+                )
                 rotate_one(
-                    own[world, i], rows, count, pieces, piece_start, settings, fan, sights[world], walls[world],
+                    own[world, i], few, count, pieces, piece_start, settings, fan, sights[world], walls[world],
                     way[world], result[world, i],
                 )  # fmt: skip
-                name_vehicles(names, result[world, i])
+                name_vehicles(places, result[world, i])
 
 
 @kernel(parallel=True)
 def grade_worlds(  # type: ignore[no-untyped-def]
-    own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, neighbours,
-    sights, walls, way, index, result,
+    own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
+    neighbours, names, memory, sights, walls, way, result,
 ):  # fmt: skip
     """Decide by graded risk for every vehicle of every world; arguments as in `rotate_worlds`, with `GradedSettings`
     and `graded.candidates`."""
     for world in prange(own.shape[0]):
-        rows, names = neighbours[world], index[world]
+        view, few, places = picture[world], neighbours[world], names[world]
+        draw_picture(heard[world], present[world], view)
+        kept = memory[world]
         for i in range(own.shape[1]):
             if deciding[world, i]:
-                count = hear(
-                    own[world], i, heard[world], present[world], radius_m[world], error_sum_m[world], range_m, rows,
-                    names,
-                )  # fmt: skip
+                count = gather(
+                    own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, kept, view, few, places
+                )
                 grade_one(
-                    own[world, i], rows, count, pieces, piece_start, settings, fan, sights[world], walls[world],
+                    own[world, i], few, count, pieces, piece_start, settings, fan, sights[world], walls[world],
                     way[world], result[world, i],
                 )  # fmt: skip
-                name_vehicles(names, result[world, i])
+                name_vehicles(places, result[world, i])
+
+
+def new_memory(worlds: int, vehicles: int) -> np.ndarray:
+    """What new vehicles keep of their encounters: nothing. SIDE and APART, shape (W, N, blocks, 2 LANES)."""
+    return np.zeros((worlds, vehicles, blocks_for(vehicles), 2 * LANES))
+
+
+def halfplane_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
+    """The scratch arguments of `avoid_worlds`, in its order, for so many worlds of so many vehicles."""
+    blocks = blocks_for(vehicles)
+    lines = new_lines(obstacles.piece_count, 2 * LANES * blocks)
+    choice = new_choice(lines.shape[1])
+    return (
+        *_picture(worlds, vehicles),
+        np.stack([lines] * worlds),
+        np.stack([choice] * worlds),
+        np.stack([choice] * worlds),
+        np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
+    )
+
+
+def headings_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
+    """The scratch arguments of `rotate_worlds` and `grade_worlds`, in their order."""
+    return (
+        *_picture(worlds, vehicles),
+        np.zeros((worlds, blocks_for(vehicles), 2 * LANES)),
+        np.zeros((worlds, vehicles, headings.SIGHT_COLUMNS)),
+        np.zeros((worlds, obstacles.piece_count, headings.WALL_COLUMNS)),
+        np.zeros((worlds, headings.WAY_COLUMNS)),
+    )
+
+
+def _picture(worlds: int, vehicles: int) -> tuple[np.ndarray, ...]:
+    blocks = np.zeros((worlds, blocks_for(vehicles), BLOCK))
+    return blocks, blocks.copy(), np.zeros((worlds, vehicles), np.int64)

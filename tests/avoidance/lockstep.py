@@ -22,9 +22,8 @@ import numpy as np
 from ridlink.avoidance import halfplane
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.progress import ProgressWatch
-from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.types import HalfplaneSettings
-from ridlink.avoidance.worlds import avoid_worlds
+from ridlink.avoidance.worlds import avoid_worlds, halfplane_scratch, new_memory
 from ridlink.separation import Definition, separation_discs
 
 STEP_S = 0.02
@@ -238,7 +237,6 @@ def fly(
     keep = math.exp(-STEP_S / 10.0)
     phase = random.integers(0, PHASES, shape)
     obstacles = Obstacles.from_polygons(plan.polygons)
-    rows = 2 * count + obstacles.piece_count
 
     own = np.zeros((*shape, halfplane.OWN_COLUMNS))
     heard = np.zeros((*shape, 8))
@@ -250,17 +248,9 @@ def fly(
     slot = np.ones(shape, np.int64)
     present = np.ones(shape, bool)
     active = np.ones(shape, bool)
-    side = np.zeros((*shape, count), np.int8)
+    memory = new_memory(*shape)
     route = np.zeros(shape, np.int64)
-    scratch = (
-        np.zeros((*shape, halfplane.NEIGHBOUR_COLUMNS)),
-        np.zeros((worlds, rows + 2, 3)),
-        np.zeros((worlds, rows + 2, 3)),
-        np.zeros((worlds, rows), np.int64),
-        np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
-        np.zeros(shape, np.int8),
-        np.zeros(shape, np.int64),
-    )
+    scratch = halfplane_scratch(*shape, obstacles)
     result = np.zeros((*shape, halfplane.RESULT_COLUMNS))
     vector = settings.as_vector()
     itself = np.eye(count, dtype=bool)
@@ -308,7 +298,7 @@ def fly(
         )  # fmt: skip
         deciding = turn_now & cooperative & active
         avoid_worlds(
-            own, deciding, heard, present, discs.radius_m, discs.error_sum_m, range_m, side, route,
+            own, deciding, heard, present, discs.radius_m, discs.error_sum_m, range_m, memory, route,
             obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start,
             vector, *scratch, result,
         )  # fmt: skip

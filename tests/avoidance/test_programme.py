@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.avoidance.programme import nearest_admissible, new_lines
+from ridlink.avoidance.programme import nearest_admissible, new_choice, new_lines, padded
 
 LIMIT = 10.0
 half_planes = st.lists(st.tuples(st.floats(0.0, 2.0 * math.pi), st.floats(-9.0, 9.0)), min_size=0, max_size=8).map(
@@ -25,9 +25,12 @@ GRID = grid()
 
 
 def solve(rows, preferred, hard=0):
-    lines, work, point = new_lines(len(rows)), new_lines(len(rows)), np.zeros(2)
-    lines[: len(rows)] = rows
-    met = nearest_admissible(lines, hard, len(rows), LIMIT, np.asarray(preferred, float), work, point)
+    lines, point, first = new_lines(hard, len(rows) - hard), np.zeros(2), padded(hard)
+    chosen, work = new_choice(lines.shape[1]), new_choice(lines.shape[1])
+    lines[:3, :hard] = rows[:hard].T
+    lines[:3, first : first + len(rows) - hard] = rows[hard:].T
+    preferred = np.asarray(preferred, float)
+    met = nearest_admissible(lines, hard, first, lines.shape[1], LIMIT, preferred, chosen, work, point)
     return bool(met), point
 
 

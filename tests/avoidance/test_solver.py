@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from ridlink.avoidance import HalfplaneSettings, Memory, Obstacles, OwnShip, Status, Traffic
@@ -76,6 +76,9 @@ def test_every_answer_is_finite_and_within_the_limit(
 @settings(max_examples=100, deadline=None)
 @given(crowd, st.floats(-math.pi, math.pi), st.tuples(speed, speed))
 def test_turning_the_world_turns_the_answer(rows, angle, velocity):
+    # A neighbour that is, or after the response time will be, all but exactly on top may lie on either side of that.
+    for n, e, n_mps, e_mps in rows:
+        assume(min(math.hypot(n, e), math.hypot(n + n_mps - velocity[0], e + e_mps - velocity[1])) > 1e-6)
     straight = solve(own_ship(velocity=velocity), traffic(*rows))
     table = np.array(rows, float).reshape(-1, 4)
     table = np.hstack([turned(table[:, :2], angle), turned(table[:, 2:], angle)])
@@ -327,6 +330,7 @@ def test_the_kernels_are_plain_python_where_compilation_is_off():
     assert eval(plain.stdout) == pytest.approx(compiled.velocity_ne_mps.tolist(), abs=1e-9)
 
 
+@pytest.mark.skipif(not hasattr(avoid_one, "signatures"), reason="nothing is compiled")
 def test_warm_up_leaves_nothing_to_compile():
     warm_up()
     compiled = len(avoid_one.signatures)

@@ -1,0 +1,193 @@
+"""Own-ship and one neighbour: the half-plane that keeps them apart, the side to pass on, how soon they meet.
+
+These are worked out for every neighbour of every own-ship, several at a time. So nothing here branches: both answers
+are worked out and one is picked, lengths are compared by their squares, and a square root or a division, which cost as
+much as ten other steps, is shared by all answers that need one.
+
+Axes: north-east, metres, m/s, seconds. In these axes a rotation by a positive angle is a turn to the right, and
+`a x b = a_1 b_2 - a_2 b_1` is positive when b points to the right of a. The neighbour is at r as seen from own-ship;
+own-ship flies v, the neighbour u.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ridlink.avoidance.kernel import kernel, larger, smaller
+
+EPSILON = 1e-9
+
+HOLD_FACTOR = 1.3
+CLEAR_FACTOR = 0.5
+"""The rule of the road gives way when own-ship is so many radii on the other side already. A side is held until the
+miss distance is HOLD_FACTOR radii."""
+
+DODGE_MPS = 1.0
+"""A neighbour that moves to its right across the line of sight by more than this dodges to the right."""
+
+
+@kernel(forceinline=True)
+def half_plane(  # type: ignore[no-untyped-def]
+    r_1, r_2, radius_m, once_per_horizon, edge_m, w_1, w_2, side, way_1, way_2, barrier_per_s, most_mps
+):
+    """Smallest change of the relative velocity that leaves the velocity obstacle of a disc, or that separates within.
+
+    Source: van den Berg et al. (2011). The obstacle is a cone cut off by a circle, so the nearest way out leads to the
+    circle or to one of the legs of the cone. Inside of the disc a barrier asks for separation in proportion to the
+    overlap instead.
+
+    Args:
+        r_1: North of the neighbour as seen from own-ship.
+        r_2: East of it.
+        radius_m: Radius of the disc.
+        once_per_horizon: One over the time after which conflicts do not count, 1/s, which cuts the cone off.
+        edge_m: What the barrier defends, not above the radius.
+        w_1: North of the relative velocity, own less neighbour's.
+        w_2: East of it.
+        side: 0 nearest boundary; 1 the right leg of the cone, -1 the left one, without the circle.
+        way_1: North of the unit vector on which own-ship leaves a neighbour that it is exactly on top of.
+        way_2: East of it.
+        barrier_per_s: Separating speed asked for per metre of overlap.
+        most_mps: Most that may be asked for.
+
+    Returns:
+        Outward normal of the boundary and the change along it [m/s].
+    """
+    square, radius_square = r_1 * r_1 + r_2 * r_2, radius_m * radius_m
+    off_1, off_2 = w_1 - r_1 * once_per_horizon, w_2 - r_2 * once_per_horizon
+    off_square = off_1 * off_1 + off_2 * off_2
+    towards, across = r_1 * off_1 + r_2 * off_2, r_1 * off_2 - r_2 * off_1
+    inside = square < radius_square
+    circle = (side == 0.0) & (towards < 0.0) & (towards * towards > radius_square * off_square)
+    # Straight on is passed on the right, also when rounding says left.
+    rightwards = (across >= 0.0) | (across * across <= EPSILON * EPSILON * square * off_square)
+    nearer = 1.0 if rightwards else -1.0
+    leg = nearer if side == 0.0 else side
+
+    # Of |r|, the distance from the middle of the circle and the length of the leg only one is needed.
+    outside_square = off_square if circle else square - radius_square
+    root = math.sqrt(larger(square if inside else outside_square, 0.0))
+    outside_divisor = root if circle else square
+    once_per = 1.0 / larger(root if inside else outside_divisor, EPSILON * EPSILON)
+    # Leg of the cone: r turned by asin(R / |r|) to its side; the outward normal is a quarter turn further.
+    leg_1, leg_2 = r_1 * root - leg * r_2 * radius_m, r_2 * root + leg * r_1 * radius_m
+    out_1, out_2 = off_1 if circle else -leg * leg_2, off_2 if circle else leg * leg_1
+    n_1, n_2 = (-r_1 if inside else out_1) * once_per, (-r_2 if inside else out_2) * once_per
+    # Exactly on top of each other any direction separates.
+    on_top = inside & (square < EPSILON * EPSILON)
+    n_1, n_2 = way_1 if on_top else n_1, way_2 if on_top else n_2
+
+    along = n_1 * w_1 + n_2 * w_2
+    parting = smaller(barrier_per_s * (edge_m - root), most_mps) - along
+    leaving = radius_m * once_per_horizon - root if circle else -along
+    return n_1, n_2, parting if inside else leaving
+
+
+@kernel(forceinline=True)
+def rule_side(v_1, v_2, u_1, u_2, reciprocal, head_on_cosine, head_on_speed_mps):  # type: ignore[no-untyped-def]
+    """Side that the rule of the road gives own-ship: 1 right, -1 left, 0 where there is none.
+
+    On opposite courses both turn to the right. A crossing vehicle that avoids nobody is passed astern: ahead of it, at
+    its own speed, a slow answer ends in a race with it.
+
+    Args:
+        v_1: North of the own velocity.
+        v_2: East of it.
+        u_1: North of the neighbour's reported velocity.
+        u_2: East of it.
+        reciprocal: True if the neighbour takes its half of the avoidance.
+        head_on_cosine: Courses whose angle has a cosine below this are opposite; not above zero.
+        head_on_speed_mps: Below this a course is mostly noise.
+    """
+    own_square, other_square = v_1 * v_1 + v_2 * v_2, u_1 * u_1 + u_2 * u_2
+    slow = smaller(own_square, other_square) <= head_on_speed_mps * head_on_speed_mps
+    parallel = v_1 * u_1 + v_2 * u_2
+    opposite_square = head_on_cosine * head_on_cosine * own_square * other_square
+    opposite = (parallel < 0.0) & (parallel * parallel > opposite_square)
+    crossing = (parallel < 0.0) | (parallel * parallel < opposite_square)
+    # Astern is the side that the neighbour moves away from.
+    astern = -1.0 if v_1 * u_2 - v_2 * u_1 > 0.0 else 1.0
+    passed = 0.0 if reciprocal | (not crossing) else astern
+    side = 1.0 if opposite else passed
+    return 0.0 if slow else side
+
+
+@kernel(forceinline=True)
+def passing_side(  # type: ignore[no-untyped-def]
+    held, rule, r_1, r_2, distance_m, w_1, w_2, c_1, c_2, reciprocal, radius_m, horizon_s
+):
+    """Side on which own-ship passes a neighbour where the nearest boundary will not do: 1 right, -1 left, 0 nearest.
+
+    Both vehicles must see the same case, so only reported velocities count, no private commands. The choice is held
+    until the encounter is over, so that noise cannot turn it, with one exception: where the two disagree, because one
+    of them saw itself clear on the left and the other did not, right wins. Otherwise both dodge the same way and lock
+    on.
+
+    Args:
+        held: Side that is kept from the last step, 0 if none.
+        rule: Side that the rule of the road gives.
+        r_1: North of the neighbour as seen from own-ship.
+        r_2: East of it.
+        distance_m: Length of r.
+        w_1: North of the relative velocity, own less neighbour's.
+        w_2: East of it.
+        c_1: North of what the neighbour was told to fly, its velocity where it does not say.
+        c_2: East of it.
+        reciprocal: True if the neighbour takes its half of the avoidance.
+        radius_m: Disc with its buffer.
+        horizon_s: Conflict horizon.
+    """
+    closing_square = w_1 * w_1 + w_2 * w_2
+    # Miss distance times closing speed, positive when own-ship passes to the right of the neighbour.
+    across = r_1 * w_2 - r_2 * w_1
+    across_square, unit_square = across * across, radius_m * radius_m * closing_square
+    over = (closing_square < EPSILON * EPSILON) | (distance_m < radius_m) | (r_1 * w_1 + r_2 * w_2 <= 0.0)
+    over = over | (across_square > HOLD_FACTOR * HOLD_FACTOR * unit_square)
+    dodges = (held < 0.0) & reciprocal & (r_2 * c_1 - r_1 * c_2 > DODGE_MPS * distance_m)
+    gap = distance_m - radius_m
+    later = gap * gap >= closing_square * horizon_s * horizon_s
+    clear = (rule * across < 0.0) & (across_square > CLEAR_FACTOR * CLEAR_FACTOR * unit_square)
+    wanted = -rule if clear else rule
+    fresh = 0.0 if later else wanted
+    kept = fresh if held == 0.0 else held
+    side = 1.0 if dodges else kept
+    return 0.0 if over else side
+
+
+@kernel(forceinline=True)
+def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon):  # type: ignore[no-untyped-def]
+    """Weight in [0, 1] of the turn that a neighbour calls for, tapered in miss distance and time.
+
+    A turn switched by a threshold moves the miss distance over that threshold itself and chatters.
+
+    Args:
+        r_1: North of the neighbour as seen from own-ship.
+        r_2: East of it.
+        w_1: North of the relative velocity, preferred less neighbour's.
+        w_2: East of it.
+        radius_m: Disc without its buffer.
+        once_per_horizon: One over the conflict horizon, 1/s.
+    """
+    square = w_1 * w_1 + w_2 * w_2
+    radius = larger(radius_m, EPSILON)
+    once_per = 1.0 / (larger(square, EPSILON) * radius)
+    time = (r_1 * w_1 + r_2 * w_2) * radius * once_per
+    miss_radii = abs(r_1 * w_2 - r_2 * w_1) * math.sqrt(square) * once_per
+    near = smaller(larger(2.0 - miss_radii, 0.0), 1.0)
+    soon = smaller(larger(2.5 - time * once_per_horizon, 0.0), 1.0)
+    weight = near * soon * smaller(larger(time, 0.0), 1.0)
+    return 0.0 if square < EPSILON else weight
+
+
+@kernel(forceinline=True)
+def time_to_entry(r_1, r_2, w_1, w_2, radius_m, never_s):  # type: ignore[no-untyped-def]
+    """Time [s] until a disc is entered at relative velocity w (own less neighbour's); 0 inside, `never_s` if never."""
+    inside = radius_m * radius_m - r_1 * r_1 - r_2 * r_2
+    square = w_1 * w_1 + w_2 * w_2
+    towards = r_1 * w_1 + r_2 * w_2
+    root = towards * towards + square * inside
+    # Where the two approach w is not zero.
+    time = (towards - math.sqrt(larger(root, 0.0))) / larger(square, EPSILON * EPSILON)
+    never = (towards <= 0.0) | (root <= 0.0)
+    entry = never_s if never else larger(time, 0.0)
+    return 0.0 if inside > 0.0 else entry

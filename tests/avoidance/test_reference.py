@@ -1,0 +1,106 @@
+"""The decision in lanes against the plain form of it, over worlds of all kinds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ridlink.avoidance import HalfplaneSettings, Obstacles, OwnShip, Status, Traffic, rows
+from ridlink.avoidance.route import ring_size
+from ridlink.avoidance.solver import HalfplaneSolver
+from tests.avoidance import reference_halfplane as plain
+
+SQUARE = Obstacles.from_polygons([[[40.0, -20.0], [80.0, -20.0], [80.0, 20.0], [40.0, 20.0]]])
+NOTHING = Obstacles.from_polygons(())
+SETTINGS = {response: replace(HalfplaneSettings(), response_time_s=response) for response in (0.0, 1.0)}
+SOLVERS = {response: HalfplaneSolver(constants) for response, constants in SETTINGS.items()}
+
+
+def drawn_traffic(random: np.random.Generator, count: int, extent_m: float) -> Traffic:
+    """Neighbours near and far, some exactly on top, with old and new reports, with and without command and memory."""
+    position = random.uniform(-extent_m, extent_m, (count, 2))
+    velocity = random.uniform(-12.0, 12.0, (count, 2)) * (random.random((count, 1)) < 0.9)
+    age = random.uniform(0.0, 4.0, count) * (random.random(count) < 0.5)
+    on_top = random.random(count) < 0.03
+    position[on_top], velocity[on_top] = 0.0, 0.0
+    command = velocity + random.normal(0.0, 2.0, (count, 2))
+    command[random.random(count) < 0.4] = np.nan
+    error = random.uniform(0.0, 60.0, count)
+    side = random.choice([0, 0, 1, 2], count)
+    return Traffic(
+        position, velocity, command, age, error + random.uniform(0.0, 20.0, count), error, random.random(count) < 0.6,
+        (side + random.choice([0, 4], count)).astype(np.int8),
+    )  # fmt: skip
+
+
+def decide_plainly(own: OwnShip, traffic: Traffic, goal, cruise, obstacles, clearance, turn, constants):
+    """Result row and memory of the reference."""
+    count = len(traffic)
+    vector = np.array(
+        [*own.position_ne_m, *own.velocity_ne_mps, *own.command_ne_mps, *goal, 0.0, own.speed_limit_mps, cruise,
+         clearance, turn]
+    )  # fmt: skip
+    table = np.column_stack(
+        [traffic.position_ne_m, traffic.velocity_ne_mps, traffic.command_ne_mps, traffic.age_s, traffic.radius_m,
+         traffic.error_sum_m, traffic.reciprocal]
+    )  # fmt: skip
+    memory, result = traffic.memory.copy(), rows.result_row()
+    lines = 2 * count + obstacles.piece_count
+    plain.avoid_one(
+        vector, table, count, memory, obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m,
+        obstacles.hull_start, 0, constants.as_vector(), np.zeros((lines + 2, 3)), np.zeros((lines + 2, 3)),
+        np.zeros(lines, np.int64), np.zeros((ring_size(obstacles.hull_start), 2)), result,
+    )  # fmt: skip
+    return result, memory
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1), count=st.integers(0, 26), extent_m=st.sampled_from([30.0, 150.0, 400.0]),
+    response=st.sampled_from([0.0, 1.0]), walled=st.booleans(), standing=st.booleans(),
+    turn=st.sampled_from([0.0, 0.5]),
+)  # fmt: skip
+def test_every_number_of_the_decision_is_that_of_the_plain_form(
+    seed, count, extent_m, response, walled, standing, turn
+):
+    random = np.random.default_rng(seed)
+    velocity = np.zeros(2) if standing else random.uniform(-8.0, 8.0, 2)
+    own = OwnShip(np.zeros(2), velocity, velocity + random.normal(0.0, 1.0, 2), 1.0, 10.0)
+    traffic = drawn_traffic(random, count, extent_m)
+    goal, obstacles = random.uniform(-300.0, 300.0, 2), SQUARE if walled else NOTHING
+    wanted, memory = decide_plainly(own, traffic, goal, 9.0, obstacles, 5.0, turn, SETTINGS[response])
+    found = SOLVERS[response].solve(
+        own, traffic, goal_ne_m=goal, cruise_mps=9.0, obstacles=obstacles, own_clearance_m=5.0,
+        extra_right_turn_rad=turn,
+    )  # fmt: skip
+    assert found.status == wanted[rows.R_STATUS]
+    assert found.memory.tolist() == memory.tolist()
+    assert found.nearest_index == wanted[rows.R_NEAREST]
+    assert found.nearest_margin_m == pytest.approx(wanted[rows.R_MARGIN], abs=1e-9)
+    assert found.time_to_violation_s == pytest.approx(wanted[rows.R_TIME], rel=1e-9, abs=1e-9)
+    assert found.preferred_ne_mps == pytest.approx(wanted[rows.R_PREFERRED : rows.R_PREFERRED + 2], abs=1e-9)
+    assert found.obstacle_binding == bool(wanted[rows.R_OBSTACLE]) or found.status is Status.INFEASIBLE
+    if found.status is Status.INFEASIBLE:
+        # The excess is unique; where several velocities have it, either is as good.
+        assert found.worst_slack_mps == pytest.approx(wanted[rows.R_SLACK], abs=1e-6)
+        return
+    assert found.worst_slack_mps == pytest.approx(wanted[rows.R_SLACK], abs=1e-9)
+    assert found.velocity_ne_mps == pytest.approx(wanted[rows.R_VELOCITY : rows.R_VELOCITY + 2], abs=1e-9)
+    assert found.command_ne_mps == pytest.approx(wanted[rows.R_COMMAND : rows.R_COMMAND + 2], abs=1e-9)
+    binding = [j for j in wanted[rows.R_BINDING : rows.R_BINDING + 3] if j >= 0.0]
+    assert list(found.binding) == binding
+
+
+def test_the_draws_hold_every_kind_of_encounter():
+    random = np.random.default_rng(1)
+    drawn = [drawn_traffic(random, 26, 150.0) for _ in range(20)]
+    assert any((each.position_ne_m == 0.0).all(axis=1).any() for each in drawn)
+    assert any(np.isnan(each.command_ne_mps).any() for each in drawn)
+    assert any((each.age_s == 0.0).any() for each in drawn)
+    assert any((np.hypot(*each.position_ne_m.T) < each.radius_m).any() for each in drawn)
+    assert any((each.memory & 3).any() for each in drawn) and math.isfinite(max(each.age_s.max() for each in drawn))
