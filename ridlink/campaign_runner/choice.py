@@ -30,7 +30,7 @@ class Choice:
         definitions: What sizes the discs.
         gnss: How sigma becomes a position error.
         solvers: Who decides.
-        paper: Error bounds as the paper reads them: three sigma for a pair, not for each vehicle.
+        paper: Error bounds as the paper reads them: three sigma for a pair, not for each vehicle; not under `graded`.
         sigma_m: Standard deviation where the scenario says nothing.
         eta: Of the definition `chance`.
         seed: Seed of everything.
@@ -103,9 +103,11 @@ class Choice:
             return replace(plan, settings=IDEAL_HALFPLANES)
         sigma_m = self.sigma_m if plan.scene.sigma_m is None else float(plan.scene.sigma_m.max())
         graded = graded_plan(plan.scene, GradedSettings.g2(), sigma_m=sigma_m)
+        # Its constants are shares of three sigma of both.
         return replace(
-            plan, settings=graded.settings, filtered=graded.filtered, obstacle_bound_m=graded.obstacle_bound_m
-        )
+            plan, settings=graded.settings, filtered=graded.filtered, bound_sigmas=graded.bound_sigmas,
+            obstacle_bound_m=graded.obstacle_bound_m,
+        )  # fmt: skip
 
 
 def _plain(plan: Plan) -> dict[str, Any]:

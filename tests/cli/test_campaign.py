@@ -1,0 +1,300 @@
+"""``ridlink campaign run``: the rows, and that nothing that was done is lost or done otherwise."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from ridlink.cli import main
+
+parquet = pytest.importorskip("pyarrow.parquet", reason="shards need the extra 'export'")
+
+KEYS = [
+    "scenario", "definition", "gnss", "solver", "dynamics", "runs", "flights", "arrived", "unfinished", "macs",
+    "mac_rate", "mac_rate_ci95", "median_s", "median_ci95", "max_time_s", "ratio_to_snmac", "min_separation_m",
+    "min_margin_m", "infeasible_share",
+]  # fmt: skip
+
+CAMPAIGN = ["--preset", "paper", "--scenario", "circle8", "--runs", "200"]
+SHARDS = 4 * 4
+
+FILE = """\
+name = "a meeting"
+duration_s = 60.0
+[[vehicle]]
+start_ned_m = [-200.0, 0.0, -50.0]
+goal_ned_m = [200.0, 0.0, -50.0]
+sigma_m = 0.0
+[[vehicle]]
+start_ned_m = [200.0, 0.0, -50.0]
+goal_ned_m = [-200.0, 0.0, {down}]
+cooperative = false
+extended = false
+"""
+
+Ridlink = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def ridlink(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Ridlink:
+    """``ridlink campaign run`` in this process: exit code, standard output, standard error."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["ridlink", "campaign", "run", *map(str, arguments)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capfd.readouterr()
+        return int(end.value.code or 0), out, err
+
+    return run
+
+
+def start(*arguments: object, file_bytes: int | None = None) -> subprocess.Popen[str]:
+    """The same in a process of its own; `file_bytes` is the largest file that it may write."""
+
+    def limit() -> None:
+        if file_bytes is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (file_bytes, file_bytes))
+
+    return subprocess.Popen(
+        [sys.executable, "-m", "ridlink", "campaign", "run", *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limit,
+    )  # fmt: skip
+
+
+def shards(folder: Path) -> list[Path]:
+    return sorted((folder / "shards").rglob("*.parquet"))
+
+
+def await_shards(process: subprocess.Popen[str], folder: Path, more_than: int) -> None:
+    while len(shards(folder)) <= more_than:
+        try:
+            process.wait(0.01)
+        except subprocess.TimeoutExpired:
+            continue
+        raise AssertionError(f"ended before that: {process.communicate()}")
+
+
+def workers_of(process: subprocess.Popen[str]) -> Iterator[int]:
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    for child in map(int, children):
+        if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
+            yield child
+
+
+def is_running(number: int) -> bool:
+    try:
+        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def rows_of(folder: Path) -> object:
+    return json.loads((folder / "rows.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The campaign, flown in one go by one process."""
+    folder = tmp_path_factory.mktemp("campaign") / "whole"
+    process = start(*CAMPAIGN, "--jobs", 1, "-o", folder, "--json")
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    (folder / "stdout").write_text(out)
+    (folder / "stderr").write_text(err)
+    return folder
+
+
+def test_rows_have_the_keys_that_are_promised_and_the_orders_of_the_paper(whole: Path) -> None:
+    document = json.loads((whole / "stdout").read_text().splitlines()[-1])
+    assert list(document) == ["rows", "agent_steps", "wall_s", "agent_steps_per_s"]
+    assert document["agent_steps_per_s"] == pytest.approx(document["agent_steps"] / document["wall_s"])
+    rows = {row["definition"]: row for row in document["rows"]}
+    assert list(rows) == ["snmac", "remote-id", "candidate1", "candidate2"]
+    for row in rows.values():
+        assert list(row) == KEYS
+        assert (row["gnss"], row["solver"], row["dynamics"]) == ("white-radial", "rotation", "ideal")
+        assert row["arrived"] + row["unfinished"] + row["macs"] == row["flights"] == 1600
+        assert row["mac_rate_ci95"][0] <= row["mac_rate"] == row["macs"] / 1600 <= row["mac_rate_ci95"][1]
+        assert row["median_ci95"][0] <= row["median_s"] <= row["median_ci95"][1] < row["max_time_s"]
+        assert (row["min_margin_m"] < 0.0) == (row["macs"] > 0)
+    assert rows["snmac"]["ratio_to_snmac"] == 1.0
+    assert 0.02 <= rows["snmac"]["mac_rate"] <= 0.08
+    assert 1.7 <= rows["remote-id"]["ratio_to_snmac"] <= 2.3
+    assert 1.15 <= rows["candidate1"]["ratio_to_snmac"] <= 1.27
+    assert len((whole / "stderr").read_text().splitlines()) == 2
+
+
+def test_a_killed_worker_and_a_killed_parent_lose_nothing_and_rows_stay_the_same(whole: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "killed"
+    first = start(*CAMPAIGN, "--jobs", 2, "-o", folder)
+    await_shards(first, folder, 0)
+    os.kill(next(workers_of(first)), signal.SIGKILL)
+    _, err = first.communicate(timeout=60)
+    assert first.returncode == 70
+    kept = len(shards(folder))
+    assert err.splitlines()[-1] == (
+        "ridlink: a process that flew was killed, or ran out of memory; "
+        f"{kept} of {SHARDS} shards are kept, --resume goes on from there"
+    )
+
+    second = start(*CAMPAIGN, "--jobs", 2, "-o", folder, "--resume")
+    await_shards(second, folder, kept)
+    workers = list(workers_of(second))
+    second.kill()
+    second.communicate(timeout=60)
+    stamps = {file: file.stat().st_mtime_ns for file in shards(folder)}
+    assert kept < len(stamps) < SHARDS
+    assert len(workers) == 2
+    deadline = subprocess.Popen(["sleep", "20"])
+    while any(map(is_running, workers)) and deadline.poll() is None:
+        os.sched_yield()
+    deadline.kill()
+    deadline.wait()
+    assert not any(map(is_running, workers)), "processes outlive the command"
+
+    third = start(*CAMPAIGN, "--jobs", 1, "-o", folder, "--resume")
+    third.communicate(timeout=60)
+    assert third.returncode == 0
+    assert all(file.stat().st_mtime_ns == stamp for file, stamp in stamps.items())
+    assert len(shards(folder)) == SHARDS
+    assert rows_of(folder) == rows_of(whole)
+
+
+def test_processes_change_the_time_only(whole: Path, tmp_path: Path, ridlink: Ridlink) -> None:
+    code, out, _ = ridlink(*CAMPAIGN, "--jobs", 2, "-o", tmp_path / "two")
+    assert code == 0
+    assert rows_of(tmp_path / "two") == rows_of(whole)
+    for file in shards(whole):
+        assert parquet.read_table(file).equals(parquet.read_table(tmp_path / "two" / file.relative_to(whole)))
+    (line,) = (line for line in out.splitlines() if line.startswith("circle8   remote-id"))
+    assert "below 2.3e-03" in line
+
+
+def test_a_full_disk_is_said_in_one_line_and_gone_on_from(whole: Path, tmp_path: Path, ridlink: Ridlink) -> None:
+    folder = tmp_path / "full"
+    largest = max(file.stat().st_size for file in shards(whole))
+    process = start(*CAMPAIGN, "--jobs", 1, "-o", folder, file_bytes=largest - 1)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 3
+    kept = len(shards(folder))
+    assert err.splitlines()[-1].endswith(
+        f".parquet: File too large; {kept} of {SHARDS} shards are kept, --resume goes on from there"
+    )
+    assert not list(folder.rglob("*.unfinished"))
+    assert ridlink(*CAMPAIGN, "--jobs", 1, "-o", folder, "--resume")[0] == 0
+    assert rows_of(folder) == rows_of(whole)
+
+
+def test_a_damaged_shard_is_flown_again(tmp_path: Path, ridlink: Ridlink) -> None:
+    few = ["--scenario", "crossing", "--definition", "snmac", "--runs", 3, "--jobs", 1, "-o", tmp_path / "few"]
+    assert ridlink(*few)[0] == 0
+    before = rows_of(tmp_path / "few")
+    (shard,) = shards(tmp_path / "few")
+    shard.write_bytes(shard.read_bytes()[:-100])
+    assert ridlink(*few, "--resume")[0] == 0
+    assert rows_of(tmp_path / "few") == before
+
+
+def test_one_run_again_alone(whole: Path, ridlink: Ridlink) -> None:
+    code, out, _ = ridlink(*CAMPAIGN[:-2], "--definition", "snmac", "--only-run", 130, "--json")
+    assert code == 0
+    document = json.loads(out.splitlines()[-1])
+    (row,) = document["rows"]
+    assert list(row) == KEYS
+    table = parquet.read_table(whole / "shards" / "circle8_snmac_white-radial_rotation" / "runs-000128.parquet")
+    flown = table.slice(2, 1).to_pylist()[0]
+    assert (flown["run"], flown["seed"]) == (130, 1)
+    assert [each["arrival_s"] for each in document["vehicles"]] == flown["arrival_s"]
+    assert row["min_separation_m"] == flown["distance_m"]
+    assert "vehicle 8: arrived after" in ridlink(*CAMPAIGN[:-2], "--only-run", 0)[1]
+
+
+@pytest.mark.parametrize(
+    ("key", "arguments"),
+    [
+        ("seed", ["--seed", 2]),
+        ("runs", ["--runs", 201]),
+        ("sigma_m", ["--sigma", 5]),
+        ("definition", ["--definition", "snmac"]),
+        ("scenario", ["--scenario", "square24"]),
+    ],
+)
+def test_another_campaign_is_refused_and_the_difference_is_named(
+    whole: Path, ridlink: Ridlink, key: str, arguments: list[object]
+) -> None:
+    code, _, err = ridlink(*CAMPAIGN, *arguments, "-o", whole, "--resume")
+    assert code == 2
+    assert f"holds another campaign: {key} is " in err
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (["--definition", "snmac,candidate9"], 2, "'candidate9' is not known; known are snmac, remote-id"),
+        (["--gnss", "purple"], 2, "known are white, white-radial, gauss-markov, bias"),
+        (["--solver", ""], 2, "known are halfplane, graded, rotation"),
+        (["--dynamics", "px4"], 2, "obey at once (ideal)"),
+        (["--scenario", "circle9"], 2, "unknown scenario 'circle9': known are circle8, square24"),
+        (["--scenario", "missing.toml"], 3, "missing.toml: No such file"),
+        (["--sigma", "nan"], 2, "'nan' is not"),
+        (["--runs", "0"], 2, "0 is not in the range"),
+        ([], 2, "Missing option '-o'"),
+    ],
+)
+def test_options_that_cannot_be_flown(ridlink: Ridlink, arguments: list[str], code: int, text: str) -> None:
+    folder = ["-o", "/proc/never"] if arguments else []
+    ended, out, err = ridlink(*arguments, *folder)
+    assert (ended, out) == (code, "")
+    assert text in err
+    assert len(err.splitlines()) == 1
+
+
+def test_folders_that_cannot_be_used(whole: Path, tmp_path: Path, ridlink: Ridlink) -> None:
+    assert "--resume" in ridlink(*CAMPAIGN, "-o", whole)[2]
+    (tmp_path / "file").write_text("in the way")
+    for path in (tmp_path / "file", "/proc/campaign"):
+        code, _, err = ridlink(*CAMPAIGN, "-o", path)
+        assert (code, len(err.splitlines())) == (3, 1)
+        assert str(path) in err
+    code, _, err = ridlink(*CAMPAIGN, "-o", tmp_path)
+    assert code == 2
+    assert "is not empty" in err
+
+
+def test_a_file_says_who_errs_who_avoids_and_who_tells(tmp_path: Path, ridlink: Ridlink) -> None:
+    file = tmp_path / "meeting.toml"
+    file.write_text(FILE.format(down=-50.0))
+    few = ["--scenario", file, "--definition", "snmac,candidate2", "--gnss", "bias", "--runs", 2, "--jobs", 1]
+    code, out, _ = ridlink(*few, "--sigma", 0, "-o", tmp_path / "out", "--json")
+    assert code == 0
+    snmac, candidate2 = json.loads(out)["rows"]
+    assert snmac["scenario"] == "a meeting"
+    assert snmac["macs"] == candidate2["macs"] == 0
+    # nothing is known of the other's error and size, so that 40 m and 7.5 m stand for them
+    assert 12.0 < snmac["min_separation_m"] < 30.0 < 40.0 < candidate2["min_separation_m"]
+    file.write_text(FILE.format(down=-60.0))
+    code, _, err = ridlink(*few, "-o", tmp_path / "heights")
+    assert code == 2
+    assert "a meeting: a campaign flies at one height" in err
+
+
+def test_without_pyarrow_one_line_says_how_to_get_it(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['pyarrow'] = None; sys.argv = ['ridlink', 'campaign', 'run', '-o', sys.argv[1]]; "
+        "from ridlink.cli import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "x")], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == ["ridlink: Parquet needs the extra 'export': pip install 'ridlink[export]'"]
+    assert not (tmp_path / "x").exists()
