@@ -21,7 +21,7 @@ from ridlink.avoidance.solver import HalfplaneSolver, warm_up
 from ridlink.avoidance.types import OwnShip, Traffic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, FrameParser, parse_datagram
-from tests.bench import decode
+from tests.bench import avoidance, decode
 from tests.bench.measure import ROUNDS, interleaved
 
 FRAMES = 20_000
@@ -148,9 +148,12 @@ def main() -> int:
     print(f"{'neighbours':>10}{'p50':>10}{'p99':>10}{'max':>10}")
     for row in decision_rows:
         print(f"{row['neighbours']:>10}{row['p50_us']:>7.0f} us{row['p99_us']:>7.0f} us{row['max_us']:>7.0f} us")
+    batch_rows = avoidance.report()
     capture_rows = decode.report()
     if output:
-        output.write_text(json.dumps({"wire": wire_rows, "decisions": decision_rows, **capture_rows}, indent=1) + "\n")
+        output.write_text(
+            json.dumps({"wire": wire_rows, "decisions": decision_rows, **batch_rows, **capture_rows}, indent=1) + "\n"
+        )
         print(f"\n{output}")
     return 0
 

@@ -1,0 +1,193 @@
+"""Decisions of the half-plane solver in batches: ``python -m tests.bench.avoidance``.
+
+Vehicles are spread evenly, 24 to a square of 600 m, at 10 m/s in all directions with discs of 24 m. In worlds of up to
+24 everybody hears everybody. The kernels have no grid to find neighbours in: for more vehicles, or fewer neighbours,
+each decides as the only one in a world of its own with its k nearest, which numpy finds beforehand, untimed. Filling
+such a world for one decision is timed with it.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from typing import Any
+
+import numba
+import numpy as np
+
+from ridlink.avoidance import HalfplaneSettings, Obstacles, rows
+from ridlink.campaign.deciding import new_decider
+from tests.bench.measure import ROUNDS, interleaved
+
+SPEED_MPS, DISC_M, ERROR_SHARE, SPACING_M = 10.0, 24.0, 0.8, 600.0 / 24**0.5
+EVERYWHERE_M = 1e9
+WORLDS, VEHICLES = 500, 24
+CROWDS = ((8, 7), (24, 10), (24, 23), (100, 10), (100, 23), (1000, 10), (1000, 23), (10_000, 10), (10_000, 23))
+"""Vehicles, and how many of them each hears."""
+
+
+def drawn(random: np.random.Generator, shape: tuple[int, ...], extent_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities, shape (..., 2)."""
+    angle = random.uniform(-np.pi, np.pi, shape)
+    velocity = SPEED_MPS * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return random.uniform(0.0, extent_m, (*shape, 2)), velocity
+
+
+def nearest(position: np.ndarray, count: int) -> np.ndarray:
+    """Indices of each vehicle and its `count` nearest, itself first, shape (n, count + 1)."""
+    found = []
+    for first in range(0, len(position), 256):
+        part = position[first : first + 256]
+        square = ((part[:, None] - position) ** 2).sum(-1)
+        square[np.arange(len(part)), np.arange(first, first + len(part))] = -1.0
+        near = np.argpartition(square, count, axis=1)[:, : count + 1]
+        order = np.argsort(np.take_along_axis(square, near, axis=1), axis=1, kind="stable")
+        found.append(np.take_along_axis(near, order, axis=1))
+    return np.concatenate(found)
+
+
+class Batch:
+    """The same step of W worlds of N vehicles again and again."""
+
+    def __init__(self, position: np.ndarray, velocity: np.ndarray, deciding: np.ndarray) -> None:
+        shape = position.shape[:2]
+        self.decisions = int(deciding.sum())
+        self._decider = new_decider(HalfplaneSettings(), (shape[0], shape[1]), Obstacles.from_polygons(()))
+        own, heard = np.zeros((*shape, rows.OWN_COLUMNS)), np.zeros((*shape, 8))
+        own[..., 0:2], own[..., 2:4], own[..., 4:6], own[..., 6:8] = (
+            position, velocity, velocity, position + 60.0 * velocity,
+        )  # fmt: skip
+        own[..., rows.LIMIT] = own[..., rows.CRUISE] = SPEED_MPS
+        heard[..., 0:2], heard[..., 2:4], heard[..., 4:6], heard[..., 6], heard[..., 7] = (
+            position, velocity, np.nan, 0.2, 1.0,
+        )  # fmt: skip
+        radius = np.full((*shape, shape[1]), DISC_M)
+        self._picture = (own, deciding, heard, np.ones(shape, np.bool_), radius, ERROR_SHARE * radius, EVERYWHERE_M)
+
+    def step(self) -> np.ndarray:
+        """Decide for everybody."""
+        return self._decider.decide(*self._picture)
+
+    def infeasible(self) -> float:
+        """Share of the decisions without an admissible velocity."""
+        status = self.step()[..., rows.R_STATUS][self._picture[1]]
+        return float((status == rows.INFEASIBLE).mean())
+
+
+def worlds(random: np.random.Generator) -> Batch:
+    """500 worlds of 24 in which everybody hears everybody."""
+    shape = (WORLDS, VEHICLES)
+    return Batch(*drawn(random, shape, SPACING_M * VEHICLES**0.5), np.ones(shape, np.bool_))
+
+
+def crowd(random: np.random.Generator, vehicles: int, neighbours: int) -> Batch:
+    """One crowd of which each hears its nearest."""
+    position, velocity = drawn(random, (vehicles,), SPACING_M * vehicles**0.5)
+    if neighbours == vehicles - 1:
+        return Batch(position[None], velocity[None], np.ones((1, vehicles), np.bool_))
+    near = nearest(position, neighbours)
+    deciding = np.zeros(near.shape, np.bool_)
+    deciding[:, 0] = True
+    return Batch(position[near], velocity[near], deciding)
+
+
+def crowds() -> list[dict[str, Any]]:
+    """Time of a decision on one thread, interleaved; small crowds are stepped until they are worth a measurement."""
+    random = np.random.default_rng(1)
+    batches = {(vehicles, neighbours): crowd(random, vehicles, neighbours) for vehicles, neighbours in CROWDS}
+    batches[WORLDS * VEHICLES, VEHICLES - 1] = worlds(random)
+    times = {key: max(1, 20_000 // batch.decisions) for key, batch in batches.items()}
+
+    def steps(key: tuple[int, int]) -> None:
+        for _ in range(times[key]):
+            batches[key].step()
+
+    numba.set_num_threads(1)
+    seconds = interleaved({f"{key[0]} {key[1]}": lambda key=key: steps(key) for key in batches})  # type: ignore[misc]
+    table = []
+    for (vehicles, neighbours), used in zip(batches, seconds.values(), strict=True):
+        batch, each = batches[vehicles, neighbours], times[vehicles, neighbours]
+        spent = [1e9 * one / each / batch.decisions for one in used]
+        table.append(
+            {
+                "vehicles": vehicles,
+                "worlds": WORLDS if vehicles == WORLDS * VEHICLES else 1,
+                "neighbours": neighbours,
+                "decision_ns": statistics.median(spent),
+                "decision_min_ns": min(spent),
+                "decision_max_ns": max(spent),
+                "per_s": 1e9 / statistics.median(spent),
+                "infeasible": batch.infeasible(),
+            }
+        )
+    return table
+
+
+def slope(table: list[dict[str, Any]]) -> float:
+    """What a neighbour more costs, from the largest crowd [ns]."""
+    few, many = (row for row in table if row["vehicles"] == 10_000)
+    return float((many["decision_ns"] - few["decision_ns"]) / (many["neighbours"] - few["neighbours"]))
+
+
+def threads() -> float:
+    """How many times faster two threads are than one, over the worlds, by the wall clock; 1 on one core."""
+    batch = worlds(np.random.default_rng(1))
+    most = min(2, numba.config.NUMBA_NUM_THREADS)
+    least = []
+    for count in (1, most):
+        numba.set_num_threads(count)
+        batch.step()
+        taken = []
+        for _ in range(3 * ROUNDS):
+            begun = time.perf_counter()
+            batch.step()
+            taken.append(time.perf_counter() - begun)
+        least.append(min(taken))
+    numba.set_num_threads(1)
+    return least[0] / least[1]
+
+
+def python_rvo2(vehicles: int, neighbours: int) -> float | None:
+    """Time of a decision by Python-RVO2, its search for neighbours included [ns]; None if it is not installed."""
+    try:
+        import rvo2  # type: ignore[import-not-found]
+    except ImportError:
+        return None
+    position, velocity = drawn(np.random.default_rng(1), (vehicles,), SPACING_M * vehicles**0.5)
+    simulator = rvo2.PyRVOSimulator(0.1, EVERYWHERE_M, neighbours, 8.0, 2.0, DISC_M / 2.0, SPEED_MPS)
+    for k in range(vehicles):
+        simulator.addAgent(tuple(position[k]))
+        simulator.setAgentVelocity(k, tuple(velocity[k]))
+        simulator.setAgentPrefVelocity(k, tuple(velocity[k]))
+    spent = interleaved({"rvo2": simulator.doStep})["rvo2"]
+    return 1e9 * statistics.median(spent) / vehicles
+
+
+def report() -> dict[str, Any]:
+    """Measure everything and print it."""
+    table, faster = crowds(), threads()
+    print(f"\ndecisions in batches, CPU time on one thread, median of {ROUNDS} interleaved rounds")
+    print(f"{'vehicles':>20}{'neighbours':>12}{'a decision':>14}{'decisions':>14}{'infeasible':>12}  (spread)")
+    for row in table:
+        name = f"{row['worlds']} x {VEHICLES}" if row["worlds"] > 1 else f"{row['vehicles']:,}"
+        print(
+            f"{name:>20}{row['neighbours']:>12}{row['decision_ns']:>11.0f} ns{row['per_s']:>12,.0f}/s"
+            f"{row['infeasible']:>12.1%}  ({row['decision_min_ns']:.0f}-{row['decision_max_ns']:.0f})"
+        )
+    print(f"a neighbour more: {slope(table):.1f} ns; two threads over {WORLDS} worlds: {faster:.2f} times one")
+    peer = {key: python_rvo2(*key) for key in ((24, 23), (1000, 10))}
+    for (vehicles, neighbours), taken in peer.items():
+        if taken is None:
+            print("Python-RVO2 is not installed: no figures beside it")
+            break
+        print(f"Python-RVO2, {vehicles:,} vehicles, {neighbours} neighbours: {taken:,.0f} ns a decision")
+    return {
+        "batches": table,
+        "neighbour_ns": slope(table),
+        "two_threads": faster,
+        "python_rvo2_ns": {f"{key[0]} x {key[1]}": taken for key, taken in peer.items()},
+    }
+
+
+if __name__ == "__main__":
+    report()
