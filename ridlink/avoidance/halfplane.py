@@ -93,21 +93,21 @@ FAR = 1e300
 one of infinity and a number is, and what it makes of that does not go by lanes."""
 
 
-@kernel
+@kernel(forceinline=True)
 def slowness(preferred, v_1, v_2, limit):  # type: ignore[no-untyped-def]
     """How far own-ship is from the speed it wants, 0 at that speed and 1 at rest."""
     wanted = min(norm(preferred[0], preferred[1]), limit)
     return max(1.0 - norm(v_1, v_2) / max(wanted, EPSILON), 0.0)
 
 
-@kernel
+@kernel(forceinline=True)
 def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
     """Distance [m] aimed at from obstacles. As with discs, a clearance that is grazed with a drifting position is
     lost."""
     return own[CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
 
 
-@kernel
+@kernel(forceinline=True)
 def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
     """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
     if own[AIM_IS_VELOCITY] != 0.0:
@@ -129,7 +129,7 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
     return route
 
 
-@kernel
+@kernel(forceinline=True)
 def obstacle_half_planes(own, vertex, start, settings, lines, normal):  # type: ignore[no-untyped-def]
     """One hard half-plane for each convex piece that could matter, and some that forbid nothing up to a multiple of
     LANES; returns their number without those, and True while too near an obstacle."""
@@ -158,7 +158,7 @@ def obstacle_half_planes(own, vertex, start, settings, lines, normal):  # type: 
     return used, inside
 
 
-@kernel
+@kernel(forceinline=True)
 def neighbour_half_planes(own, neighbours, count, range_m, preferred, settings, lines, first):  # type: ignore[no-untyped-def]
     """The half-planes of all neighbours, LANES of now and LANES of later for every block; those that no velocity within
     the limit fails forbid nothing.
@@ -270,7 +270,7 @@ def neighbour_half_planes(own, neighbours, count, range_m, preferred, settings, 
     return used, right, left, start, margin, violation
 
 
-@kernel
+@kernel(forceinline=True)
 def nearest_neighbour(neighbours, count, margin_m):  # type: ignore[no-untyped-def]
     """Place of the first neighbour with that least gap, -1 if nobody is heard."""
     if margin_m == FAR:
@@ -283,7 +283,7 @@ def nearest_neighbour(neighbours, count, margin_m):  # type: ignore[no-untyped-d
     return -1
 
 
-@kernel
+@kernel(forceinline=True)
 def name_binding(lines, hard, first, last, ends, slack_mps, result):  # type: ignore[no-untyped-def]
     """Write what the velocity touches or exceeds, at least what it is nearest to: obstacles, three neighbours.
 

@@ -67,7 +67,7 @@ def optimum_on_edge(chosen, index, limit_mps, aim, linear, point):  # type: igno
     return True
 
 
-@kernel
+@kernel(forceinline=True)
 def unconstrained(limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
     """Best point of the disc; arguments as in `optimum_on_edge`."""
     length = norm(aim[0], aim[1])
@@ -91,7 +91,7 @@ def furthest(chosen, count, limit_mps, direction, point):  # type: ignore[no-unt
     return True
 
 
-@kernel
+@kernel(forceinline=True)
 def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
     """Fill in by how much a velocity exceeds half-planes `first..last-1`; the largest excess, minus infinity of none.
 
@@ -110,7 +110,7 @@ def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
     return worst
 
 
-@kernel
+@kernel(forceinline=True)
 def choose(lines, first, excess, chosen, place):  # type: ignore[no-untyped-def]
     """Copy the first half-plane with that excess, as `measure` left it, to a row of `chosen`."""
     k = first
