@@ -68,17 +68,29 @@ def draw_figures(folder: Path) -> list[Path]:
         OSError: If the folder or a file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    files = []
+    files: list[Path] = []
     for name, draw in FIGURES.items():
-        with matplotlib.rc_context(STYLE):
-            figure = draw()
-            for suffix, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
-                drawn = io.BytesIO()
-                figure.savefig(drawn, format=suffix, dpi=PNG_DPI, metadata=metadata)
-                file = folder / f"{name}.{suffix}"
-                file.write_bytes(drawn.getvalue())
-                files.append(file)
+        files += save_figure(draw, folder, name)
     return files
+
+
+def save_figure(draw: Callable[[], Figure], folder: Path, name: str) -> list[Path]:
+    """Draw one figure in the house's style and write it as PNG and SVG, the same bytes every time."""
+    files = []
+    with matplotlib.rc_context(STYLE):
+        figure = draw()
+        for suffix, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
+            drawn = io.BytesIO()
+            figure.savefig(drawn, format=suffix, dpi=PNG_DPI, metadata=metadata)
+            file = folder / f"{name}.{suffix}"
+            file.write_bytes(drawn.getvalue())
+            files.append(file)
+    return files
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """An empty figure."""
+    return Figure(figsize=(width_in, height_in), layout="constrained")
 
 
 def localization_figure() -> Figure:
@@ -116,7 +128,7 @@ def mobility_figure() -> Figure:
         )  # fmt: skip
     axes.set(xlabel="time between two reports [s]", ylabel="displacement of both vehicles, 99.7 % [m]")
     axes.set(xlim=(0.01, 10.0), ylim=(0.2, 2e4))
-    _plain_numbers(axes)
+    plain_numbers(axes)
     axes.legend(loc="lower right")
     axes.set_title("Displacement between two reports (dotted: shortest interval of a technology)", fontsize=10.0)
     return figure
@@ -170,7 +182,7 @@ def wireless_figure() -> Figure:
             )  # fmt: skip
         axes.set(xlabel=label, xlim=limits)
         axes.grid(False, axis="y")
-        _plain_numbers(axes, vertical=False)
+        plain_numbers(axes, vertical=False)
     panels[0].set_ylim(-0.6, len(rows) - 0.4)
     return figure
 
@@ -206,11 +218,11 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 
 
 def _figure(width_in: float, height_in: float) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    figure = new_figure(width_in, height_in)
     return figure, figure.subplots()
 
 
-def _plain_numbers(axes: Axes, *, vertical: bool = True) -> None:
+def plain_numbers(axes: Axes, *, vertical: bool = True) -> None:
     """1000 instead of a power of ten, and no labels between the decades."""
     for axis in (axes.xaxis, axes.yaxis) if vertical else (axes.xaxis,):
         axis.set_major_formatter(FormatStrFormatter("%g"))

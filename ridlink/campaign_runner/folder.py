@@ -24,7 +24,7 @@ from ridlink.campaign.plan import Plan
 from ridlink.campaign.table import DYNAMICS
 from ridlink.campaign.worlds import Outcomes
 from ridlink.captures.export.tables import arrow
-from ridlink.errors import ConfigError
+from ridlink.errors import CaptureError, ConfigError
 
 CONFIGURATION = "campaign.json"
 ROWS = "rows.json"
@@ -95,13 +95,10 @@ class CampaignFolder:
         if not shard.exists():
             return None
         try:
-            table = self._parquet.read_table(shard)
-            columns = {name: np.array(table[name].to_pylist()) for name in _columns()}
+            outcomes = _outcomes(self._parquet.read_table(shard), plan.duration_s)
         except (self._arrow.ArrowInvalid, OSError, KeyError):
             return None
-        if columns["run"].tolist() != list(runs):
-            return None
-        return Outcomes(duration_s=plan.duration_s, **columns)
+        return outcomes if outcomes.run.tolist() == list(runs) else None
 
     def write_rows(self, rows: Sequence[dict[str, Any]]) -> None:
         """Keep the table."""
@@ -113,7 +110,7 @@ class CampaignFolder:
             self._writing.unlink(missing_ok=True)
 
     def _shard(self, plan: Plan, first: int) -> Path:
-        cell = f"{quote(plan.scene.name, safe='')}_{plan.definition}_{plan.errors}_{plan.solver}"
+        cell = _cell(plan.scene.name, plan.definition, plan.errors, plan.solver)
         return self.path / "shards" / cell / f"runs-{first:06d}.parquet"
 
     def _write(self, target: Path, data: bytes) -> None:
@@ -161,3 +158,43 @@ def _check_same(path: Path, configuration: dict[str, Any], resume: bool) -> None
 def _short(value: object) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def read_campaign(path: Path) -> tuple[dict[str, Any], list[tuple[dict[str, Any], Outcomes]]]:
+    """Configuration of a complete campaign, and its rows with the outcomes behind them.
+
+    Raises:
+        CaptureError: If it is not complete, or damaged.
+        MissingExtraError: If pyarrow is not installed.
+        OSError: If a file cannot be read.
+    """
+    _, parquet = arrow()
+    if not (path / CONFIGURATION).exists():
+        raise CaptureError(f"{path}: holds no campaign")
+    if not (path / ROWS).exists():
+        raise CaptureError(f"{path}: is not complete; go on with it by 'ridlink campaign run --resume'")
+    try:
+        configuration = json.loads((path / CONFIGURATION).read_text())
+        cells = []
+        for row in json.loads((path / ROWS).read_text())["rows"]:
+            cell = _cell(row["scenario"], row["definition"], row["gnss"], row["solver"])
+            files = sorted((path / "shards" / cell).glob("*.parquet"))
+            duration_s = configuration["scenario"][row["scenario"]]["duration_s"]
+            outcomes = Outcomes.joined([_outcomes(parquet.read_table(file), duration_s) for file in files])
+            if len(outcomes.run) != row["runs"]:
+                raise CaptureError(f"{path}: has {len(outcomes.run)} runs of {cell} instead of {row['runs']}")
+            cells.append((row, outcomes))
+    except (KeyError, TypeError, ValueError) as error:  # pyarrow's ArrowInvalid is a ValueError, too
+        if isinstance(error, CaptureError):
+            raise
+        raise CaptureError(f"{path}: is damaged: {error}") from error
+    return configuration, cells
+
+
+def _outcomes(table: Any, duration_s: float) -> Outcomes:
+    return Outcomes(duration_s=duration_s, **{name: np.array(table[name].to_pylist()) for name in _columns()})
+
+
+def _cell(scenario: str, definition: str, gnss: str, solver: str) -> str:
+    """Name of the folder of a cell; the only part that may hold any character is quoted."""
+    return f"{quote(scenario, safe='')}_{definition}_{gnss}_{solver}"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_IO
+from ridlink.cli.campaign_report import report
 from ridlink.cli.signals import removed_by_signals
 
 if TYPE_CHECKING:
@@ -71,6 +72,9 @@ def _only_ideal(_: click.Context, __: click.Parameter, value: str) -> str:
 @click.group(short_help="Fly many runs in virtual time; the paper's simulation.")
 def campaign() -> None:
     """Many runs of a scene in virtual time, through the kernels that the daemon calls."""
+
+
+campaign.add_command(report)
 
 
 @campaign.command()

@@ -1,10 +1,11 @@
-"""``ridlink campaign run``: the rows, and that nothing that was done is lost or done otherwise."""
+"""``ridlink campaign``: the rows, and that nothing that was done is lost or done otherwise."""
 
 from __future__ import annotations
 
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,8 +13,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
-from ridlink.cli import main
+from ridlink.cli import cli, main
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="shards need the extra 'export'")
 
@@ -98,6 +100,18 @@ def is_running(number: int) -> bool:
         return False
 
 
+def await_end(processes: list[int]) -> None:
+    patience = subprocess.Popen(["sleep", "20"])
+    while any(map(is_running, processes)):
+        try:
+            patience.wait(0.02)
+        except subprocess.TimeoutExpired:
+            continue
+        raise AssertionError("processes outlive the command")
+    patience.kill()
+    patience.wait()
+
+
 def rows_of(folder: Path) -> object:
     return json.loads((folder / "rows.json").read_text())
 
@@ -155,12 +169,7 @@ def test_a_killed_worker_and_a_killed_parent_lose_nothing_and_rows_stay_the_same
     stamps = {file: file.stat().st_mtime_ns for file in shards(folder)}
     assert kept < len(stamps) < SHARDS
     assert len(workers) == 2
-    deadline = subprocess.Popen(["sleep", "20"])
-    while any(map(is_running, workers)) and deadline.poll() is None:
-        os.sched_yield()
-    deadline.kill()
-    deadline.wait()
-    assert not any(map(is_running, workers)), "processes outlive the command"
+    await_end(workers)
 
     third = start(*CAMPAIGN, "--jobs", 1, "-o", folder, "--resume")
     third.communicate(timeout=60)
@@ -287,6 +296,44 @@ def test_a_file_says_who_errs_who_avoids_and_who_tells(tmp_path: Path, ridlink: 
     code, _, err = ridlink(*few, "-o", tmp_path / "heights")
     assert code == 2
     assert "a meeting: a campaign flies at one height" in err
+
+
+def test_a_report_beside_the_paper(whole: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
+    folder = tmp_path / "copy"
+    shutil.copytree(whole, folder)
+    done = CliRunner().invoke(cli, ["campaign", "report", str(folder)])
+    assert done.exit_code == 0, done.output
+    pictures = {f"{name}.{kind}" for name in ("mission-times", "collisions", "time-against-safety")
+                for kind in ("png", "svg")}  # fmt: skip
+    assert {Path(line).name for line in done.stdout.splitlines()} == pictures | {"report.json", "report.html"}
+    cells = {cell["row"]["definition"]: cell for cell in json.loads((folder / "report.json").read_text())["cells"]}
+    assert cells["candidate2"]["ratio"]["verdict"] == "not reproducible"
+    assert "3.7 m" in cells["candidate2"]["ratio"]["why"]
+    assert cells["candidate1"]["ratio"]["verdict"] == "reproduced"
+    low, high = cells["candidate1"]["slower_ci95"]
+    assert 0.5 < low <= cells["candidate1"]["slower_s"] <= high < 3.0
+    page = (folder / "report.html").read_text()
+    assert page.count("<img") == page.count('src="data:image/svg+xml;base64,') == 3
+    assert "http" not in page and "<script" not in page and "url(" not in page
+    assert "0 of 1,600<small>below 2.3e-03</small>" in page
+
+
+def test_a_report_needs_a_complete_campaign(whole: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
+
+    def refusal(folder: Path) -> str:
+        return str(CliRunner().invoke(cli, ["campaign", "report", str(folder)]).exception)
+
+    assert "holds no campaign" in refusal(tmp_path)
+    folder = tmp_path / "copy"
+    shutil.copytree(whole, folder)
+    shards(folder)[0].unlink()
+    assert "instead of 200" in refusal(folder)
+    shards(folder)[0].write_bytes(b"")
+    assert "is damaged" in refusal(folder)
+    (folder / "rows.json").unlink()
+    assert "--resume" in refusal(folder)
 
 
 def test_without_pyarrow_one_line_says_how_to_get_it(tmp_path: Path) -> None:

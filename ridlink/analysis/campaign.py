@@ -1,0 +1,179 @@
+"""A campaign beside what the paper prints of its simulation (section VI-B): verdicts, and differences to sNMAC.
+
+Nothing is tuned towards a printed figure. Seconds and shares within 0 and 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.campaign.statistics import Interval, Medians, bootstrap_medians, percentile_interval
+
+TOLERANCE = 0.1
+"""Relative difference up to which a time is reproduced: the paper prints neither the size of its scenes nor the mean
+speed of its fleet, from which all times follow."""
+
+PRINTED = {
+    "circle8": {"snmac": (6.7, None, 0.043), "remote-id": (11.3, 1.69, 0.0), "candidate1": (7.7, 1.15, 0.0),
+                "candidate2": (6.9, 1.03, 0.0)},
+    "square24": {"snmac": (20.9, None, 0.043), "remote-id": (50.8, 2.43, 0.0), "candidate1": (27.4, 1.31, 0.0),
+                 "candidate2": (22.2, 1.06, 0.0)},
+}  # fmt: skip
+"""Median [s], ratio to sNMAC, share in a collision. The paper gives one collision rate for both scenes."""
+
+TOO_NEAR = (
+    "the discs of Candidate 2 are 3.7 m smaller than those of Candidate 1, in the mean: no reading was found under "
+    "which that makes it as fast as sNMAC"
+)
+FROZEN = "eight discs of this size fill the circle: no reading was found that has both this time and sNMAC's"
+NOT_REPRODUCIBLE = {
+    ("circle8", "candidate2"): TOO_NEAR,
+    ("square24", "candidate2"): TOO_NEAR,
+    ("circle8", "remote-id"): FROZEN,
+}
+"""Printed times, and ratios, that follow from no honest reading of the text."""
+
+ONE_RATE = "one rate is printed for both scenes; it depends on how strongly vehicles prefer the right, which is not"
+SCALE = "neither the size of the scene nor the mean speed of the fleet is printed, and every time follows from them"
+DEFINITION_NAMES = {
+    "snmac": "sNMAC",
+    "remote-id": "Remote ID",
+    "odid-accuracy": "ODID accuracy",
+    "candidate1": "Candidate 1",
+    "candidate2": "Candidate 2",
+    "chance": "chance",
+}
+
+
+class Verdict(StrEnum):
+    """How a figure compares with the printed one."""
+
+    REPRODUCED = "reproduced"
+    DIFFERS = "differs"
+    NOT_REPRODUCIBLE = "not reproducible"
+    NOT_PRINTED = "not printed"
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One printed figure and ours.
+
+    Attributes:
+        printed: As printed, None where it is not.
+        ours: As flown.
+        interval: 95 % interval of ours.
+        verdict: How they compare.
+        why: Reason of a difference, else empty.
+    """
+
+    printed: float | None
+    ours: float | None
+    interval: Interval | None
+    verdict: Verdict
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FlownCell:
+    """A row of the campaign's table with the times behind it.
+
+    Attributes:
+        row: As `ridlink campaign run` gives it.
+        times_s: Times of the flights without a collision, shape (n,).
+        run: To which run each belongs, counted from 0, shape (n,).
+        seed: Seed of the campaign.
+    """
+
+    row: dict[str, Any]
+    times_s: NDArray[np.float64]
+    run: NDArray[np.int64]
+    seed: int
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What cells have in common that differ in their definition only."""
+        return self.row["scenario"], self.row["gnss"], self.row["solver"]
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedCell:
+    """A cell beside the paper and beside sNMAC.
+
+    Attributes:
+        row: As `ridlink campaign run` gives it.
+        slower_s: Median less that under sNMAC; None without sNMAC.
+        slower_ci95: Interval of it, from the same resampled runs under both.
+        median: Median time.
+        ratio: Ratio of the median to that under sNMAC.
+        mac_rate: Share of vehicles in a collision.
+    """
+
+    row: dict[str, Any]
+    slower_s: float | None
+    slower_ci95: Interval | None
+    median: Judged
+    ratio: Judged
+    mac_rate: Judged
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def judge_cells(cells: Sequence[FlownCell], *, as_printed: bool) -> list[JudgedCell]:
+    """Every cell beside the paper and beside sNMAC.
+
+    Args:
+        cells: A complete campaign.
+        as_printed: The campaign is the paper's; cells with its errors and its solver are compared with it.
+    """
+    medians = [bootstrap_medians(cell.times_s, cell.run, cell.row["runs"], cell.seed) for cell in cells]
+    snmac = {
+        cell.key: found for cell, found in zip(cells, medians, strict=True) if cell.row["definition"] == "snmac"
+    }  # fmt: skip
+    return [
+        _judge(cell, found, snmac.get(cell.key), as_printed) for cell, found in zip(cells, medians, strict=True)
+    ]  # fmt: skip
+
+
+def _judge(cell: FlownCell, medians: Medians, snmac: Medians | None, as_printed: bool) -> JudgedCell:
+    row = cell.row
+    is_the_papers = as_printed and (row["gnss"], row["solver"]) == ("white-radial", "rotation")
+    printed = PRINTED.get(row["scenario"], {}) if is_the_papers else {}
+    seconds, ratio, rate = printed.get(row["definition"], (None, None, None))
+    slower, slower_ci95, ratio_ci95 = None, None, None
+    if snmac is not None and row["definition"] != "snmac" and math.isfinite(medians.median - snmac.median):
+        slower = medians.median - snmac.median
+        slower_ci95 = percentile_interval(medians.resampled - snmac.resampled)
+        ratio_ci95 = percentile_interval(medians.resampled / snmac.resampled)
+    never = NOT_REPRODUCIBLE.get((row["scenario"], row["definition"]), "")
+    return JudgedCell(
+        row, slower, slower_ci95,
+        _compared(seconds, row["median_s"], row["median_ci95"], never, SCALE),
+        _compared(ratio, row["ratio_to_snmac"], ratio_ci95, never, "more than the interval and the tolerance allow"),
+        _compared_rate(rate, row["mac_rate"], row["mac_rate_ci95"]),
+    )  # fmt: skip
+
+
+def _compared(printed: float | None, ours: float | None, interval: Any, never: str, why: str) -> Judged:
+    if printed is None or ours is None:
+        return Judged(printed, ours, interval, Verdict.NOT_PRINTED)
+    if abs(ours - printed) <= TOLERANCE * printed:
+        return Judged(printed, ours, interval, Verdict.REPRODUCED)
+    return Judged(printed, ours, interval, Verdict.NOT_REPRODUCIBLE if never else Verdict.DIFFERS, never or why)
+
+
+def _compared_rate(printed: float | None, ours: float, interval: Interval) -> Judged:
+    """A rate is reproduced if the interval holds the printed one."""
+    if printed is None:
+        return Judged(None, ours, interval, Verdict.NOT_PRINTED)
+    if interval[0] <= printed <= interval[1]:
+        return Judged(printed, ours, interval, Verdict.REPRODUCED)
+    return Judged(printed, ours, interval, Verdict.DIFFERS, ONE_RATE)

@@ -1,0 +1,123 @@
+"""The report of a campaign as one HTML page that asks for nothing outside of itself."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+from ridlink.analysis.campaign import DEFINITION_NAMES, TOLERANCE, Judged, JudgedCell, Verdict
+
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 76rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a }
+table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
+th, td { padding: .3rem .7rem; text-align: right; border-bottom: 1px solid #ddd; vertical-align: top }
+th:first-child, td:first-child, th:nth-child(2), td:nth-child(2), td.why { text-align: left }
+small { color: #555; display: block } img { max-width: 100%; height: auto }
+.reproduced { color: #00603f } .differs { color: #8a4b00 } .not-reproducible { color: #a3261a }
+"""
+ALTERNATIVES = {
+    "mission-times": "Box plots of the mission times under each definition",
+    "collisions": "Share of flights in a collision under each definition, with intervals",
+    "time-against-safety": "Median mission time against the upper bound of the collided flights",
+}
+
+
+def report_page(title: str, cells: Sequence[JudgedCell], figures: Mapping[str, Path]) -> str:
+    """The page.
+
+    Args:
+        title: Of the page.
+        cells: Its rows.
+        figures: SVG files by name; they are taken into the page.
+    """
+    flights = sum(cell.row["flights"] for cell in cells)
+    is_compared = any(cell.median.verdict is not Verdict.NOT_PRINTED for cell in cells)
+    parts = [
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        '<meta name="viewport" content="width=device-width">'
+        f"<style>{STYLE}</style></head><body><h1>{escape(title)}</h1>",
+        f"<p>{flights:,} flights. Intervals hold with 95 %: Clopper-Pearson for shares, a bootstrap over whole runs "
+        "for times, differences and ratios; differences and ratios compare the same runs under both definitions. "
+        "Vehicles collide two at a time: of collisions there are half as many as of collided flights. Times are those "
+        "of flights without a collision.</p>",
+    ]
+    if is_compared:
+        parts.append(
+            f"<p>Beside every figure stands the printed one. A time or ratio is <em>reproduced</em> within "
+            f"{TOLERANCE:.0%}, a collision rate if the interval holds the printed one. Nothing is tuned towards a "
+            "printed figure. The paper counts 72,000 flights; 500 runs of 4 definitions with 8 and 24 vehicles are "
+            "64,000.</p>"
+        )
+    parts += [_table(cells), *(_figure(name, file) for name, file in figures.items())]
+    if is_compared:
+        parts.append(_reasons(cells))
+    return "\n".join([*parts, "</body></html>\n"])
+
+
+def _table(cells: Sequence[JudgedCell]) -> str:
+    heads = ("scenario, errors, solver", "definition", "flights", "collided", "collided, share", "median s",
+             "slower than sNMAC by s", "ratio to sNMAC", "nearest m", "unfinished", "infeasible")  # fmt: skip
+    lines = ["<table><thead><tr>", *(f"<th>{head}</th>" for head in heads), "</tr></thead><tbody>"]
+    for cell in cells:
+        row = cell.row
+        nearest = row["min_separation_m"]
+        columns = (
+            escape(f"{row['scenario']}, {row['gnss']}, {row['solver']}"),
+            DEFINITION_NAMES[row["definition"]],
+            f"{row['flights']:,}",
+            f"{row['macs']}",
+            _rate(cell.mac_rate, row["macs"], row["flights"]),
+            _number(cell.median, 1),
+            "-" if cell.slower_s is None else f"{cell.slower_s:.1f}{_interval(cell.slower_ci95, 1)}",
+            _number(cell.ratio, 2),
+            "-" if nearest is None else f"{nearest:.1f}",
+            f"{row['unfinished']}",
+            f"{row['infeasible_share']:.1%}",
+        )
+        lines.append("<tr>" + "".join(f"<td>{column}</td>" for column in columns) + "</tr>")
+    return "\n".join([*lines, "</tbody></table>"])
+
+
+def _number(judged: Judged, digits: int) -> str:
+    if judged.ours is None:
+        return "-"
+    text = f"{judged.ours:.{digits}f}{_interval(judged.interval, digits)}"
+    return text if judged.printed is None else text + _printed(judged, f"{judged.printed:g}")
+
+
+def _rate(judged: Judged, macs: int, flights: int) -> str:
+    assert judged.ours is not None and judged.interval is not None
+    low, high = judged.interval
+    text = f"{judged.ours:.2%}<small>{low:.2%} to {high:.2%}</small>"
+    if not macs:
+        text = f"0 of {flights:,}<small>below {high:.1e}</small>"
+    return text if judged.printed is None else text + _printed(judged, f"{judged.printed:.1%}")
+
+
+def _printed(judged: Judged, printed: str) -> str:
+    kind = judged.verdict.replace(" ", "-")
+    return f'<small>printed {printed}</small><small class="{kind}">{judged.verdict}</small>'
+
+
+def _interval(interval: Sequence[float] | None, digits: int) -> str:
+    return "" if interval is None else f"<small>{interval[0]:.{digits}f} to {interval[1]:.{digits}f}</small>"
+
+
+def _figure(name: str, file: Path) -> str:
+    drawn = base64.b64encode(file.read_bytes()).decode()
+    return f'<p><img alt="{ALTERNATIVES[name]}" src="data:image/svg+xml;base64,{drawn}"></p>'
+
+
+def _reasons(cells: Sequence[JudgedCell]) -> str:
+    lines = ["<h2>What is not reproduced, and why</h2><table><tbody>"]
+    for cell in cells:
+        for what, judged in (("median", cell.median), ("ratio", cell.ratio), ("collisions", cell.mac_rate)):
+            if judged.why:
+                where = f"{escape(cell.row['scenario'])}, {DEFINITION_NAMES[cell.row['definition']]}"
+                lines.append(
+                    f'<tr><td>{where}</td><td>{what}: <span class="{judged.verdict.replace(" ", "-")}">'
+                    f'{judged.verdict}</span></td><td class="why">{escape(judged.why)}</td></tr>'
+                )
+    return "\n".join([*lines, "</tbody></table>"])

@@ -1,0 +1,45 @@
+"""``ridlink campaign report``: a campaign beside the paper, as JSON, as a page and as pictures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+
+@click.command(short_help="A finished campaign beside the paper: report.json, report.html, pictures.")
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+def report(folder: Path) -> None:
+    """Write into the folder of a campaign what came out of it, beside what the paper prints.
+
+    report.json and report.html hold the table with a verdict for every printed figure; the page asks for nothing
+    outside of itself. The pictures are PNG and SVG (extra: ridlink[plot]).
+    """
+    import numpy as np
+
+    from ridlink.analysis.campaign import FlownCell, judge_cells
+    from ridlink.analysis.campaign_figures import draw_campaign
+    from ridlink.analysis.campaign_page import report_page
+    from ridlink.campaign_runner.folder import read_campaign
+
+    configuration, read = read_campaign(folder)
+    flown = []
+    for row, outcomes in read:
+        run = np.broadcast_to(np.arange(len(outcomes.run))[:, None], outcomes.collided.shape)[~outcomes.collided]
+        flown.append(FlownCell(row, outcomes.mission_s, run, configuration["seed"]))
+    is_the_papers = configuration["preset"] == "paper" and configuration["sigma_m"] == 10.0
+    judged = judge_cells(flown, as_printed=is_the_papers)
+    figures = draw_campaign(flown, judged, folder)
+    title = "The paper's simulation, flown again" if is_the_papers else "Campaign"
+    drawn = {name: next(file for file in files if file.suffix == ".svg") for name, files in figures.items()}
+    document = {"configuration": configuration, "cells": [cell.as_dict() for cell in judged]}
+    written = [file for files in figures.values() for file in files]
+    for name, text in (
+        ("report.json", json.dumps(document, indent=1)),
+        ("report.html", report_page(title, judged, drawn)),
+    ):
+        (folder / name).write_text(text)
+        written.append(folder / name)
+    for file in written:
+        click.echo(file)

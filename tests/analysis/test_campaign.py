@@ -1,0 +1,50 @@
+"""Verdicts on a campaign: by a stated tolerance, and never without a reason."""
+
+import numpy as np
+import pytest
+
+from ridlink.analysis.campaign import FlownCell, Verdict, judge_cells
+from ridlink.campaign.statistics import clopper_pearson
+
+
+def flown(definition, median_s, macs=0, scenario="circle8", solver="rotation", snmac_s=7.0):
+    times = median_s + np.linspace(-0.1, 0.1, 80)
+    row = {
+        "scenario": scenario, "definition": definition, "gnss": "white-radial", "solver": solver, "runs": 10,
+        "flights": 80, "macs": macs, "mac_rate": macs / 80, "mac_rate_ci95": clopper_pearson(macs, 80),
+        "median_s": median_s, "median_ci95": (median_s, median_s), "ratio_to_snmac": median_s / snmac_s,
+    }  # fmt: skip
+    return FlownCell(row, times, np.repeat(np.arange(10), 8), 1)
+
+
+def test_each_printed_figure_gets_a_verdict_and_each_difference_a_reason():
+    cells = judge_cells(
+        [flown("snmac", 7.0, macs=30), flown("remote-id", 15.0), flown("candidate1", 8.0), flown("candidate2", 8.4)],
+        as_printed=True,
+    )
+    snmac, remote_id, candidate1, candidate2 = cells
+    assert (snmac.median.verdict, snmac.mac_rate.verdict) == (Verdict.REPRODUCED, Verdict.DIFFERS)
+    assert (remote_id.median.verdict, remote_id.mac_rate.verdict) == (Verdict.NOT_REPRODUCIBLE, Verdict.REPRODUCED)
+    assert candidate1.ratio.verdict is Verdict.REPRODUCED
+    assert candidate2.ratio.verdict is Verdict.NOT_REPRODUCIBLE
+    for cell in cells:
+        for judged in (cell.median, cell.ratio, cell.mac_rate):
+            assert bool(judged.why) == (judged.verdict in (Verdict.DIFFERS, Verdict.NOT_REPRODUCIBLE))
+
+
+def test_a_difference_on_common_runs_has_no_spread_of_its_own():
+    """One definition costs every flight two seconds: resampling the same runs under both leaves nothing to doubt."""
+    snmac, candidate1 = judge_cells([flown("snmac", 7.0), flown("candidate1", 9.0)], as_printed=False)
+    assert snmac.slower_s is None
+    assert candidate1.slower_s == pytest.approx(2.0)
+    assert candidate1.slower_ci95 == pytest.approx((2.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "solver", "as_printed"),
+    [("circle8", "rotation", False), ("circle8", "graded", True), ("head-on", "rotation", True)],
+)
+def test_what_the_paper_did_not_fly_is_not_compared(scenario, solver, as_printed):
+    (cell,) = judge_cells([flown("candidate1", 8.0, scenario=scenario, solver=solver)], as_printed=as_printed)
+    assert {cell.median.verdict, cell.ratio.verdict, cell.mac_rate.verdict} == {Verdict.NOT_PRINTED}
+    assert cell.slower_s is None
