@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 SOURCES := pyproject.toml hatch_build.py message_spec/ridlink.xml message_spec/generate.py
 
 # The pure core, which the tests must cover by branches. Compiled kernels cannot be traced: see `make coverage`.
-KERNELS := ridlink/avoidance/encounter.py,ridlink/avoidance/graded.py,ridlink/avoidance/halfplane.py,ridlink/avoidance/headings.py,ridlink/avoidance/programme.py,ridlink/avoidance/rotation.py,ridlink/avoidance/route.py,ridlink/avoidance/worlds.py
+KERNELS := ridlink/avoidance/encounter.py,ridlink/avoidance/graded.py,ridlink/avoidance/halfplane.py,ridlink/avoidance/headings.py,ridlink/avoidance/packing.py,ridlink/avoidance/programme.py,ridlink/avoidance/rotation.py,ridlink/avoidance/route.py,ridlink/avoidance/worlds.py
 CORE    := ridlink/errors.py,ridlink/units.py,ridlink/geodesy.py,ridlink/mavlink/*,ridlink/remote_id/*,ridlink/traffic/*,ridlink/separation/*,ridlink/avoidance/*,ridlink/own_ship.py,ridlink/failsafe.py,ridlink/setpoint.py,ridlink/engine/*
 WORKERS ?= 2
 

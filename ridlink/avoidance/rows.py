@@ -40,6 +40,9 @@ LANES = 8
 FREE, CONSTRAINED, OVERLAPPED, INFEASIBLE = 0.0, 1.0, 2.0, 3.0
 """`Status` in a result."""
 
+PASSING_RIGHT, PASSING_LEFT, IS_APART = 1, 2, 4
+"""`Memory` of an encounter."""
+
 
 def blocks_for(count: int) -> int:
     """Blocks that hold so many neighbours."""

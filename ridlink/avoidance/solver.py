@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
+from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
@@ -18,14 +19,11 @@ from ridlink.avoidance.types import (
     Decision,
     FloatArray,
     HalfplaneSettings,
-    Int8Array,
-    Memory,
     OwnShip,
     SolverKind,
     Status,
     Traffic,
     checked_pair,
-    sides,
 )
 
 SolverSettings = HalfplaneSettings | GradedSettings | RotationSettings
@@ -146,36 +144,21 @@ class _RowSolver(ABC):
         vector[rows.CLEARANCE] = clearance
         vector[rows.EXTRA_TURN] = extra_right_turn_rad
 
-        self._pack(traffic)
+        table, memory = self._reports, self._memory
+        table[:count, 0:2], table[:count, 2:4] = traffic.position_ne_m, traffic.velocity_ne_mps
+        table[:count, 4:6], table[:count, 6] = traffic.command_ne_mps, traffic.age_s
+        table[:count, 7] = traffic.reciprocal
+        table[:count, 8], table[:count, 9] = traffic.radius_m, traffic.error_sum_m
+        memory[:count] = traffic.memory
+        pack(table, memory, count, self._neighbours)
         return self._decision(count, int(self._decide(count, obstacles, route_side)))
-
-    def _pack(self, traffic: Traffic) -> None:
-        """Neighbours as blocks, by way of columns."""
-        count, columns, blocks = len(traffic), self._columns, self._neighbours
-        gives_none = np.isnan(traffic.command_ne_mps[:, :1]) | np.isnan(traffic.command_ne_mps[:, 1:])
-        for first, pairs in (
-            (rows.N_POSITION, traffic.position_ne_m + traffic.velocity_ne_mps * traffic.age_s[:, None]),
-            (rows.N_VELOCITY, traffic.velocity_ne_mps),
-            (rows.N_COMMAND, np.where(gives_none, traffic.velocity_ne_mps, traffic.command_ne_mps)),
-            (rows.REPORTED, traffic.position_ne_m),
-        ):
-            columns[first // rows.LANES : first // rows.LANES + 2, :count] = pairs.T
-        columns[rows.AGE // rows.LANES, :count] = traffic.age_s
-        columns[rows.RADIUS // rows.LANES, :count] = traffic.radius_m
-        columns[rows.ERROR_SUM // rows.LANES, :count] = traffic.error_sum_m
-        columns[rows.RECIPROCAL // rows.LANES, :count] = traffic.reciprocal
-        columns[rows.SIDE // rows.LANES, :count] = sides(traffic.memory)
-        columns[rows.APART // rows.LANES, :count] = (traffic.memory & Memory.APART) != 0
-        columns[rows.HEARD // rows.LANES, :count] = 1.0
-        columns[rows.HEARD // rows.LANES, count:] = 0.0
-        lanes = columns.reshape(len(columns), len(blocks), rows.LANES)
-        blocks.reshape(len(blocks), -1, rows.LANES)[:, : len(columns)] = lanes.swapaxes(0, 1)
 
     def _make_room(self, count: int, obstacles: Obstacles) -> None:
         """Scratch for so many neighbours and these obstacles."""
         self._most = count
         self._neighbours = rows.new_blocks(count)
-        self._columns = np.zeros((rows.GAP // rows.LANES, rows.LANES * len(self._neighbours)))
+        self._reports = np.zeros((count, 10))
+        self._memory = np.zeros(count, np.int8)
         self._reserve(count, obstacles)
 
     @abstractmethod
@@ -190,16 +173,9 @@ class _RowSolver(ABC):
     def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
         """Call the kernel; memory of the way round obstacles for the next step."""
 
-    def _memory(self, count: int) -> Int8Array:
-        """`Memory` flags of the encounters, shape (count,)."""
-        lanes = self._neighbours.reshape(len(self._neighbours), -1, rows.LANES)
-        side = lanes[:, rows.SIDE // rows.LANES].ravel()[:count]
-        apart = lanes[:, rows.APART // rows.LANES].ravel()[:count]
-        passing = np.where(side > 0.0, Memory.PASSING_RIGHT, np.where(side < 0.0, Memory.PASSING_LEFT, 0))
-        return np.asarray(passing + np.where(apart > 0.0, Memory.APART, 0), dtype=np.int8)
-
     def _decision(self, count: int, route: int) -> Decision:
         row: FloatArray = self._result.copy()
+        unpack_memory(self._neighbours, count, self._memory)
         binding = row[rows.R_BINDING : rows.R_BINDING + 3]
         return Decision(
             velocity_ne_mps=row[rows.R_VELOCITY : rows.R_VELOCITY + 2],
@@ -212,7 +188,7 @@ class _RowSolver(ABC):
             nearest_margin_m=float(row[rows.R_MARGIN]),
             nearest_index=int(row[rows.R_NEAREST]),
             time_to_violation_s=float(row[rows.R_TIME]),
-            memory=self._memory(count),
+            memory=self._memory[:count].copy(),
             route_side=route,
         )
 

@@ -156,12 +156,6 @@ class Memory(IntFlag):
     """It has been clear of the disc and its buffer, so the buffer is now held against it."""
 
 
-def sides(memory: Int8Array) -> Int8Array:
-    """The sides in `Memory` flags, shape (n,): 1 right, -1 left, 0 none."""
-    right, left = memory & Memory.PASSING_RIGHT, memory & Memory.PASSING_LEFT
-    return np.asarray((right != 0).astype(np.int8) - (left != 0).astype(np.int8))
-
-
 _REMEMBERED = int(Memory.PASSING_RIGHT | Memory.PASSING_LEFT | Memory.APART)
 
 
@@ -299,4 +293,5 @@ class Decision:
     @property
     def passing_side(self) -> Int8Array:
         """Side that the rule of the road gives own-ship, shape (n,): 1 right, -1 left, 0 where there is none."""
-        return sides(self.memory)
+        right, left = self.memory & Memory.PASSING_RIGHT, self.memory & Memory.PASSING_LEFT
+        return np.asarray((right != 0).astype(np.int8) - (left != 0).astype(np.int8))

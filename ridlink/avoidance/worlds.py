@@ -17,8 +17,6 @@ at the same instant.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import prange
 
@@ -27,24 +25,20 @@ from ridlink.avoidance.graded import grade_one
 from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.kernel import copy_lanes, kernel
 from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.packing import place_report
 from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.rotation import rotate_one
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.rows import (
-    AGE,
     APART,
     BLOCK,
     ERROR_SUM,
     HEARD,
     LANES,
-    N_COMMAND,
-    N_POSITION,
-    N_VELOCITY,
     POSITION,
     R_BINDING,
     R_NEAREST,
     RADIUS,
-    RECIPROCAL,
     REPORTED,
     SIDE,
     blocks_for,
@@ -58,16 +52,8 @@ SMALL_WORLD = 64
 def draw_picture(heard, present, picture):  # type: ignore[no-untyped-def]
     """What the others hear of each vehicle of one world, as blocks of neighbours."""
     for j in range(len(heard)):
-        block, lane, report = picture[j // LANES], j % LANES, heard[j]
-        age = report[6]
-        for axis in range(2):
-            column = LANES * axis + lane
-            block[REPORTED + column], block[N_VELOCITY + column] = report[axis], report[2 + axis]
-            block[N_POSITION + column] = report[axis] + report[2 + axis] * age
-        commands = not (math.isnan(report[4]) or math.isnan(report[5]))
-        block[N_COMMAND + lane] = report[4] if commands else report[2]
-        block[N_COMMAND + LANES + lane] = report[5] if commands else report[3]
-        block[AGE + lane], block[RECIPROCAL + lane] = age, report[7]
+        block, lane = picture[j // LANES], j % LANES
+        place_report(heard[j], block, lane)
         block[HEARD + lane] = 1.0 if present[j] else 0.0
 
 
