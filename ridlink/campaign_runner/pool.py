@@ -10,9 +10,10 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numba
@@ -71,9 +72,10 @@ def fly_tasks(plans: Sequence[Plan], tasks: Sequence[Task], jobs: int) -> Genera
         finally:
             numba.set_num_threads(before)
         return
-    pool = ProcessPoolExecutor(
-        min(jobs, len(tasks)), multiprocessing.get_context("spawn"), initializer=_begin, initargs=(tuple(plans),)
-    )
+    with _quiet_cleaner():
+        pool = ProcessPoolExecutor(
+            min(jobs, len(tasks)), multiprocessing.get_context("spawn"), initializer=_begin, initargs=(tuple(plans),)
+        )
     try:
         flying: dict[Future[Outcomes], Task] = {pool.submit(_fly, task): task for task in tasks}
         while flying:
@@ -83,6 +85,20 @@ def fly_tasks(plans: Sequence[Plan], tasks: Sequence[Task], jobs: int) -> Genera
         raise WorkerLostError("a process that flew was killed, or ran out of memory") from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+@contextmanager
+def _quiet_cleaner() -> Iterator[None]:
+    """Python's own process, which tidies up after this one if that is ended by a signal, need not warn that it does."""
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (before, "ignore:resource_tracker")))
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 _plans: tuple[Plan, ...] = ()

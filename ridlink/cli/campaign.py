@@ -30,6 +30,9 @@ GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
 SOLVERS = ("halfplane", "graded", "rotation")
 DYNAMICS = ("ideal", "px4", "ardupilot")
 
+WIDE = 120
+"""Columns that the whole table needs."""
+
 
 class Names(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
     """Names apart by commas, each once; of a given set, or any."""
@@ -318,33 +321,45 @@ def _show(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: dict[
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for head in ("scenario", "definition", "errors", "solver"):
-        table.add_column(head, no_wrap=True)
-    for head in ("flights", "MACs", "MAC rate, 95 %", "unfinished", "median s, 95 %", "longest s", "ratio",
-                 "nearest m", "infeasible"):  # fmt: skip
-        table.add_column(head, justify="right", no_wrap=True)
-    for row in rows:
-        table.add_row(row.scenario, row.definition, row.gnss, row.solver, *_figures(row))
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=200)
-    console.print(table)
-    click.echo(f"\n{steps:,} decisions in {wall_s:.1f} s")
+    width = console.width if console.is_terminal else WIDE
+    for group in dict.fromkeys((row.gnss, row.solver) for row in rows):
+        table = Table(
+            box=None, header_style="bold", pad_edge=False, padding=(0, 2 if width >= WIDE else 1, 0, 0),
+            title=f"{group[0]} errors, solver {group[1]}, {rows[0].runs} runs", title_justify="left",
+        )  # fmt: skip
+        figures = [(row, _figures(row, width >= WIDE)) for row in rows if (row.gnss, row.solver) == group]
+        for head in ("scenario", "definition"):
+            table.add_column(head, no_wrap=True)
+        for head in figures[0][1]:
+            table.add_column(head, justify="right", no_wrap=True)
+        for row, cells in figures:
+            table.add_row(row.scenario, row.definition, *cells.values())
+        Console(width=width).print(table)
+        click.echo()
+    click.echo(f"{steps:,} decisions in {wall_s:.1f} s")
 
 
-def _figures(row: Row) -> Iterator[str]:
-    low, high = row.mac_rate_ci95
-    yield f"{row.flights:,}"
-    yield f"{row.macs}"
-    yield f"{row.mac_rate:.2%} ({low:.2%}-{high:.2%})" if row.macs else f"below {high:.1e}"
-    yield f"{row.unfinished}"
-    interval = f" ({row.median_ci95[0]:.1f}-{row.median_ci95[1]:.1f})" if row.median_ci95 else ""
-    yield f"{row.median_s:.1f}{interval}" if row.median_s is not None else "-"
-    yield _or_dash(row.max_time_s, 1)
-    yield _or_dash(row.ratio_to_snmac, 2)
-    yield _or_dash(row.min_separation_m, 1)
-    yield f"{row.infeasible_share:.1%}"
+def _figures(row: Row, all_of_them: bool) -> dict[str, str]:
+    """Cells of a row by the heads of their columns; the last ones only where there is room."""
+    low, high = (100.0 * share for share in row.mac_rate_ci95)
+    median = "-" if row.median_s is None else f"{row.median_s:.1f}"
+    if row.median_ci95:
+        median += f" ({row.median_ci95[0]:.1f}-{row.median_ci95[1]:.1f})"
+    figures = {
+        "MACs": f"{row.macs}/{row.flights:,}",
+        "% (95 %)": f"{100.0 * row.mac_rate:.2f} ({low:.2f}-{high:.2f})" if row.macs else f"below {high:.2g}",
+        "late": f"{row.unfinished}",
+        "median s (95 %)": median,
+        "ratio": _or_dash(row.ratio_to_snmac, 2),
+    }
+    if all_of_them:
+        figures |= {
+            "longest s": _or_dash(row.max_time_s, 1),
+            "nearest m": _or_dash(row.min_separation_m, 1),
+            "infeasible %": f"{100.0 * row.infeasible_share:.1f}",
+        }
+    return figures
 
 
 def _or_dash(value: float | None, digits: int) -> str:
