@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from ridlink.avoidance import HalfplaneSettings, Obstacles, OwnShip, Status, Traffic, rows
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.solver import HalfplaneSolver
+from ridlink.avoidance.worlds import SMALL_WORLD
+from ridlink.campaign.deciding import new_decider
 from tests.avoidance import reference_halfplane as plain
 
 SQUARE = Obstacles.from_polygons([[[40.0, -20.0], [80.0, -20.0], [80.0, 20.0], [40.0, 20.0]]])
@@ -94,6 +96,48 @@ def test_every_number_of_the_decision_is_that_of_the_plain_form(
     assert found.command_ne_mps == pytest.approx(wanted[rows.R_COMMAND : rows.R_COMMAND + 2], abs=1e-9)
     binding = [j for j in wanted[rows.R_BINDING : rows.R_BINDING + 3] if j >= 0.0]
     assert list(found.binding) == binding
+
+
+@pytest.mark.parametrize("vehicles", [5, 24, SMALL_WORLD + 7])
+def test_in_a_world_each_decides_as_it_would_alone(vehicles):
+    """Over two steps, so that what is kept of the encounters counts too; the largest world gathers who is in range."""
+    random, range_m = np.random.default_rng(vehicles), 180.0
+    shape = (1, vehicles)
+    position, velocity = random.uniform(-200.0, 200.0, (vehicles, 2)), random.uniform(-8.0, 8.0, (vehicles, 2))
+    command, goal = velocity + random.normal(0.0, 1.0, (vehicles, 2)), random.uniform(-300.0, 300.0, (vehicles, 2))
+    command[::3] = np.nan
+    age, reciprocal = random.uniform(0.0, 2.0, vehicles), random.random(vehicles) < 0.7
+    radius, present = random.uniform(10.0, 60.0, (vehicles, vehicles)), random.random(vehicles) < 0.9
+    own, heard = np.zeros((*shape, rows.OWN_COLUMNS)), np.zeros((*shape, 8))
+    own[0, :, 0:2], own[0, :, 2:4], own[0, :, 4:6], own[0, :, 6:8] = position, velocity, velocity, goal
+    own[..., rows.LIMIT], own[..., rows.CRUISE], own[..., rows.CLEARANCE] = 10.0, 9.0, 5.0
+    heard[0, :, 0:2], heard[0, :, 2:4], heard[0, :, 4:6] = position, velocity, command
+    heard[0, :, 6], heard[0, :, 7] = age, reciprocal
+    decider, memory = new_decider(SETTINGS[1.0], shape, SQUARE), np.zeros((vehicles, vehicles), np.int8)
+    for _ in range(2):
+        found = decider.decide(
+            own, present[None], heard, present[None], radius[None], 0.8 * radius[None], range_m
+        )[0]  # fmt: skip
+        for i in np.nonzero(present)[0]:
+            near = present & (np.linalg.norm(position - position[i], axis=1) <= range_m)
+            near[i] = False
+            traffic = Traffic(
+                position[near], velocity[near], command[near], age[near], radius[i, near], 0.8 * radius[i, near],
+                reciprocal[near], memory[i, near],
+            )  # fmt: skip
+            alone = SOLVERS[1.0].solve(
+                OwnShip(position[i], velocity[i], velocity[i], 1.0, 10.0), traffic, goal_ne_m=goal[i], cruise_mps=9.0,
+                obstacles=SQUARE, own_clearance_m=5.0,
+            )  # fmt: skip
+            memory[i] = 0
+            memory[i, near] = alone.memory
+            names = np.nonzero(near)[0]
+            assert found[i, rows.R_STATUS] == alone.status
+            assert found[i, rows.R_COMMAND : rows.R_COMMAND + 2] == pytest.approx(alone.command_ne_mps, abs=1e-9)
+            assert [j for j in found[i, rows.R_BINDING : rows.R_BINDING + 3] if j >= 0] == [
+                names[j] for j in alone.binding
+            ]
+            assert found[i, rows.R_NEAREST] == (names[alone.nearest_index] if alone.nearest_index >= 0 else -1)
 
 
 def test_the_draws_hold_every_kind_of_encounter():
