@@ -9,6 +9,7 @@ Axes: north-east, metres, m/s, seconds.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -99,13 +100,39 @@ class Outcomes:
         return cls(duration_s=parts[0].duration_s, **columns)
 
 
-def fly(plan: Plan, runs: range, *, batch: int = BATCH) -> Outcomes:
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """What happens at one instant in a batch of W worlds, for who watches.
+
+    Attributes:
+        now_s: Time since the start.
+        position_ne_m: Where the vehicles are, shape (W, N, 2).
+        reported_ne_m: Where they say they are, shape (W, N, 2).
+        velocity_ne_mps: How they flew until now, shape (W, N, 2).
+        command_ne_mps: How they fly from now on, shape (W, N, 2).
+        present: Who is in the air, shape (W, N).
+        airframe_m: Airframe sizes, shape (W, N).
+    """
+
+    now_s: float
+    position_ne_m: FloatArray
+    reported_ne_m: FloatArray
+    velocity_ne_mps: FloatArray
+    command_ne_mps: FloatArray
+    present: BoolArray
+    airframe_m: FloatArray
+
+
+def fly(
+    plan: Plan, runs: range, *, batch: int = BATCH, watch: Callable[[Instant], None] | None = None
+) -> Outcomes:  # fmt: skip
     """Fly runs of a plan.
 
     Args:
         plan: What to fly.
         runs: Numbers of the runs, not negative; they seed them.
         batch: How many are flown at a time.
+        watch: Called at every instant of every batch; worlds that are over leave it.
 
     Returns:
         One row a run, in their order.
@@ -115,7 +142,7 @@ def fly(plan: Plan, runs: range, *, batch: int = BATCH) -> Outcomes:
     """
     if not runs or min(runs) < 0 or batch < 1:
         raise ValueError(f"runs must be a range of numbers that are not negative, got {runs} in batches of {batch}")
-    return Outcomes.joined([_Batch(plan, runs[k : k + batch]).fly() for k in range(0, len(runs), batch)])
+    return Outcomes.joined([_Batch(plan, runs[k : k + batch]).fly(watch) for k in range(0, len(runs), batch)])
 
 
 class _Batch:
@@ -168,7 +195,7 @@ class _Batch:
             interval_s=plan.interval_s, eta=plan.eta, neighbours=max(len(plan.scene) - 1, 1), bound=plan.chance_bound,
         )  # fmt: skip
 
-    def fly(self) -> Outcomes:
+    def fly(self, watch: Callable[[Instant], None] | None) -> Outcomes:
         """Fly until all have arrived or collided, or the time is over."""
         plan = self.plan
         for step in range(round(plan.duration_s / plan.interval_s)):
@@ -177,7 +204,15 @@ class _Batch:
                 if not len(self.row):
                     break
             self._report(step)
+            flown = self.velocity
             self._decide()
+            if watch is not None:
+                watch(
+                    Instant(
+                        step * plan.interval_s, self.position, self.reported, flown, self.velocity, self.present,
+                        self.airframe_m,
+                    )
+                )  # fmt: skip
             before = self.position
             self.position = before + self.velocity * plan.interval_s
             self._judge(before, (step + 1) * plan.interval_s)

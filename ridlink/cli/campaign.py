@@ -144,6 +144,12 @@ campaign.add_command(report)
     help="Fly run K alone, as it was flown among others, and print it, vehicle by vehicle.",
 )
 @click.option(
+    "--log",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="F.tlog",
+    help="With --only-run: that flight as a MAVLink log, what was true and what was told.",
+)
+@click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path),
@@ -154,7 +160,8 @@ campaign.add_command(report)
 def run(
     preset: str | None, scenarios: tuple[str, ...], definitions: tuple[str, ...] | None, gnss: tuple[str, ...] | None,
     solvers: tuple[str, ...] | None, dynamics: str, sigma_m: float, eta: float, runs: int, seed: int,
-    jobs: int | None, resume: bool, only_run: int | None, output: Path | None, as_json: bool,
+    jobs: int | None, resume: bool, only_run: int | None, log: Path | None, output: Path | None,
+    as_json: bool,
 ) -> int:  # fmt: skip
     """Fly every scenario under every definition, kind of error and solver, and print one row for each.
 
@@ -169,6 +176,8 @@ def run(
     """
     if output is None and only_run is None:
         raise click.UsageError("Missing option '-o' / '--output': a campaign is kept in a folder.")
+    if log is not None and only_run is None:
+        raise click.UsageError("--log goes with --only-run K: one flight, one log.")
     from ridlink.avoidance.types import SolverKind
     from ridlink.campaign.chance import ErrorModel
     from ridlink.campaign_runner.choice import Choice
@@ -186,7 +195,7 @@ def run(
         seed=seed,
     )
     if only_run is not None:
-        return _fly_one(choice.plans(), only_run, as_json)
+        return _fly_one(choice.plans(), only_run, log, as_json)
     assert output is not None
     return _fly_all(choice, runs, jobs or len(os.sched_getaffinity(0)), output, resume, as_json)
 
@@ -234,13 +243,19 @@ def _ended(why: str, kept: int, all_of_them: int, code: int) -> int:
     return code
 
 
-def _fly_one(plans: list[Plan], number: int, as_json: bool) -> int:
+def _fly_one(plans: list[Plan], number: int, log: Path | None, as_json: bool) -> int:
     """One run of every cell, vehicle by vehicle."""
     from ridlink.campaign.table import table_rows
     from ridlink.campaign.worlds import fly
+    from ridlink.campaign_runner.flight_log import log_run
 
+    if log is not None and len(plans) != 1:
+        raise click.UsageError(f"--log takes one scenario, definition, gnss and solver; these are {len(plans)} cells.")
     begin = time.monotonic()
-    cells = [(plan, fly(plan, range(number, number + 1))) for plan in plans]
+    if log is None:
+        cells = [(plan, fly(plan, range(number, number + 1))) for plan in plans]
+    else:
+        cells = [(plans[0], log_run(plans[0], number, log))]
     wall_s = time.monotonic() - begin
     vehicles = [each for plan, outcomes in cells for each in _vehicles(plan, outcomes)]
     steps = sum(int(outcomes.decisions.sum()) for _, outcomes in cells)

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from ridlink import decode
 from ridlink.cli import cli, main
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="shards need the extra 'export'")
@@ -228,6 +229,30 @@ def test_one_run_again_alone(whole: Path, ridlink: Ridlink) -> None:
     assert [each["arrival_s"] for each in document["vehicles"]] == flown["arrival_s"]
     assert row["min_separation_m"] == flown["distance_m"]
     assert "vehicle 8: arrived after" in ridlink(*CAMPAIGN[:-2], "--only-run", 0)[1]
+
+
+def test_the_log_of_a_flight_holds_what_was_true_and_what_was_told(tmp_path: Path, ridlink: Ridlink) -> None:
+    one = ["--scenario", "head-on", "--definition", "candidate2", "--gnss", "white", "--only-run", 5, "--json"]
+    code, out, _ = ridlink(*one, "--log", tmp_path / "f.tlog")
+    assert code == 0
+    log = decode(tmp_path / "f.tlog")
+    steps = json.loads(out)["agent_steps"]
+    assert steps == json.loads(ridlink(*one)[1])["agent_steps"], "a flight that is watched is flown as others are"
+    true, told, parts = (
+        log[name] for name in ("GLOBAL_POSITION_INT", "OPEN_DRONE_ID_LOCATION", "RIDLINK_SEPARATION")
+    )  # fmt: skip
+    assert len(true) == len(told) == len(parts) == steps
+    assert set(log["HEARTBEAT"]["sysid"]) == {1, 2}
+    north_m, east_m = ((told[name].astype(float) - true[short]) * 1e-7 * 111_200.0 for name, short in
+                       (("latitude", "lat"), ("longitude", "lon")))  # fmt: skip
+    assert north_m.std() == pytest.approx(10.0, rel=0.1)
+    assert east_m.std() * 0.677 == pytest.approx(10.0, rel=0.1)
+    assert set(parts["horizontal_error"]) == {3000}
+    assert set(parts["airframe_size"]) == {60}
+    commanded = parts[parts["sysid"] == 1]["commanded_vx"][:-1]
+    assert abs(commanded - true[true["sysid"] == 1]["vx"][1:]).max() <= 1
+    assert "--only-run" in ridlink("--log", tmp_path / "f.tlog", "-o", tmp_path / "x")[2]
+    assert "these are 2 cells" in ridlink(*one, "--solver", "graded,rotation", "--log", tmp_path / "f.tlog")[2]
 
 
 @pytest.mark.parametrize(
