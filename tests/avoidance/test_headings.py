@@ -9,7 +9,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ridlink.avoidance import (
@@ -126,6 +126,7 @@ def g2_costs(velocity, goal, rows, base, pace):
 
 @settings(max_examples=150, deadline=None)
 @given(seeds, st.floats(5.0, 400.0))
+@example(502, 97.0)
 def test_graded_is_the_design_that_was_measured(seed, away):
     """A pair's error sum is 60 m there. Of each neighbour the kernel leaves out a risk of at most 0.001, and a straight
     way without any is flown whatever its smoothness."""
@@ -137,7 +138,10 @@ def test_graded_is_the_design_that_was_measured(seed, away):
     chosen = [cost for cost, v in costs if np.allclose(v, decision.velocity_ne_mps, atol=1e-9)]
     assert len(chosen) == 1
     if decision.status is not Status.FREE:
-        assert chosen[0] <= min(cost for cost, _ in costs) + 0.001 * len(rows) + 1e-12
+        allowed = 0.001 * len(rows) + 1e-12
+        if np.allclose(decision.velocity_ne_mps, costs[0][1], atol=1e-9):  # inside a disc, and leaving it straight on
+            allowed += 0.1 * float(np.linalg.norm(decision.velocity_ne_mps - own.velocity_ne_mps)) / 9.5
+        assert chosen[0] <= min(cost for cost, _ in costs) + allowed
     else:
         assert chosen[0] <= min(cost for cost, _ in costs) + 0.2
     assert decision.command_ne_mps == pytest.approx(decision.velocity_ne_mps)
