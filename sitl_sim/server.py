@@ -68,7 +68,7 @@ class FleetConfig:
         sigma_m: One standard deviation per axis, for vehicles of which the scenario says nothing.
         start: How the fleet begins.
         remote_id: Whether vehicles broadcast by themselves; False leaves it to their daemons.
-        technology: Way of broadcasting, see `radio.TECHNOLOGIES`.
+        technology: Way of broadcasting, see ``ridlink.technologies``.
         range_m, loss: Radio range and share lost; None: the technology's.
         home: Where the scenario's origin lies.
         vehicle_port: Port of the first vehicle; 0: the kernel chooses all of them.

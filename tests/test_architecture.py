@@ -19,6 +19,7 @@ LAYERS = {
     "ridlink.compiled": 0,
     "ridlink.checked_toml": 0,
     "ridlink.scenario": 0,
+    "ridlink.technologies": 0,
     "ridlink.mavlink": 1,
     "ridlink.remote_id": 2,
     "ridlink.traffic": 2,

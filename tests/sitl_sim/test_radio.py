@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.mavlink.codec import Encoder
+from ridlink.technologies import TECHNOLOGIES
 from ridlink.units import dege7_from_deg
-from sitl_sim.radio import MAX_SUBSCRIBERS, TECHNOLOGIES, Air
+from sitl_sim.radio import MAX_SUBSCRIBERS, Air
 
 HOME = Geodetic(47.0, 8.0, 400.0)
 
