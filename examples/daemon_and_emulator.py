@@ -14,7 +14,8 @@ from ridlink.geodesy import geodetic_from_ned
 from ridlink.links import parse_link_url
 from ridlink.scenario import Scenario, VehicleSpec
 from sitl_sim.autopilot import Start
-from sitl_sim.server import FleetConfig, FleetServer
+from sitl_sim.fleet_config import FleetConfig
+from sitl_sim.server import FleetServer
 
 SCENARIO = Scenario(
     name="two",

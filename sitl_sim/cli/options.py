@@ -11,7 +11,7 @@ import click
 
 if TYPE_CHECKING:
     from sitl_sim.autopilot import Start
-    from sitl_sim.server import FleetConfig
+    from sitl_sim.fleet_config import FleetConfig
 
 AUTOPILOTS = ("px4", "ardupilot", "ideal")
 GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
@@ -97,7 +97,7 @@ def fleet_config(fleet: dict[str, Any], start: Start, **ports_and_more: Any) -> 
         ConfigError: If a figure is out of range.
     """
     from ridlink.geodesy import Geodetic
-    from sitl_sim.server import DEFAULT_HOME, FleetConfig
+    from sitl_sim.fleet_config import DEFAULT_HOME, FleetConfig
 
     return FleetConfig(
         seed=fleet["seed"],

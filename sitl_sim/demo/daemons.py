@@ -28,7 +28,7 @@ from ridlink.scenario import Scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 from ridlink.setpoint import VelocityLimits
-from sitl_sim.server import HOST, FleetConfig, FleetPorts
+from sitl_sim.fleet_config import HOST, FleetConfig, FleetPorts
 
 READY_TIMEOUT_S = 90.0
 """Compiling the kernels for the first time takes its time, twenty-four processes that load them do, too."""

@@ -10,7 +10,7 @@ from ridlink.errors import ConfigError
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 from sitl_sim.autopilot import Start
-from sitl_sim.server import FleetConfig
+from sitl_sim.fleet_config import FleetConfig
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,8 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.scenario import Scenario, VehicleSpec, built_in
 from sitl_sim.autopilot import Start
-from sitl_sim.server import FleetConfig, FleetServer
+from sitl_sim.fleet_config import FleetConfig
+from sitl_sim.server import FleetServer
 
 CLIENT = Path(__file__).with_name("mavutil_client.py")
 PATIENCE_S = 10.0

@@ -16,7 +16,7 @@ from sitl_sim.autopilot import Start
 from sitl_sim.demo.flight import fly
 from sitl_sim.demo.options import DemoOptions, any_free_ports
 from sitl_sim.demo.screen import Screen
-from sitl_sim.server import FleetConfig
+from sitl_sim.fleet_config import FleetConfig
 
 GROWTH_MB = 20.0
 

@@ -1,0 +1,94 @@
+"""How a scenario is put on the network: who flies it, with which receiver and radio, on which ports."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ridlink.errors import ConfigError
+from ridlink.geodesy import Geodetic
+from sitl_sim.autopilot import FLAVOURS, Start
+from sitl_sim.gnss import ERROR_MODELS, ErrorModel
+
+HOST = "127.0.0.1"
+
+DEFAULT_HOME = Geodetic(47.397742, 8.545594, 488.0)
+"""Where PX4's own simulations take off."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetConfig:
+    """How a scenario is put on the network.
+
+    Args:
+        seed: Seed of every chance in it.
+        autopilot: "px4", "ardupilot" or "ideal". Who has arrived lands; with "ideal" it is gone at once, as in the
+            paper.
+        gnss: How sigma becomes an error; the default wanders as real receivers do.
+        sigma_m: One standard deviation per axis, for vehicles of which the scenario says nothing.
+        start: How the fleet begins.
+        remote_id: Whether vehicles broadcast by themselves; False leaves it to their daemons.
+        technology: Way of broadcasting, see ``ridlink.technologies``.
+        range_m, loss: Radio range and share lost; None: the technology's.
+        home: Where the scenario's origin lies.
+        vehicle_port: Port of the first vehicle; 0: the kernel chooses all of them.
+        companion_port: Where the first vehicle sends its telemetry unasked; 0: nowhere.
+        air_port: Port of the air; 0: the kernel chooses.
+
+    Raises:
+        ConfigError: If a figure is out of range.
+    """
+
+    seed: int = 1
+    autopilot: str = "px4"
+    gnss: ErrorModel = "gauss-markov"
+    sigma_m: float = 3.5
+    start: Start = Start.GROUND
+    remote_id: bool = True
+    technology: str = "ideal"
+    range_m: float | None = None
+    loss: float | None = None
+    home: Geodetic = DEFAULT_HOME
+    vehicle_port: int = 14580
+    companion_port: int = 14540
+    air_port: int = 14650
+
+    def __post_init__(self) -> None:
+        if self.autopilot not in FLAVOURS:
+            raise ConfigError(f"unknown autopilot '{self.autopilot}': known are {', '.join(FLAVOURS)}")
+        if self.gnss not in ERROR_MODELS:
+            raise ConfigError(f"unknown GNSS error model '{self.gnss}': known are {', '.join(ERROR_MODELS)}")
+        if self.seed < 0:
+            raise ConfigError(f"the seed must not be negative, not {self.seed}")
+        if not (math.isfinite(self.sigma_m) and self.sigma_m >= 0.0):
+            raise ConfigError(f"sigma must be finite and not negative, not {self.sigma_m}")
+        home = self.home
+        if not (abs(home.latitude_deg) <= 90.0 and abs(home.longitude_deg) <= 180.0 and math.isfinite(home.altitude_m)):
+            raise ConfigError(f"no such home: {home.latitude_deg}, {home.longitude_deg}, {home.altitude_m}")
+
+    def check_ports(self, vehicles: int) -> None:
+        """Every port is somebody's alone.
+
+        Raises:
+            ConfigError: If the ports of so many vehicles overlap, or there are not so many ports.
+        """
+        blocks = [("vehicle", self.vehicle_port, vehicles), ("companion", self.companion_port, vehicles)]
+        blocks = [block for block in [*blocks, ("air", self.air_port, 1)] if block[1] and block[2]]
+        for name, first, count in blocks:
+            if not (first > 0 and first + count - 1 <= 65535):
+                raise ConfigError(f"the {name} port must be between 1 and {65536 - count}, not {first}")
+        for at, (name, first, count) in enumerate(blocks):
+            for other, other_first, other_count in blocks[at + 1 :]:
+                if first < other_first + other_count and other_first < first + count:
+                    raise ConfigError(
+                        f"{vehicles} vehicles: the {name} ports from {first} and the {other} ports from {other_first} "
+                        "overlap; move them with --vehicle-port, --companion-port or --air-port"
+                    )
+
+
+@dataclass(frozen=True, slots=True)
+class FleetPorts:
+    """UDP ports as bound: one a vehicle in the order of system ids, and the air's."""
+
+    vehicles: tuple[int, ...]
+    air: int
