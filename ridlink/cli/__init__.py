@@ -33,6 +33,7 @@ COMMANDS = {
     "decode": "ridlink.cli.decode:decode",
     "dialect": "ridlink.cli.dialect:dialect",
     "encode": "ridlink.cli.encode:encode",
+    "impair": "ridlink.cli.impair:impair",
     "record": "ridlink.cli.record:record",
     "replay": "ridlink.cli.replay:replay",
 }

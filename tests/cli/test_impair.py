@@ -1,0 +1,50 @@
+"""``ridlink impair`` between two sockets."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import socket
+import subprocess
+import sys
+
+import pytest
+
+
+def test_it_carries_until_a_signal_and_says_what_it_did() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as far:
+        far.bind(("127.0.0.1", 0))
+        far.settimeout(20.0)
+        command = [sys.executable, "-m", "ridlink", "impair", "--listen", "udpin:127.0.0.1:0"]
+        command += ["--to", f"udpout:127.0.0.1:{far.getsockname()[1]}", "--duplicate", "1", "--json"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None and process.stderr is not None
+            said = re.search(r"udpin:127\.0\.0\.1:(\d+) leads to", process.stderr.readline())
+            assert said is not None
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as near:
+                near.sendto(b"hello", ("127.0.0.1", int(said[1])))
+                assert [far.recv(100), far.recv(100)] == [b"hello", b"hello"]
+            process.send_signal(signal.SIGTERM)
+            summary = json.loads(process.stdout.read())
+            assert process.wait(10) == 0
+    assert summary["there"] == {"received": 1, "passed": 2, "duplicated": 1}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["--listen", "udp:127.0.0.1:1", "--to", "udpout:127.0.0.1:9"], 2, "udpin:127.0.0.1:1"),
+        (["--listen", "udpin:127.0.0.1:0", "--to", "udpout:127.0.0.1:9", "--loss", "30"], 2, "30 % is 0.3"),
+        (["--listen", "udpin:127.0.0.1:0", "--to", "udpout:127.0.0.1:9", "--rate", "nan"], 2, "rate nan"),
+        (["--listen", "udpin:127.0.0.1:0"], 2, "--to"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], code: int, says: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "ridlink", "impair", *arguments], capture_output=True, text=True, timeout=30
+    )
+    assert done.returncode == code
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not done.stdout
