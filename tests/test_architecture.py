@@ -34,6 +34,7 @@ LAYERS = {
     "ridlink.captures": 5,
     "ridlink.links": 6,
     "ridlink.impair": 6,
+    "ridlink.doctor": 6,
     "ridlink.daemon": 6,
     "ridlink.campaign_runner": 6,
     "ridlink.cli": 7,

@@ -32,6 +32,7 @@ COMMANDS = {
     "campaign": "ridlink.cli.campaign:campaign",
     "decode": "ridlink.cli.decode:decode",
     "dialect": "ridlink.cli.dialect:dialect",
+    "doctor": "ridlink.cli.doctor:doctor",
     "encode": "ridlink.cli.encode:encode",
     "impair": "ridlink.cli.impair:impair",
     "record": "ridlink.cli.record:record",
