@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOUR_OF = dict(zip(DEFINITION_NAMES, COLOURS, strict=True))
-MARKERS = dict(zip(DEFINITION_NAMES, "osv^DP", strict=True))
+COLOUR_OF = dict(zip(DEFINITION_NAMES, (*COLOURS, GREY), strict=True))
+MARKERS = dict(zip(DEFINITION_NAMES, "osv^DPX", strict=True))
 WHISKERS = (5.0, 95.0)
 
-Panels = dict[tuple[str, str, str], list[int]]
+Panels = dict[tuple[Any, ...], list[int]]
 
 
 def draw_campaign(flown: Sequence[FlownCell], judged: Sequence[JudgedCell], folder: Path) -> dict[str, list[Path]]:
@@ -122,8 +122,8 @@ def _grid(panels: Panels) -> tuple[Figure, list[Axes]]:
     every = list(np.ravel(grid))
     for axes in every[len(panels) :]:
         axes.set_visible(False)
-    for axes, (scenario, gnss, solver) in zip(every, panels, strict=False):
-        axes.set_title(f"{scenario}, {gnss}, {solver}", fontsize=9.5)
+    for axes, key in zip(every, panels, strict=False):
+        axes.set_title(", ".join(map(str, key[:4])), fontsize=9.5)
     return figure, every[: len(panels)]
 
 

@@ -31,6 +31,11 @@ class Source(IntEnum):
 
     FLEET = 1
     POSITION = 2
+    MIX = 3
+    RADIO = 4
+    COMMON = 5
+    BIAS = 6
+    PHASE = 7
 
 
 class ErrorModel(StrEnum):
@@ -39,7 +44,7 @@ class ErrorModel(StrEnum):
     WHITE_RADIAL: the paper's, `|N(0, sigma^2)| (cos phi, sin phi)`, new in every report. Its radius is half-normal, so
         one axis has a standard deviation of sigma / sqrt(2) only.
     WHITE: normal on each axis, new in every report.
-    GAUSS_MARKOV: normal on each axis, correlated over 10 s.
+    GAUSS_MARKOV: normal on each axis, correlated over 10 s unless said otherwise.
     BIAS: normal on each axis, one draw for the whole flight.
     """
 
@@ -62,21 +67,53 @@ class Fleet:
     speed_mps: FloatArray
 
 
-def draw_fleet(count: int, seed: int, run: int) -> Fleet:
-    """The fleet of the paper: AF ~ U(0.1, 7.5) m, V ~ N(30.7, 5.1^2) m/s drawn again until within [10, 51.5].
+def draw_fleet(count: int, seed: int, run: int, category: int | None = None) -> Fleet:
+    """A fleet: AF ~ U(0.1, 7.5) m, and normal cruise speeds, drawn again while out of range.
 
     Source: Tables III and IV, Eq. 4. The paper names category 3, whose maximum is 30.7 m/s; only with that as the mean
     do its mission times come out.
+
+    Args:
+        count: Number of vehicles.
+        seed: Seed of the campaign.
+        run: Number of the run.
+        category: Column of Table III: speeds about V_c, from a third of it to V_max. None: the paper's simulation,
+            V ~ N(30.7, 5.1^2) m/s within [10, 51.5].
     """
     random = generator(seed, run, Source.FLEET)
-    mean, sigma = CATEGORIES[3].max_speed_mps, CATEGORIES[3].speed_sigma_mps
+    if category is None:
+        mean, sigma = CATEGORIES[3].max_speed_mps, CATEGORIES[3].speed_sigma_mps
+        slowest, fastest = PAPER_SPEED_RANGE_MPS
+    else:
+        drawn = CATEGORIES[category]
+        mean, sigma = drawn.cruise_speed_mps, drawn.speed_sigma_mps
+        slowest, fastest = mean / 3.0, drawn.max_speed_mps
     airframe, speed = np.empty(count), np.empty(count)
     for k in range(count):
         airframe[k] = random.uniform(MIN_AIRFRAME_M, MAX_AIRFRAME_M)
         speed[k] = random.normal(mean, sigma)
-        while not PAPER_SPEED_RANGE_MPS[0] <= speed[k] <= PAPER_SPEED_RANGE_MPS[1]:
+        while not slowest <= speed[k] <= fastest:
             speed[k] = random.normal(mean, sigma)
     return Fleet(airframe, speed)
+
+
+@dataclass(frozen=True, slots=True)
+class Mix:
+    """Who in the fleet of one run is different, shape (N,) each.
+
+    Attributes:
+        stock: Senders of standard Remote ID only.
+        unresponsive: Who avoids nobody, and says so by saying nothing.
+    """
+
+    stock: NDArray[np.bool_]
+    unresponsive: NDArray[np.bool_]
+
+
+def draw_mix(count: int, seed: int, run: int, *, stock_share: float, unresponsive_share: float) -> Mix:
+    """Each vehicle is different with these probabilities; a larger share adds to those of a smaller one."""
+    drawn = generator(seed, run, Source.MIX).random((2, count))
+    return Mix(drawn[0] < stock_share, drawn[1] < unresponsive_share)
 
 
 class PositionErrors:
@@ -89,24 +126,58 @@ class PositionErrors:
         seed: Seed of the campaign.
         runs: The runs of the batch, W of them.
         interval_s: Time between two reports.
+        correlation_s: Time constant of the Gauss-Markov errors.
+        common_share: Part of the variance that all vehicles of a run share, as those who see the same satellites do.
+        bias_m: Standard deviation per axis of an offset on top that lasts the whole flight and that nobody knows of.
     """
+
+    def __init__(
+        self, model: ErrorModel, sigma_m: float | FloatArray, *, count: int, seed: int, runs: range, interval_s: float,
+        correlation_s: float = CORRELATION_TIME_S, common_share: float = 0.0, bias_m: float = 0.0,
+    ) -> None:  # fmt: skip
+        sigma: FloatArray = np.broadcast_to(np.asarray(sigma_m, dtype=np.float64), (count,))
+        keep = math.exp(-interval_s / correlation_s)
+
+        def walk(source: Source, size_m: FloatArray) -> _Walk:
+            return _Walk(ErrorModel(model), size_m, [generator(seed, run, source) for run in runs], keep)
+
+        self._own = walk(Source.POSITION, math.sqrt(1.0 - common_share) * sigma)
+        self._common = walk(Source.COMMON, np.ones(1)) if common_share > 0.0 else None
+        self._common_m = math.sqrt(common_share) * sigma[:, None]
+        self._bias: FloatArray | None = None
+        if bias_m > 0.0:
+            drawn = [generator(seed, run, Source.BIAS).standard_normal((count, 2)) for run in runs]
+            self._bias = bias_m * np.stack(drawn)
+
+    def next(self) -> FloatArray:
+        """Errors of the next report, shape (W, N, 2)."""
+        errors = self._own.next()
+        if self._common is not None:
+            errors = errors + self._common_m * self._common.next()
+        return errors if self._bias is None else errors + self._bias
+
+    def keep(self, runs: NDArray[np.bool_]) -> None:
+        """Go on with some runs of the batch only."""
+        self._own.keep(runs)
+        if self._common is not None:
+            self._common.keep(runs)
+        if self._bias is not None:
+            self._bias = self._bias[runs]
+
+
+class _Walk:
+    """Errors of so many vehicles as there are sizes, from one generator a run."""
 
     _BLOCK = 32
 
-    def __init__(
-        self, model: ErrorModel, sigma_m: float | FloatArray, *, count: int, seed: int, runs: range, interval_s: float
-    ) -> None:
-        self._model = ErrorModel(model)
-        self._sigma_m: FloatArray = np.broadcast_to(np.asarray(sigma_m, dtype=np.float64), (count,))
-        self._count = count
-        self._random = [generator(seed, run, Source.POSITION) for run in runs]
-        self._keep = math.exp(-interval_s / CORRELATION_TIME_S)
+    def __init__(self, model: ErrorModel, size_m: FloatArray, random: list[np.random.Generator], keep: float) -> None:
+        self._model, self._size_m, self._random, self._keep = model, size_m, random, keep
         self._drawn = np.empty((0, 0, 0, 2))
         self._next = 0
         self._present: FloatArray | None = None
 
     def next(self) -> FloatArray:
-        """Errors of the next report, shape (W, N, 2)."""
+        """Shape (W, N, 2)."""
         if self._model is ErrorModel.BIAS and self._present is not None:
             return self._present
         if self._next == self._drawn.shape[1]:
@@ -128,9 +199,9 @@ class PositionErrors:
 
     def _block(self, random: np.random.Generator) -> FloatArray:
         """Draws of one run for the next reports, shape (block, N, 2)."""
-        shape = (self._BLOCK, self._count)
+        shape = (self._BLOCK, len(self._size_m))
         if self._model is not ErrorModel.WHITE_RADIAL:
-            return self._sigma_m[:, None] * random.standard_normal((*shape, 2))
-        radius = self._sigma_m * np.abs(random.standard_normal(shape))
+            return self._size_m[:, None] * random.standard_normal((*shape, 2))
+        radius = self._size_m * np.abs(random.standard_normal(shape))
         angle = random.uniform(0.0, 2.0 * math.pi, shape)
         return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)

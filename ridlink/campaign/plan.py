@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings, SolverKind
-from ridlink.campaign.chance import ErrorModel
+from ridlink.campaign.chance import CORRELATION_TIME_S, ErrorModel
+from ridlink.campaign.link import PERFECT, Link
+from ridlink.campaign.response import Dynamics
 from ridlink.campaign.scene import Scene
 from ridlink.remote_id.accuracy import AccuracyConvention, code_of_three_sigma, three_sigma_bound_m
 from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
 from ridlink.separation.definitions import Definition
+from ridlink.separation.reference import CATEGORIES, REPORT_INTERVAL_S
 
 Settings = HalfplaneSettings | GradedSettings | RotationSettings
 
@@ -25,9 +30,42 @@ IDEAL_HALFPLANES = HalfplaneSettings(
 """For vehicles that obey at once."""
 
 
+BASELINE = "none"
+"""Name of the definition under which nobody avoids anybody."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Names and figures in which the cells of one campaign differ.
+
+    Attributes:
+        scenario: Name of the scene.
+        definition: What sizes the discs; `none` where nobody avoids.
+        gnss: How sigma becomes a position error.
+        solver: Who decides.
+        dynamics: How vehicles answer.
+        sigma_m: Standard deviation of vehicles of which the scene says nothing.
+        interval_s: Time between two reports.
+        loss: Share of reports that a receiver misses.
+    """
+
+    scenario: str
+    definition: str
+    gnss: str
+    solver: str
+    dynamics: str
+    sigma_m: float
+    interval_s: float
+    loss: float
+
+    def under(self, definition: str) -> Cell:
+        """The same cell under another definition."""
+        return replace(self, definition=definition)
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """One cell of a campaign's table. Vehicles obey at once.
+    """One cell of a campaign's table.
 
     Args:
         scene: Geometry.
@@ -43,10 +81,23 @@ class Plan:
         chance_bound: Of the definition `chance`: form of the constraint.
         seed: Seed of the campaign.
         duration_s: Cut-off.
-        interval_s: Time between two reports and two decisions.
+        interval_s: Time between two reports, and between two decisions unless `step_s` is given.
         range_m: Vehicles further than this are not heard.
         arrived_m: A vehicle this close to its goal has arrived, and leaves the picture.
         swept: Judge collisions between the instants, too, and not at them alone.
+        dynamics: How vehicles answer.
+        link: What becomes of reports on their way.
+        step_s: Time between two decisions; None: `interval_s`.
+        displaced_s: Time of flight that the discs allow for; None: `interval_s`, as in the paper's Eq. 7. The daemon
+            allows for 0.1 s and for the age of each report.
+        category: Of Table III, for the fleets that are drawn; None: the paper's simulation.
+        stock_share: Share of vehicles, besides those that the scene names, that send standard Remote ID only.
+        unresponsive_share: Share of vehicles, besides those that the scene names, that avoid nobody.
+        nobody_avoids: The baseline: everybody flies straight on.
+        correlation_s: Time constant of the Gauss-Markov errors.
+        common_share: Part of the variance of the errors that all vehicles share.
+        bias_m: Standard deviation per axis of an offset for the whole flight that no reported bound covers.
+        solver_name: In tables, instead of the solver's.
 
     Raises:
         ValueError: If a value is not finite or out of range; it is named.
@@ -68,20 +119,54 @@ class Plan:
     range_m: float = 400.0
     arrived_m: float = 5.0
     swept: bool = False
+    dynamics: Dynamics = Dynamics.IDEAL
+    link: Link = PERFECT
+    step_s: float | None = None
+    displaced_s: float | None = None
+    category: int | None = None
+    stock_share: float = 0.0
+    unresponsive_share: float = 0.0
+    nobody_avoids: bool = False
+    correlation_s: float = CORRELATION_TIME_S
+    common_share: float = 0.0
+    bias_m: float = 0.0
+    solver_name: str | None = None
 
     def __post_init__(self) -> None:
-        for name in ("duration_s", "interval_s", "range_m", "arrived_m"):
+        for name in ("duration_s", "interval_s", "range_m", "arrived_m", "step_s", "correlation_s"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
+            if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be positive and finite, got {value}")
-        for name in ("sigma_m", "bound_sigmas", "obstacle_bound_m"):
+        for name in ("sigma_m", "bound_sigmas", "obstacle_bound_m", "displaced_s", "bias_m"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name} must be finite and not negative, got {value}")
+        for name in ("stock_share", "unresponsive_share", "common_share"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must lie within 0 and 1, got {getattr(self, name)}")
+        if self.category not in (None, *CATEGORIES):
+            raise ValueError(f"category must be one of {', '.join(map(str, CATEGORIES))}, got {self.category}")
         if self.seed < 0:
             raise ValueError(f"seed must not be negative, got {self.seed}")
         object.__setattr__(self, "definition", Definition(self.definition))
         object.__setattr__(self, "errors", ErrorModel(self.errors))
+        object.__setattr__(self, "dynamics", Dynamics(self.dynamics))
+
+    @property
+    def cell(self) -> Cell:
+        """What tells this plan from the others of its campaign."""
+        return Cell(
+            self.scene.name, BASELINE if self.nobody_avoids else str(self.definition), str(self.errors),
+            self.solver_name or str(self.solver), str(self.dynamics), self.sigma_m, self.interval_s, self.link.loss,
+        )  # fmt: skip
+
+    @property
+    def is_heard_at_once(self) -> bool:
+        """Whether everybody hears every report as it is sent, decides on it, and flies as decided: one picture for all.
+        The way to fly such a plan is the faster one."""
+        mixed = self.stock_share > 0.0 or self.unresponsive_share > 0.0
+        same_step = self.step_s in (None, self.interval_s) and self.displaced_s in (None, self.interval_s)
+        return self.dynamics is Dynamics.IDEAL and self.link.is_perfect and same_step and not mixed
 
     @property
     def solver(self) -> SolverKind:
@@ -99,6 +184,13 @@ class Plan:
     def accuracy_bound_m(self) -> float:
         """What of that is left in the accuracy code of standard Remote ID; NaN where the code is "unknown"."""
         return coded_bound_m(self.error_bound_m)
+
+
+def baseline(plan: Plan) -> Plan:
+    """The same flights with nobody avoiding anybody: everybody flies straight on."""
+    nobody = np.zeros(len(plan.scene), np.bool_)
+    step_s = min(plan.step_s or plan.interval_s, REPORT_INTERVAL_S)
+    return replace(plan, scene=replace(plan.scene, cooperative=nobody), nobody_avoids=True, step_s=step_s)
 
 
 def coded_bound_m(error_bound_m: float) -> float:

@@ -5,6 +5,7 @@ Runs are independent of each other, the flights of one run are not: whatever is 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,10 +95,8 @@ def bootstrap_medians(values: FloatArray, run: NDArray[np.int64], runs: int, see
         return Medians(float("nan"), np.full(RESAMPLES, np.nan))
     order = np.argsort(values, kind="stable")
     ranked, owner = values[order], run[order]
-    random = np.random.default_rng(seed)
     medians = np.empty(RESAMPLES)
-    for first in range(0, RESAMPLES, _AT_A_TIME):
-        weight = random.multinomial(runs, np.full(runs, 1.0 / runs), size=_AT_A_TIME)
+    for first, weight in _resampled(runs, seed):
         upto = np.cumsum(weight[:, owner], axis=1)
         for k, sums in enumerate(upto, start=first):
             total = int(sums[-1])
@@ -107,3 +106,96 @@ def bootstrap_medians(values: FloatArray, run: NDArray[np.int64], runs: int, see
             lower, upper = np.searchsorted(sums, [(total + 1) // 2, total // 2 + 1])
             medians[k] = (ranked[lower] + ranked[upper]) / 2.0
     return Medians(float(np.median(values)), medians)
+
+
+def bootstrap_totals(counts: NDArray[np.int64], seed: int) -> FloatArray:
+    """Totals of campaigns resampled from the same runs, shape (RESAMPLES,).
+
+    Args:
+        counts: What was counted in each run, shape (runs,).
+        seed: Seed of the resampling; equal ones resample the same runs as `bootstrap_medians` does.
+    """
+    totals = np.empty(RESAMPLES)
+    for first, weight in _resampled(len(counts), seed):
+        totals[first : first + len(weight)] = weight @ counts
+    return totals
+
+
+def _resampled(runs: int, seed: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """How often each run is in a resampled campaign, in parts: number of the first one, shape (part, runs)."""
+    random = np.random.default_rng(seed)
+    for first in range(0, RESAMPLES, _AT_A_TIME):
+        yield first, random.multinomial(runs, np.full(runs, 1.0 / runs), size=_AT_A_TIME)
+
+
+def risk_ratio(
+    collided: NDArray[np.bool_], reference: NDArray[np.bool_], seed: int
+) -> tuple[float | None, Interval | None]:
+    """Share in a collision by that of a reference flown on the same runs, with its interval.
+
+    The interval is that of the resampled runs. Where nobody collided every resampled ratio is zero and says nothing:
+    there the upper end is the bound of the one share by the lower bound of the other, which is on the safe side.
+
+    Args:
+        collided: Who collided, shape (runs, vehicles).
+        reference: Who did in the reference, same shape.
+        seed: Seed of the resampling.
+
+    Returns:
+        Both None where nobody collided in the reference.
+    """
+    if not reference.any():
+        return None, None
+    ratio = float(collided.mean() / reference.mean())
+    if not collided.any():
+        high = clopper_pearson(0, collided.size)[1] / clopper_pearson(int(reference.sum()), reference.size)[0]
+        return ratio, (0.0, high)
+    totals, others = (bootstrap_totals(each.sum(axis=1), seed) for each in (collided, reference))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return ratio, percentile_interval(totals / others)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One cell against another on the same runs; None where one of them has nothing to tell.
+
+    Attributes:
+        median_s: Median time less that of the other.
+        median_ci95: Bootstrap interval of it, the same runs resampled in both.
+        median_ratio: Ratio of the medians.
+        median_ratio_ci95: Interval of it.
+        mac_rate: Share in a collision less that of the other.
+        mac_rate_ci95: Interval of it.
+    """
+
+    median_s: float | None
+    median_ci95: Interval | None
+    median_ratio: float | None
+    median_ratio_ci95: Interval | None
+    mac_rate: float
+    mac_rate_ci95: Interval | None
+
+
+def paired_difference(
+    medians: Medians, collided: NDArray[np.bool_], other_medians: Medians, other_collided: NDArray[np.bool_], seed: int
+) -> Difference:
+    """One cell against another, run by run.
+
+    Args:
+        medians: Mission times of the one, resampled with that seed.
+        collided: Who collided in it, shape (runs, vehicles).
+        other_medians: The same of the other.
+        other_collided: The same of the other.
+        seed: Seed of the resampling.
+    """
+    comparable = np.isfinite(medians.median) and np.isfinite(other_medians.median)
+    extra = collided.sum(axis=1) - other_collided.sum(axis=1)
+    resampled = bootstrap_totals(extra, seed) / collided.size
+    return Difference(
+        medians.median - other_medians.median if comparable else None,
+        percentile_interval(medians.resampled - other_medians.resampled) if comparable else None,
+        medians.median / other_medians.median if comparable else None,
+        percentile_interval(medians.resampled / other_medians.resampled) if comparable else None,
+        float(extra.sum() / collided.size),
+        percentile_interval(resampled),
+    )

@@ -13,13 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.campaign.plan import Plan
-from ridlink.campaign.statistics import Interval, Medians, bootstrap_medians, clopper_pearson
+from ridlink.campaign.plan import BASELINE, Plan
+from ridlink.campaign.statistics import Interval, Medians, bootstrap_medians, clopper_pearson, risk_ratio
 from ridlink.campaign.worlds import Outcomes
 from ridlink.separation.definitions import Definition
-
-DYNAMICS = "ideal"
-"""Vehicles obey at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +43,11 @@ class Row:
         min_separation_m: Smallest true distance of two centres.
         min_margin_m: The same less the MAC radius of the pair, the smallest over all pairs.
         infeasible_share: Decisions in which no velocity met every constraint.
+        sigma_m: Standard deviation of the errors, where the scene says nothing.
+        interval_s: Time between two reports.
+        loss: Share of reports that a receiver misses.
+        risk_ratio: Share in a collision by that without avoidance (definition `none`) in the same runs.
+        risk_ratio_ci95: Interval of it.
     """
 
     scenario: str
@@ -67,6 +69,11 @@ class Row:
     min_separation_m: float | None
     min_margin_m: float | None
     infeasible_share: float
+    sigma_m: float
+    interval_s: float
+    loss: float
+    risk_ratio: float | None
+    risk_ratio_ci95: Interval | None
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -75,16 +82,14 @@ class Row:
 
 def table_rows(cells: Sequence[tuple[Plan, Outcomes]]) -> list[Row]:
     """Rows of all cells, in their order."""
-    medians = [mission_medians(plan, outcomes) for plan, outcomes in cells]
-    reference = {
-        _but_definition(plan): found.median
-        for (plan, _), found in zip(cells, medians, strict=True)
-        if plan.definition is Definition.SNMAC
-    }
-    return [
-        _row(plan, outcomes, found, reference.get(_but_definition(plan)))
-        for (plan, outcomes), found in zip(cells, medians, strict=True)
-    ]
+    medians = {plan.cell: mission_medians(plan, outcomes) for plan, outcomes in cells}
+    flown = {plan.cell: outcomes for plan, outcomes in cells}
+    rows = []
+    for plan, outcomes in cells:
+        snmac = medians.get(plan.cell.under(Definition.SNMAC))
+        nobody = flown.get(plan.cell.under(BASELINE))
+        rows.append(_row(plan, outcomes, medians[plan.cell], snmac, nobody))
+    return rows
 
 
 def mission_medians(plan: Plan, outcomes: Outcomes) -> Medians:
@@ -93,23 +98,25 @@ def mission_medians(plan: Plan, outcomes: Outcomes) -> Medians:
     return bootstrap_medians(outcomes.mission_s, run, len(outcomes.run), plan.seed)
 
 
-def _but_definition(plan: Plan) -> tuple[str, str, str]:
-    return plan.scene.name, str(plan.errors), str(plan.solver)
-
-
-def _row(plan: Plan, outcomes: Outcomes, medians: Medians, snmac_s: float | None) -> Row:
-    times = outcomes.mission_s
+def _row(plan: Plan, outcomes: Outcomes, medians: Medians, snmac: Medians | None, nobody: Outcomes | None) -> Row:
+    times, cell = outcomes.mission_s, plan.cell
     median_s = _finite(medians.median)
-    ratio = None if median_s is None or not snmac_s or math.isnan(snmac_s) else median_s / snmac_s
+    ratio = None
+    if median_s is not None and snmac is not None and _finite(snmac.median):
+        ratio = median_s / snmac.median
+    risk, risk_ci95 = (None, None)
+    if nobody is not None and not plan.nobody_avoids:
+        risk, risk_ci95 = risk_ratio(outcomes.collided, nobody.collided, plan.seed)
     return Row(
-        scenario=plan.scene.name, definition=str(plan.definition), gnss=str(plan.errors), solver=str(plan.solver),
-        dynamics=DYNAMICS, runs=len(outcomes.run), flights=outcomes.flights, arrived=outcomes.arrived,
+        scenario=cell.scenario, definition=cell.definition, gnss=cell.gnss, solver=cell.solver,
+        dynamics=cell.dynamics, runs=len(outcomes.run), flights=outcomes.flights, arrived=outcomes.arrived,
         unfinished=outcomes.unfinished, macs=outcomes.macs, mac_rate=outcomes.macs / outcomes.flights,
         mac_rate_ci95=clopper_pearson(outcomes.macs, outcomes.flights), median_s=median_s,
         median_ci95=medians.interval, max_time_s=float(times.max()) if times.size else None, ratio_to_snmac=ratio,
         min_separation_m=_finite(float(outcomes.distance_m.min())),
         min_margin_m=_finite(float(outcomes.margin_m.min())),
         infeasible_share=int(outcomes.infeasible.sum()) / max(int(outcomes.decisions.sum()), 1),
+        sigma_m=cell.sigma_m, interval_s=cell.interval_s, loss=cell.loss, risk_ratio=risk, risk_ratio_ci95=risk_ci95,
     )  # fmt: skip
 
 

@@ -112,6 +112,7 @@ class Instant:
         command_ne_mps: How they fly from now on, shape (W, N, 2).
         present: Who is in the air, shape (W, N).
         airframe_m: Airframe sizes, shape (W, N).
+        sending: Who reports at this instant, shape (W, N); None: everybody in the air.
     """
 
     now_s: float
@@ -121,6 +122,7 @@ class Instant:
     command_ne_mps: FloatArray
     present: BoolArray
     airframe_m: FloatArray
+    sending: BoolArray | None = None
 
 
 def fly(
@@ -151,7 +153,7 @@ class _Batch:
     def __init__(self, plan: Plan, runs: range) -> None:
         scene = plan.scene
         shape = (len(runs), len(scene))
-        fleets = [draw_fleet(len(scene), plan.seed, run) for run in runs]
+        fleets = [draw_fleet(len(scene), plan.seed, run, plan.category) for run in runs]
         drawn_airframe = np.stack([fleet.airframe_m for fleet in fleets])
         drawn_speed = np.stack([fleet.speed_mps for fleet in fleets])
         self.plan = plan
@@ -166,8 +168,9 @@ class _Batch:
         self.velocity = course * self.speed_mps[..., None]
         self.present = np.ones(shape, np.bool_)
         self.errors = PositionErrors(
-            plan.errors, self.sigma_m, count=shape[1], seed=plan.seed, runs=runs, interval_s=plan.interval_s
-        )
+            plan.errors, self.sigma_m, count=shape[1], seed=plan.seed, runs=runs, interval_s=plan.interval_s,
+            correlation_s=plan.correlation_s, common_share=plan.common_share, bias_m=plan.bias_m,
+        )  # fmt: skip
         self.decider = new_decider(plan.settings, shape, self.obstacles)
         still = self._discs(0.0)
         self.still_m, self.error_sum_m = np.ascontiguousarray(still.radius_m), np.ascontiguousarray(still.error_sum_m)
@@ -253,7 +256,7 @@ class _Batch:
         own[..., rows.CLEARANCE] = self._clearance(speed)
         heard = np.empty((*self.present.shape, 8))
         heard[..., 0:2], heard[..., 2:4], heard[..., 4:6], heard[..., 6] = self.reported, self.velocity, np.nan, 0.0
-        heard[..., 7] = scene.avoiding
+        heard[..., 7] = scene.avoiding & self.extended  # who does not speak the extension cannot say so
         deciding = self.present & scene.avoiding
         radius = self.still_m + self.displaced_s * (speed[:, :, None] + speed[:, None, :])
         result = self.decider.decide(own, deciding, heard, self.present, radius, self.error_sum_m, plan.range_m)

@@ -2,112 +2,228 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
+from itertools import product
 from typing import Any
 
+import numpy as np
+
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
-from ridlink.avoidance.types import SolverKind
-from ridlink.campaign.chance import ErrorModel
-from ridlink.campaign.plan import IDEAL_HALFPLANES, PAIR_READING_SIGMAS, Plan, graded_plan
+from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.campaign.chance import CORRELATION_TIME_S, ErrorModel
+from ridlink.campaign.link import Link
+from ridlink.campaign.plan import BASELINE, IDEAL_HALFPLANES, PAIR_READING_SIGMAS, Plan, baseline, graded_plan
+from ridlink.campaign.response import Dynamics
 from ridlink.campaign.scene import Scene, circle, scene_of, square
-from ridlink.campaign.table import DYNAMICS
 from ridlink.errors import ConfigError
 from ridlink.scenario import resolve_scenario
 from ridlink.separation.definitions import Definition
+from ridlink.separation.reference import CATEGORIES, REPORT_INTERVAL_S
+from ridlink.technologies import TECHNOLOGIES
 
 PAPER_DEFINITIONS = (Definition.SNMAC, Definition.REMOTE_ID, Definition.CANDIDATE1, Definition.CANDIDATE2)
 PAPER_SCENARIOS = ("circle8", "square24")
 
+DRAWN_SCENES: dict[str, Callable[[], Scene]] = {"circle8": circle, "square24": square}
+"""Scenes whose fleets are drawn; others say who flies."""
+
+GRADED: dict[str, Callable[[], GradedSettings]] = {
+    "graded": GradedSettings.g2, "g2": GradedSettings.g2, "k": GradedSettings.k, "k2": GradedSettings.k2,
+}  # fmt: skip
+"""Names of the graded solver with its constants."""
+
+SOLVERS = ("halfplane", *GRADED, "rotation")
+
+REAL_SPEED_MPS = 10.0
+"""Cruise speed of drawn fleets that answer as autopilots: the fastest at which their answers were measured."""
+
+SLOWEST_PACE = 0.25
+"""A flight is cut off after the time in which it would cover its way at this share of its speed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What all cells of a campaign have in common.
+
+    Args:
+        paper: The paper's simulation: error bounds of three sigma for a pair, not for each vehicle (not under
+            `graded`), decisions on every report and discs that allow for the time between two.
+        eta: Of the definition `chance`.
+        seed: Seed of everything.
+        technology: One of `TECHNOLOGIES`, for what is not said otherwise.
+        range_m: Radio range.
+        latency_s: Time from sending to hearing, between the two.
+        burst: Mean number of reports lost in a row; None: independently.
+        stock_share: Share of stock senders.
+        unresponsive_share: Share of vehicles that avoid nobody.
+        category: Of Table III, for drawn fleets.
+        speed_mps: Cruise speed of everybody, for drawn fleets.
+        correlation_s: Time constant of Gauss-Markov errors.
+        common_share: Part of the variance of the errors that all share.
+        bias_m: Offset for the whole flight that no bound covers, one standard deviation per axis.
+        filtered: Smooth reported positions; None: under `graded` only.
+    """
+
+    paper: bool = False
+    eta: float = 0.999
+    seed: int = 1
+    technology: str = "ideal"
+    range_m: float | None = None
+    latency_s: tuple[float, float] | None = None
+    burst: float | None = None
+    stock_share: float = 0.0
+    unresponsive_share: float = 0.0
+    category: int | None = None
+    speed_mps: float | None = None
+    correlation_s: float = CORRELATION_TIME_S
+    common_share: float = 0.0
+    bias_m: float = 0.0
+    filtered: bool | None = None
+
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The cells of a campaign: every scenario under every definition, kind of error and solver.
+    """The cells of a campaign: everything with everything.
 
     Args:
         scenarios: Names or paths of files.
-        definitions: What sizes the discs.
+        definitions: What sizes the discs, by names; `none` is the baseline without avoidance.
         gnss: How sigma becomes a position error.
-        solvers: Who decides.
-        paper: Error bounds as the paper reads them: three sigma for a pair, not for each vehicle; not under `graded`.
-        sigma_m: Standard deviation where the scenario says nothing.
-        eta: Of the definition `chance`.
-        seed: Seed of everything.
+        solvers: Who decides, by the names in `SOLVERS`.
+        dynamics: How vehicles answer.
+        sigmas_m: Standard deviations where the scenario says nothing.
+        intervals_s: Times between two reports; empty: the scenario's, and the technology's where that is longer.
+        losses: Shares of reports that are lost; empty: the technology's.
+        conditions: What is the same for all.
     """
 
     scenarios: tuple[str, ...]
-    definitions: tuple[Definition, ...]
+    definitions: tuple[str, ...]
     gnss: tuple[ErrorModel, ...]
-    solvers: tuple[SolverKind, ...]
-    paper: bool
-    sigma_m: float
-    eta: float
-    seed: int
+    solvers: tuple[str, ...]
+    dynamics: tuple[Dynamics, ...] = (Dynamics.IDEAL,)
+    sigmas_m: tuple[float, ...] = (10.0,)
+    intervals_s: tuple[float, ...] = ()
+    losses: tuple[float, ...] = ()
+    conditions: Conditions = field(default_factory=Conditions)
 
     def plans(self) -> list[Plan]:
         """One plan a cell.
 
         Raises:
-            ConfigError: If a scenario is unknown, wrong, or named like another.
+            ConfigError: If a scenario is unknown, wrong, or named like another, or figures contradict each other.
             OSError: If a file cannot be read.
         """
-        flown: dict[str, Plan] = {}
-        for name in self.scenarios:
-            template = self._template(name)
-            if template.scene.name in flown:
+        technology = TECHNOLOGIES[self.conditions.technology]
+        plans: dict[Any, Plan] = {}
+        named: dict[str, str] = {}
+        for name, sigma_m in product(dict.fromkeys(self.scenarios), self.sigmas_m):
+            template = self._template(name, sigma_m)
+            if named.setdefault(template.scene.name, name) != name:
                 raise ConfigError(f"two scenarios have the name '{template.scene.name}'; give each its own")
-            flown[template.scene.name] = template
-        return [
-            self._plan(template, definition, gnss, solver)
-            for template in flown.values()
-            for gnss in self.gnss
-            for solver in self.solvers
-            for definition in self.definitions
-        ]
+            for gnss, dynamics, interval_s, loss, solver, definition in product(
+                self.gnss, self.dynamics, self.intervals_s or (max(template.interval_s, technology.period_s),),
+                self.losses or (technology.loss,), self.solvers, self.definitions,
+            ):  # fmt: skip
+                plan = self._plan(replace(template, errors=gnss, dynamics=dynamics), interval_s, loss)
+                plan = self._solved(plan, solver)
+                plan = baseline(plan) if definition == BASELINE else replace(plan, definition=Definition(definition))
+                plans[plan.cell] = plan
+        return list(plans.values())
 
     def configuration(self, plans: Sequence[Plan], runs: int) -> dict[str, Any]:
         """Everything that the rows depend on."""
+        conditions = asdict(self.conditions)
         return {
             "ridlink": version("ridlink"),
-            "scenario": {plan.scene.name: _plain(plan) for plan in plans},
-            "definition": [str(each) for each in self.definitions],
+            "scenario": {
+                plan.scene.name: _plain(plan) for plan in sorted(plans, key=lambda plan: not plan.nobody_avoids)
+            },
+            "definition": list(self.definitions),
             "gnss": [str(each) for each in self.gnss],
-            "solver": [str(each) for each in self.solvers],
-            "dynamics": DYNAMICS,
-            "preset": "paper" if self.paper else None,
-            "sigma_m": self.sigma_m,
-            "eta": self.eta,
-            "seed": self.seed,
+            "solver": list(self.solvers),
+            "dynamics": [str(each) for each in self.dynamics],
+            "preset": "paper" if conditions.pop("paper") else None,
+            "sigma_m": list(self.sigmas_m),
+            "interval_s": list(dict.fromkeys(plan.interval_s for plan in plans)),
+            "loss": list(dict.fromkeys(plan.link.loss for plan in plans)),
+            **conditions,
             "runs": runs,
         }
 
-    def _template(self, name: str) -> Plan:
+    def _template(self, name: str, sigma_m: float) -> Plan:
         """Scene and times. The paper's scenes draw their fleets; others say who flies."""
-        base = Plan(circle(), sigma_m=self.sigma_m, eta=self.eta, seed=self.seed)
-        if name == "circle8":
-            return base
-        if name == "square24":
-            return replace(base, scene=square())
+        conditions = self.conditions
+        base = Plan(
+            circle(), sigma_m=sigma_m, eta=conditions.eta, seed=conditions.seed, category=conditions.category,
+            stock_share=conditions.stock_share, unresponsive_share=conditions.unresponsive_share,
+            correlation_s=conditions.correlation_s, common_share=conditions.common_share, bias_m=conditions.bias_m,
+            range_m=conditions.range_m or TECHNOLOGIES[conditions.technology].range_m,
+        )  # fmt: skip
+        if name in DRAWN_SCENES:
+            scene = DRAWN_SCENES[name]()
+            speed_mps = conditions.speed_mps
+            if speed_mps is None and conditions.category is None and set(self.dynamics) != {Dynamics.IDEAL}:
+                speed_mps = REAL_SPEED_MPS
+            pace_mps = CATEGORIES[conditions.category].cruise_speed_mps if conditions.category else speed_mps
+            if speed_mps is not None:
+                scene = replace(scene, speed_mps=np.full(len(scene), speed_mps))
+            if pace_mps is not None:
+                way_m = float(np.hypot(*(scene.goal_ne_m - scene.start_ne_m).T).max())
+                base = replace(base, duration_s=max(base.duration_s, round(way_m / (SLOWEST_PACE * pace_mps))))
+            return replace(base, scene=scene)
+        if conditions.speed_mps is not None or conditions.category is not None:
+            raise ConfigError(f"{name}: says itself who flies; --speed and --category go with {_either(DRAWN_SCENES)}")
         scenario = resolve_scenario(name)
-        scene: Scene = scene_of(scenario, self.sigma_m)
-        return replace(base, scene=scene, duration_s=scenario.duration_s, interval_s=scenario.interval_s)
-
-    def _plan(self, template: Plan, definition: Definition, gnss: ErrorModel, solver: SolverKind) -> Plan:
-        plan = replace(
-            template, definition=definition, errors=gnss, bound_sigmas=PAIR_READING_SIGMAS if self.paper else 3.0
+        return replace(
+            base, scene=scene_of(scenario, sigma_m), duration_s=scenario.duration_s, interval_s=scenario.interval_s
         )
-        if solver is SolverKind.ROTATION:
-            return replace(plan, settings=RotationSettings.paper())
-        if solver is SolverKind.HALFPLANE:
-            return replace(plan, settings=IDEAL_HALFPLANES)
-        sigma_m = self.sigma_m if plan.scene.sigma_m is None else float(plan.scene.sigma_m.max())
-        graded = graded_plan(plan.scene, GradedSettings.g2(), sigma_m=sigma_m)
+
+    def _plan(self, template: Plan, interval_s: float, loss: float) -> Plan:
+        """Times and losses of reports."""
+        conditions = self.conditions
+        technology = TECHNOLOGIES[conditions.technology]
+        try:
+            link = Link(loss, conditions.burst if loss > 0.0 else None, conditions.latency_s or technology.latency_s)
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+        plan = replace(template, interval_s=interval_s, link=link)
+        is_real = plan.dynamics is not Dynamics.IDEAL
+        if conditions.paper and not is_real:
+            return plan
+        step_s = REPORT_INTERVAL_S if is_real else min(interval_s, REPORT_INTERVAL_S)
+        return replace(plan, step_s=step_s, displaced_s=None if conditions.paper else REPORT_INTERVAL_S)
+
+    def _solved(self, plan: Plan, solver: str) -> Plan:
+        """The plan under one solver, with the constants that fit how its vehicles answer."""
+        conditions, is_ideal = self.conditions, plan.dynamics is Dynamics.IDEAL
+        plan = replace(
+            plan, bound_sigmas=PAIR_READING_SIGMAS if conditions.paper else 3.0, filtered=bool(conditions.filtered),
+            solver_name=solver,
+        )  # fmt: skip
+        if solver == "rotation":
+            return replace(plan, settings=RotationSettings.paper() if is_ideal else RotationSettings())
+        if solver == "halfplane":
+            return replace(plan, settings=IDEAL_HALFPLANES if is_ideal else HalfplaneSettings())
+        settings, real = GRADED[solver](), GradedSettings()
+        if not is_ideal:
+            settings = replace(
+                settings, response_time_s=real.response_time_s, smoothing=real.smoothing,
+                arrival_deceleration_mps2=real.arrival_deceleration_mps2,
+            )  # fmt: skip
+        sigma_m = plan.sigma_m if plan.scene.sigma_m is None else float(plan.scene.sigma_m.max())
+        graded = graded_plan(plan.scene, settings, sigma_m=sigma_m)
         # Its constants are shares of three sigma of both.
         return replace(
-            plan, settings=graded.settings, filtered=graded.filtered, bound_sigmas=graded.bound_sigmas,
-            obstacle_bound_m=graded.obstacle_bound_m,
+            plan, settings=graded.settings, bound_sigmas=graded.bound_sigmas, obstacle_bound_m=graded.obstacle_bound_m,
+            filtered=graded.filtered if conditions.filtered is None else conditions.filtered,
         )  # fmt: skip
+
+
+def _either(names: Sequence[str] | dict[str, Any]) -> str:
+    return " and ".join(names)
 
 
 def _plain(plan: Plan) -> dict[str, Any]:
@@ -117,4 +233,4 @@ def _plain(plan: Plan) -> dict[str, Any]:
         for name in Scene.__slots__
         if (value := getattr(plan.scene, name)) is not None
     }
-    return {**scene, "duration_s": plan.duration_s, "interval_s": plan.interval_s}
+    return {**scene, "duration_s": plan.duration_s}

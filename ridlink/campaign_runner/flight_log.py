@@ -11,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ridlink.campaign.chance import draw_mix
+from ridlink.campaign.flight import fly
 from ridlink.campaign.plan import Plan
-from ridlink.campaign.worlds import Instant, Outcomes, fly
+from ridlink.campaign.worlds import Instant, Outcomes
 from ridlink.captures.tlog import TlogWriter
 from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic, geodetic_from_ned
@@ -45,13 +47,18 @@ def log_run(plan: Plan, run: int, path: Path) -> Outcomes:
     if count > LAST_SYSTEM_ID:
         raise ConfigError(f"a log has system ids for {LAST_SYSTEM_ID} vehicles, and {plan.scene.name} has {count}")
     encoders = [Encoder(system_id, 1) for system_id in range(1, count + 1)]
-    extended = np.ones(count, np.bool_) if plan.scene.extended is None else plan.scene.extended
+    mix = draw_mix(
+        count, plan.seed, run, stock_share=plan.stock_share, unresponsive_share=plan.unresponsive_share
+    )  # fmt: skip
+    avoiding = plan.scene.avoiding & ~mix.unresponsive
+    extended = ~mix.stock if plan.scene.extended is None else plan.scene.extended & ~mix.stock
     sigma_m = np.full(count, plan.sigma_m) if plan.scene.sigma_m is None else plan.scene.sigma_m
-    heartbeat_every = max(round(HEARTBEAT_S / plan.interval_s), 1)
+    step_s = plan.step_s or plan.interval_s
+    heartbeat_every = max(round(HEARTBEAT_S / step_s), 1)
     log = TlogWriter(path, overwrite=True)
 
     def watch(instant: Instant) -> None:
-        step = round(instant.now_s / plan.interval_s)
+        step = round(instant.now_s / step_s)
         time_us = round((BEGIN_S + instant.now_s) * 1e6)
         for k in np.flatnonzero(instant.present[0]).tolist():
             if step % heartbeat_every == 0:
@@ -61,8 +68,10 @@ def log_run(plan: Plan, run: int, path: Path) -> Outcomes:
                 )  # fmt: skip
                 log.write(time_us, beat)
             log.write(time_us, _position(encoders[k], instant, k))
+            if instant.sending is not None and not instant.sending[0, k]:
+                continue
             bound_m = plan.bound_sigmas * float(sigma_m[k])
-            for message in _reports(instant, k, bound_m, plan, bool(plan.scene.avoiding[k]), bool(extended[k])):
+            for message in _reports(instant, k, bound_m, plan, bool(avoiding[k]), bool(extended[k])):
                 name, fields = to_mavlink(message)
                 log.write(time_us, encoders[k].encode(name, **fields))
 

@@ -14,14 +14,15 @@ import io
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 
-from ridlink.campaign.plan import Plan
-from ridlink.campaign.table import DYNAMICS
+from ridlink.campaign.plan import Cell, Plan
+from ridlink.campaign.response import Dynamics
 from ridlink.campaign.worlds import Outcomes
 from ridlink.captures.export.tables import arrow
 from ridlink.errors import CaptureError, ConfigError
@@ -71,14 +72,7 @@ class CampaignFolder:
         """
         pa = self._arrow
         runs = len(outcomes.run)
-        same = {
-            "scenario": plan.scene.name,
-            "definition": str(plan.definition),
-            "gnss": str(plan.errors),
-            "solver": str(plan.solver),
-            "dynamics": DYNAMICS,
-        }
-        columns = {name: pa.array([value] * runs).dictionary_encode() for name, value in same.items()}
+        columns = {name: pa.array([value] * runs).dictionary_encode() for name, value in asdict(plan.cell).items()}
         columns["seed"] = pa.array([plan.seed] * runs)
         for name in _columns():
             values = getattr(outcomes, name)
@@ -90,15 +84,29 @@ class CampaignFolder:
         self._write(target, buffer.getvalue())
 
     def read(self, plan: Plan, runs: range) -> Outcomes | None:
-        """Runs of a plan, or None where they are missing or the shard is damaged."""
+        """Runs of a plan, or None where they are missing or the shard is damaged.
+
+        Raises:
+            ConfigError: If the shard is whole, and of another seed, cell or runs.
+        """
         shard = self._shard(plan, runs[0])
         if not shard.exists():
             return None
         try:
-            outcomes = _outcomes(self._parquet.read_table(shard), plan.duration_s)
+            table = self._parquet.read_table(shard)
+            outcomes = _outcomes(table, plan.duration_s)
+            found = {name: table[name][0].as_py() for name in (*asdict(plan.cell), "seed")}
         except (self._arrow.ArrowInvalid, OSError, KeyError):
             return None
-        return outcomes if outcomes.run.tolist() == list(runs) else None
+        for name, wanted in {**asdict(plan.cell), "seed": plan.seed}.items():
+            if found[name] != wanted:
+                raise ConfigError(
+                    f"{shard}: is of another campaign: {name} is {found[name]} there and {wanted} here; take it away "
+                    "or name a new folder"
+                )
+        if outcomes.run.tolist() != list(runs):
+            raise ConfigError(f"{shard}: holds other runs than its name says; take it away or name a new folder")
+        return outcomes
 
     def write_rows(self, rows: Sequence[dict[str, Any]]) -> None:
         """Keep the table."""
@@ -110,8 +118,7 @@ class CampaignFolder:
             self._writing.unlink(missing_ok=True)
 
     def _shard(self, plan: Plan, first: int) -> Path:
-        cell = _cell(plan.scene.name, plan.definition, plan.errors, plan.solver)
-        return self.path / "shards" / cell / f"runs-{first:06d}.parquet"
+        return self.path / "shards" / _folder_of(plan.cell) / f"runs-{first:06d}.parquet"
 
     def _write(self, target: Path, data: bytes) -> None:
         working = self._writing = target.with_name(target.name + UNFINISHED)
@@ -177,7 +184,7 @@ def read_campaign(path: Path) -> tuple[dict[str, Any], list[tuple[dict[str, Any]
         configuration = json.loads((path / CONFIGURATION).read_text())
         cells = []
         for row in json.loads((path / ROWS).read_text())["rows"]:
-            cell = _cell(row["scenario"], row["definition"], row["gnss"], row["solver"])
+            cell = _folder_of(Cell(**{item.name: row[item.name] for item in fields(Cell)}))
             files = sorted((path / "shards" / cell).glob("*.parquet"))
             duration_s = configuration["scenario"][row["scenario"]]["duration_s"]
             outcomes = Outcomes.joined([_outcomes(parquet.read_table(file), duration_s) for file in files])
@@ -195,6 +202,15 @@ def _outcomes(table: Any, duration_s: float) -> Outcomes:
     return Outcomes(duration_s=duration_s, **{name: np.array(table[name].to_pylist()) for name in _columns()})
 
 
-def _cell(scenario: str, definition: str, gnss: str, solver: str) -> str:
-    """Name of the folder of a cell; the only part that may hold any character is quoted."""
-    return f"{quote(scenario, safe='')}_{definition}_{gnss}_{solver}"
+def _folder_of(cell: Cell) -> str:
+    """Name of the folder of a cell: what it always has, and what of it is unusual."""
+    # The name of a scene is the only part that may hold any character.
+    parts = [quote(cell.scenario, safe=""), cell.definition, cell.gnss, cell.solver]
+    if cell.dynamics != Dynamics.IDEAL:
+        parts.append(cell.dynamics)
+    for name, value, usual in (
+        ("sigma", cell.sigma_m, 10.0), ("interval", cell.interval_s, 0.1), ("loss", cell.loss, 0.0)
+    ):  # fmt: skip
+        if value != usual:
+            parts.append(f"{name}{value!r}")
+    return "_".join(parts)

@@ -18,8 +18,9 @@ from dataclasses import dataclass
 
 import numba
 
+from ridlink.campaign.flight import fly
 from ridlink.campaign.plan import Plan
-from ridlink.campaign.worlds import Outcomes, fly
+from ridlink.campaign.worlds import Outcomes
 from ridlink.errors import RidlinkError
 
 SHARD_RUNS = 64

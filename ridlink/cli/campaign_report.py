@@ -28,7 +28,7 @@ def report(folder: Path) -> None:
     for row, outcomes in read:
         run = np.broadcast_to(np.arange(len(outcomes.run))[:, None], outcomes.collided.shape)[~outcomes.collided]
         flown.append(FlownCell(row, outcomes.mission_s, run, configuration["seed"]))
-    is_the_papers = configuration["preset"] == "paper" and configuration["sigma_m"] == 10.0
+    is_the_papers = configuration["preset"] == "paper" and 10.0 in configuration["sigma_m"]
     judged = judge_cells(flown, as_printed=is_the_papers)
     figures = draw_campaign(flown, judged, folder)
     title = "The paper's simulation, flown again" if is_the_papers else "Campaign"

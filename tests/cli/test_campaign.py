@@ -23,7 +23,7 @@ parquet = pytest.importorskip("pyarrow.parquet", reason="shards need the extra '
 KEYS = [
     "scenario", "definition", "gnss", "solver", "dynamics", "runs", "flights", "arrived", "unfinished", "macs",
     "mac_rate", "mac_rate_ci95", "median_s", "median_ci95", "max_time_s", "ratio_to_snmac", "min_separation_m",
-    "min_margin_m", "infeasible_share",
+    "min_margin_m", "infeasible_share", "sigma_m", "interval_s", "loss", "risk_ratio", "risk_ratio_ci95",
 ]  # fmt: skip
 
 CAMPAIGN = ["--preset", "paper", "--scenario", "circle8", "--runs", "200"]
@@ -251,6 +251,11 @@ def test_the_log_of_a_flight_holds_what_was_true_and_what_was_told(tmp_path: Pat
     assert set(parts["airframe_size"]) == {60}
     commanded = parts[parts["sysid"] == 1]["commanded_vx"][:-1]
     assert abs(commanded - true[true["sysid"] == 1]["vx"][1:]).max() <= 1
+    late = ["--interval", 0.5, "--loss", 0.2, "--dynamics", "ardupilot"]
+    assert ridlink(*one, *late, "--log", tmp_path / "late.tlog")[0] == 0
+    fewer = decode(tmp_path / "late.tlog")
+    assert len(fewer["GLOBAL_POSITION_INT"]) == pytest.approx(5 * len(fewer["OPEN_DRONE_ID_LOCATION"]), abs=9)
+    assert set(fewer["RIDLINK_SEPARATION"]["update_interval"]) == {500}
     assert "--only-run" in ridlink("--log", tmp_path / "f.tlog", "-o", tmp_path / "x")[2]
     assert "these are 2 cells" in ridlink(*one, "--solver", "graded,rotation", "--log", tmp_path / "f.tlog")[2]
 
@@ -261,6 +266,8 @@ def test_the_log_of_a_flight_holds_what_was_true_and_what_was_told(tmp_path: Pat
         ("seed", ["--seed", 2]),
         ("runs", ["--runs", 201]),
         ("sigma_m", ["--sigma", 5]),
+        ("loss", ["--loss", 0.3]),
+        ("stock_share", ["--stock", 0.5]),
         ("definition", ["--definition", "snmac"]),
         ("scenario", ["--scenario", "square24"]),
     ],
@@ -279,8 +286,14 @@ def test_another_campaign_is_refused_and_the_difference_is_named(
     [
         (["--definition", "snmac,candidate9"], 2, "'candidate9' is not known; known are snmac, remote-id"),
         (["--gnss", "purple"], 2, "known are white, white-radial, gauss-markov, bias"),
-        (["--solver", ""], 2, "known are halfplane, graded, rotation"),
-        (["--dynamics", "px4"], 2, "obey at once (ideal)"),
+        (["--solver", ""], 2, "known are halfplane, graded, rotation, g2"),
+        (["--dynamics", "px5"], 2, "known are ideal, px4, ardupilot"),
+        (["--loss", "1"], 2, "1.0 is not in the range"),
+        (["--loss", "0.8", "--loss-burst", "2"], 2, "burst must be at least 4 reports at a loss of 0.8"),
+        (["--latency", "0.3-0.1"], 2, "the second time is before the first"),
+        (["--interval", "0"], 2, "0.0 is not in the range"),
+        (["--stock", "1.5"], 2, "1.5 is not in the range"),
+        (["--scenario", "head-on", "--speed", "12"], 2, "says itself who flies"),
         (["--scenario", "circle9"], 2, "unknown scenario 'circle9': known are circle8, square24"),
         (["--scenario", "missing.toml"], 3, "missing.toml: No such file"),
         (["--sigma", "nan"], 2, "'nan' is not"),
@@ -294,6 +307,46 @@ def test_options_that_cannot_be_flown(ridlink: Ridlink, arguments: list[str], co
     assert (ended, out) == (code, "")
     assert text in err
     assert len(err.splitlines()) == 1
+
+
+def test_a_shard_of_another_seed_stops_the_campaign_and_stays_as_it_is(tmp_path: Path, ridlink: Ridlink) -> None:
+    few = ["--scenario", "crossing", "--definition", "snmac", "--runs", 3, "--jobs", 1]
+    assert ridlink(*few, "--seed", 1, "-o", tmp_path / "one")[0] == 0
+    assert ridlink(*few, "--seed", 2, "-o", tmp_path / "two")[0] == 0
+    (ours,), (theirs,) = shards(tmp_path / "one"), shards(tmp_path / "two")
+    shutil.copy(theirs, ours)
+    code, _, err = ridlink(*few, "--resume", "-o", tmp_path / "one")
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert "is of another campaign: seed is 2 there and 1 here" in err
+    assert ours.read_bytes() == theirs.read_bytes()
+
+
+def test_every_option_makes_its_cells(tmp_path: Path, ridlink: Ridlink) -> None:
+    few = ["--scenario", "crossing", "--definition", "candidate2,none", "--dynamics", "ideal,px4", "--loss", "0,0.3"]
+    code, out, _ = ridlink(
+        *few, "--sigma", "3.5,10", "--interval", "0.1,1", "--solver", "k", "--latency", "0.1-0.3", "--runs", 2,
+        "--loss-burst", 5, "--stock", 0.3, "--unresponsive", 0.1, "--bias", 1, "--common-mode", 0.5, "--jobs", 1,
+        "-o", tmp_path / "all", "--json",
+    )  # fmt: skip
+    assert code == 0
+    rows = json.loads(out)["rows"]
+    names = ("definition", "dynamics", "loss", "sigma_m", "interval_s")
+    assert len({tuple(row[name] for name in names) for row in rows}) == len(rows) == 2**5
+    assert all(row["solver"] == "k" and row["arrived"] + row["unfinished"] + row["macs"] == 4 for row in rows)
+    assert len(shards(tmp_path / "all")) == 2**5
+    assert (tmp_path / "all/shards/crossing_candidate2_gauss-markov_k_px4_sigma3.5_interval1.0_loss0.3").is_dir()
+
+
+def test_without_avoidance_is_what_the_risk_is_measured_by(tmp_path: Path, ridlink: Ridlink) -> None:
+    few = ["--preset", "paper", "--scenario", "circle8", "--definition", "none,snmac,remote-id", "--runs", 40]
+    code, out, _ = ridlink(*few, "--jobs", 1, "-o", tmp_path / "risk", "--json")
+    assert code == 0
+    nobody, snmac, remote_id = json.loads(out)["rows"]
+    assert nobody["risk_ratio"] is None
+    assert 0.6 < nobody["mac_rate"] < 0.85
+    assert snmac["risk_ratio"] == pytest.approx(snmac["mac_rate"] / nobody["mac_rate"])
+    assert snmac["risk_ratio_ci95"][0] < snmac["risk_ratio"] < snmac["risk_ratio_ci95"][1] < 0.3
+    assert remote_id["risk_ratio"] == 0.0 < remote_id["risk_ratio_ci95"][1] < 0.03
 
 
 def test_folders_that_cannot_be_used(whole: Path, tmp_path: Path, ridlink: Ridlink) -> None:

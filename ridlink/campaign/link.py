@@ -1,0 +1,111 @@
+"""What becomes of reports between a sender and its receivers: lost, late, out of range.
+
+Units: seconds; shares within 0 and 1.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.campaign.chance import Source, generator
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """The way of a report to one receiver; each receiver has its own luck with it.
+
+    Args:
+        loss: Share of reports that a receiver in range misses.
+        burst: Mean number of reports that are lost in a row, as two states make them that each last for geometric
+            times (Gilbert and Elliott); None: independently, which is `1 / (1 - loss)` in the mean.
+        latency_s: Time from sending to hearing, uniform between the two.
+
+    Raises:
+        ValueError: If a figure is not finite or out of range, or no two states have that loss in such bursts.
+    """
+
+    loss: float = 0.0
+    burst: float | None = None
+    latency_s: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.loss < 1.0:
+            raise ValueError(f"loss must lie within 0 and 1, 1 excluded, got {self.loss}")
+        if not (0.0 <= self.latency_s[0] <= self.latency_s[1] < math.inf):
+            raise ValueError(f"latency_s must be two times, the first not above the second, got {self.latency_s}")
+        if self.burst is not None:
+            shortest = max(1.0, self.loss / (1.0 - self.loss))
+            if not shortest <= self.burst < math.inf:
+                raise ValueError(
+                    f"burst must be at least {shortest:g} reports at a loss of {self.loss:g}, got {self.burst:g}"
+                )
+
+    @property
+    def is_perfect(self) -> bool:
+        """Whether every report is heard as it is sent."""
+        return self.loss == 0.0 and self.latency_s[1] == 0.0
+
+
+PERFECT = Link()
+
+
+class Reception:
+    """Losses and latencies of a batch of runs: every pair of sender and receiver on its own.
+
+    Args:
+        link: What becomes of reports.
+        count: Vehicles in a run, N.
+        seed: Seed of the campaign.
+        runs: The runs of the batch, W of them.
+    """
+
+    _BLOCK = 16
+
+    def __init__(self, link: Link, *, count: int, seed: int, runs: range) -> None:
+        self._link = link
+        self._random = [generator(seed, run, Source.RADIO) for run in runs]
+        self._shape = (count, count)
+        self._drawn = np.empty((len(runs), 0, count, count, 2))
+        self._next = 0
+        if link.burst is not None:
+            drawn: FloatArray = np.stack([random.random(self._shape) for random in self._random])
+            self._bad: BoolArray = drawn < link.loss
+
+    def next(self) -> tuple[BoolArray, FloatArray]:
+        """What the next reports meet: who misses them, and how late the others hear them; receiver before sender.
+
+        Returns:
+            Lost, shape (W, N, N), and latencies [s], shape (W, N, N).
+        """
+        link = self._link
+        if link.is_perfect:
+            shape = (len(self._random), *self._shape)
+            return np.zeros(shape, np.bool_), np.zeros(shape)
+        if self._next == self._drawn.shape[1]:
+            self._drawn = np.stack([random.random((self._BLOCK, *self._shape, 2)) for random in self._random])
+            self._next = 0
+        drawn = self._drawn[:, self._next]
+        self._next += 1
+        low, high = link.latency_s
+        latency = low + (high - low) * drawn[..., 1]
+        if link.burst is None:
+            return drawn[..., 0] < link.loss, latency
+        leave = 1.0 / link.burst
+        enter = leave * link.loss / (1.0 - link.loss)
+        lost = self._bad
+        self._bad = np.where(lost, drawn[..., 0] >= leave, drawn[..., 0] < enter)
+        return lost, latency
+
+    def keep(self, runs: BoolArray) -> None:
+        """Go on with some runs of the batch only."""
+        self._random = [random for random, kept in zip(self._random, runs, strict=True) if kept]
+        self._drawn = self._drawn[runs]
+        if self._link.burst is not None:
+            self._bad = self._bad[runs]

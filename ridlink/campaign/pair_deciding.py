@@ -1,0 +1,179 @@
+"""The solvers for worlds in which each vehicle has a picture of its own: the same kernels, fed from tracks of pairs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from ridlink.avoidance import graded, headings, rotation, rows
+from ridlink.avoidance.graded import grade_one
+from ridlink.avoidance.halfplane import avoid_one
+from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.packing import pack, unpack_memory
+from ridlink.avoidance.programme import new_choice, new_lines
+from ridlink.avoidance.rotation import rotate_one
+from ridlink.avoidance.route import ring_size
+from ridlink.avoidance.settings import GradedSettings, RotationSettings
+from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.campaign.tracks import collect, kernel
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@kernel
+def remember(names, kept, count, memory):  # type: ignore[no-untyped-def]
+    """Put the memory of those that were heard back to their places."""
+    memory[:] = 0
+    for k in range(count):
+        memory[names[k]] = kept[k]
+
+
+@kernel(parallel=True)
+def avoid_pairs(  # type: ignore[no-untyped-def]
+    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
+    blocks, pieces, piece_start, settings, hulls, hull_start, route, lines, chosen, work, ring, result,
+):  # fmt: skip
+    """Decide by half-planes; up to `result` see `PairDecider.decide`, scratch has a leading axis of worlds."""
+    for world in prange(own.shape[0]):
+        few, names_here, kept_here = blocks[world], names[world], kept[world]
+        for i in range(own.shape[1]):
+            if not deciding[world, i]:
+                continue
+            count = collect(
+                own[world, i], i, tracks[world, i], present[world], now_s, reciprocal[world], still_m[world, i],
+                error_sum_m[world, i], displaced_s, memory[world, i], reports[world], kept_here, names_here,
+            )  # fmt: skip
+            pack(reports[world], kept_here, count, few)
+            route[world, i] = avoid_one(
+                own[world, i], few, -(-count // rows.LANES), math.inf, pieces, piece_start, hulls, hull_start,
+                route[world, i], settings, lines[world], chosen[world], work[world], ring[world], result[world, i],
+            )  # fmt: skip
+            unpack_memory(few, count, kept_here)
+            remember(names_here, kept_here, count, memory[world, i])
+
+
+@kernel(parallel=True)
+def rotate_pairs(  # type: ignore[no-untyped-def]
+    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
+    blocks, pieces, piece_start, settings, fan, sights, walls, way, result,
+):  # fmt: skip
+    """Decide by rotation, as the paper does."""
+    for world in prange(own.shape[0]):
+        for i in range(own.shape[1]):
+            if not deciding[world, i]:
+                continue
+            count = collect(
+                own[world, i], i, tracks[world, i], present[world], now_s, reciprocal[world], still_m[world, i],
+                error_sum_m[world, i], displaced_s, memory[world, i], reports[world], kept[world], names[world],
+            )  # fmt: skip
+            pack(reports[world], kept[world], count, blocks[world])
+            rotate_one(
+                own[world, i], blocks[world], count, pieces, piece_start, settings, fan, sights[world], walls[world],
+                way[world], result[world, i],
+            )  # fmt: skip
+
+
+@kernel(parallel=True)
+def grade_pairs(  # type: ignore[no-untyped-def]
+    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
+    blocks, pieces, piece_start, settings, fan, sights, walls, way, result,
+):  # fmt: skip
+    """Decide by graded risk."""
+    for world in prange(own.shape[0]):
+        for i in range(own.shape[1]):
+            if not deciding[world, i]:
+                continue
+            count = collect(
+                own[world, i], i, tracks[world, i], present[world], now_s, reciprocal[world], still_m[world, i],
+                error_sum_m[world, i], displaced_s, memory[world, i], reports[world], kept[world], names[world],
+            )  # fmt: skip
+            pack(reports[world], kept[world], count, blocks[world])
+            grade_one(
+                own[world, i], blocks[world], count, pieces, piece_start, settings, fan, sights[world], walls[world],
+                way[world], result[world, i],
+            )  # fmt: skip
+
+
+class PairDecider:
+    """A solver with its constants, its scratch, and what its vehicles remember of their encounters.
+
+    Args:
+        settings: Constants, which name the solver.
+        shape: Worlds and vehicles, (W, N).
+        obstacles: The same in every world.
+    """
+
+    def __init__(
+        self, settings: HalfplaneSettings | GradedSettings | RotationSettings, shape: tuple[int, int],
+        obstacles: Obstacles,
+    ) -> None:  # fmt: skip
+        worlds, vehicles = shape
+        blocks = rows.blocks_for(vehicles)
+        self._memory = np.zeros((worlds, vehicles, vehicles), np.int8)
+        self._room: tuple[Any, ...] = (
+            np.zeros((worlds, vehicles, 10)), np.zeros((worlds, vehicles), np.int8),
+            np.zeros((worlds, vehicles), np.int64), np.zeros((worlds, blocks, rows.BLOCK)),
+        )  # fmt: skip
+        self._walls = (obstacles.piece_vertex_ne_m, obstacles.piece_start, settings.as_vector())
+        self._route: NDArray[np.int64] | None = None
+        self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
+        if isinstance(settings, HalfplaneSettings):
+            self._kernel: Any = avoid_pairs
+            self._route = np.zeros(shape, np.int64)
+            lines = new_lines(obstacles.piece_count, 2 * rows.LANES * blocks)
+            choice = new_choice(lines.shape[1])
+            self._constants: tuple[Any, ...] = (obstacles.hull_vertex_ne_m, obstacles.hull_start)
+            self._scratch: tuple[Any, ...] = (
+                np.stack([lines] * worlds), np.stack([choice] * worlds), np.stack([choice] * worlds),
+                np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
+            )  # fmt: skip
+            return
+        if isinstance(settings, RotationSettings):
+            self._kernel = rotate_pairs
+            self._constants = (rotation.candidates(settings.step_deg, settings.left_weight),)
+        else:
+            self._kernel = grade_pairs
+            self._constants = (graded.candidates(),)
+        self._scratch = (
+            np.zeros((worlds, vehicles, headings.SIGHT_COLUMNS)),
+            np.zeros((worlds, obstacles.piece_count, headings.WALL_COLUMNS)),
+            np.zeros((worlds, headings.WAY_COLUMNS)),
+        )
+
+    def decide(
+        self, own: FloatArray, deciding: BoolArray, tracks: FloatArray, present: BoolArray, now_s: float,
+        reciprocal: FloatArray, still_m: FloatArray, error_sum_m: FloatArray, displaced_s: float,
+    ) -> FloatArray:  # fmt: skip
+        """Decide for all vehicles of W worlds.
+
+        Args:
+            own: Own-ships, rows as in `ridlink.avoidance.rows`, shape (W, N, OWN_COLUMNS).
+            deciding: Where a decision is wanted, shape (W, N).
+            tracks: What each has heard of each, shape (W, N, N, TRACK_COLUMNS).
+            present: Who is in the air, shape (W, N).
+            now_s: Time.
+            reciprocal: Who has said that it avoids, shape (W, N), 0 or 1.
+            still_m: Radii without displacement, shape (W, N, N).
+            error_sum_m: Parts of them that stand for localization errors, shape (W, N, N).
+            displaced_s: Time of flight of both that the discs allow for.
+
+        Returns:
+            Results, shape (W, N, RESULT_COLUMNS).
+        """
+        memories = () if self._route is None else (self._route,)
+        self._kernel(
+            own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, self._memory,
+            *self._room, *self._walls, *self._constants, *memories, *self._scratch, self._result,
+        )  # fmt: skip
+        return self._result[: len(own)]
+
+    def keep(self, kept: BoolArray) -> None:
+        """Go on with some worlds of the batch only, shape (W,)."""
+        self._memory = self._memory[kept]
+        if self._route is not None:
+            self._route = self._route[kept]

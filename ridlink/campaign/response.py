@@ -1,0 +1,182 @@
+"""How vehicles answer velocity setpoints, for whole batches of worlds: at once, as PX4 or as ArduPilot.
+
+The models of the emulator's vehicles in two dimensions, with the same constants and the same ticks of 20 ms; they were
+fitted to step responses of both autopilots in their own simulators. ArduPilot shapes its target with limited
+acceleration and jerk and follows it through a delay and a lag; PX4 closes a velocity loop, limited by tilt, against a
+drag that is unusually large in its simulator.
+
+Axes: north-east, metres, m/s, seconds. W worlds of N vehicles.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from ridlink.compiled import kernel_decorator
+
+FloatArray = NDArray[np.float64]
+
+kernel = kernel_decorator([Path(__file__)])
+
+TICK_S = 0.02
+
+MEASURED_SPEED_MPS = 10.0
+"""Fastest cruise at which the models were measured."""
+
+SPEED_LIMIT_MPS = {"px4": 12.0, "ardupilot": 10.2}
+"""MPC_XY_VEL_MAX; where ArduPilot's lean angle of 30 degrees balances the measured drag."""
+
+# ArduPilot: PSC_JERK_XY, WPNAV_ACCEL, slope of the square-root controller, delay of three ticks, lag.
+JERK_MPS3, ACCELERATION_MPS2, GAIN_PER_S, SHAPED_LAG_S = 5.0, 2.5, 2.0, 0.10
+
+# PX4: MPC_XY_VEL_P_ACC, _I_ACC, _D_ACC; g at a tilt of 45 degrees; drag of its simulator; delay of 1.5 ticks, lag.
+P_PER_S, I_PER_S2, D, TILT_MPS2, DRAG_PER_S, LOOP_LAG_S = 1.8, 0.4, 0.2, 9.80665, 1.0, 0.18
+
+# Columns of the inner state: target and its acceleration, or integral and thrust; last change of velocity; what was
+# pushed into the delay line, the newest first.
+FIRST, SECOND, CHANGE, HISTORY, STATE_COLUMNS = 0, 2, 4, 6, 14
+
+
+class Dynamics(StrEnum):
+    """How vehicles answer."""
+
+    IDEAL = "ideal"
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
+
+
+class Response:
+    """The vehicles of a batch of worlds, which answer alike.
+
+    Args:
+        dynamics: How.
+        velocity_ne_mps: How they fly at first, as after a long flight, shape (W, N, 2).
+        cruise_mps: Cruise speeds, shape (W, N). Who cruises faster than was measured was built for it: its limit is
+            that speed and its drag is smaller in proportion, or it could never get there.
+    """
+
+    def __init__(self, dynamics: Dynamics, velocity_ne_mps: FloatArray, cruise_mps: FloatArray) -> None:
+        self.dynamics = Dynamics(dynamics)
+        if self.dynamics is Dynamics.IDEAL:
+            return
+        measured = SPEED_LIMIT_MPS[self.dynamics]
+        self._limit_mps = np.maximum(cruise_mps, measured)
+        self._drag_per_s = np.where(cruise_mps > measured, DRAG_PER_S * MEASURED_SPEED_MPS / cruise_mps, DRAG_PER_S)
+        self._state = np.zeros((*cruise_mps.shape, STATE_COLUMNS))
+        settled = velocity_ne_mps
+        if self.dynamics is Dynamics.PX4:
+            settled = self._drag_per_s[..., None] * velocity_ne_mps
+            self._state[..., SECOND : SECOND + 2] = settled
+        self._state[..., FIRST : FIRST + 2] = settled
+        for k in range(4):
+            self._state[..., HISTORY + 2 * k : HISTORY + 2 * k + 2] = settled
+
+    def advance(self, position: FloatArray, velocity: FloatArray, command: FloatArray, elapsed_s: float) -> None:
+        """Fly towards the commands; position and velocity are changed.
+
+        Args:
+            position: Shape (W, N, 2), written.
+            velocity: Shape (W, N, 2), written.
+            command: Commanded velocities, shape (W, N, 2).
+            elapsed_s: A multiple of `TICK_S`, unless vehicles are ideal.
+        """
+        if self.dynamics is Dynamics.IDEAL:
+            velocity[...] = command
+            position += velocity * elapsed_s
+            return
+        ticks = round(elapsed_s / TICK_S)
+        if abs(ticks * TICK_S - elapsed_s) > 1e-9:
+            raise ValueError(f"elapsed_s must be a multiple of {TICK_S}, got {elapsed_s}")
+        fly = fly_feedback if self.dynamics is Dynamics.PX4 else fly_shaped
+        fly(position, velocity, command, self._limit_mps, self._drag_per_s, ticks, self._state)
+
+    def keep(self, kept: NDArray[np.bool_]) -> None:
+        """Go on with some worlds of the batch only, shape (W,)."""
+        if self.dynamics is not Dynamics.IDEAL:
+            for name in ("_limit_mps", "_drag_per_s", "_state"):
+                setattr(self, name, getattr(self, name)[kept])
+
+
+@kernel
+def limited(x_1, x_2, most):  # type: ignore[no-untyped-def]
+    """A vector shortened to at most so much."""
+    length = math.sqrt(x_1 * x_1 + x_2 * x_2)
+    share = min(1.0, most / max(length, 1e-12))
+    return x_1 * share, x_2 * share
+
+
+@kernel
+def push(state, x_1, x_2):  # type: ignore[no-untyped-def]
+    """Put a value into the delay line of one vehicle."""
+    for k in range(STATE_COLUMNS - 1, HISTORY + 1, -1):
+        state[k] = state[k - 2]
+    state[HISTORY], state[HISTORY + 1] = x_1, x_2
+
+
+@kernel(parallel=True)
+def fly_shaped(position, velocity, command, limit_mps, drag_per_s, ticks, state):  # type: ignore[no-untyped-def]
+    """Fly so many ticks as under ArduPilot.
+
+    Args:
+        position: Shape (W, N, 2), written.
+        velocity: Shape (W, N, 2), written.
+        command: Commanded velocities, shape (W, N, 2).
+        limit_mps: Speed limits, shape (W, N).
+        drag_per_s: Not used: the measured vehicle had no error of its speed in wind.
+        ticks: Number of ticks.
+        state: Inner state, shape (W, N, STATE_COLUMNS), written.
+    """
+    blend = 1.0 - math.exp(-TICK_S / SHAPED_LAG_S)
+    linear = JERK_MPS3 / GAIN_PER_S**2
+    for world in prange(position.shape[0]):
+        for i in range(position.shape[1]):
+            at, v, inner = position[world, i], velocity[world, i], state[world, i]
+            c_1, c_2 = limited(command[world, i, 0], command[world, i, 1], limit_mps[world, i])
+            for _ in range(ticks):
+                e_1, e_2 = c_1 - inner[FIRST], c_2 - inner[FIRST + 1]
+                error = math.sqrt(e_1 * e_1 + e_2 * e_2)
+                curved = math.sqrt(max(2.0 * JERK_MPS3 * (error - 0.5 * linear), 0.0))
+                asked = min(curved if error > linear else GAIN_PER_S * error, ACCELERATION_MPS2)
+                share = asked / max(error, 1e-12)
+                j_1, j_2 = limited(
+                    e_1 * share - inner[SECOND], e_2 * share - inner[SECOND + 1], JERK_MPS3 * TICK_S
+                )  # fmt: skip
+                inner[SECOND] += j_1
+                inner[SECOND + 1] += j_2
+                inner[FIRST] += inner[SECOND] * TICK_S
+                inner[FIRST + 1] += inner[SECOND + 1] * TICK_S
+                push(inner, inner[FIRST], inner[FIRST + 1])
+                for axis in range(2):
+                    v[axis] += blend * (inner[HISTORY + 6 + axis] - v[axis])
+                    at[axis] += v[axis] * TICK_S
+
+
+@kernel(parallel=True)
+def fly_feedback(position, velocity, command, limit_mps, drag_per_s, ticks, state):  # type: ignore[no-untyped-def]
+    """Fly so many ticks as under PX4; arguments as in `fly_shaped`, with the drag of each vehicle [1/s]."""
+    blend = 1.0 - math.exp(-TICK_S / LOOP_LAG_S)
+    for world in prange(position.shape[0]):
+        for i in range(position.shape[1]):
+            at, v, inner, drag = position[world, i], velocity[world, i], state[world, i], drag_per_s[world, i]
+            c_1, c_2 = limited(command[world, i, 0], command[world, i, 1], limit_mps[world, i])
+            for _ in range(ticks):
+                e_1, e_2 = c_1 - v[0], c_2 - v[1]
+                a_1 = P_PER_S * e_1 + inner[FIRST] - D * inner[CHANGE]
+                a_2 = P_PER_S * e_2 + inner[FIRST + 1] - D * inner[CHANGE + 1]
+                p_1, p_2 = limited(a_1, a_2, TILT_MPS2)
+                # What cannot be had is taken off the error that is integrated: the autopilot's own anti-windup.
+                inner[FIRST] += I_PER_S2 * (e_1 - (a_1 - p_1) * (2.0 / P_PER_S)) * TICK_S
+                inner[FIRST + 1] += I_PER_S2 * (e_2 - (a_2 - p_2) * (2.0 / P_PER_S)) * TICK_S
+                push(inner, p_1, p_2)
+                for axis in range(2):
+                    delayed = (inner[HISTORY + 2 + axis] + inner[HISTORY + 4 + axis]) / 2.0
+                    inner[SECOND + axis] += blend * (delayed - inner[SECOND + axis])
+                    inner[CHANGE + axis] = inner[SECOND + axis] - drag * v[axis]
+                    v[axis] += inner[CHANGE + axis] * TICK_S
+                    at[axis] += v[axis] * TICK_S

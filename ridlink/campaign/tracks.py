@@ -1,0 +1,157 @@
+"""What each vehicle has heard of each other one: tracks of pairs, as the daemon keeps them of its neighbours.
+
+A report moves the track of the receivers that hear it; between reports the track is extrapolated and grows old, and the
+solvers let discs grow with its age. A track that was not heard for long is dropped, as in `ridlink.traffic.track`.
+Reported positions are smoothed by each receiver, as in `ridlink.traffic.position_filter`, or not at all.
+
+Axes: north-east, metres, m/s, seconds. W worlds of N vehicles; of two axes of vehicles the receiver's comes first.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from numba import prange
+
+from ridlink.avoidance import rows
+from ridlink.avoidance.encounter import time_to_entry
+from ridlink.avoidance.rows import VELOCITY
+from ridlink.compiled import kernel_decorator
+from ridlink.traffic.track import COAST_FAST_S, COAST_SLOW_S, SLOW_INTERVAL_S
+
+SOURCES = (Path(__file__), Path(__file__).with_name("pair_deciding.py"), *Path(rows.__file__).parent.glob("*.py"))
+"""Files that hold kernels which those of pairs call."""
+
+kernel = kernel_decorator(SOURCES, counted=False)
+
+# Columns of a report on its way, and of a track: position, velocity and command (NaN where none is sent) at the time
+# AT. A track also has when it was heard last, reports so far (0: no track), whether the last one was beyond the bound,
+# and the smoothed time between reports.
+(PLACE, MOTION, INTENT, AT, REPORT_COLUMNS) = (0, 2, 4, 6, 7)
+(HEARD_AT, COUNT, BEYOND, BETWEEN, TRACK_COLUMNS) = (7, 8, 9, 10, 11)
+
+CONFLICT_S = 8.0
+"""Who enters the disc within this time is in conflict, and is kept for longer."""
+
+SAME_INSTANT_S = 1e-9
+
+
+@kernel
+def take_report(report, now_s, bound_m, time_constant_s, old_share, track):  # type: ignore[no-untyped-def]
+    """Move a track by a report.
+
+    Args:
+        report: Shape (REPORT_COLUMNS,).
+        now_s: Time of hearing.
+        bound_m: Reported three-sigma error of the position.
+        time_constant_s: Of the filter; 0 passes every report on as it is.
+        old_share: Share of the last velocity in the one that the filter predicts with.
+        track: Shape (TRACK_COLUMNS,), written.
+    """
+    n_1, n_2 = report[PLACE], report[PLACE + 1]
+    reports = track[COUNT]
+    if reports > 0.0 and time_constant_s > 0.0:
+        elapsed = report[AT] - track[AT]
+        v_1 = old_share * track[MOTION] + (1.0 - old_share) * report[MOTION]
+        v_2 = old_share * track[MOTION + 1] + (1.0 - old_share) * report[MOTION + 1]
+        p_1, p_2 = track[PLACE] + v_1 * elapsed, track[PLACE + 1] + v_2 * elapsed
+        off = math.sqrt((n_1 - p_1) ** 2 + (n_2 - p_2) ** 2)
+        beyond = off > bound_m
+        if off <= 2.0 * bound_m and not (beyond and track[BEYOND] != 0.0):
+            gain = max(1.0 / (reports + 1.0), 1.0 - math.exp(-elapsed / time_constant_s))
+            n_1, n_2 = p_1 + gain * (n_1 - p_1), p_2 + gain * (n_2 - p_2)
+            track[BEYOND] = 1.0 if beyond else 0.0
+        else:
+            reports, track[BEYOND] = 0.0, 0.0
+    if track[COUNT] > 0.0:
+        track[BETWEEN] += 0.3 * (now_s - track[HEARD_AT] - track[BETWEEN])
+    track[COUNT] = reports + 1.0
+    track[PLACE], track[PLACE + 1] = n_1, n_2
+    for column in range(MOTION, REPORT_COLUMNS):
+        track[column] = report[column]
+    track[HEARD_AT] = now_s
+
+
+@kernel(parallel=True)
+def hear(sent, arrives_s, now_s, bound_m, time_constant_s, old_share, tracks):  # type: ignore[no-untyped-def]
+    """Let every vehicle take the reports that have reached it.
+
+    Args:
+        sent: Last reports of each vehicle, shape (W, N, M, REPORT_COLUMNS).
+        arrives_s: When each reaches a receiver, infinite if never or already, shape (W, N, N, M), written.
+        now_s: Time.
+        bound_m: Reported error bounds, shape (W, N).
+        time_constant_s: As in `take_report`.
+        old_share: As in `take_report`.
+        tracks: Shape (W, N, N, TRACK_COLUMNS), written.
+    """
+    for world in prange(sent.shape[0]):
+        for i in range(sent.shape[1]):
+            for j in range(sent.shape[1]):
+                track, arrives = tracks[world, i, j], arrives_s[world, i, j]
+                while True:
+                    oldest = -1
+                    for slot in range(len(arrives)):
+                        if arrives[slot] > now_s + SAME_INSTANT_S:
+                            continue
+                        if track[COUNT] > 0.0 and sent[world, j, slot, AT] <= track[AT]:
+                            # Overtaken by a later one.
+                            arrives[slot] = math.inf
+                        elif oldest < 0 or sent[world, j, slot, AT] < sent[world, j, oldest, AT]:
+                            oldest = slot
+                    if oldest < 0:
+                        break
+                    arrives[oldest] = math.inf
+                    report = sent[world, j, oldest]
+                    take_report(report, now_s, bound_m[world, j], time_constant_s, old_share, track)
+
+
+@kernel
+def collect(  # type: ignore[no-untyped-def]
+    own, i, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names
+):
+    """Neighbours of one vehicle as rows for `packing.pack`; tracks that are too old are dropped.
+
+    Args:
+        own: Own row.
+        i: Number of the vehicle.
+        tracks: What it has heard, shape (N, TRACK_COLUMNS), written.
+        present: Who is in the air, shape (N,); the others have said that they landed.
+        now_s: Time.
+        reciprocal: Who has said that it avoids, shape (N,).
+        still_m: Radii of the discs without displacement, shape (N,).
+        error_sum_m: Parts of them, shape (N,).
+        displaced_s: Time of flight of both that the discs allow for.
+        memory: `Memory` of the encounters, shape (N,).
+        reports: Result, shape (N, 10).
+        kept: Result: their memory, shape (N,).
+        names: Result: their numbers, shape (N,).
+
+    Returns:
+        How many there are.
+    """
+    speed = math.sqrt(own[VELOCITY] ** 2 + own[VELOCITY + 1] ** 2)
+    count = 0
+    for j in range(len(tracks)):
+        track = tracks[j]
+        if j == i or not present[j] or track[COUNT] == 0.0:
+            continue
+        age, silent = now_s - track[AT], now_s - track[HEARD_AT]
+        radius = still_m[j] + displaced_s * (speed + math.sqrt(track[MOTION] ** 2 + track[MOTION + 1] ** 2))
+        if silent > COAST_FAST_S:
+            r_1 = track[PLACE] + track[MOTION] * age - own[0]
+            r_2 = track[PLACE + 1] + track[MOTION + 1] * age - own[1]
+            w_1, w_2 = own[VELOCITY] - track[MOTION], own[VELOCITY + 1] - track[MOTION + 1]
+            entry = time_to_entry(r_1, r_2, w_1, w_2, radius, math.inf)
+            slow = track[BETWEEN] > SLOW_INTERVAL_S or entry <= CONFLICT_S
+            if silent > COAST_SLOW_S or not slow:
+                track[COUNT] = 0.0
+                continue
+        report = reports[count]
+        for column in range(AT):
+            report[column] = track[column]
+        report[6], report[7], report[8], report[9] = age, reciprocal[j], radius, error_sum_m[j]
+        kept[count], names[count] = memory[j], j
+        count += 1
+    return count

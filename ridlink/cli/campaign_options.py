@@ -1,0 +1,190 @@
+"""The options of ``ridlink campaign run``, and the kinds of values that they take."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    Command = TypeVar("Command", bound=Callable[..., Any])
+
+BASELINE = "none"
+DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance", BASELINE)
+PAPER_DEFINITIONS = ("snmac", "remote-id", "candidate1", "candidate2")
+GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
+SOLVERS = ("halfplane", "graded", "rotation", "g2", "k", "k2")
+DYNAMICS = ("ideal", "px4", "ardupilot")
+TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink")
+
+
+class Names(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
+    """Names apart by commas, each once; of a given set, or any."""
+
+    name = "A,B,..."
+
+    def __init__(self, known: Sequence[str] = ()) -> None:
+        self._known = known
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
+        if isinstance(value, tuple):
+            return value
+        names = tuple(dict.fromkeys(part.strip() for part in value.split(",")))
+        for name in names:
+            if not name or (self._known and name not in self._known):
+                known = f"; known are {', '.join(self._known)}" if self._known else ""
+                self.fail(f"{name!r} is not known{known}.", param, ctx)
+        return names
+
+
+class Within(click.FloatRange):
+    """A float in a range; "nan" and "inf" are no figures."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
+
+
+class Figures(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
+    """Numbers apart by commas, each once and within a range."""
+
+    name = "X,Y,..."
+
+    def __init__(self, low: float, high: float, *, above: bool = False, below: bool = False) -> None:
+        self._one = Within(low, high, min_open=above, max_open=below)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).split(",")
+        return tuple(dict.fromkeys(self._one.convert(part.strip(), param, ctx) for part in parts))
+
+
+class Span(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
+    """A time [s], or two with "-" between them."""
+
+    name = "S[-S]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
+        if isinstance(value, tuple):
+            return value
+        first, dash, last = str(value).partition("-")
+        kind = Within(0.0, 10.0)
+        low = kind.convert(first, param, ctx)
+        high = kind.convert(last, param, ctx) if dash else low
+        if high < low:
+            self.fail(f"{value!r}: the second time is before the first.", param, ctx)
+        return low, high
+
+
+def option_group(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """Several options as one decorator, in their order."""
+
+    def decorate(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+cell_options = option_group(
+    click.option("--preset", type=click.Choice(["paper"]), help="The paper's simulation, section VI-B."),
+    click.option(
+        "--scenario", "scenarios", type=Names(), default="circle8,square24", show_default=True,
+        metavar="NAME|FILE.toml,...",
+        help="circle8 and square24, with fleets drawn as the paper's; head-on, crossing, overtake; files.",
+    ),
+    click.option(
+        "--definition", "definitions", type=Names(DEFINITIONS),
+        help="What sizes the discs; none: nobody avoids.  [default: all but none; paper: its four]",
+    ),
+    click.option(
+        "--gnss", type=Names(GNSS_MODELS),
+        help="How sigma becomes a position error.  [default: gauss-markov; paper: white-radial]",
+    ),
+    click.option(
+        "--solver", "solvers", type=Names(SOLVERS),
+        help="Who decides; g2, k and k2 are graded with other constants.  [default: halfplane; paper: rotation]",
+    ),
+    click.option(
+        "--dynamics", type=Names(DYNAMICS), default="ideal", show_default=True,
+        help="How vehicles answer: at once, or as an autopilot.",
+    ),
+    click.option(
+        "--sigma", "sigmas_m", type=Figures(0.0, 1000.0), default="10", show_default=True, metavar="M,...",
+        help="Standard deviation per axis, for vehicles of which the scenario says nothing; 0 = exact.",
+    ),
+    click.option(
+        "--interval", "intervals_s", type=Figures(0.02, 10.0), metavar="S,...",
+        help="Time between two reports.  [default: the scenario's, 0.1 in built-in ones]",
+    ),
+    click.option(
+        "--loss", "losses", type=Figures(0.0, 1.0, below=True), metavar="SHARE,...",
+        help="Share of reports that a receiver misses.  [default: the technology's; ideal: 0]",
+    ),
+)  # fmt: skip
+"""Of these several values may be given: a cell for everything with everything."""
+
+air_options = option_group(
+    click.option(
+        "--technology", type=click.Choice(TECHNOLOGIES), default="ideal", show_default=True,
+        help="Period, range, latency and loss of a way to broadcast, where nothing else is said.",
+    ),
+    click.option(
+        "--loss-burst", "burst", type=float, metavar="MEAN",
+        help="Reports are lost so many in a row, in the mean.  [default: each by itself]",
+    ),
+    click.option(
+        "--latency", "--age", "latency_s", type=Span(),
+        help="Age of a report when it is heard, uniform between two times.  [default: the technology's; ideal: 0]",
+    ),
+    click.option(
+        "--range", "range_m", type=Figures(1.0, 1e6), metavar="M", callback=lambda _, __, value: value and value[0],
+        help="Radio range.  [default: the technology's; ideal: 400]",
+    ),
+    click.option(
+        "--stock", "stock_share", type=click.FloatRange(0.0, 1.0), default=0.0, metavar="SHARE",
+        help="Vehicles that send standard Remote ID only.",
+    ),
+    click.option(
+        "--unresponsive", "unresponsive_share", type=click.FloatRange(0.0, 1.0), default=0.0, metavar="SHARE",
+        help="Vehicles that fly straight on and avoid nobody.",
+    ),
+)  # fmt: skip
+
+fleet_options = option_group(
+    click.option(
+        "--category", type=click.IntRange(1, 4), metavar="1-4",
+        help="Fleets of circle8 and square24 as a category of Table III.  [default: the paper's fleet]",
+    ),
+    click.option(
+        "--speed", "speed_mps", type=click.FloatRange(0.5, 100.0), metavar="M/S",
+        help="Cruise speed of everybody in circle8 and square24.  [default: drawn; 10 with px4 or ardupilot]",
+    ),
+    click.option(
+        "--correlation", "correlation_s", type=click.FloatRange(0.1, 1e6), default=10.0, show_default=True,
+        metavar="S", help="Time constant of gauss-markov errors.",
+    ),
+    click.option(
+        "--common-mode", "common_share", type=click.FloatRange(0.0, 1.0), default=0.0, metavar="SHARE",
+        help="Part of the variance of the errors that all vehicles share.",
+    ),
+    click.option(
+        "--bias", "bias_m", type=click.FloatRange(0.0, 1000.0), default=0.0, metavar="M",
+        help="An offset on top, for the whole flight, that nobody knows of: its standard deviation per axis.",
+    ),
+    click.option(
+        "--filter/--no-filter", "filtered", default=None,
+        help="Smooth reported positions, own and others'.  [default: for graded only]",
+    ),
+    click.option(
+        "--eta", type=Within(0.5, 0.999999999), default=0.999, show_default=True, metavar="P",
+        help="Of the definition chance: probability per instant.",
+    ),
+)  # fmt: skip

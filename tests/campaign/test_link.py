@@ -1,0 +1,59 @@
+"""How many reports are lost, how many in a row, and how late the others are."""
+
+import numpy as np
+import pytest
+
+from ridlink.campaign.link import Link, Reception
+from ridlink.technologies import TECHNOLOGIES
+
+
+def lost_reports(link: Link, reports: int = 4000) -> np.ndarray:
+    reception = Reception(link, count=6, seed=2, runs=range(2))
+    return np.array([reception.next()[0] for _ in range(reports)]).reshape(reports, -1)
+
+
+@pytest.mark.parametrize(("burst", "mean"), [(None, 1.0 / 0.7), (5.0, 5.0), (20.0, 20.0)])
+def test_losses_have_their_share_and_their_length(burst, mean):
+    lost = lost_reports(Link(0.3, burst))
+    assert lost.mean() == pytest.approx(0.3, abs=0.01)
+    bursts = (np.diff(lost.astype(int), axis=0) == 1).sum() + lost[0].sum()
+    assert lost.sum() / bursts == pytest.approx(mean, rel=0.05)
+    assert lost[0].mean() == pytest.approx(0.3, abs=0.15), "the first one is as likely lost as any other"
+
+
+def test_receivers_have_their_own_luck_and_runs_their_own_draws():
+    lost = lost_reports(Link(0.5), 2000)
+    agree = (lost[:, :1] == lost[:, 1:]).mean(axis=0)
+    assert np.all(np.abs(agree - 0.5) < 0.06)
+    together = Reception(Link(0.3, 4.0, (0.1, 0.3)), count=3, seed=1, runs=range(5, 9))
+    alone = Reception(Link(0.3, 4.0, (0.1, 0.3)), count=3, seed=1, runs=range(7, 8))
+    for k in range(60):
+        if k == 7:
+            together.keep(np.array([True, False, True, True]))
+        row = 2 if k < 7 else 1
+        for both, one in zip(together.next(), alone.next(), strict=True):
+            assert np.array_equal(both[row], one[0])
+
+
+def test_latencies_lie_between_the_two():
+    _, late = Reception(Link(latency_s=(0.1, 0.3)), count=9, seed=1, runs=range(1)).next()
+    assert 0.1 <= late.min() < 0.15 < 0.25 < late.max() <= 0.3
+    lost, late = Reception(Link(), count=9, seed=1, runs=range(2)).next()
+    assert not lost.any() and not late.any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ((1.0,), "loss"), ((-0.1,), "loss"), ((float("nan"),), "loss"), ((0.3, 0.9), "burst"), ((0.9, 2.0), "burst"),
+        ((0.0, None, (0.2, 0.1)), "latency_s"), ((0.0, None, (0.0, float("inf"))), "latency_s"),
+    ],
+)  # fmt: skip
+def test_links_that_cannot_be(arguments, text):
+    with pytest.raises(ValueError, match=text):
+        Link(*arguments)
+
+
+def test_every_technology_is_a_link():
+    for technology in TECHNOLOGIES.values():
+        assert Link(technology.loss, None, technology.latency_s).is_perfect == (technology.name == "ideal")
