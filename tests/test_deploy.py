@@ -1,0 +1,45 @@
+"""The files that run the daemon as a service say what the program understands."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from ridlink.cli import cli
+from ridlink.daemon.config import daemon_config, read_config_file
+
+DEPLOY = Path(__file__).resolve().parents[1] / "examples" / "deploy"
+
+
+def test_the_configuration_is_one_that_the_daemon_takes() -> None:
+    config = daemon_config(read_config_file(DEPLOY / "alpha.toml"))
+    assert config.engine.vehicle_sysid == 1
+    assert config.engine.cruise_mps <= config.engine.limits.horizontal_mps
+
+
+@pytest.mark.parametrize("file", ["ridlink-avoid@.service", "README.md", "Dockerfile"])
+def test_every_command_and_option_in_it_exists(file: str) -> None:
+    text = (DEPLOY / file).read_text().replace("\n--", " --")
+    commands = re.findall(r"(?:bin/)?ridlink ((?:avoid|doctor)[^`\n]*)", text)
+    assert commands
+    for line in commands:
+        name, *words = shlex.split(line.rstrip('",&'))
+        shown = CliRunner().invoke(cli, [name, "--help"]).output
+        for option in (word for word in words if word.startswith("--")):
+            assert re.search(rf"{re.escape(option)}\b", shown), f"{name} has no {option}"
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+def test_the_unit_is_one_that_systemd_takes(tmp_path: Path) -> None:
+    unit = (DEPLOY / "ridlink-avoid@.service").read_text().replace("/opt/ridlink/bin/ridlink", "/bin/true")
+    path = tmp_path / "ridlink-avoid@alpha.service"
+    path.write_text(unit)
+    done = subprocess.run(["systemd-analyze", "verify", str(path)], capture_output=True, text=True, timeout=60)
+    said = [line for line in done.stderr.splitlines() if path.name in line]
+    assert done.returncode == 0 and not said, done.stderr
