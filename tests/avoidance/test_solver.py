@@ -91,6 +91,27 @@ def test_turning_the_world_turns_the_answer(rows, angle, velocity):
         assert around.velocity_ne_mps == pytest.approx(turned(straight.velocity_ne_mps, angle), abs=1e-3)
 
 
+@settings(max_examples=200, deadline=None)
+@given(
+    st.tuples(coordinate, coordinate), st.tuples(speed, speed), st.tuples(speed, speed), st.floats(5.0, 60.0),
+    st.booleans(),
+)  # fmt: skip
+def test_two_that_swap_places_swap_answers_and_turn_the_same_way(offset, velocity, goal, radius, reciprocal):
+    """An encounter that is its own image under half a turn: what the one answers is the image of the other's answer."""
+    offset, velocity, goal = np.array(offset), np.array(velocity), 100.0 * np.array(goal)
+    assume(np.linalg.norm(offset) > 1e-6 and np.linalg.norm(goal) > 1e-6)
+    # After the response time the pair may be all but exactly on top of each other, and lie on either side of that.
+    assume(np.linalg.norm(offset - 2.0 * velocity) > 1e-6)
+    answers = []
+    for sign in (1.0, -1.0):
+        others = traffic((*sign * offset, *-sign * velocity), radius=radius, reciprocal=reciprocal)
+        answers.append(solve(own_ship(velocity=sign * velocity), others, goal_ne_m=sign * goal))
+    one, other = answers
+    assert other.status is one.status
+    assert other.velocity_ne_mps == pytest.approx(-one.velocity_ne_mps, abs=1e-9)
+    assert other.passing_side == pytest.approx(one.passing_side)
+
+
 @settings(max_examples=100, deadline=None)
 @given(st.permutations(range(6)), st.lists(neighbour, min_size=6, max_size=6))
 def test_the_order_of_the_neighbours_does_not_matter(order, rows):
