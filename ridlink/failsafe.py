@@ -9,6 +9,12 @@
 An operator's request is consumed by the first engagement. A change of mode ends it, be it the pilot's or the
 autopilot's own (a landing, a failsafe), and neither the return of the mode nor that of a lost link renews it: only
 another request does.
+
+What the end of the stream means is not the same to both autopilots. ArduPilot flies on for three seconds
+(GUID_TIMEOUT), brakes and hovers. PX4 leaves OFFBOARD after one (COM_OF_LOSS_T) and, without a radio control link,
+returns home. So zero velocity always goes out before the stream ends on purpose: three of them at a clean stop, seconds
+of them on the rung of HOLD. Asking PX4 for its HOLD mode as well would change a mode, which is the operator's: only
+`--guard`, where he opted into that, hands back the mode that it found.
 """
 
 from __future__ import annotations
@@ -16,6 +22,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
+
+OTHER_WRITER = "another writer steers this vehicle"
 
 
 class State(IntEnum):
@@ -68,6 +76,9 @@ class Conditions:
         rebooted: The clock of the autopilot went back since the last step.
         latitude_deg: Own latitude.
         since_last_step_s: Time since the last step.
+        stalled: The watchdog saw the loop stand still.
+        own_jumped: The own position jumped a moment ago: it is wrong, or it was.
+        other_writer: Somebody else sends setpoints, and was there first or does not give way.
         has_goal: There is somewhere to go.
         deciding_fails: Decisions have failed again and again.
     """
@@ -81,6 +92,9 @@ class Conditions:
     rebooted: bool = False
     latitude_deg: float = 0.0
     since_last_step_s: float = 0.0
+    stalled: bool = False
+    own_jumped: bool = False
+    other_writer: bool = False
     has_goal: bool = False
     deciding_fails: bool = False
 
@@ -143,14 +157,18 @@ def _end_of_engagement(seen: Conditions, settings: FailsafeSettings) -> str:
         return "disarmed"
     if not seen.external_mode:
         return "the vehicle left GUIDED or OFFBOARD"
+    if seen.other_writer:
+        return OTHER_WRITER
     return ""
 
 
 def _doubt(seen: Conditions, settings: FailsafeSettings) -> str:
-    if seen.since_last_step_s > settings.pause_s:
+    if seen.stalled or seen.since_last_step_s > settings.pause_s:
         return "the loop paused"
     if not seen.own_state_age_s <= settings.hold_after_s:
         return "own state is stale"
+    if seen.own_jumped:
+        return "own position jumped"
     if not abs(seen.latitude_deg) <= settings.max_latitude_deg:
         return f"latitude beyond {settings.max_latitude_deg:g} degrees"
     if seen.deciding_fails:
@@ -170,6 +188,8 @@ def _waiting(rung: Rung, seen: Conditions, settings: FailsafeSettings) -> Rung:
         return Rung(State.STANDBY, True, Stream.NOTHING, "waiting for a goal")
     if not seen.armed:
         return Rung(State.STANDBY, True, Stream.NOTHING, "waiting for the vehicle to be armed")
+    if seen.external_mode and seen.other_writer:
+        return Rung(State.STANDBY, False, Stream.NOTHING, OTHER_WRITER)
     prestream = Stream.ZERO if seen.wants_stream else Stream.NOTHING
     if not seen.external_mode:
         return Rung(State.STANDBY, True, prestream, "waiting for GUIDED or OFFBOARD")

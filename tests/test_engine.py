@@ -299,7 +299,7 @@ def test_messages_are_requested_from_an_ardupilot_that_sends_none() -> None:
         flight.engine.receive_vehicle(flight.vehicle.heartbeat(), flight.now_s, source="autopilot")
         flight.step()
     requests = flight.heard("COMMAND_LONG")
-    assert [message.param1 for message in requests] == [33, 24, 245] * 3
+    assert [message.param1 for message in requests] == [33, 24, 85, 193, 245] * 3
     assert {(message.command, message.target_system, message.target_component) for message in requests} == {(511, 1, 1)}
     flight.telling = True
     flight.vehicle.heard.clear()
@@ -669,7 +669,7 @@ def test_decisions_that_fail_become_zero_velocity_and_then_a_hold(monkeypatch: p
     def broken(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("no")
 
-    monkeypatch.setattr(flight.engine._decider.solver, "solve", broken)
+    monkeypatch.setattr(flight.engine.steering.decider.solver, "solve", broken)
     assert flight.step().decision.commanded_ned_mps == (0.0, 0.0, 0.0)
     assert not flight.engine.fatal
     flight.step(2)
@@ -682,11 +682,11 @@ def test_decisions_that_fail_become_zero_velocity_and_then_a_hold(monkeypatch: p
 def test_rare_failures_are_not_fatal(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = Flight()
     flight.step(2)
-    right = flight.engine._decider.solver.solve
+    right = flight.engine.steering.decider.solver.solve
     for _ in range(4):
-        monkeypatch.setattr(flight.engine._decider.solver, "solve", lambda *_, **__: 1 / 0)
+        monkeypatch.setattr(flight.engine.steering.decider.solver, "solve", lambda *_, **__: 1 / 0)
         flight.step()
-        monkeypatch.setattr(flight.engine._decider.solver, "solve", right)
+        monkeypatch.setattr(flight.engine.steering.decider.solver, "solve", right)
         flight.step(10)
     assert flight.engine.counters["decision_failed"] == 4
     assert not flight.engine.fatal

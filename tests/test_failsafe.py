@@ -57,6 +57,8 @@ def test_nothing_engages_unasked() -> None:
         ({"latitude_deg": 85.1}, "latitude"),
         ({"latitude_deg": math.nan}, "latitude"),
         ({"since_last_step_s": 0.6}, "paused"),
+        ({"stalled": True}, "paused"),
+        ({"own_jumped": True}, "jumped"),
         ({"deciding_fails": True}, "decisions"),
     ],
 )
@@ -82,6 +84,7 @@ def test_px4_gets_a_stream_while_it_waits_armed_and_ardupilot_does_not() -> None
         ({"armed": False}, "disarmed"),
         ({"autopilot_heard_s": 3.1}, "heartbeat"),
         ({"rebooted": True}, "restarted"),
+        ({"other_writer": True}, "another writer"),
     ],
 )
 def test_what_ends_an_engagement_is_not_undone_by_its_return(change: dict[str, object], reason: str) -> None:
@@ -96,7 +99,14 @@ def test_what_ends_an_engagement_is_not_undone_by_its_return(change: dict[str, o
 
 @pytest.mark.parametrize(
     "change",
-    [{"own_state_age_s": 1.1}, {"since_last_step_s": 0.6}, {"latitude_deg": -85.5}, {"deciding_fails": True}],
+    [
+        {"own_state_age_s": 1.1},
+        {"since_last_step_s": 0.6},
+        {"latitude_deg": -85.5},
+        {"deciding_fails": True},
+        {"stalled": True},
+        {"own_jumped": True},
+    ],
 )
 def test_doubt_holds_and_goes_by(change: dict[str, object]) -> None:
     held = climb(ENGAGED, replace(FLYING, **change))
@@ -114,6 +124,14 @@ def test_lasting_doubt_stops_the_stream_for_good() -> None:
     assert (still.state, still.stream) == (State.STOPPED, Stream.NOTHING)
     assert climb(still, replace(FLYING, armed=False)).state is State.STANDBY
     assert climb(request(still), FLYING).state is State.ENGAGED
+
+
+def test_who_finds_another_writer_before_it_begins_stands_by_until_asked_again() -> None:
+    rung = climb(ASKED, replace(FLYING, other_writer=True))
+    assert (rung.state, rung.stream, rung.requested) == (State.STANDBY, Stream.NOTHING, False)
+    assert climb(rung, FLYING).stream is Stream.NOTHING
+    # Outside its mode a vehicle obeys nobody: what was seen of others says nothing.
+    assert climb(ASKED, replace(FLYING, other_writer=True, external_mode=False)).requested
 
 
 def test_a_request_while_engaged_changes_nothing_of_the_stream() -> None:
@@ -136,6 +154,9 @@ conditions = st.builds(
     rebooted=st.booleans(),
     latitude_deg=st.sampled_from([0.0, 86.0]),
     since_last_step_s=st.sampled_from([0.1, 0.6]),
+    stalled=st.booleans(),
+    own_jumped=st.booleans(),
+    other_writer=st.booleans(),
     has_goal=st.booleans(),
     deciding_fails=st.booleans(),
 )
@@ -148,6 +169,7 @@ def test_decisions_are_streamed_only_to_an_armed_vehicle_in_its_mode(seen: list[
         before, rung = rung, advance(rung, step)
         if rung.stream is Stream.DECISION:
             assert step.armed and step.external_mode and step.own_state_age_s <= 1.0 and step.autopilot_heard_s <= 3.0
+            assert not (step.stalled or step.own_jumped or step.other_writer or step.rebooted or step.deciding_fails)
             assert before.state in (State.ENGAGED, State.HOLD)
         if rung.stream is Stream.ZERO:
             assert step.armed and step.autopilot_heard_s <= 3.0

@@ -7,7 +7,7 @@ from collections.abc import Hashable
 
 import pytest
 
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.traffic.position_filter import moved, offset_m
@@ -252,3 +252,143 @@ def test_the_filter_can_be_switched_off() -> None:
     latitude, longitude = moved(*HERE, 1.0, 0.0)
     autopilot.position(0.1, lat=round(latitude * 1e7), lon=round(longitude * 1e7))
     assert north_east(telemetry, 0.1)[0] == pytest.approx(1.0, abs=0.01)
+
+
+def shifted(north_m: float, east_m: float = 0.0) -> dict[str, int]:
+    latitude, longitude = moved(*HERE, north_m, east_m)
+    return {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
+
+
+def test_f16_a_jump_is_doubted_for_a_second_and_counts_as_error_for_ten() -> None:
+    telemetry, autopilot = flying()
+    for tick in range(1, 11):
+        autopilot.position(0.1 * tick, **shifted(1.0 * tick), vx=1000)
+    assert not telemetry.jumped(1.0) and telemetry.counters["own_position_jump"] == 0
+    autopilot.position(1.1, **shifted(51.0), vx=1000)
+    assert telemetry.jumped(1.1) and telemetry.jumped(2.0) and not telemetry.jumped(2.2)
+    assert telemetry.counters["own_position_jump"] == 1
+    assert north_east(telemetry, 1.1)[0] == pytest.approx(51.0, abs=0.1), "where it is said to be now"
+    errors = []
+    for tick in range(12, 130):
+        autopilot.receiver(0.1 * tick)
+        autopilot.position(0.1 * tick, **shifted(51.0 + tick - 11), vx=1000)
+        state = telemetry.state(0.1 * tick)
+        assert state is not None
+        errors.append(state.error_bound_m)
+    assert errors[0] == pytest.approx(40.0, abs=1.0)
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] == pytest.approx(2.7)
+
+
+def test_f16_white_noise_and_hard_manoeuvres_are_no_jumps() -> None:
+    telemetry, autopilot = flying()
+    autopilot.receiver(0.0, h_acc=3500)
+    north, speed = 0.0, 15.0
+    for tick in range(1, 400):
+        speed = -speed if tick % 40 == 0 else speed
+        north += 0.1 * speed
+        if tick % 20 == 0:
+            autopilot.receiver(0.1 * tick, h_acc=3500)
+        noise = 10.0 * math.sin(1e6 * math.sin(tick))
+        autopilot.position(0.1 * tick, **shifted(north + noise), vx=round(100 * speed))
+    assert telemetry.counters["own_position_jump"] == 0
+
+
+def test_f16_an_outage_is_no_jump() -> None:
+    telemetry, autopilot = flying()
+    autopilot.position(0.1, vx=1000)
+    autopilot.position(4.1, **shifted(45.0), vx=1000)
+    assert telemetry.counters["own_position_jump"] == 0
+
+
+def test_f17_what_waited_in_a_buffer_is_as_old_as_the_autopilots_clock_says() -> None:
+    telemetry, autopilot = flying()
+    for tick in range(1, 21):
+        autopilot.position(0.1 * tick)
+    for tick in range(21, 70):  # all at once, after five seconds
+        autopilot.position(7.0, time_boot_ms=100 * tick)
+        assert telemetry.age_s(7.0) == pytest.approx(7.0 - 0.1 * tick, abs=1.1), "the pause itself forgives a second"
+    assert telemetry.counters["own_position_delayed"] > 20
+    autopilot.position(7.05, time_boot_ms=7050)
+    assert telemetry.age_s(7.05) == 0.0
+
+
+def test_f17_a_clock_that_runs_slow_is_believed() -> None:
+    telemetry, autopilot = flying()
+    for tick in range(1, 600):
+        autopilot.position(0.1 * tick, time_boot_ms=85 * tick)
+    assert telemetry.age_s(59.9) < 0.1
+
+
+def test_ardupilots_estimator_is_heard_too() -> None:
+    telemetry, autopilot = flying()
+    message = Message("EKF_STATUS_REPORT", 193, {"flags": 37})
+    telemetry.receive(1, 1, message, 1.0, "a")
+    autopilot.position(1.1)
+    assert telemetry.counters["own_position_untrusted"] == 1
+    telemetry.receive(1, 1, Message("EKF_STATUS_REPORT", 193, {"flags": 831}), 1.2, "a")
+    autopilot.position(1.3)
+    assert telemetry.age_s(1.3) == 0.0
+
+
+# --- another writer ---------------------------------------------------------------------------------------------------
+
+VELOCITY_ONLY, POSITION_ONLY = 0x0DC7, 0x0DF8
+
+
+def target(telemetry: OwnShipTelemetry, now_s: float, vx: float, vy: float = 0.0, mask: int = VELOCITY_ONLY) -> None:
+    Autopilot(telemetry).say(now_s, "POSITION_TARGET_LOCAL_NED", type_mask=mask, coordinate_frame=1, vx=vx, vy=vy)
+
+
+def contest(begins_s: float, lasts_s: float, *, ours: float = 10.0, foreign: float = -4.0) -> OwnShipTelemetry:
+    """We stream from 0 on at 10 Hz; from then on every second target is somebody else's."""
+    telemetry, _ = flying()
+    writer = telemetry.other_writer
+    for tick in range(round(10 * (begins_s + lasts_s))):
+        now_s = 0.1 * tick
+        writer.sent((ours, 0.0, 0.0), now_s)
+        target(telemetry, now_s + 0.03, ours)
+        target(telemetry, now_s + 0.08, foreign if now_s >= begins_s else ours)
+    return telemetry
+
+
+def test_our_own_targets_are_nobody_elses_however_they_are_clipped_and_shaped() -> None:
+    telemetry, _ = flying()
+    for tick in range(100):
+        now_s = 0.1 * tick
+        telemetry.other_writer.sent((0.5 * min(tick, 30), 0.1, 0.0), now_s)
+        target(telemetry, now_s + 0.05, min(0.5 * max(min(tick, 30) - 4, 0), 12.0))
+        assert not telemetry.other_writer.contested(now_s + 0.05)
+
+
+def test_whoever_comes_second_gives_way_and_the_first_waits_for_that() -> None:
+    second = contest(begins_s=0.0, lasts_s=1.5).other_writer
+    assert second.contested(1.4) and second.must_yield(1.4)
+    first = contest(begins_s=10.0, lasts_s=2.0).other_writer
+    assert first.contested(11.9) and not first.must_yield(11.9)
+    stubborn = contest(begins_s=10.0, lasts_s=7.0).other_writer
+    assert stubborn.must_yield(16.9)
+    assert not stubborn.contested(20.0), "without targets nobody is accused"
+
+
+def test_before_we_stream_a_target_that_moves_has_a_writer_and_one_that_stands_has_lost_it() -> None:
+    for moves in (True, False):
+        telemetry, _ = flying()
+        for tick in range(15):
+            target(telemetry, 0.1 * tick, 8.0 + (0.02 * tick if moves else 0.0))
+        assert telemetry.other_writer.must_yield(1.4) is moves
+        Autopilot(telemetry).heartbeat(1.5, mode=3 << 16)
+        assert not telemetry.other_writer.must_yield(1.5)
+
+
+def test_positions_as_targets_are_foreign_once_we_stream() -> None:
+    for streaming in (True, False):
+        telemetry, _ = flying()
+        for tick in range(30):
+            if streaming:
+                telemetry.other_writer.sent((1.0, 0.0, 0.0), 0.1 * tick)
+            target(telemetry, 0.1 * tick, 0.0, mask=POSITION_ONLY)
+            target(telemetry, 0.1 * tick, math.nan)
+        assert telemetry.other_writer.contested(2.9) is streaming
+    telemetry.other_writer.sent(None, 3.0)
+    assert not telemetry.other_writer.must_yield(9.0)

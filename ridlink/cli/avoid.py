@@ -19,7 +19,7 @@ from ridlink.cli import EXIT_DONE, EXIT_INTERNAL
 
 if TYPE_CHECKING:
     from ridlink.daemon.config import DaemonConfig
-    from ridlink.daemon.service import Summary
+    from ridlink.daemon.summary import Summary
 
 QUEUED_LINES = 1000
 

@@ -7,21 +7,20 @@ next decision is made from what is known then, and the grid goes on.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import gc
-import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from ridlink.avoidance.solver import warm_up
-from ridlink.avoidance.types import SolverKind
 from ridlink.captures.recorder import Recorder
 from ridlink.daemon.config import DaemonConfig
+from ridlink.daemon.steady_utc import SteadyUtc
+from ridlink.daemon.summary import Spread, Summary
+from ridlink.daemon.warming import warm_up_unless
+from ridlink.daemon.watchdog import Watchdog
 from ridlink.engine import Engine, StepOutput
 from ridlink.engine.periodic import Periodic
 from ridlink.errors import RidlinkError
@@ -36,50 +35,11 @@ LAST_RECORDS_S = 1.0
 FATAL_STEPS = 3
 """A step that fails sends nothing; after so many in a row the autopilot must not wait any longer."""
 
-KEPT_STEPS = 36_000
-"""An hour of steps; percentiles are of this hour, maxima of the whole flight."""
-
 EventSink = Callable[[dict[str, Any]], None]
 
 
 class DecisionError(RidlinkError):
     """Decisions failed again and again; the vehicle was told to stop."""
-
-
-class _Spread:
-    """Median, 99th percentile and maximum of a running quantity."""
-
-    def __init__(self) -> None:
-        self._recent: deque[float] = deque(maxlen=KEPT_STEPS)
-        self._most = 0.0
-
-    def add(self, value: float) -> None:
-        self._recent.append(value)
-        self._most = max(self._most, value)
-
-    def summary(self) -> dict[str, float]:
-        if not self._recent:
-            return {"p50": 0.0, "p99": 0.0, "max": 0.0}
-        p50, p99 = np.percentile(np.fromiter(self._recent, np.float64), (50, 99))
-        return {"p50": round(float(p50), 3), "p99": round(float(p99), 3), "max": round(self._most, 3)}
-
-
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """What a flight came to. Times in milliseconds as `p50`, `p99` and `max`."""
-
-    setpoints: int
-    reports_received: int
-    decision_ms: dict[str, float]
-    setpoint_gap_ms: dict[str, float]
-    rejects: dict[str, int]
-    tracks: int
-    state: str
-    infeasible_steps: int
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
 
 
 class AvoidDaemon:
@@ -108,13 +68,15 @@ class AvoidDaemon:
         self._air: Link | None = None
         self._recorder: Recorder | None = None
         self._counters: Counter[str] = Counter()
-        self._decision_ms = _Spread()
-        self._gap_ms = _Spread()
+        self._decision_ms = Spread()
+        self._gap_ms = Spread()
         self._last_setpoint_s: float | None = None
         self._announced: tuple[str, str] | None = None
         self._recording_ended = False
         self._summary_due = Periodic(1.0)
         self._failed_in_a_row = 0
+        self._utc = SteadyUtc(time.monotonic())
+        self._stalls: deque[str] = deque(maxlen=4)
 
     async def run(self, stop: asyncio.Event) -> Summary:
         """Fly until told to stop; then three zero setpoints, and the links are closed.
@@ -127,7 +89,7 @@ class AvoidDaemon:
             OSError: If the recording cannot be opened.
             DecisionError: If decisions kept failing.
         """
-        await _warm_up_unless(stop, self.config.engine.solver)
+        await warm_up_unless(stop, self.config.engine.solver)
         # What lives now lives for ever: no collection needs to walk through the compiled kernels and the dialect again.
         gc.collect()
         gc.freeze()
@@ -155,9 +117,18 @@ class AvoidDaemon:
     # --- time -----------------------------------------------------------------------------------------------------
 
     async def _keep_time(self, stop: asyncio.Event) -> None:
+        watchdog = Watchdog(self._stalled)
+        watchdog.start()
+        try:
+            await self._tick_until(stop, watchdog)
+        finally:
+            watchdog.stop()
+
+    async def _tick_until(self, stop: asyncio.Event, watchdog: Watchdog) -> None:
         period = self.config.period_s
         due = time.monotonic()
         while not stop.is_set() and not self.engine.fatal:
+            watchdog.beat()
             self._tick()
             due += period
             late = time.monotonic() - due
@@ -170,8 +141,15 @@ class AvoidDaemon:
             except TimeoutError:
                 continue
 
+    def _stalled(self, stack: str) -> None:
+        """From the watchdog's thread: hold when the loop comes back, and keep where it stood."""
+        self.engine.hold_next()
+        self._counters["loop_stalled"] += 1
+        self._stalls.append(stack)
+
     def _tick(self) -> None:
         begin = time.perf_counter()
+        self._utc.check(time.monotonic())
         try:
             output = self.engine.step(time.monotonic())
         except Exception as error:
@@ -196,11 +174,13 @@ class AvoidDaemon:
 
     def _from_vehicle(self, data: bytes, address: Address) -> None:
         self._record(data)
-        self.engine.receive_vehicle(data, time.monotonic(), source=address, utc_s=time.time())
+        now_s = time.monotonic()
+        self.engine.receive_vehicle(data, now_s, source=address, utc_s=self._utc.at(now_s))
 
     def _from_air(self, data: bytes, address: Address) -> None:
         self._record(data)
-        self.engine.receive_remote_id(data, address, time.monotonic(), utc_s=time.time())
+        now_s = time.monotonic()
+        self.engine.receive_remote_id(data, address, now_s, utc_s=self._utc.at(now_s))
 
     def _send(self, output: StepOutput) -> None:
         for frame in output.to_vehicle:
@@ -247,6 +227,8 @@ class AvoidDaemon:
             self._emit("recording_ended", reason=_words(self._recorder.error))
         for text in output.warnings:
             self._emit("warning", text=text)
+        while self._stalls:
+            self._emit("stalled", stack=self._stalls.popleft())
         if not self._summary_due.due(record.time_s):
             return
         command, detection = record.commanded_ned_mps, record.detection
@@ -263,6 +245,9 @@ class AvoidDaemon:
             commanded_ned_mps=None if command is None else [round(value, 2) for value in command],
             status=None if record.status is None else record.status.name.lower(),
             setpoints=self.engine.setpoints.sent,
+            recovering=record.recovering,
+            doubtful=sum(track.doubt.widening_m(record.time_s) > 0.0 for track in self.engine.picture.tracks.values()),
+            rejects=self.rejects(),
             detection_needed_m=_finite(detection.needed_m if detection is not None else None),
             detection_given_m=_finite(detection.given_m if detection is not None else None),
             detection_short=detection is not None and detection.short,
@@ -280,49 +265,28 @@ class AvoidDaemon:
     def summary(self) -> Summary:
         """Totals so far."""
         totals = self.engine.summary()
-        rejects = Counter(totals.rejects) + self._counters
+        return Summary(
+            setpoints=totals.setpoints,
+            reports_received=totals.reports_received,
+            decision_ms=self._decision_ms.summary(),
+            setpoint_gap_ms=self._gap_ms.summary(),
+            rejects=self.rejects(),
+            tracks=totals.tracks,
+            state=totals.state,
+            infeasible_steps=totals.infeasible_steps,
+        )
+
+    def rejects(self) -> dict[str, int]:
+        """Everything that was dropped, clamped, rejected or noticed so far, by cause."""
+        rejects = self.engine.counters + self._counters
         for name, link in (("vehicle", self._vehicle), ("rid", self._air)):
             if link is not None:
                 rejects.update({f"{name}_link_{cause}": count for cause, count in link.counters.items()})
         if self._recorder is not None:
             rejects["recording_dropped"] += self._recorder.dropped
             rejects["recording_failed"] += self._recorder.error is not None
-        return Summary(
-            setpoints=totals.setpoints,
-            reports_received=totals.reports_received,
-            decision_ms=self._decision_ms.summary(),
-            setpoint_gap_ms=self._gap_ms.summary(),
-            rejects={cause: count for cause, count in sorted(rejects.items()) if count},
-            tracks=totals.tracks,
-            state=totals.state,
-            infeasible_steps=totals.infeasible_steps,
-        )
-
-
-async def _warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
-    """Compile a solver's kernels before the first deadline; cold that takes seconds, and a signal must not wait."""
-    loop = asyncio.get_running_loop()
-    done = loop.create_future()
-
-    def report(error: BaseException | None) -> None:
-        if not done.done():
-            done.set_result(error)
-
-    def compile_all() -> None:
-        problem: BaseException | None = None
-        try:
-            warm_up(solver)
-        except Exception as error:
-            problem = error
-        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
-            loop.call_soon_threadsafe(report, problem)
-
-    threading.Thread(target=compile_all, name="warm-up", daemon=True).start()
-    stopped = asyncio.ensure_future(stop.wait())
-    await asyncio.wait({done, stopped}, return_when=asyncio.FIRST_COMPLETED)
-    stopped.cancel()
-    if done.done() and done.result() is not None:
-        raise done.result()
+        rejects["clock_stepped"] += self._utc.steps
+        return {cause: count for cause, count in sorted(rejects.items()) if count}
 
 
 def _words(error: OSError) -> str:

@@ -16,7 +16,7 @@ from ridlink.engine.deciding import Decider
 from ridlink.engine.decision import DecisionRecord
 from ridlink.traffic.encounter import encounters
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.picture import Snapshot
+from ridlink.traffic.snapshot import Snapshot
 from ridlink.traffic.track import Track
 
 PX4_DESCENT_MPS = 1.5
@@ -107,7 +107,7 @@ class Climber:
         decider: Decider,
         identity: tuple[int, bytes | None],
     ) -> list[Cylinder]:
-        radius = decider.discs(own, own.speed_mps, everybody).radius_m + everybody.blind_growth_m
+        radius = decider.discs(own, own.speed_mps, everybody).radius_m + everybody.widening_m
         velocity = everybody.velocity_ned_mps[:, :2]
         now = everybody.position_ned_m[:, :2] + velocity * everybody.age_s[:, None]
         relative = velocity - np.asarray(own.velocity_ned_mps[:2])

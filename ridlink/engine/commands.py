@@ -22,8 +22,9 @@ UNKNOWN_INT32 = 0x7FFFFFFF
 MOST_REPLIES = 16
 """Commands answered in one step; an operator sends one."""
 
-WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 245: 500_000}
-"""GLOBAL_POSITION_INT, GPS_RAW_INT and EXTENDED_SYS_STATE, which an ArduPilot sends only when asked."""
+WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 85: 100_000, 193: 500_000, 245: 500_000}
+"""GLOBAL_POSITION_INT, GPS_RAW_INT, POSITION_TARGET_LOCAL_NED, EKF_STATUS_REPORT and EXTENDED_SYS_STATE, which an
+ArduPilot sends only when asked; ESTIMATOR_STATUS it does not have, and says so each time."""
 
 
 def repositioned(message: Message, home_altitude_m: float | None, settings: FailsafeSettings) -> Goal | None:

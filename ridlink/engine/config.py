@@ -59,6 +59,7 @@ class EngineConfig:
         vehicle_sysid: Only this autopilot; without it the first one heard.
         uas_id: Own identity in Remote ID; without it what BASIC_ID on the vehicle link says.
         filter_positions: Smooth reported positions, own and others'.
+        allow_v1: Take MAVLink 1 frames as well, on both links.
     """
 
     goal: Goal | None = None
@@ -84,6 +85,7 @@ class EngineConfig:
     vehicle_sysid: int | None = None
     uas_id: str | None = None
     filter_positions: bool = True
+    allow_v1: bool = False
 
     @property
     def solver_settings(self) -> HalfplaneSettings | GradedSettings | RotationSettings:

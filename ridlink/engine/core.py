@@ -8,12 +8,12 @@ Axes: north, east, down about the own position of the instant; metres, m/s, seco
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Hashable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-from ridlink.engine.announce import AVOIDANCE_COMPONENT, collision, heartbeat, status, warning
-from ridlink.engine.climbing import Climber
+from ridlink.engine.announce import AVOIDANCE_COMPONENT
+from ridlink.engine.announcer import Announcer
 from ridlink.engine.commands import (
     ACCEPTED,
     DENIED,
@@ -21,21 +21,18 @@ from ridlink.engine.commands import (
     MOST_REPLIES,
     UNSUPPORTED,
     acknowledged,
-    message_requests,
     repositioned,
 )
 from ridlink.engine.config import EngineConfig
-from ridlink.engine.deciding import Decider
-from ridlink.engine.decision import DecisionRecord
-from ridlink.engine.detection import DetectionRange, DetectionWatch, reaction_of
-from ridlink.engine.periodic import Periodic
+from ridlink.engine.decision import DecisionRecord, EngineSummary, StepOutput
+from ridlink.engine.intake import LOCATION, REMOTE_ID_IDS, REMOTE_ID_NAMES, VEHICLE_IDS, Intake
+from ridlink.engine.steering import Steering
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
-from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
+from ridlink.mavlink.codec import Encoder, Message
+from ridlink.mavlink.frames import Frame
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
 from ridlink.remote_id.assembler import ReportAssembler
-from ridlink.remote_id.bridge import messages_of
-from ridlink.remote_id.messages import MAVLINK_NAMES, BasicId, Location, RemoteIdMessage
+from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage
 from ridlink.separation.reference import (
     ERROR_CAP_M,
     UNKNOWN_ERROR_BOUND_M,
@@ -43,55 +40,8 @@ from ridlink.separation.reference import (
 )
 from ridlink.setpoint import STOP, SetpointStream, Velocity
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.picture import PictureSettings, Snapshot, TrafficPicture
-from ridlink.traffic.track import TrackKey
-
-MOST_COLLISIONS = 8
-"""COLLISION messages per second: a link of a few kbit/s must not drown in warnings."""
-COLLISION_PERIOD_S = 1.0 - 1e-6
-
-MESSAGE_IDS = frozenset(
-    msgid for msgid in CRC_EXTRAS if 12900 <= msgid <= 12920 or msgid in (0, 24, 32, 33, 75, 76, 230, 245, 61400)
-)
-"""What an engine reads; anything else is skipped before it is decoded."""
-LOCATION = MAVLINK_NAMES[Location]
-REMOTE_ID_NAMES = frozenset((*MAVLINK_NAMES.values(), "OPEN_DRONE_ID_MESSAGE_PACK"))
-
-FATAL_FAILURES = 3
-FATAL_WITHIN_S = 1.0
-"""So many failed decisions in so short a time are no accident."""
-
-
-@dataclass(slots=True)
-class StepOutput:
-    """What to send after one step.
-
-    Attributes:
-        to_vehicle: Frames for the autopilot.
-        to_air: Frames for the Remote ID link.
-        replies: Frames for others who spoke on the vehicle link, with their addresses.
-        warnings: What an operator should hear of; on the vehicle link it is a STATUSTEXT.
-        decision: What was decided.
-    """
-
-    decision: DecisionRecord
-    to_vehicle: list[bytes] = field(default_factory=list)
-    to_air: list[bytes] = field(default_factory=list)
-    replies: list[tuple[bytes, Hashable]] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True)
-class EngineSummary:
-    """Totals so far."""
-
-    setpoints: int
-    reports_received: int
-    rejects: dict[str, int]
-    tracks: int
-    state: str
-    reason: str
-    infeasible_steps: int
+from ridlink.traffic.picture import TrafficPicture
+from ridlink.traffic.snapshot import PictureSettings
 
 
 class Engine:
@@ -104,7 +54,8 @@ class Engine:
         telemetry: Own state and autopilot.
         picture: Traffic.
         setpoints: The stream of setpoints.
-        fatal: Decisions failed again and again: whoever runs the engine should hold and end.
+        steering: What makes decisions.
+        encoder: Who speaks: the system id of the vehicle, and the component of obstacle avoidance.
     """
 
     def __init__(self, config: EngineConfig) -> None:
@@ -126,27 +77,18 @@ class Engine:
             )
         )
         self.setpoints = SetpointStream(config.limits)
-        self.fatal = False
-        self.last_error = ""
         self._counters: Counter[str] = Counter()
         self._assemblers = {"vehicle": ReportAssembler(), "rid": ReportAssembler()}
-        self._decider = Decider(config)
-        self._climber = Climber(config) if config.vertical_avoidance else None
+        self.steering = Steering(config, self.picture, self.telemetry)
         self._uas_id = config.uas_id.encode() if config.uas_id else None
-        self._encoder = Encoder(config.vehicle_sysid or 1, AVOIDANCE_COMPONENT)
+        self.encoder = Encoder(config.vehicle_sysid or 1, AVOIDANCE_COMPONENT)
         self._replies: list[tuple[bytes, Hashable]] = []
         self._started_s: float | None = None
         self._last_step_s: float | None = None
         self._reports = 0
-        self._failures: deque[float] = deque(maxlen=FATAL_FAILURES)
-        self._decision_time_s = 0.0
-        self._heartbeat_due = Periodic(1.0)
-        self._status_due = Periodic(1.0)
-        self._request_due = Periodic(1.0)
-        self._detection_due = Periodic(1.0)
-        self._detection_watch = DetectionWatch()
-        self._detection: DetectionRange | None = None
-        self._warned_at_s: dict[TrackKey, float] = {}
+        self._intake = Intake(allow_v1=config.allow_v1)
+        self._announcer = Announcer()
+        self._hold_next = False
 
     # --- in -------------------------------------------------------------------------------------------------------
 
@@ -166,7 +108,7 @@ class Engine:
             source: Who sent it.
             utc_s: UTC now, for the age of Remote ID reports.
         """
-        for frame, message in self._messages(datagram):
+        for frame, message in self._intake.messages(datagram, VEHICLE_IDS):
             if message.name in REMOTE_ID_NAMES:
                 self._vehicle_remote_id(frame, message, source, now_s, utc_s)
             elif message.name in ("COMMAND_LONG", "COMMAND_INT"):
@@ -174,8 +116,8 @@ class Engine:
             else:
                 self.telemetry.receive(frame.sysid, frame.compid, message, now_s, source)
         lock = self.telemetry.lock
-        if lock is not None and self._encoder.sysid != lock.sysid:
-            self._encoder = Encoder(lock.sysid, AVOIDANCE_COMPONENT)
+        if lock is not None and self.encoder.sysid != lock.sysid:
+            self.encoder = Encoder(lock.sysid, AVOIDANCE_COMPONENT)
 
     def receive_remote_id(self, datagram: bytes, source: Hashable, now_s: float, *, utc_s: float | None = None) -> None:
         """Take a datagram of the Remote ID link. Nothing in it can change anything but tracks.
@@ -186,27 +128,12 @@ class Engine:
             now_s: Monotonic time.
             utc_s: UTC now, for the age of reports.
         """
-        messages = self._messages(datagram)
-        # LOCATION last here as well: see `_remote_id_parts`.
-        messages.sort(key=lambda each: each[1].name == LOCATION)
+        messages = self._intake.messages(datagram, REMOTE_ID_IDS)
+        if len(messages) > 1:  # LOCATION last here as well: see `Intake.remote_id`
+            messages.sort(key=lambda each: each[1].name == LOCATION)
         for frame, message in messages:
-            if message.name in REMOTE_ID_NAMES:
-                for part in self._remote_id_parts(message):
-                    self._remote_id("rid", frame, part, now_s, utc_s)
-
-    def _messages(self, datagram: bytes) -> list[tuple[Frame, Message]]:
-        """What of a datagram concerns us; everything else is counted by cause."""
-        taken: list[tuple[Frame, Message]] = []
-        for found in parse_datagram(datagram, CRC_EXTRAS):
-            if isinstance(found, BadFrame):
-                self._counters[found.cause] += 1
-            elif not found.checked:
-                self._counters["unknown_message"] += 1
-            elif found.version != 2:
-                self._counters["mavlink_1_frame"] += 1
-            elif found.msgid in MESSAGE_IDS:
-                taken.append((found, decode_message(found)))
-        return taken
+            for part in self._intake.remote_id(message):
+                self._remote_id("rid", source, frame, part, now_s, utc_s)
 
     def _vehicle_remote_id(
         self, frame: Frame, message: Message, source: Hashable, now_s: float, utc_s: float | None
@@ -214,17 +141,15 @@ class Engine:
         """Remote ID on the vehicle link: others, as receivers relay them, or the vehicle about itself."""
         lock = self.telemetry.lock
         itself = lock is not None and lock.sysid == frame.sysid and lock.source == source
-        for part in self._remote_id_parts(message):
+        for part in self._intake.remote_id(message):
             if not (itself and part.id_or_mac is None):
-                self._remote_id("vehicle", frame, part, now_s, utc_s)
+                self._remote_id("vehicle", source, frame, part, now_s, utc_s)
             elif isinstance(part, BasicId) and part.uas_id and self.config.uas_id is None:
                 self._uas_id = part.uas_id
 
-    def _remote_id_parts(self, message: Message) -> list[RemoteIdMessage]:
-        # LOCATION last, of a pack, too: with its RIDLINK_SEPARATION before it, it makes one report instead of two.
-        return sorted(messages_of(message, self._counters), key=lambda each: isinstance(each, Location))
-
-    def _remote_id(self, link: str, frame: Frame, part: RemoteIdMessage, now_s: float, utc_s: float | None) -> None:
+    def _remote_id(
+        self, link: str, source: Hashable, frame: Frame, part: RemoteIdMessage, now_s: float, utc_s: float | None
+    ) -> None:
         lock = self.telemetry.lock
         sysid = lock.sysid if lock else self.config.vehicle_sysid
         if sysid is None:  # who cannot tell its own reports from others' would avoid itself
@@ -234,7 +159,9 @@ class Engine:
         if isinstance(part, Location):
             self._reports += 1
         if report is not None:
-            self.picture.receive(link, report, utc_s=utc_s, own_sysid=sysid, own_uas_id=self._uas_id)
+            self.picture.receive(
+                link, report, utc_s=utc_s, own_sysid=sysid, own_uas_id=self._uas_id, source=(link, source)
+            )
 
     def _command(self, frame: Frame, message: Message, source: Hashable, now_s: float) -> None:
         """A command to this component: DO_REPOSITION sets a goal and is an operator's request."""
@@ -255,14 +182,9 @@ class Engine:
             if goal is not None:
                 self.goal = goal
                 self.rung = request(self.rung)
-                self._begin_leg()
-        ack = acknowledged(self._encoder, message, result, frame.sysid, frame.compid)
+                self.steering.begin_leg()
+        ack = acknowledged(self.encoder, message, result, frame.sysid, frame.compid)
         self._replies.append((ack, source))
-
-    def _begin_leg(self) -> None:
-        self._decider.begin_leg()
-        if self._climber is not None:
-            self._climber.begin_leg()
 
     # --- out ------------------------------------------------------------------------------------------------------
 
@@ -280,20 +202,42 @@ class Engine:
         own = self.telemetry.state(now_s)
         before = self.rung.state
         self.rung = advance(self.rung, self._conditions(own, now_s, since_last), self.config.failsafe)
+        self._hold_next = False
         record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
         if own is not None:
-            record = self._look_and_decide(record, own, now_s)
+            record = self.steering.look_and_decide(
+                record,
+                own,
+                stream=self.rung.stream,
+                goal=self.goal,
+                last=self.setpoints.velocity,
+                identity=(self.encoder.sysid, self._uas_id),
+                since_last_s=since_last,
+            )
         elif self.rung.stream is Stream.ZERO:
             record = replace(record, commanded_ned_mps=STOP)
         if self.rung.state is State.ENGAGED and before is not State.ENGAGED and before is not State.HOLD:
-            self._begin_leg()
+            self.steering.begin_leg()
         output = StepOutput(record)
         if record.commanded_ned_mps is not None:
             output.to_vehicle.append(self._setpoint(record.commanded_ned_mps, now_s))
             output.decision = replace(record, commanded_ned_mps=self.setpoints.velocity)
         else:
             self.setpoints.restart()
-        self._announce(output, now_s)
+        self._counters["other_writer"] += self.telemetry.other_writer.contested(now_s)
+        self.telemetry.other_writer.sent(output.decision.commanded_ned_mps, now_s)
+        output.replies, self._replies = self._replies, []
+        if text := self.steering.detection_warning(record):
+            output.warnings.append(text)
+        self._announcer.announce(
+            output,
+            self.encoder,
+            self.telemetry,
+            state=self.rung.state,
+            time_boot_ms=self.time_boot_ms(now_s),
+            count=lambda: self.counters,
+            now_s=now_s,
+        )
         return output
 
     def stop(self, now_s: float) -> list[bytes]:
@@ -305,13 +249,27 @@ class Engine:
 
     def note_decision_time(self, seconds: float) -> None:
         """How long the last step took to compute, for RIDLINK_STATUS; the engine itself reads no clock."""
-        self._decision_time_s = seconds
+        self._announcer.decision_time_s = seconds
+
+    @property
+    def fatal(self) -> bool:
+        """Decisions failed again and again: whoever runs the engine should hold and end."""
+        return self.steering.fatal
+
+    @property
+    def last_error(self) -> str:
+        """Why the last decision failed that did."""
+        return self.steering.last_error
+
+    def hold_next(self) -> None:
+        """The loop stood still: whatever is decided next, hold first."""
+        self._hold_next = True
 
     @property
     def counters(self) -> Counter[str]:
         """Everything that was dropped, clamped, rejected or noticed, by cause."""
-        parts = (self._counters, self.telemetry.counters, self.picture.counters, self.setpoints.counters)
-        return sum(parts, Counter())
+        parts = (self._counters, self.steering, self._intake, self.telemetry, self.picture, self.setpoints)
+        return sum((part if isinstance(part, Counter) else part.counters for part in parts), Counter())
 
     def summary(self) -> EngineSummary:
         """Totals so far."""
@@ -322,7 +280,7 @@ class Engine:
             tracks=len(self.picture),
             state=self.rung.state.name.lower(),
             reason=self.rung.reason,
-            infeasible_steps=self._decider.infeasible,
+            infeasible_steps=self.steering.decider.infeasible,
         )
 
     def _conditions(self, own: OwnState | None, now_s: float, since_last_s: float) -> Conditions:
@@ -337,92 +295,23 @@ class Engine:
             rebooted=telemetry.take_reboot(),
             latitude_deg=own.position.latitude_deg if own is not None else 0.0,
             since_last_step_s=since_last_s,
+            stalled=self._hold_next,
+            own_jumped=telemetry.jumped(now_s),
+            other_writer=telemetry.other_writer.must_yield(now_s),
             has_goal=self.goal is not None,
-            deciding_fails=self.fatal,
+            deciding_fails=self.steering.fatal,
         )
-
-    def _look_and_decide(self, record: DecisionRecord, own: OwnState, now_s: float) -> DecisionRecord:
-        """The traffic of this instant and, where one may be flown, the velocity."""
-        streaming = self.rung.stream is not Stream.NOTHING
-        commanded = STOP if streaming else None
-        try:
-            everybody = self.picture.snapshot(own, now_s)
-            snapshot = everybody.at_our_height()
-            traffic, seen = self._decider.traffic(own, snapshot)
-            detection = self._detection_range(own, snapshot, now_s)
-            record = replace(self._decider.seen(record, snapshot, seen), detection=detection)
-            if self.rung.stream is not Stream.DECISION or self.goal is None:
-                return replace(record, commanded_ned_mps=commanded)
-            record = self._decider.decide(record, self.goal, own, self.setpoints.velocity, snapshot, traffic, now_s)
-            if self._climber is None:
-                return record
-            return self._climber.climb(
-                record,
-                own,
-                everybody,
-                self._decider,
-                last_down_mps=self.setpoints.velocity[2],
-                identity=(self._encoder.sysid, self._uas_id),
-            )
-        except Exception as error:  # a fault here must become a hold, never a missing setpoint
-            self._counters["decision_failed"] += 1
-            self.last_error = f"{type(error).__name__}: {error}"
-            self._failures.append(now_s)
-            if len(self._failures) == FATAL_FAILURES and now_s - self._failures[0] <= FATAL_WITHIN_S:
-                self.fatal = True
-            return replace(record, commanded_ned_mps=commanded)
-
-    def _detection_range(self, own: OwnState, snapshot: Snapshot, now_s: float) -> DetectionRange | None:
-        """From how far neighbours must be heard and are heard, as of the last full second."""
-        if self._detection_due.due(now_s):
-            telemetry, lock = self.telemetry, self.telemetry.lock
-            self._detection_watch.hear(self.picture.tracks.values(), telemetry.armed and telemetry.ready, now_s)
-            reaction = reaction_of(lock.autopilot if lock else None, self.config.limits.acceleration_mps2)
-            needed_m = self._decider.needed_range_m(own, snapshot, reaction)
-            self._detection = self._detection_watch.judge(needed_m, len(snapshot) > 0)
-        return self._detection
 
     # --- frames ---------------------------------------------------------------------------------------------------
 
-    def _time_boot_ms(self, now_s: float) -> int:
+    def time_boot_ms(self, now_s: float) -> int:
+        """Time since the first step, as frames have it."""
         return int((now_s - (self._started_s or 0.0)) * 1e3) & 0xFFFFFFFF
 
     def _setpoint(self, velocity: Velocity, now_s: float) -> bytes:
         lock = self.telemetry.lock
         target = lock.sysid if lock is not None else 0
-        time_boot_ms = self._time_boot_ms(now_s)
-        return self.setpoints.next(self._encoder, velocity, time_boot_ms, target, AUTOPILOT_COMPONENT)
-
-    def _announce(self, output: StepOutput, now_s: float) -> None:
-        """Everything but setpoints."""
-        vehicle, encoder, record = output.to_vehicle, self._encoder, output.decision
-        lock = self.telemetry.lock
-        output.replies, self._replies = self._replies, []
-        if self._heartbeat_due.due(now_s):
-            vehicle.append(heartbeat(encoder, self.rung.state is State.ENGAGED))
-            # The air listens to whoever says which vehicle it is: not before that is known.
-            if lock is not None or self.config.vehicle_sysid is not None:
-                output.to_air.append(vehicle[-1])
-        if lock is None:
-            return
-        if self._status_due.due(now_s):
-            vehicle.append(status(encoder, record, self._time_boot_ms(now_s), self._decision_time_s))
-        telemetry = self.telemetry
-        silent = telemetry.position_silent_s(now_s) > 1.0 or telemetry.receiver_silent_s(now_s) > 5.0
-        if silent and telemetry.heard_s(now_s) < 3.0 and self._request_due.due(now_s):
-            vehicle.extend(message_requests(encoder, lock.sysid))
-        if telemetry.armed:
-            vehicle.extend(self._collisions(record, now_s))
-        if record.detection is not None and (text := self._detection_watch.warning(record.detection, now_s)):
-            output.warnings.append(text)
-            vehicle.append(warning(encoder, text))
-
-    def _collisions(self, record: DecisionRecord, now_s: float) -> list[bytes]:
-        """COLLISION once a second for each of the most urgent conflicts."""
-        self._warned_at_s = {key: at for key, at in self._warned_at_s.items() if now_s - at < COLLISION_PERIOD_S}
-        due = [c for c in record.conflicts[:MOST_COLLISIONS] if c.track.key not in self._warned_at_s]
-        self._warned_at_s.update((conflict.track.key, now_s) for conflict in due)
-        return [collision(self._encoder, conflict, record.state) for conflict in due]
+        return self.setpoints.next(self.encoder, velocity, self.time_boot_ms(now_s), target, AUTOPILOT_COMPONENT)
 
 
 def _host(source: Hashable) -> Hashable:

@@ -24,12 +24,15 @@ from ridlink.separation.reference import REPORT_INTERVAL_S
 from ridlink.setpoint import Velocity
 from ridlink.traffic.encounter import Encounters, encounters
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.picture import Snapshot
+from ridlink.traffic.snapshot import Snapshot
 
 FloatArray = NDArray[np.float64]
 
 VERTICAL_GAIN_PER_S = 0.5
 """Climb towards the goal altitude per metre missing: braking from 2 m/s then takes the 1 m/s^2 that autopilots have."""
+
+LONGEST_INTERVAL_S = 1.0
+"""Standard Remote ID; who is heard less often than that coasts, and its disc grows for it."""
 
 
 class Decider:
@@ -71,6 +74,8 @@ class Decider:
             snapshot.error_bound_m,
             snapshot.accuracy_bound_m,
             snapshot.speed_mps,
+            # As measured, not as announced: lost reports are time without one.
+            np.clip(snapshot.interval_s, REPORT_INTERVAL_S, LONGEST_INTERVAL_S),
         )
 
     def _discs(
@@ -81,6 +86,7 @@ class Decider:
         error_bound_m: FloatArray,
         accuracy_bound_m: FloatArray,
         speed_mps: FloatArray,
+        interval_s: FloatArray,
     ) -> Discs:
         return separation_discs(
             self.config.definition,
@@ -92,7 +98,7 @@ class Decider:
             error_bound_m=error_bound_m,
             accuracy_bound_m=accuracy_bound_m,
             speed_mps=speed_mps,
-            interval_s=REPORT_INTERVAL_S,
+            interval_s=interval_s,
             eta=self.config.eta,
             neighbours=len(airframe_m),
             bound=self.config.chance_bound,
@@ -108,7 +114,8 @@ class Decider:
         disc_m, speed_mps, interval_s = discs.radius_m, snapshot.speed_mps, [t.interval_s for t in snapshot.tracks]
         error_m, avoiding = discs.error_sum_m, snapshot.avoiding
         if not snapshot.tracks:
-            unknown = self._discs(own, config.cruise_mps, *[np.full(1, math.nan)] * 4)
+            unheard = np.full(1, math.nan)
+            unknown = self._discs(own, config.cruise_mps, unheard, unheard, unheard, unheard, np.ones(1))
             disc_m, error_m = unknown.radius_m, unknown.error_sum_m
             speed_mps, avoiding, interval_s = np.full(1, math.nan), np.zeros(1, np.bool_), [1.0]
         if config.solver is SolverKind.HALFPLANE:
@@ -126,7 +133,7 @@ class Decider:
     def traffic(self, own: OwnState, snapshot: Snapshot) -> tuple[Traffic, Encounters]:
         """Discs and velocities for the solver, and what happens if everybody flies on."""
         discs = self.discs(own, own.speed_mps, snapshot)
-        radius = discs.radius_m + snapshot.blind_growth_m
+        radius = discs.radius_m + snapshot.widening_m
         position, velocity = snapshot.position_ned_m[:, :2], snapshot.velocity_ned_mps[:, :2]
         traffic = Traffic(
             position_ne_m=position,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Hashable
+from dataclasses import dataclass, field
 
 from ridlink.avoidance.types import Status
 from ridlink.engine.detection import DetectionRange
@@ -49,6 +50,7 @@ class DecisionRecord:
         status: Result of the solver; None without a decision.
         binding: Neighbours whose constraints bind.
         goal_distance_m: Horizontal distance to the goal; None without a decision.
+        recovering: A conflict is there, or was a moment ago.
         detection: From how far neighbours must be heard and are heard; None before own state is known.
     """
 
@@ -64,4 +66,37 @@ class DecisionRecord:
     status: Status | None = None
     binding: tuple[Track, ...] = ()
     goal_distance_m: float | None = None
+    recovering: bool = False
     detection: DetectionRange | None = None
+
+
+@dataclass(slots=True)
+class StepOutput:
+    """What to send after one step.
+
+    Attributes:
+        to_vehicle: Frames for the autopilot.
+        to_air: Frames for the Remote ID link.
+        replies: Frames for others who spoke on the vehicle link, with their addresses.
+        warnings: What an operator should hear of; on the vehicle link it is a STATUSTEXT.
+        decision: What was decided.
+    """
+
+    decision: DecisionRecord
+    to_vehicle: list[bytes] = field(default_factory=list)
+    to_air: list[bytes] = field(default_factory=list)
+    replies: list[tuple[bytes, Hashable]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class EngineSummary:
+    """Totals so far."""
+
+    setpoints: int
+    reports_received: int
+    rejects: dict[str, int]
+    tracks: int
+    state: str
+    reason: str
+    infeasible_steps: int

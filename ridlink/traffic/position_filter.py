@@ -63,10 +63,12 @@ class PositionFilter:
         latitude_deg: Filtered position at the time of the last report.
         longitude_deg: The same.
         resets: How often an innovation was beyond the bound.
+        innovation_m: How far the last report was from its prediction; 0 where there was none.
     """
 
     __slots__ = (
-        "_at_s", "_beyond", "_reports", "_time_constant_s", "_velocity", "latitude_deg", "longitude_deg", "resets",
+        "_at_s", "_beyond", "_reports", "_time_constant_s", "_velocity", "innovation_m", "latitude_deg",
+        "longitude_deg", "resets",
     )  # fmt: skip
 
     def __init__(self, time_constant_s: float = TIME_CONSTANT_S) -> None:
@@ -77,11 +79,17 @@ class PositionFilter:
         self._velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self.latitude_deg = self.longitude_deg = 0.0
         self.resets = 0
+        self.innovation_m = 0.0
 
     def extrapolate(self, elapsed_s: float, velocity_ned_mps: tuple[float, float, float]) -> tuple[float, float]:
         """The position so long after the last report [deg]."""
         north, east = velocity_ned_mps[0] * elapsed_s, velocity_ned_mps[1] * elapsed_s
         return moved(self.latitude_deg, self.longitude_deg, north, east)
+
+    def _gain(self, elapsed_s: float) -> float:
+        if self._time_constant_s <= 0.0:
+            return 1.0
+        return max(1.0 / (self._reports + 1), 1.0 - math.exp(-elapsed_s / self._time_constant_s))
 
     def update(
         self,
@@ -104,16 +112,16 @@ class PositionFilter:
             Filtered latitude and longitude at that time.
         """
         elapsed = at_s - self._at_s
-        follows = self._reports > 0 and elapsed >= 0.0 and velocity_ned_mps is not None and self._time_constant_s > 0.0
-        if follows and velocity_ned_mps is not None:
+        self.innovation_m = 0.0
+        if self._reports > 0 and elapsed >= 0.0 and velocity_ned_mps is not None:
             # The mean of both velocities is the displacement of a vehicle that changed it steadily in between.
             mean = tuple((a + b) / 2.0 for a, b in zip(self._velocity, velocity_ned_mps, strict=True))
             predicted = self.extrapolate(elapsed, (mean[0], mean[1], mean[2]))
             north, east = offset_m(predicted, (latitude_deg, longitude_deg))
-            innovation = math.hypot(north, east)
-            beyond, self._beyond = self._beyond, innovation > bound_m
-            if innovation <= 2.0 * bound_m and not (beyond and self._beyond):
-                gain = max(1.0 / (self._reports + 1), 1.0 - math.exp(-elapsed / self._time_constant_s))
+            self.innovation_m = math.hypot(north, east)
+            beyond, self._beyond = self._beyond, self.innovation_m > bound_m
+            if self.innovation_m <= 2.0 * bound_m and not (beyond and self._beyond):
+                gain = self._gain(elapsed)
                 latitude_deg, longitude_deg = moved(*predicted, gain * north, gain * east)
                 self._reports += 1
             else:

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from ridlink.remote_id.report import RemoteIdReport
+from ridlink.traffic.doubt import Doubt
 from ridlink.traffic.position_filter import PositionFilter, offset_m
 
 TrackKey = tuple[Hashable, int, int, bytes | None, int]
@@ -86,6 +87,7 @@ class Track:
         filter: Position filter.
         trusted_clock: The timestamps of its sender were seen to agree with our UTC.
         seen_elsewhere: It bore our identity where we were not.
+        doubt: What it was seen to be wrong by.
     """
 
     key: TrackKey
@@ -103,6 +105,7 @@ class Track:
     in_conflict: bool = False
     trusted_clock: bool = False
     seen_elsewhere: bool = False
+    doubt: Doubt = field(default_factory=Doubt)
 
     @property
     def on_ground(self) -> bool:
@@ -195,13 +198,12 @@ class Track:
             return Update.COMPLETED
         if report.latitude_deg is None or report.longitude_deg is None:
             return Update.NO_POSITION
+        bound, resets = bound_m(report, unknown_error_m), self.filter.resets
         self.latitude_deg, self.longitude_deg = self.filter.update(
-            report.latitude_deg,
-            report.longitude_deg,
-            report.velocity_ned_mps,
-            bound_m(report, unknown_error_m),
-            measured_at_s,
+            report.latitude_deg, report.longitude_deg, report.velocity_ned_mps, bound, measured_at_s
         )
+        if self.filter.resets > resets:
+            self.doubt.add(self.filter.innovation_m - bound, report.received_at_s)
         gap = report.received_at_s - self.received_at_s
         if 0.0 < gap < COAST_SLOW_S:
             self.interval_s += 0.3 * (gap - self.interval_s)

@@ -16,7 +16,8 @@ import pytest
 from ridlink.captures.records import Rejects
 from ridlink.captures.tlog import read_tlog
 from ridlink.daemon.config import DaemonConfig
-from ridlink.daemon.service import AvoidDaemon, DecisionError, Summary
+from ridlink.daemon.service import AvoidDaemon, DecisionError
+from ridlink.daemon.summary import Summary
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
 from ridlink.failsafe import State
@@ -227,7 +228,7 @@ def test_decisions_that_keep_failing_end_the_daemon_after_a_stop() -> None:
         async with running() as flight:
             vehicle = flight.vehicle
             await vehicle.until(lambda: len(vehicle.setpoints()) >= 5)
-            flight.daemon.engine._decider.solver.solve = lambda *_, **__: 1 / 0  # type: ignore[method-assign,assignment]
+            flight.daemon.engine.steering.decider.solver.solve = lambda *_, **__: 1 / 0  # type: ignore[method-assign,assignment]
             assert flight.task is not None
             with pytest.raises(DecisionError, match="ZeroDivisionError"):
                 await asyncio.wait_for(flight.task, PATIENCE_S)
@@ -241,7 +242,7 @@ def test_steps_that_keep_failing_end_the_daemon_after_a_stop() -> None:
         async with running() as flight:
             vehicle = flight.vehicle
             await vehicle.until(lambda: len(vehicle.setpoints()) >= 5)
-            flight.daemon.engine._announce = lambda *_: 1 / 0  # type: ignore[method-assign,assignment]
+            flight.daemon.engine._announcer.announce = lambda *_, **__: 1 / 0  # type: ignore[method-assign,assignment]
             assert flight.task is not None
             with pytest.raises(DecisionError, match="steps failed"):
                 await asyncio.wait_for(flight.task, PATIENCE_S)
@@ -298,7 +299,7 @@ def test_stopping_during_the_warm_up_is_prompt(monkeypatch: pytest.MonkeyPatch) 
             release.wait()
             return 0.0
 
-        monkeypatch.setattr("ridlink.daemon.service.warm_up", endless)
+        monkeypatch.setattr("ridlink.daemon.warming.warm_up", endless)
         async with Air() as air:
             stop = asyncio.Event()
             config = DaemonConfig(vehicle="udpin:127.0.0.1:0", remote_id=f"udpout:127.0.0.1:{air.port}")  # type: ignore[arg-type]
@@ -314,7 +315,7 @@ def test_stopping_during_the_warm_up_is_prompt(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_warm_up_that_fails_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     async def test() -> None:
-        monkeypatch.setattr("ridlink.daemon.service.warm_up", lambda _: 1 / 0)
+        monkeypatch.setattr("ridlink.daemon.warming.warm_up", lambda _: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             await AvoidDaemon(DaemonConfig()).run(asyncio.Event())
 

@@ -11,8 +11,9 @@ import pytest
 from ridlink.geodesy import Geodetic
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.picture import PictureSettings, Snapshot, TrafficPicture
+from ridlink.traffic.picture import TrafficPicture
 from ridlink.traffic.position_filter import moved
+from ridlink.traffic.snapshot import PictureSettings, Snapshot
 
 HERE = (47.3977, 8.5456)
 SETTINGS = PictureSettings(unknown_error_m=40.0, unusable_error_m=185.0, unknown_speed_mps=30.7, own_height_m=0.3)
@@ -63,7 +64,7 @@ def test_arrays_about_the_own_position() -> None:
     assert snapshot.error_bound_m[0] == 3.0
     assert snapshot.airframe_m[0] == 0.6
     assert snapshot.avoiding.tolist() == [True]
-    assert snapshot.blind_growth_m[0] == 0.0
+    assert snapshot.widening_m[0] == pytest.approx(0.5 * 5.0 * 0.5**2)
 
 
 def test_unknowns_leave_as_nan_and_a_blind_speed_grows_the_area() -> None:
@@ -76,9 +77,10 @@ def test_unknowns_leave_as_nan_and_a_blind_speed_grows_the_area() -> None:
         assert math.isnan(array[0])
     assert snapshot.command_ned_mps.shape == (1, 3) and np.isnan(snapshot.command_ned_mps).all()
     assert snapshot.velocity_ned_mps[0].tolist() == [0.0, 0.0, 0.0]
-    assert snapshot.blind_growth_m[0] == pytest.approx(2.0 * 30.7)
+    coasting = 0.5 * 5.0 * 2.0**2
+    assert snapshot.widening_m[0] == pytest.approx(2.0 * 30.7 + coasting)
     known = seen(replace(bare, speed_horizontal_mps=4.0), now_s=12.0)
-    assert known.blind_growth_m[0] == pytest.approx(8.0)
+    assert known.widening_m[0] == pytest.approx(8.0 + coasting)
 
 
 def test_nobody() -> None:
@@ -246,7 +248,7 @@ def test_who_fell_silent_gives_way_to_the_next_vehicle_with_its_identity() -> No
         made.receive("rid", still(north=1000.0 * (k + 1), timestamp_s=100.0 + 0.1 * k, received_at_s=10.0 + 0.1 * k))
     made.receive("rid", still(north=-1000.0, timestamp_s=101.0, received_at_s=11.0))
     assert made.counters["track_refused"] == 1
-    made.receive("rid", still(north=-1000.0, timestamp_s=102.5, received_at_s=12.5))
+    made.receive("rid", still(north=-1000.0, timestamp_s=103.5, received_at_s=13.5))
     places = sorted(round(track.metres_to(still(north=0.0)), -1) for track in made.tracks.values())
     assert places == [1000.0, 2000.0, 3000.0, 4000.0]
     assert min(track.received_at_s for track in made.tracks.values()) == 10.1, "the first was silent for longest"

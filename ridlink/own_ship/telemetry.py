@@ -6,9 +6,8 @@ ellipsoid; velocities north-east-down in m/s; errors three standard deviations. 
 Both autopilots forward heartbeats of others, and anybody can send to a listening port: what counts is the first
 autopilot heard (system id, component 1, autopilot type, address), until it has been silent for three seconds.
 
-Freshness is no proof of validity: after the loss of GNSS both autopilots go on sending positions, and one keeps its
-accuracy figure. So a position counts only with a 3-D fix and, where ESTIMATOR_STATUS is sent, with an absolute
-horizontal solution.
+Freshness is no proof of validity, see `trust`; a position may be fresh and have jumped, see `jump`; and it may have
+come just now and be old, see `lateness`.
 """
 
 from __future__ import annotations
@@ -20,9 +19,13 @@ from dataclasses import dataclass
 
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import Message
-from ridlink.separation.reference import ERROR_CAP_M, UNKNOWN_ERROR_BOUND_M
+from ridlink.own_ship.jump import JumpWatch
+from ridlink.own_ship.lateness import Lateness
+from ridlink.own_ship.other_writer import OtherWriter
+from ridlink.own_ship.trust import NavigationTrust
+from ridlink.separation.reference import ERROR_CAP_M
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.position_filter import PositionFilter
+from ridlink.traffic.position_filter import PositionFilter, offset_m
 from ridlink.units import deg_from_dege7, m_from_mm, mps_from_cmps
 
 AUTOPILOT_COMPONENT = 1
@@ -31,21 +34,15 @@ ARDUPILOT, PX4 = 3, 12
 ARDUPILOT_GUIDED = 4
 PX4_OFFBOARD_MAIN_MODE = 6
 ARMED_FLAG = 128
-FIX_3D = 3
-POSITION_HORIZONTAL_ABSOLUTE = 16
-"""ESTIMATOR_POS_HORIZ_ABS."""
 LANDED_ON_GROUND, LANDED_TAKEOFF = 1, 3
 """MAV_LANDED_STATE."""
 
 LOCK_SILENCE_S = 3.0
-ACCURACY_VALID_S = 5.0
-"""GPS_RAW_INT comes at 1 to 8 Hz and ESTIMATOR_STATUS at 1 Hz; older figures are none."""
 INFLATE_AFTER_S = 0.3
 LONGEST_AGE_S = 10.0
 """A position older than this says nothing about where we are."""
 CLOCK_BACK_MS = 1000
 """time_boot_ms back by more is a restart of the autopilot; by less, a datagram that overtook another."""
-UNKNOWN_ACCURACY_MM = (0, 0xFFFFFFFF)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +63,14 @@ class OwnShipTelemetry:
 
     Attributes:
         lock: The autopilot that is listened to, None before the first heartbeat.
+        pinned: The only system id that is taken, None for the first one heard.
         armed: As its last heartbeat says.
         external_mode: GUIDED or OFFBOARD, as its last heartbeat says.
+        custom_mode: The mode itself, in the numbers of the autopilot.
+        trust: What receiver and estimator say of themselves.
+        other_writer: Whether somebody else steers as well.
         counters: `foreign_autopilot`, `own_position_unusable`, `own_position_untrusted`, `own_position_late`,
-            `autopilot_restart`.
+            `own_position_jump`, `own_position_delayed`, `autopilot_restart`.
     """
 
     def __init__(self, sysid: int | None = None, *, filtered: bool = True) -> None:
@@ -77,29 +78,26 @@ class OwnShipTelemetry:
         self.lock: AutopilotLock | None = None
         self.armed = False
         self.external_mode = False
-        self._pinned = sysid
+        self.pinned = sysid
         self._filtered = filtered
         self._forget()
 
     def _forget(self) -> None:
         self.armed = self.external_mode = False
+        self.custom_mode = 0
+        self.trust = NavigationTrust()
+        self.other_writer = OtherWriter()
         self._heartbeat_at_s = -math.inf
         self._landed_state = 0
         self._rebooted = False
         self._position_heard_at_s = -math.inf
         self._clock_ms: int | None = None
+        self._lateness = Lateness()
+        self._jumps = JumpWatch()
         self._filter = PositionFilter() if self._filtered else PositionFilter(time_constant_s=0.0)
-        self._latitude_deg = self._longitude_deg = self._altitude_m = self._home_altitude_m = 0.0
+        self._altitude_m = self._home_altitude_m = 0.0
         self._velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self._trusted_at_s = -math.inf
-        self._velocity_at_s = -math.inf
-        self._fix_type = -1
-        self._gps_at_s = self._estimator_at_s = -math.inf
-        self._horizontal_error_m: float | None = None
-        self._vertical_error_m: float | None = None
-        self._undulation_m: float | None = None
-        self._estimator_accuracy_m = 0.0
-        self._absolute = True
 
     # --- in -------------------------------------------------------------------------------------------------------
 
@@ -127,15 +125,20 @@ class OwnShipTelemetry:
             case "LOCAL_POSITION_NED":
                 self._local(message, now_s)
             case "GPS_RAW_INT":
-                self._receiver(message, now_s)
+                self.trust.receiver(message, now_s)
             case "ESTIMATOR_STATUS":
-                self._estimator(message, now_s)
+                self.trust.estimator(message.flags, message.pos_horiz_accuracy, now_s)
+            case "EKF_STATUS_REPORT":
+                self.trust.estimator(message.flags, 0.0, now_s)
+            case "POSITION_TARGET_LOCAL_NED":
+                if self.external_mode:
+                    self.other_writer.receive(message, now_s)
             case "EXTENDED_SYS_STATE":
                 self._landed_state = message.landed_state
 
     def _heartbeat(self, sysid: int, message: Message, now_s: float, source: Hashable) -> None:
         offered = AutopilotLock(sysid, message.autopilot, source)
-        if self._pinned is not None and sysid != self._pinned:
+        if self.pinned is not None and sysid != self.pinned:
             self.counters["foreign_autopilot"] += 1
             return
         if offered != self.lock:
@@ -148,10 +151,13 @@ class OwnShipTelemetry:
             self.lock = offered
         self._heartbeat_at_s = now_s
         self.armed = bool(message.base_mode & ARMED_FLAG)
+        self.custom_mode = message.custom_mode
         if message.autopilot == PX4:
             self.external_mode = (message.custom_mode >> 16) & 0xFF == PX4_OFFBOARD_MAIN_MODE
         else:
             self.external_mode = message.custom_mode == ARDUPILOT_GUIDED
+        if not self.external_mode:
+            self.other_writer.forget()
 
     def _in_order(self, time_boot_ms: int) -> bool:
         """Watch the autopilot's clock; False for a message that was overtaken."""
@@ -160,6 +166,7 @@ class OwnShipTelemetry:
             return True
         if before - time_boot_ms > CLOCK_BACK_MS:
             self._rebooted = True
+            self._lateness.forget()
             self.counters["autopilot_restart"] += 1
             return True
         self._clock_ms = before
@@ -174,53 +181,51 @@ class OwnShipTelemetry:
         if (message.lat == 0 and message.lon == 0) or abs(latitude) > 90.0 or abs(longitude) > 180.0:
             self.counters["own_position_unusable"] += 1
             return
-        if not self._trusted(now_s):
+        late_s = self._late_s(message, now_s)
+        if not self.trust.trusted(now_s):
             self.counters["own_position_untrusted"] += 1
             return
         velocity = (mps_from_cmps(message.vx), mps_from_cmps(message.vy), mps_from_cmps(message.vz))
-        bound = self._reported_error_m(now_s)
-        self._latitude_deg, self._longitude_deg = self._filter.update(latitude, longitude, velocity, bound, now_s)
+        measured_at_s = now_s - late_s
+        self._watch_for_jumps((latitude, longitude), velocity, measured_at_s)
+        # By the autopilot's own clock: the link's jitter is no motion.
+        self._filter.update(latitude, longitude, velocity, self.trust.error_m(now_s), message.time_boot_ms / 1e3)
         self._altitude_m = m_from_mm(message.alt)
         self._home_altitude_m = m_from_mm(message.alt - message.relative_alt)
-        self._velocity, self._velocity_at_s = velocity, now_s
-        self._trusted_at_s = now_s
+        self._velocity = velocity
+        self._trusted_at_s = measured_at_s
+
+    def _late_s(self, message: Message, now_s: float) -> float:
+        late_s = self._lateness.update(message.time_boot_ms / 1e3, now_s)
+        if late_s > INFLATE_AFTER_S:
+            self.counters["own_position_delayed"] += 1
+        return late_s
+
+    def _watch_for_jumps(
+        self, place_deg: tuple[float, float], velocity: tuple[float, float, float], measured_at_s: float
+    ) -> None:
+        elapsed_s = measured_at_s - self._trusted_at_s
+        if elapsed_s > LONGEST_AGE_S:
+            return
+        expected_deg = self._filter.extrapolate(max(elapsed_s, 0.0), self._velocity)
+        speed_mps = max(math.hypot(*velocity[:2]), math.hypot(*self._velocity[:2]))
+        if self._jumps.update(
+            math.hypot(*offset_m(expected_deg, place_deg)),
+            bound_m=self.trust.error_m(measured_at_s),
+            travelled_m=speed_mps * max(elapsed_s, 0.0),
+            now_s=measured_at_s,
+        ):
+            self.counters["own_position_jump"] += 1
 
     def _local(self, message: Message, now_s: float) -> None:
         """Velocity only: the local origin may move, and our coordinates begin at our own position anyway."""
         if not self._in_order(message.time_boot_ms):
             return
         velocity = (message.vx, message.vy, message.vz)
-        if all(math.isfinite(value) and abs(value) < 300.0 for value in velocity) and self._trusted(now_s):
-            self._velocity, self._velocity_at_s = velocity, now_s
-
-    def _receiver(self, message: Message, now_s: float) -> None:
-        self._gps_at_s = now_s
-        self._fix_type = message.fix_type
-        self._horizontal_error_m = None if message.h_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.h_acc)
-        self._vertical_error_m = None if message.v_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.v_acc)
-        self._undulation_m = m_from_mm(message.alt_ellipsoid - message.alt) if message.alt_ellipsoid else None
-
-    def _estimator(self, message: Message, now_s: float) -> None:
-        self._estimator_at_s = now_s
-        self._absolute = bool(message.flags & POSITION_HORIZONTAL_ABSOLUTE)
-        accuracy = message.pos_horiz_accuracy
-        self._estimator_accuracy_m = accuracy if math.isfinite(accuracy) and accuracy > 0.0 else 0.0
+        if all(math.isfinite(value) and abs(value) < 300.0 for value in velocity) and self.trust.trusted(now_s):
+            self._velocity = velocity
 
     # --- out ------------------------------------------------------------------------------------------------------
-
-    def _trusted(self, now_s: float) -> bool:
-        if now_s - self._gps_at_s <= ACCURACY_VALID_S and self._fix_type < FIX_3D:
-            return False
-        return self._absolute or now_s - self._estimator_at_s > ACCURACY_VALID_S
-
-    def _reported_error_m(self, now_s: float) -> float:
-        """Three-sigma error of a fresh position: the larger of what receiver and estimator say."""
-        if self._horizontal_error_m is None or now_s - self._gps_at_s > ACCURACY_VALID_S:
-            return UNKNOWN_ERROR_BOUND_M
-        error = self._horizontal_error_m
-        if now_s - self._estimator_at_s <= ACCURACY_VALID_S:
-            error = max(error, 3.0 * self._estimator_accuracy_m)
-        return min(error, ERROR_CAP_M)
 
     def heard_s(self, now_s: float) -> float:
         """Time since the last heartbeat of the autopilot [s]; infinite without one."""
@@ -234,9 +239,9 @@ class OwnShipTelemetry:
         """Time since the last position message, trusted or not [s]; infinite without one."""
         return now_s - self._position_heard_at_s
 
-    def receiver_silent_s(self, now_s: float) -> float:
-        """Time since the last word of the GNSS receiver [s]; infinite without one."""
-        return now_s - self._gps_at_s
+    def jumped(self, now_s: float) -> bool:
+        """The own position jumped within the last second."""
+        return self._jumps.doubtful(now_s)
 
     @property
     def ready(self) -> bool:
@@ -260,16 +265,17 @@ class OwnShipTelemetry:
             return None
         north, east, down = self._velocity
         latitude, longitude = self._filter.extrapolate(age, self._velocity)
-        error = self._reported_error_m(now_s)
+        error = max(self.trust.error_m(now_s), self._jumps.error_m(now_s))
         if age > INFLATE_AFTER_S:
             error += math.hypot(north, east) * age
         altitude = self._altitude_m - down * age
-        vertical = self._vertical_error_m if now_s - self._gps_at_s <= ACCURACY_VALID_S else None
+        vertical = self.trust.vertical_error_m(now_s)
         if vertical is not None and age > INFLATE_AFTER_S:
             vertical += abs(down) * age
+        undulation = self.trust.undulation_m
         return OwnState(
             position=Geodetic(latitude, longitude, altitude),
-            altitude_ellipsoid_m=None if self._undulation_m is None else altitude + self._undulation_m,
+            altitude_ellipsoid_m=None if undulation is None else altitude + undulation,
             velocity_ned_mps=self._velocity,
             error_bound_m=min(error, ERROR_CAP_M),
             vertical_error_bound_m=vertical,

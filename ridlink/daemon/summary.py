@@ -1,0 +1,50 @@
+"""What a flight came to: totals, and how regular it was."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+KEPT_STEPS = 36_000
+"""An hour of steps; percentiles are of this hour, maxima of the whole flight."""
+
+
+class Spread:
+    """Median, 99th percentile and maximum of a running quantity."""
+
+    def __init__(self) -> None:
+        self._recent: deque[float] = deque(maxlen=KEPT_STEPS)
+        self._most = 0.0
+
+    def add(self, value: float) -> None:
+        """One more value."""
+        self._recent.append(value)
+        self._most = max(self._most, value)
+
+    def summary(self) -> dict[str, float]:
+        """Those three, rounded."""
+        if not self._recent:
+            return {"p50": 0.0, "p99": 0.0, "max": 0.0}
+        p50, p99 = np.percentile(np.fromiter(self._recent, np.float64), (50, 99))
+        return {"p50": round(float(p50), 3), "p99": round(float(p99), 3), "max": round(self._most, 3)}
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What a flight came to. Times in milliseconds as `p50`, `p99` and `max`."""
+
+    setpoints: int
+    reports_received: int
+    decision_ms: dict[str, float]
+    setpoint_gap_ms: dict[str, float]
+    rejects: dict[str, int]
+    tracks: int
+    state: str
+    infeasible_steps: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)

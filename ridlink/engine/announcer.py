@@ -1,0 +1,105 @@
+"""When the daemon says what of itself: the rhythm of everything that is sent beside setpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from ridlink.engine.announce import collision, heartbeat, status, warning
+from ridlink.engine.commands import message_requests
+from ridlink.engine.decision import DecisionRecord, StepOutput
+from ridlink.engine.periodic import Periodic
+from ridlink.failsafe import State
+from ridlink.mavlink.codec import Encoder
+from ridlink.own_ship import OwnShipTelemetry
+from ridlink.traffic.track import TrackKey
+
+MOST_COLLISIONS = 8
+"""COLLISION messages per second: a link of a few kbit/s must not drown in warnings."""
+COLLISION_PERIOD_S = 1.0 - 1e-6
+
+QUIET_S = 10.0
+"""Between two alerts of one kind."""
+
+ALERTS = {
+    "newcomer_refused": "Remote ID flood: new senders refused",
+    "track_evicted": "Remote ID flood: traffic picture is full",
+    "own_id_elsewhere": "our own Remote ID is used elsewhere",
+    "other_writer": "another writer steers this vehicle, too",
+    "own_position_jump": "own position jumped",
+    "own_position_delayed": "telemetry comes late",
+    "decision_failed": "a decision failed",
+}
+"""What an operator should hear of when its counter moves."""
+
+
+class Announcer:
+    """Adds to the output of a step everything but setpoints.
+
+    Attributes:
+        decision_time_s: How long the last step took, for RIDLINK_STATUS.
+    """
+
+    def __init__(self) -> None:
+        self.decision_time_s = 0.0
+        self._heartbeat_due = Periodic(1.0)
+        self._status_due = Periodic(1.0)
+        self._request_due = Periodic(1.0)
+        self._warned_at_s: dict[TrackKey, float] = {}
+        self._alerted: dict[str, tuple[int, float]] = {}
+
+    def announce(
+        self,
+        output: StepOutput,
+        encoder: Encoder,
+        telemetry: OwnShipTelemetry,
+        *,
+        state: State,
+        time_boot_ms: int,
+        count: Callable[[], Mapping[str, int]],
+        now_s: float,
+    ) -> None:
+        """Add what is due.
+
+        Args:
+            output: Of this step.
+            encoder: Who speaks.
+            telemetry: To and of whom.
+            state: State of the failsafe ladder.
+            time_boot_ms: Time since start.
+            count: What was counted so far, see `ALERTS`; asked once a second.
+            now_s: Monotonic time.
+        """
+        vehicle, record, lock = output.to_vehicle, output.decision, telemetry.lock
+        if self._heartbeat_due.due(now_s):
+            vehicle.append(heartbeat(encoder, state is State.ENGAGED))
+            # The air listens to whoever says which vehicle it is: not before that is known.
+            if lock is not None or telemetry.pinned is not None:
+                output.to_air.append(vehicle[-1])
+        if lock is None:
+            return
+        if self._status_due.due(now_s):
+            vehicle.append(status(encoder, record, time_boot_ms, self.decision_time_s))
+            output.warnings.extend(self._alerts(count(), now_s))
+        silent = telemetry.position_silent_s(now_s) > 1.0 or telemetry.trust.receiver_silent_s(now_s) > 5.0
+        if silent and telemetry.heard_s(now_s) < 3.0 and self._request_due.due(now_s):
+            vehicle.extend(message_requests(encoder, lock.sysid))
+        if telemetry.armed:
+            vehicle.extend(self._collisions(encoder, record, now_s))
+        vehicle.extend(warning(encoder, text) for text in output.warnings)
+
+    def _collisions(self, encoder: Encoder, record: DecisionRecord, now_s: float) -> list[bytes]:
+        """COLLISION once a second for each of the most urgent conflicts."""
+        self._warned_at_s = {key: at for key, at in self._warned_at_s.items() if now_s - at < COLLISION_PERIOD_S}
+        due = [c for c in record.conflicts[:MOST_COLLISIONS] if c.track.key not in self._warned_at_s]
+        self._warned_at_s.update((conflict.track.key, now_s) for conflict in due)
+        return [collision(encoder, conflict, record.state) for conflict in due]
+
+    def _alerts(self, counters: Mapping[str, int], now_s: float) -> list[str]:
+        """A line for every cause of `ALERTS` that counted on, each at most every ten seconds."""
+        said: list[str] = []
+        for cause, text in ALERTS.items():
+            before, at_s = self._alerted.get(cause, (0, -QUIET_S))
+            if counters[cause] > before and now_s - at_s >= QUIET_S:
+                self._alerted[cause] = counters[cause], now_s
+                said.append(text)
+        return said

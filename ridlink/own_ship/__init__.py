@@ -1,0 +1,13 @@
+"""Own state from the autopilot's telemetry, how far it can be believed, and whether somebody else steers as well."""
+
+from __future__ import annotations
+
+from ridlink.own_ship.telemetry import (
+    ARDUPILOT,
+    AUTOPILOT_COMPONENT,
+    PX4,
+    AutopilotLock,
+    OwnShipTelemetry,
+)
+
+__all__ = ["ARDUPILOT", "AUTOPILOT_COMPONENT", "PX4", "AutopilotLock", "OwnShipTelemetry"]

@@ -1,0 +1,72 @@
+"""Whether the navigation solution of an autopilot may be believed, and how wrong it may be.
+
+Source: GPS_RAW_INT (24), ESTIMATOR_STATUS (230) of PX4, EKF_STATUS_REPORT (193) of ArduPilot. After the loss of GNSS
+both autopilots go on sending positions. ArduPilot keeps its accuracy figure as well, so that alone proves nothing, and
+the "variances" of its EKF report are innovation ratios that read 0.0 when all is lost: they are not looked at.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ridlink.mavlink.codec import Message
+from ridlink.separation.reference import ERROR_CAP_M, UNKNOWN_ERROR_BOUND_M
+from ridlink.units import m_from_mm
+
+FIX_3D = 3
+POSITION_HORIZONTAL_ABSOLUTE = 16
+"""ESTIMATOR_POS_HORIZ_ABS and EKF_POS_HORIZ_ABS."""
+
+ACCURACY_VALID_S = 5.0
+"""GPS_RAW_INT comes at 1 to 8 Hz and ESTIMATOR_STATUS at 1 Hz; older figures are none."""
+UNKNOWN_ACCURACY_MM = (0, 0xFFFFFFFF)
+
+
+class NavigationTrust:
+    """Fed with what receiver and estimator say of themselves."""
+
+    def __init__(self) -> None:
+        self._fix_type = -1
+        self._gps_at_s = self._estimator_at_s = -math.inf
+        self._horizontal_error_m: float | None = None
+        self._vertical_error_m: float | None = None
+        self._estimator_accuracy_m = 0.0
+        self._absolute = True
+        self.undulation_m: float | None = None
+
+    def receiver(self, message: Message, now_s: float) -> None:
+        """Take a GPS_RAW_INT."""
+        self._gps_at_s = now_s
+        self._fix_type = message.fix_type
+        self._horizontal_error_m = None if message.h_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.h_acc)
+        self._vertical_error_m = None if message.v_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.v_acc)
+        self.undulation_m = m_from_mm(message.alt_ellipsoid - message.alt) if message.alt_ellipsoid else None
+
+    def estimator(self, flags: int, accuracy_m: float, now_s: float) -> None:
+        """Take the flags of an estimator, and its accuracy where it has one (one standard deviation, else 0)."""
+        self._estimator_at_s = now_s
+        self._absolute = bool(flags & POSITION_HORIZONTAL_ABSOLUTE)
+        self._estimator_accuracy_m = accuracy_m if math.isfinite(accuracy_m) and accuracy_m > 0.0 else 0.0
+
+    def receiver_silent_s(self, now_s: float) -> float:
+        """Time since the last word of the receiver [s]; infinite without one."""
+        return now_s - self._gps_at_s
+
+    def trusted(self, now_s: float) -> bool:
+        """A 3-D fix and, where an estimator speaks, an absolute horizontal solution."""
+        if now_s - self._gps_at_s <= ACCURACY_VALID_S and self._fix_type < FIX_3D:
+            return False
+        return self._absolute or now_s - self._estimator_at_s > ACCURACY_VALID_S
+
+    def error_m(self, now_s: float) -> float:
+        """Three-sigma error of a fresh position [m]: the larger of what receiver and estimator say."""
+        if self._horizontal_error_m is None or now_s - self._gps_at_s > ACCURACY_VALID_S:
+            return UNKNOWN_ERROR_BOUND_M
+        error = self._horizontal_error_m
+        if now_s - self._estimator_at_s <= ACCURACY_VALID_S:
+            error = max(error, 3.0 * self._estimator_accuracy_m)
+        return min(error, ERROR_CAP_M)
+
+    def vertical_error_m(self, now_s: float) -> float | None:
+        """Three-sigma vertical error of a fresh position [m]; None where the receiver does not tell."""
+        return self._vertical_error_m if now_s - self._gps_at_s <= ACCURACY_VALID_S else None

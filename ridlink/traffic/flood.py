@@ -1,0 +1,36 @@
+"""Floods of new identities: let in at a bounded rate per source, so that they cost known traffic nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+
+MOST_SOURCES = 256
+
+
+class NewcomerGate:
+    """A bucket of tokens for each source.
+
+    Args:
+        per_second: New tracks per second of one source; as many may come at once.
+    """
+
+    def __init__(self, per_second: float) -> None:
+        self._per_second = per_second
+        self._left: dict[Hashable, tuple[float, float]] = {}
+        self._refused = 0
+
+    def admit(self, source: Hashable, now_s: float) -> bool:
+        """Whether one more new track of this source is let in."""
+        if source not in self._left and len(self._left) >= MOST_SOURCES:
+            source = next(iter(self._left))  # so many sources are a flood themselves: they share one bucket
+        left, at_s = self._left.get(source, (self._per_second, now_s))
+        left = min(left + max(now_s - at_s, 0.0) * self._per_second, self._per_second)
+        admitted = left >= 1.0
+        self._left[source] = (left - 1.0 if admitted else left, now_s)
+        self._refused += not admitted
+        return admitted
+
+    def take_refused(self) -> int:
+        """How many were refused since this was last asked."""
+        refused, self._refused = self._refused, 0
+        return refused

@@ -1,0 +1,250 @@
+"""The neighbours that count at one instant, as arrays: where they are about the own position of that instant, and how
+far from there they may be.
+
+Axes: north, east, down; metres, m/s, seconds. Unknown is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.geodesy import Geodetic, ned_from_geodetic
+from ridlink.traffic.altitude import known_apart, vertical_bound
+from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.track import Track
+
+FloatArray = NDArray[np.float64]
+
+COAST_ACCELERATION_MPS2 = 5.0
+"""A neighbour that is not heard may have turned or braked as hard as this. The position is taken ahead with its last
+velocity, and the disc grows by what this acceleration makes of the time since: a t^2 / 2."""
+COAST_CAP_M = 185.0
+"""0.1 nautical miles, the most that one neighbour can demand."""
+
+
+@dataclass(frozen=True, slots=True)
+class PictureSettings:
+    """What counts as traffic.
+
+    Args:
+        unknown_error_m: Three-sigma error of a report that states none.
+        unusable_error_m: A stated error from here on is counted: nobody can be separated by it.
+        unknown_speed_mps: Speed of a vehicle that states none.
+        max_tracks: Tracks kept at most; the least urgent one gives way.
+        max_considered: Tracks handed to the solver at most, the most urgent ones: its time grows with their number.
+        filtered: Smooth reported positions, see `PositionFilter`.
+        own_height_m: Vertical extent of the own airframe; None: unknown, so that everybody flies at our height.
+        vertical_horizon_s: Climb rates count for so long: a gap in height that closes within it is none.
+        new_per_second: New tracks per second of one source at most.
+        all_heights: Hand out those who are known to fly far above or below as well, marked as such.
+        echo_margin_m: Own reports come back this far from where we are, beyond errors and a second of flight.
+    """
+
+    unknown_error_m: float
+    unusable_error_m: float
+    unknown_speed_mps: float
+    max_tracks: int = 2000
+    max_considered: int = 256
+    filtered: bool = True
+    own_height_m: float | None = None
+    vertical_horizon_s: float = 8.0
+    new_per_second: float = 500.0
+    all_heights: bool = False
+    echo_margin_m: float = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Neighbours that count now, n of them, most urgent first where there are too many.
+
+    Attributes:
+        tracks: The tracks themselves.
+        position_ned_m: Positions as reported, about the own position now, shape (n, 3).
+        velocity_ned_mps: Reported velocities, zero where unknown, shape (n, 3).
+        command_ned_mps: Broadcast commanded velocities, NaN where none is given, shape (n, 3).
+        age_s: Ages of the positions, shape (n,).
+        speed_mps: Horizontal speeds, NaN where unknown, shape (n,).
+        interval_s: Measured times between the reports of each, shape (n,).
+        widening_m: How far a vehicle may be from where it is taken to be, beyond its errors: of unknown direction, not
+            heard for a while, or doubtful, shape (n,).
+        error_bound_m: Reported three-sigma errors, NaN where unknown, shape (n,).
+        accuracy_bound_m: The same from the accuracy code, shape (n,).
+        airframe_m: Reported sizes, NaN where unknown, shape (n,).
+        above_m: How far each is above us now, NaN where that cannot be said, shape (n,).
+        climb_mps: Climb rates, NaN where unknown, shape (n,).
+        vertical_bound_m: Gap in height that is none, at this instant and without reserve, infinite where unknown,
+            shape (n,).
+        apart: Known to fly far above or below, so that it need not be avoided; only with `all_heights`, shape (n,).
+        avoiding: Who takes its half, shape (n,).
+        memory: What the solver keeps of each encounter, shape (n,).
+    """
+
+    tracks: tuple[Track, ...]
+    position_ned_m: FloatArray
+    velocity_ned_mps: FloatArray
+    command_ned_mps: FloatArray
+    age_s: FloatArray
+    speed_mps: FloatArray
+    interval_s: FloatArray
+    widening_m: FloatArray
+    error_bound_m: FloatArray
+    accuracy_bound_m: FloatArray
+    airframe_m: FloatArray
+    above_m: FloatArray
+    climb_mps: FloatArray
+    vertical_bound_m: FloatArray
+    apart: NDArray[np.bool_]
+    avoiding: NDArray[np.bool_]
+    memory: NDArray[np.int8]
+
+    def __len__(self) -> int:
+        return len(self.tracks)
+
+    def at_our_height(self) -> Snapshot:
+        """Those who are not known to fly far above or below."""
+        return self.only(np.flatnonzero(~self.apart)) if self.apart.any() else self
+
+    def only(self, chosen: NDArray[np.intp]) -> Snapshot:
+        """Some of them."""
+        arrays = {item.name: getattr(self, item.name)[chosen] for item in fields(self) if item.name != "tracks"}
+        return Snapshot(tracks=tuple(self.tracks[k] for k in chosen), **arrays)
+
+
+NAN3 = (math.nan, math.nan, math.nan)
+
+
+def blind_speed_mps(track: Track, settings: PictureSettings) -> float:
+    """Speed in an unknown direction [m/s]: how fast the area in which the vehicle may be grows."""
+    if track.report.velocity_ned_mps is not None:
+        return 0.0
+    speed = track.report.speed_horizontal_mps
+    return settings.unknown_speed_mps if speed is None else speed
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """All tracks in the air at one instant, of which `chosen` picks those that count.
+
+    Attributes:
+        everybody: As a snapshot, shape (n,) throughout.
+        urgency_s: Time until each matters, shape (n,).
+    """
+
+    everybody: Snapshot
+    urgency_s: FloatArray
+
+    def chosen(self, most: int, counters: Counter[str], *, all_heights: bool) -> Snapshot:
+        """The most urgent ones at our height and, where they are wanted, as many of those far above or below."""
+        apart = self.everybody.apart
+        picked = _most_urgent(np.flatnonzero(~apart), self.urgency_s, most)
+        counters["not_considered"] += len(apart) - len(picked) - int(apart.sum())
+        counters["other_altitude"] += int(apart.sum())
+        if all_heights:
+            picked = np.concatenate([picked, _most_urgent(np.flatnonzero(apart), self.urgency_s, most)])
+        return self.everybody.only(picked)
+
+
+def look(tracks: Sequence[Track], own: OwnState, now_s: float, settings: PictureSettings) -> Sight:
+    """What is there at this instant.
+
+    Args:
+        tracks: Tracks that are in the air.
+        own: Own state now; its position is the origin.
+        now_s: Monotonic time.
+        settings: What counts as traffic.
+    """
+    rows = np.array(  # None becomes NaN
+        [
+            (
+                track.latitude_deg,
+                track.longitude_deg,
+                *track.velocity_ned_mps,
+                *(track.report.commanded_ned_mps or NAN3),
+                now_s - track.measured_at_s,
+                track.report.speed_horizontal_mps,
+                blind_speed_mps(track, settings),
+                track.report.horizontal_error_m,
+                track.report.accuracy_bound_m,
+                track.report.airframe_size_m,
+                track.report.altitude_geodetic_m,
+                track.report.vertical_error_m,
+                track.report.airframe_height_m,
+                track.report.climb_mps,
+                track.interval_s,
+                track.doubt.widening_m(now_s),
+            )
+            for track in tracks
+        ],
+        dtype=np.float64,
+    ).reshape(len(tracks), 20)
+    age = np.maximum(rows[:, 8], 0.0)
+    own_altitude = own.altitude_ellipsoid_m
+    altitude = rows[:, 14]
+    # Unknown altitude, ours or theirs: the same height, so that it counts.
+    comparable = np.isfinite(altitude) & (own_altitude is not None)
+    origin_altitude = own.position.altitude_m if own_altitude is None else own_altitude
+    altitude = np.where(comparable, altitude, origin_altitude)
+    origin = Geodetic(own.position.latitude_deg, own.position.longitude_deg, origin_altitude)
+    position = ned_from_geodetic(rows[:, 0], rows[:, 1], altitude, origin)
+    climb = rows[:, 17]
+    # Not the plane's "down": that sinks with the curvature of the Earth.
+    above = np.where(comparable, altitude - origin_altitude + climb * age, np.nan)
+    bound, apart = _heights(own, rows, age, above, settings)
+    velocity = rows[:, 2:5]
+    now_ne = position[:, :2] + velocity[:, :2] * age[:, None]
+    distance = np.hypot(now_ne[:, 0], now_ne[:, 1])
+    towards = now_ne / np.maximum(distance, 1e-9)[:, None]
+    closing = ((np.asarray(own.velocity_ned_mps[:2]) - velocity[:, :2]) * towards).sum(axis=1) + rows[:, 10]
+    coasting = np.minimum(0.5 * COAST_ACCELERATION_MPS2 * age**2, COAST_CAP_M)
+    everybody = Snapshot(
+        tracks=tuple(tracks),
+        position_ned_m=position,
+        velocity_ned_mps=velocity,
+        command_ned_mps=rows[:, 5:8],
+        age_s=age,
+        speed_mps=rows[:, 9],
+        interval_s=rows[:, 18],
+        widening_m=rows[:, 10] * age + coasting + rows[:, 19],
+        error_bound_m=rows[:, 11],
+        accuracy_bound_m=rows[:, 12],
+        airframe_m=rows[:, 13],
+        above_m=above,
+        climb_mps=climb,
+        vertical_bound_m=bound,
+        apart=apart,
+        avoiding=np.array([track.report.avoiding for track in tracks], dtype=np.bool_),
+        memory=np.array([track.memory for track in tracks], dtype=np.int8),
+    )
+    return Sight(everybody, distance / np.maximum(closing, 1.0))
+
+
+def _most_urgent(chosen: NDArray[np.intp], urgency_s: FloatArray, most: int) -> NDArray[np.intp]:
+    """As many of the chosen as may be considered, in their order where that is all of them."""
+    return chosen if len(chosen) <= most else chosen[np.argsort(urgency_s[chosen], kind="stable")[:most]]
+
+
+def _heights(
+    own: OwnState, rows: FloatArray, age: FloatArray, above: FloatArray, settings: PictureSettings
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """The vertical bound of this instant, and who is known to stay further up or down within the horizon."""
+    unknowable = (own.vertical_error_bound_m, settings.own_height_m)
+    own_error, own_height = (math.nan if value is None else value for value in unknowable)
+    error, height, climb = rows[:, 15], rows[:, 16], (-own.velocity_ned_mps[2], rows[:, 17])
+    now = vertical_bound(
+        above, error_m=(own_error, error), height_m=(own_height, height), climb_mps=climb, reserve_m=0.0
+    )
+    within = vertical_bound(
+        above,
+        error_m=(own_error, error),
+        height_m=(own_height, height),
+        climb_mps=climb,
+        age_s=age,
+        horizon_s=settings.vertical_horizon_s,
+    )
+    return now, known_apart(above, within)
