@@ -29,7 +29,6 @@ class Stream(IntEnum):
     """Sources of chance; the numbers are part of what a seed means and never change."""
 
     GNSS = 1
-    RADIO = 2
     FLEET = 3
     PHASE = 4
 

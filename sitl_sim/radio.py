@@ -17,7 +17,7 @@ import heapq
 import math
 from collections import Counter
 from collections.abc import Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -28,9 +28,10 @@ from ridlink.mavlink.codec import CRC_EXTRAS, decode_message, message_spec
 from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
 from ridlink.technologies import TECHNOLOGIES
 from ridlink.units import deg_from_dege7
-from sitl_sim.fleet import Stream, vehicle_generator
+from sitl_sim.chance import reception_chances
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 Address = Hashable
 
 SUBSCRIPTION_S = 10.0
@@ -46,29 +47,33 @@ MAX_UNDELIVERED = 200_000
 """Datagrams under way at most; beyond, what is broadcast is dropped and counted."""
 
 _UNKNOWN_ALTITUDE_M = -1000.0
-_BLOCK = 512
+CROWD_S = 1.0
+"""How often the senders around each receiver are counted."""
+
+SENDING_PERIODS = 3.0
+"""Who has not sent for this many periods, or seconds, crowds nobody any longer."""
 
 
 @dataclass(slots=True)
 class _Subscriber:
     system_id: int
     heard_s: float
-    chance: _Chance = field(repr=False)
 
 
-class _Chance:
-    """Uniform figures of one receiver, drawn in blocks because calls are slow."""
+@dataclass(slots=True)
+class _Receivers:
+    """The subscribers as columns, rebuilt when one comes or goes."""
 
-    def __init__(self, generator: np.random.Generator) -> None:
-        self._generator = generator
-        self._block: list[float] = []
+    addresses: list[Address]
+    rows: dict[Address, int]
+    system_id: IntArray
+    heard_s: FloatArray
 
-    def draw(self) -> float:
-        """The next figure in [0, 1)."""
-        if not self._block:
-            self._block = self._generator.random(_BLOCK).tolist()
-            self._block.reverse()
-        return self._block.pop()
+    @classmethod
+    def of(cls, subscribers: dict[Address, _Subscriber]) -> _Receivers:
+        system_id = np.array([subscriber.system_id for subscriber in subscribers.values()], dtype=np.int64)
+        heard_s = np.array([subscriber.heard_s for subscriber in subscribers.values()])
+        return cls(list(subscribers), {address: row for row, address in enumerate(subscribers)}, system_id, heard_s)
 
 
 class Air:
@@ -77,13 +82,14 @@ class Air:
     Args:
         technology: One of ``TECHNOLOGIES``.
         range_m: Radio range, instead of the technology's.
-        loss: Share lost, instead of the technology's.
-        seed: Seed of losses and latencies; each receiver has its own generator by system id.
+        loss: Share lost, at any distance and in any crowd, instead of what the technology loses.
+        seed: Seed of losses and latencies. What a receiver loses of a sender depends on the two system ids and on how
+            much that sender has sent, and on nothing else.
         home: Origin of the NED frame, without which subscribers outside the emulator cannot be placed.
 
     Attributes:
         technology: What was chosen.
-        range_m, loss: As they apply.
+        range_m: As it applies.
         counters: Events by cause: subscribed, refused, expired, malformed, unsubscribed, no_position, off_air,
             broadcast, out_of_range, lost, delivered, overflow.
 
@@ -104,18 +110,25 @@ class Air:
             raise ConfigError(f"unknown technology '{technology}': known are {', '.join(TECHNOLOGIES)}")
         self.technology = TECHNOLOGIES[technology]
         self.range_m = self.technology.range_m if range_m is None else range_m
-        self.loss = self.technology.loss if loss is None else loss
+        self._loss = loss
         if not (math.isfinite(self.range_m) and self.range_m > 0.0):
             raise ConfigError(f"the radio range must be positive and finite, not {self.range_m}")
-        if not 0.0 <= self.loss <= 1.0:
-            raise ConfigError(f"the loss must be between 0 and 1, not {self.loss}")
+        if loss is not None and not 0.0 <= loss <= 1.0:
+            raise ConfigError(f"the loss must be between 0 and 1, not {loss}")
         self.counters: Counter[str] = Counter()
         self._seed = seed
         self._home = home
         self._placed: FloatArray = np.empty((0, 3))
         self._reported: dict[tuple[Address, int], FloatArray] = {}
         self._subscribers: dict[Address, _Subscriber] = {}
-        self._under_way: list[tuple[float, int, bytes, Address]] = []
+        self._receivers: _Receivers | None = None
+        self._where: FloatArray | None = None
+        self._sends: Counter[int] = Counter()
+        self._sent_from: dict[int, tuple[float, FloatArray]] = {}
+        self._crowd: FloatArray | None = None
+        self._crowd_s = -math.inf
+        self._under_way: list[tuple[float, int, bytes, tuple[Address, ...]]] = []
+        self._waiting = 0
         self._sent = 0
 
     # --- who is where -------------------------------------------------------------------------------------------------
@@ -130,29 +143,34 @@ class Air:
         self._placed = np.array(position_ned_m, dtype=np.float64).reshape(-1, 3)
         if on_air is not None:
             self._placed[~np.asarray(on_air, dtype=np.bool_)] = np.nan
+        self._where = None
 
     def subscribe(self, address: Address, system_id: int, now_s: float) -> None:
         """Subscribe an address for 10 s, or keep it subscribed."""
         known = self._subscribers.get(address)
         if known is not None and known.system_id == system_id:
             known.heard_s = now_s
+            if self._receivers is not None:
+                self._receivers.heard_s[self._receivers.rows[address]] = now_s
             return
         if known is None and len(self._subscribers) >= MAX_SUBSCRIBERS:
             self.counters["refused"] += 1
             return
         self.counters["subscribed"] += 1
-        chance = _Chance(vehicle_generator(self._seed, Stream.RADIO, system_id))
-        self._subscribers[address] = _Subscriber(system_id, now_s, chance)
+        self._subscribers[address] = _Subscriber(system_id, now_s)
+        self._receivers = None
 
     def expire(self, now_s: float) -> None:
         """Forget who has been silent for 10 s."""
         for address, subscriber in list(self._subscribers.items()):
             if now_s - subscriber.heard_s > SUBSCRIPTION_S:
                 del self._subscribers[address]
+                self._receivers = None
                 self.counters["expired"] += 1
         for address, system_id in list(self._reported):
             if address not in self._subscribers:
                 del self._reported[address, system_id]
+                self._where = None
 
     @property
     def subscribers(self) -> dict[Address, int]:
@@ -223,6 +241,7 @@ class Air:
         altitude = location.altitude_geodetic
         if not math.isfinite(altitude) or altitude <= _UNKNOWN_ALTITUDE_M:
             altitude = self._home.altitude_m
+        self._where = None
         self._reported[address, frame.sysid] = ned_from_geodetic(latitude, longitude, altitude, self._home)
 
     def _whereabouts(self, system_id: int, address: Address | None) -> FloatArray | None:
@@ -235,58 +254,104 @@ class Air:
     ) -> None:
         """Put a payload under way to everybody who hears it."""
         self.counters["broadcast"] += 1
-        limit = self.range_m * self.range_m
-        heard: list[bool] = []
-        if position is None:
-            self.counters["no_position"] += 1
-        elif np.isnan(position[0]):
+        if position is not None and np.isnan(position[0]):
             self.counters["off_air"] += 1
             return
-        elif len(self._placed):
-            gap = self._placed - position
-            heard = (np.einsum("ij,ij->i", gap, gap) <= limit).tolist()
-        shortest, longest = self.technology.latency_s
-        delivered = lost = too_far = 0
-        for to, subscriber in self._subscribers.items():
-            system_id = subscriber.system_id
-            if to == address or system_id == sender or now_s - subscriber.heard_s > SUBSCRIPTION_S:
-                continue
-            latency_s = 0.0
-            if system_id != OBSERVER_SYSTEM_ID:
-                if position is None:
-                    continue
-                if 1 <= system_id <= len(heard):
-                    in_range = heard[system_id - 1]
-                else:
-                    own = self._reported.get((to, system_id))
-                    in_range = own is None or float(np.sum((own - position) ** 2)) <= limit
-                if not in_range:
-                    too_far += 1
-                    continue
-                # both figures are drawn every time: another loss leaves the latencies of what arrives alone
-                is_lost, late = subscriber.chance.draw() < self.loss, subscriber.chance.draw()
-                if is_lost:
-                    lost += 1
-                    continue
-                latency_s = shortest + late * (longest - shortest)
-            if len(self._under_way) >= MAX_UNDELIVERED:
-                self.counters["overflow"] += 1
-                continue
-            self._sent += 1
-            heapq.heappush(self._under_way, (now_s + latency_s, self._sent, payload, to))
-            delivered += 1
-        self.counters["out_of_range"] += too_far
-        self.counters["lost"] += lost
-        self.counters["delivered"] += delivered
+        self._sends[sender] += 1
+        if position is not None:
+            self._sent_from[sender] = now_s, position
+        receivers, where = self._listening()
+        if not receivers.addresses:
+            return
+        observing = receivers.system_id == OBSERVER_SYSTEM_ID
+        listening = (receivers.system_id != sender) & (now_s - receivers.heard_s <= SUBSCRIPTION_S)
+        if address is not None and address in receivers.rows:
+            listening[receivers.rows[address]] = False
+        latency_s = np.zeros(len(observing))
+        if position is None:
+            self.counters["no_position"] += 1
+            listening &= observing
+        else:
+            gap = where - position
+            distance_m = np.sqrt(np.einsum("ij,ij->i", gap, gap))
+            distance_m[np.isinf(distance_m)] = 0.0
+            in_range = observing | (distance_m <= self.range_m)
+            self.counters["out_of_range"] += int(np.count_nonzero(listening & ~in_range))
+            listening &= in_range
+            # both figures are drawn whatever the loss: another loss leaves the latencies of what arrives alone
+            arrives, late = reception_chances(self._seed, sender, self._sends[sender], receivers.system_id)
+            lost = listening & ~observing & (arrives >= self._arriving_share(distance_m, now_s))
+            self.counters["lost"] += int(np.count_nonzero(lost))
+            listening &= ~lost
+            shortest, longest = self.technology.latency_s
+            latency_s = np.where(observing, 0.0, shortest + late * (longest - shortest))
+        self._send_off(payload, np.flatnonzero(listening), latency_s, receivers.addresses, now_s)
+
+    def _listening(self) -> tuple[_Receivers, FloatArray]:
+        """The receivers, and where they are, shape (m, 3): NaN off the air, infinite where nobody knows."""
+        if self._receivers is None:
+            self._receivers = _Receivers.of(self._subscribers)
+            self._where = self._crowd = None
+        receivers = self._receivers
+        if self._where is None:
+            where = np.full((len(receivers.addresses), 3), np.nan)
+            placed = (receivers.system_id >= 1) & (receivers.system_id <= len(self._placed))
+            where[placed] = self._placed[receivers.system_id[placed] - 1]
+            for row in np.flatnonzero(~placed).tolist():
+                own = self._reported.get((receivers.addresses[row], int(receivers.system_id[row])))
+                where[row] = math.inf if own is None else own
+            self._where = where
+        return receivers, self._where
+
+    def _arriving_share(self, distance_m: FloatArray, now_s: float) -> FloatArray | float:
+        """Share of this broadcast's receptions that neither fade nor collide, shape (m,)."""
+        if self._loss is not None:
+            return 1.0 - self._loss
+        share = self.technology.link_share(np.minimum(distance_m, self.range_m), self.range_m)
+        if self.technology.crowding > 0.0:
+            share = share * self.technology.collision_share(self._senders_around(now_s))
+        return share
+
+    def _senders_around(self, now_s: float) -> FloatArray:
+        """How many senders each receiver has in range besides the one it hears, shape (m,); counted once a second."""
+        if self._crowd is None or now_s - self._crowd_s >= CROWD_S:
+            patience_s = SENDING_PERIODS * max(self.technology.period_s, 1.0)
+            self._sent_from = {key: sent for key, sent in self._sent_from.items() if now_s - sent[0] <= patience_s}
+            senders = np.array([position for _, position in self._sent_from.values()]).reshape(-1, 3)
+            _, where = self._listening()
+            gap = np.linalg.norm(where[:, None] - senders[None, :], axis=2)
+            self._crowd = np.maximum(np.count_nonzero(gap <= self.range_m, axis=1) - 1.0, 0.0)
+            self._crowd_s = now_s
+        return self._crowd
+
+    def _send_off(
+        self, payload: bytes, rows: IntArray, latency_s: FloatArray, addresses: list[Address], now_s: float
+    ) -> None:
+        room = MAX_UNDELIVERED - self._waiting
+        if len(rows) > room:
+            self.counters["overflow"] += len(rows) - room
+            rows = rows[:room]
+        self.counters["delivered"] += len(rows)
+        self._waiting += len(rows)
+        at_once = tuple(addresses[row] for row in rows[latency_s[rows] == 0.0].tolist())
+        if at_once:
+            self._push(now_s, payload, at_once)
+        for row in rows[latency_s[rows] > 0.0].tolist():
+            self._push(now_s + float(latency_s[row]), payload, (addresses[row],))
+
+    def _push(self, at_s: float, payload: bytes, addresses: tuple[Address, ...]) -> None:
+        self._sent += 1
+        heapq.heappush(self._under_way, (at_s, self._sent, payload, addresses))
 
     # --- bytes out ----------------------------------------------------------------------------------------------------
 
     def due(self, now_s: float) -> list[tuple[bytes, Address]]:
         """What has arrived by now, in order of arrival."""
-        arrived = []
+        arrived: list[tuple[bytes, Address]] = []
         while self._under_way and self._under_way[0][0] <= now_s:
-            _, _, payload, address = heapq.heappop(self._under_way)
-            arrived.append((payload, address))
+            _, _, payload, addresses = heapq.heappop(self._under_way)
+            arrived += [(payload, address) for address in addresses]
+        self._waiting -= len(arrived)
         return arrived
 
     def next_due_s(self) -> float | None:

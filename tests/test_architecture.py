@@ -65,6 +65,7 @@ SANS_IO = (
     "sitl_sim.referee",
     "sitl_sim.world",
     "sitl_sim.radio",
+    "sitl_sim.chance",
     "sitl_sim.autopilot",
     "sitl_sim.broadcast",
 )

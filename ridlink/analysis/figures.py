@@ -18,7 +18,6 @@ from ridlink.errors import MissingExtraError
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.components import displacement_line, localization_error, unmac_radius_distribution
 from ridlink.separation.reference import (
-    BROADCAST_TECHNOLOGIES,
     CATEGORIES,
     GPS_SIGMA_M,
     GPS_STANDARDS,
@@ -27,6 +26,7 @@ from ridlink.separation.reference import (
     SNMAC_PAIR_RADIUS_M,
     UNKNOWN_ERROR_BOUND_M,
 )
+from ridlink.technologies import COMPARED
 
 try:
     import matplotlib
@@ -158,17 +158,17 @@ def unmac_figure() -> Figure:
 
 
 def wireless_figure() -> Figure:
-    """Technologies: time between reports, range, and what a pair flies meanwhile. Sources: `reference`."""
+    """Technologies: time between reports, range, and what a pair flies meanwhile. Sources: `technologies`."""
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
     panels = figure.subplots(1, 3, sharey=True)
-    rows = sorted(BROADCAST_TECHNOLOGIES, key=lambda each: -each.interval_s)
-    names = [each.name for each in rows]
+    rows = sorted(COMPARED, key=lambda each: -each.period_s)
+    names = [each.label for each in rows]
     columns = (
-        ("time between two reports [s]", [each.interval_s for each in rows], (0.03, 60.0)),
+        ("time between two reports [s]", [each.period_s for each in rows], (0.03, 60.0)),
         ("range in the open [m]", [each.range_m for each in rows], (100.0, 4e4)),
         (
             "two of category 3 fly\nmeanwhile, 99.7 % [m]",
-            [displacement_line(CATEGORIES[3], each.interval_s) for each in rows],
+            [displacement_line(CATEGORIES[3], each.period_s) for each in rows],
             (1.0, 3000.0),
         ),
     )
@@ -232,7 +232,7 @@ def plain_numbers(axes: Axes, *, vertical: bool = True) -> None:
 def _technologies_by_interval() -> dict[float, list[str]]:
     """Names of the technologies at each interval; those that a line cannot tell apart share one."""
     grouped: dict[float, list[str]] = {}
-    for technology in sorted(BROADCAST_TECHNOLOGIES, key=lambda each: each.interval_s):
-        near = next((known for known in grouped if technology.interval_s / known < 1.1), technology.interval_s)
-        grouped.setdefault(near, []).append(technology.name)
+    for technology in sorted(COMPARED, key=lambda each: each.period_s):
+        near = next((known for known in grouped if technology.period_s / known < 1.1), technology.period_s)
+        grouped.setdefault(near, []).append(technology.label)
     return grouped

@@ -22,7 +22,6 @@ from ridlink.separation.components import (
     unmac_radius_distribution,
 )
 from ridlink.separation.reference import (
-    BROADCAST_TECHNOLOGIES,
     CATEGORIES,
     GPS_SIGMA_M,
     GPS_STANDARDS,
@@ -31,6 +30,7 @@ from ridlink.separation.reference import (
     SNMAC_PAIR_RADIUS_M,
     UNKNOWN_ERROR_BOUND_M,
 )
+from ridlink.technologies import COMPARED
 
 CLOSE = 0.01
 """Relative difference up to which a figure is close: what a sampled quantile, or reading off a curve, is off by."""
@@ -162,14 +162,14 @@ def _mobility() -> Iterator[Comparison]:
         "FLARM": ("several hundred", 100.0, 1000.0, "one message a second, unless several in a row are lost"),
         "LoRa": ("several hundred", 100.0, 1000.0, ""),
     }
-    for technology in BROADCAST_TECHNOLOGIES:
-        if technology.name not in claims:
+    for technology in COMPARED:
+        if technology.label not in claims:
             continue
-        printed, low, high, why = claims[technology.name]
-        lines = [displacement_line(category, technology.interval_s) for category in CATEGORIES.values()]
+        printed, low, high, why = claims[technology.label]
+        lines = [displacement_line(category, technology.period_s) for category in CATEGORIES.values()]
         holds = low <= min(lines) and max(lines) <= high
         yield Comparison(
-            "VI-A", f"flown between two reports by {technology.name}", "m", printed, (min(lines), max(lines)),
+            "VI-A", f"flown between two reports by {technology.label}", "m", printed, (min(lines), max(lines)),
             Verdict.EQUAL if holds else Verdict.DIFFERS, "" if holds else why,
         )  # fmt: skip
 

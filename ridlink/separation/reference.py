@@ -76,32 +76,5 @@ CATEGORIES: dict[int, Category] = {
 """Table III, "representative UAV categories"."""
 
 
-@dataclass(frozen=True, slots=True)
-class BroadcastTechnology:
-    """A way of broadcasting Remote ID that the paper compares; its figure is not part of its text.
-
-    Args:
-        name: What it is called.
-        interval_s: Shortest time between two reports of one sender.
-        range_m: Distance up to which it is heard, in the open.
-        source: Where the figures come from.
-    """
-
-    name: str
-    interval_s: float
-    range_m: float
-    source: str
-
-
-BROADCAST_TECHNOLOGIES = (
-    BroadcastTechnology("5G NR sidelink", 0.1, 600.0, "3GPP TS 22.125: 10 messages a second, 600 m"),
-    BroadcastTechnology("Wi-Fi beacon (SSID)", 0.1024, 400.0, "IEEE 802.11: 100 TU; range: opendroneid.org, upper end"),
-    BroadcastTechnology("Wi-Fi NAN", 0.524288, 400.0, "Wi-Fi Aware: 512 TU; range: opendroneid.org, upper end"),
-    BroadcastTechnology("Bluetooth 4", 1.0, 300.0, "ASTM F3411, least rate; range: opendroneid.org, 200 to 400 m"),
-    BroadcastTechnology("Bluetooth 5 long range", 1.0, 1200.0, "ASTM F3411, least rate; range: 4 times Bluetooth 4"),
-    BroadcastTechnology("FLARM", 1.0, 5000.0, "one message a second (data port specification 3.02); range: its manual"),
-    BroadcastTechnology("LoRa", 6.2, 2000.0, "25 bytes at SF7, 125 kHz take 61.7 ms, 1 % duty cycle; range assumed"),
-)
-
 UNKNOWN_SPEED_MPS = CATEGORIES[3].max_speed_mps
 """Speed of a vehicle that reports none: the maximum of category 3, the most inclusive one (section VI-B)."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 AUTOPILOTS = ("px4", "ardupilot", "ideal")
 GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
-TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink")
+TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink", "flarm", "lora")
 
 
 class Finite(click.FloatRange):

@@ -16,9 +16,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from ridlink.technologies import TECHNOLOGIES
 from sitl_sim.cli import sim
 from sitl_sim.gnss import ERROR_MODELS
-from sitl_sim.radio import TECHNOLOGIES
 from sitl_sim.vehicle import MODELS
 
 ANY_PORT = ["--vehicle-port", "0", "--companion-port", "0", "--air-port", "0"]

@@ -20,15 +20,14 @@ from ridlink.separation.components import (
     unmac_radius_distribution,
 )
 from ridlink.separation.reference import (
-    BROADCAST_TECHNOLOGIES,
     CATEGORIES,
     GPS_SIGMA_M,
     GPS_STANDARDS,
     MAX_AIRFRAME_M,
     MIN_AIRFRAME_M,
 )
+from ridlink.technologies import TECHNOLOGIES
 from sitl_sim.fleet import draw_paper_fleet
-from sitl_sim.radio import TECHNOLOGIES
 
 
 def test_tables_ii_and_iii() -> None:
@@ -128,24 +127,8 @@ def test_the_emulated_fleet_is_drawn_from_these() -> None:
     assert (fleet_speed().low, fleet_speed().high) == (10.0, 51.5)
 
 
-@pytest.mark.parametrize(
-    ("emulated", "name"),
-    [
-        ("nr-sidelink", "5G NR sidelink"),
-        ("wifi-beacon", "Wi-Fi beacon (SSID)"),
-        ("wifi-nan", "Wi-Fi NAN"),
-        ("bt4", "Bluetooth 4"),
-        ("bt5", "Bluetooth 5 long range"),
-    ],
-)
-def test_the_emulated_radio_has_the_same_figures(emulated: str, name: str) -> None:
-    (known,) = (each for each in BROADCAST_TECHNOLOGIES if each.name == name)
-    assert (known.interval_s, known.range_m) == (TECHNOLOGIES[emulated].period_s, TECHNOLOGIES[emulated].range_m)
-
-
 def test_lora_interval_is_its_duty_cycle() -> None:
     """Semtech's airtime: 8 + 4.25 symbols of preamble, 25 bytes at SF7, 125 kHz, coding rate 4/5, with a header."""
     symbol_s = 2**7 / 125e3
     payload = 8 + math.ceil((8 * 25 - 4 * 7 + 28 + 16) / (4 * 7)) * 5
-    (lora,) = (each for each in BROADCAST_TECHNOLOGIES if each.name == "LoRa")
-    assert lora.interval_s == pytest.approx(100.0 * (12.25 + payload) * symbol_s, abs=0.05)
+    assert TECHNOLOGIES["lora"].period_s == pytest.approx(100.0 * (12.25 + payload) * symbol_s, abs=0.05)

@@ -14,6 +14,7 @@ from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.mavlink.codec import Encoder
 from ridlink.technologies import TECHNOLOGIES
 from ridlink.units import dege7_from_deg
+from sitl_sim.chance import reception_chances
 from sitl_sim.radio import MAX_SUBSCRIBERS, Air
 
 HOME = Geodetic(47.0, 8.0, 400.0)
@@ -274,3 +275,84 @@ def test_no_datagram_hurts(datagrams: list[tuple[bytes, tuple[str, int]]]) -> No
     air.due(0.0)
     air.broadcast(1, None, b"still here", 0.0)
     assert (b"still here", TWO) in air.due(0.0)
+
+
+# --- how much arrives -------------------------------------------------------------------------------------------------
+
+
+def share_heard(air: Air, distance_m: float, *, count: int = 1500) -> float:
+    """Share of the broadcasts of vehicle 1 that vehicle 2 hears over a distance."""
+    air.place_vehicles([[0.0, 0.0, -50.0], [distance_m, 0.0, -50.0]])
+    air.subscribe(TWO, 2, 0.0)
+    for _ in range(count):
+        air.broadcast(1, None, b"x", 0.0)
+    return len(air.due(1e9)) / count
+
+
+@pytest.mark.parametrize("name", list(TECHNOLOGIES))
+def test_what_arrives_over_a_distance_is_what_the_table_says(name: str) -> None:
+    technology = TECHNOLOGIES[name]
+    for part in (0.01, 0.5, 0.8, 0.99):
+        distance_m = part * technology.range_m
+        expected = float(technology.link_share(distance_m))
+        assert share_heard(Air(name, seed=4), distance_m) == pytest.approx(expected, abs=0.035)
+    assert share_heard(Air(name), 1.01 * technology.range_m) == 0.0
+
+
+def test_another_range_stretches_the_fading_with_it() -> None:
+    expected = float(TECHNOLOGIES["bt4"].link_share(0.9 * 300.0))
+    assert share_heard(Air("bt4", range_m=1000.0), 900.0) == pytest.approx(expected, abs=0.035)
+
+
+def test_a_stated_loss_is_flat_and_knows_no_crowd() -> None:
+    assert share_heard(Air("wifi-beacon", loss=0.2), 399.0) == pytest.approx(0.8, abs=0.035)
+
+
+@pytest.mark.parametrize("crowd", [0, 20, 100])
+def test_senders_in_range_destroy_what_the_table_says(crowd: int) -> None:
+    technology = TECHNOLOGIES["wifi-beacon"]
+    air = Air("wifi-beacon", seed=2)
+    air.place_vehicles(np.zeros((crowd + 2, 3)))
+    for other in range(3, crowd + 3):
+        air.broadcast(other, None, b"crowd", 0.0)
+    air.broadcast(1, None, b"x", 0.0)
+    air.subscribe(TWO, 2, 0.5)
+    for _ in range(1500):
+        air.broadcast(1, None, b"x", 0.5)
+    expected = float(technology.link_share(0.0) * technology.collision_share(crowd))
+    assert len(air.due(1e9)) / 1500 == pytest.approx(expected, abs=0.035)
+
+
+def test_a_crowd_that_has_fallen_silent_destroys_nothing() -> None:
+    air = Air("wifi-beacon")
+    air.place_vehicles(np.zeros((102, 3)))
+    for other in range(3, 103):
+        air.broadcast(other, None, b"crowd", 0.0)
+    air.subscribe(TWO, 2, 9.0)
+    for _ in range(2000):
+        air.broadcast(1, None, b"x", 9.0)
+    assert len(air.due(1e9)) / 2000 == pytest.approx(0.9, abs=0.03)
+
+
+def test_what_is_lost_does_not_depend_on_the_order_in_which_others_send() -> None:
+    def heard(order: list[int]) -> set[bytes]:
+        air = Air("wifi-beacon", loss=0.5, seed=3)
+        air.place_vehicles(np.zeros((4, 3)))
+        air.subscribe(ONE, 1, 0.0)
+        for k in range(40):
+            for sender in order:
+                air.broadcast(sender, None, b"%d/%d" % (sender, k), 0.1 * k)
+        return {payload for payload, _ in air.due(1e9)}
+
+    assert heard([2, 3, 4]) == heard([4, 2, 3])
+    assert {payload for payload in heard([2, 3, 4]) if payload.startswith(b"3/")} == heard([3])
+
+
+def test_chances_are_uniform_and_independent() -> None:
+    first, second = zip(*(reception_chances(1, 5, number, np.arange(1, 251)) for number in range(200)), strict=True)
+    lost, late = np.array(first), np.array(second)
+    for figures in (lost, late):
+        assert figures.min() >= 0.0 and figures.max() < 1.0
+        assert np.histogram(figures, 10, (0.0, 1.0))[0] / figures.size == pytest.approx([0.1] * 10, abs=0.006)
+    for one, other in ((lost, late), (lost[1:], lost[:-1]), (lost[:, 1:], lost[:, :-1])):
+        assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.015
