@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,6 +53,11 @@ campaign.add_command(report)
     metavar="N",
     help="Processes, each of one thread; rows do not depend on it.  [default: one a core]",
 )
+@click.option(
+    "--scheduler",
+    metavar="tcp://HOST:PORT",
+    help="Fly on the workers of a dask scheduler instead; the shards are kept here (extra: ridlink[cluster]).",
+)
 @click.option("--resume", is_flag=True, help="Go on with what is in the folder: fly only what is missing.")
 @click.option(
     "--only-run",
@@ -78,7 +83,8 @@ def run(
     preset: str | None, scenarios: tuple[str, ...], definitions: tuple[str, ...] | None, gnss: tuple[str, ...] | None,
     solvers: tuple[str, ...] | None, dynamics: tuple[str, ...], sigmas_m: tuple[float, ...],
     intervals_s: tuple[float, ...] | None, losses: tuple[float, ...] | None, runs: int, seed: int, jobs: int | None,
-    resume: bool, only_run: int | None, log: Path | None, output: Path | None, as_json: bool, **conditions: Any,
+    scheduler: str | None, resume: bool, only_run: int | None, log: Path | None, output: Path | None, as_json: bool,
+    **conditions: Any,
 ) -> int:  # fmt: skip
     """Fly every scenario under every definition, kind of error, solver, answer, sigma, interval and loss, and print one
     row for each.
@@ -97,6 +103,8 @@ def run(
         raise click.UsageError("Missing option '-o' / '--output': a campaign is kept in a folder.")
     if log is not None and only_run is None:
         raise click.UsageError("--log goes with --only-run K: one flight, one log.")
+    if scheduler is not None and jobs is not None:
+        raise click.UsageError("--jobs and --scheduler exclude each other: processes here, or workers there.")
     from ridlink.campaign.chance import ErrorModel
     from ridlink.campaign.response import Dynamics
     from ridlink.campaign_runner.choice import Choice, Conditions
@@ -117,43 +125,51 @@ def run(
     if only_run is not None:
         return _fly_one(choice.plans(), only_run, log, as_json)
     assert output is not None
-    return _fly_all(choice, runs, jobs or len(os.sched_getaffinity(0)), output, resume, as_json)
+    return _fly_all(choice, runs, jobs or len(os.sched_getaffinity(0)), scheduler, output, resume, as_json)
 
 
-def _fly_all(choice: Choice, runs: int, jobs: int, output: Path, resume: bool, as_json: bool) -> int:
+def _fly_all(
+    choice: Choice, runs: int, jobs: int, scheduler: str | None, output: Path, resume: bool, as_json: bool
+) -> int:  # fmt: skip
     from ridlink.campaign.table import table_rows
     from ridlink.campaign.worlds import Outcomes
+    from ridlink.campaign_runner.cluster import Cluster
     from ridlink.campaign_runner.folder import CampaignFolder
     from ridlink.campaign_runner.pool import WorkerLostError, fly_tasks, tasks_of
 
     plans = choice.plans()
-    folder = CampaignFolder(output, choice.configuration(plans, runs), resume=resume)
-    tasks = tasks_of(plans, runs)
-    missing = [task for task in tasks if folder.read(plans[task.plan], task.runs) is None]
-    kept = len(tasks) - len(missing)
-    begin, steps = time.monotonic(), 0
-    try:
-        with progress_shown(len(tasks), kept, jobs) as done, removed_by_signals(folder.discard_unfinished):
-            with closing(fly_tasks(plans, missing, jobs)) as flown:
-                for task, outcomes in flown:
-                    folder.write(plans[task.plan], outcomes)
-                    kept += 1
-                    steps += int(outcomes.decisions.sum())
-                    done(steps)
-            wall_s = time.monotonic() - begin
-            parts: list[list[Outcomes]] = [[] for _ in plans]
-            for task in tasks:
-                part = folder.read(plans[task.plan], task.runs)
-                if part is None:
-                    raise OSError(0, "a shard that was written cannot be read", str(output))
-                parts[task.plan].append(part)
-            rows = table_rows([(plan, Outcomes.joined(part)) for plan, part in zip(plans, parts, strict=True)])
-            folder.write_rows([row.as_dict() for row in rows])
-    except WorkerLostError as error:
-        return _ended(str(error), kept, len(tasks), EXIT_INTERNAL)
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        return _ended(f"{where}{error.strerror or error}", kept, len(tasks), EXIT_IO)
+    with ExitStack() as stack:
+        who, cluster = f"{jobs} processes", None
+        if scheduler is not None:
+            who, cluster = f"workers of {scheduler}", stack.enter_context(closing(Cluster(scheduler)))
+        folder = CampaignFolder(output, choice.configuration(plans, runs), resume=resume)
+        tasks = tasks_of(plans, runs)
+        missing = [task for task in tasks if folder.read(plans[task.plan], task.runs) is None]
+        kept = len(tasks) - len(missing)
+        begin, steps = time.monotonic(), 0
+        try:
+            with progress_shown(len(tasks), kept, who) as done, removed_by_signals(folder.discard_unfinished):
+                flying = fly_tasks(plans, missing, jobs) if cluster is None else cluster.fly_tasks(plans, missing)
+                with closing(flying) as flown:
+                    for task, outcomes in flown:
+                        folder.write(plans[task.plan], outcomes)
+                        kept += 1
+                        steps += int(outcomes.decisions.sum())
+                        done(steps)
+                wall_s = time.monotonic() - begin
+                parts: list[list[Outcomes]] = [[] for _ in plans]
+                for task in tasks:
+                    part = folder.read(plans[task.plan], task.runs)
+                    if part is None:
+                        raise OSError(0, "a shard that was written cannot be read", str(output))
+                    parts[task.plan].append(part)
+                rows = table_rows([(plan, Outcomes.joined(part)) for plan, part in zip(plans, parts, strict=True)])
+                folder.write_rows([row.as_dict() for row in rows])
+        except WorkerLostError as error:
+            return _ended(str(error), kept, len(tasks), EXIT_INTERNAL)
+        except OSError as error:
+            where = f"{error.filename}: " if error.filename else ""
+            return _ended(f"{where}{error.strerror or error}", kept, len(tasks), EXIT_IO)
     show_rows(rows, steps, wall_s, as_json)
     return EXIT_DONE
 

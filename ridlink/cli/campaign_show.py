@@ -19,7 +19,7 @@ WIDE = 120
 
 
 @contextmanager
-def progress_shown(total: int, kept: int, jobs: int) -> Iterator[Callable[[int], None]]:
+def progress_shown(total: int, kept: int, who: str) -> Iterator[Callable[[int], None]]:
     """Says on standard error how far it is: a bar where a terminal watches, else a line at both ends.
 
     Gives a function to call after each shard, with the decisions made so far.
@@ -30,7 +30,7 @@ def progress_shown(total: int, kept: int, jobs: int) -> Iterator[Callable[[int],
     console = Console(stderr=True)
     begin = time.monotonic()
     if not console.is_terminal:
-        click.echo(f"campaign: {total} shards, {kept} kept from before, {jobs} processes", err=True)
+        click.echo(f"campaign: {total} shards, {kept} kept from before, {who}", err=True)
         made = 0
 
         def count(steps: int) -> None:
