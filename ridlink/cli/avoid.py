@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ridlink.cli import EXIT_DONE, EXIT_INTERNAL
+from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
 
 if TYPE_CHECKING:
     from ridlink.daemon.config import DaemonConfig
@@ -112,9 +112,19 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     help="Keys as these options, with underscores; options win. Obstacles stand here only.",
 )
 @click.option("--log", metavar="FILE.tlog", help="Record everything received and sent; replaces the file.")
+@click.option(
+    "--input-log", metavar="FILE", help="Record what is needed to decide the flight again; replaces the file."
+)
+@click.option(
+    "--replay",
+    "replayed",
+    type=click.Path(exists=True, dir_okay=False),
+    metavar="FILE",
+    help="Decide the flight of an input log again, without any link: prints the decisions with --json, and their hash.",
+)
 @click.option("--print-config", is_flag=True, help="Print the configuration that would be flown, and exit.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line on standard output.")
-def avoid(config_file: str | None, print_config: bool, as_json: bool, **options: Any) -> int:
+def avoid(config_file: str | None, replayed: str | None, print_config: bool, as_json: bool, **options: Any) -> int:
     """Keep one vehicle's distance: hear Remote ID, steer by velocity setpoints.
 
     Engages as soon as the vehicle is armed and in GUIDED or OFFBOARD, and ends when the pilot changes the mode. Never
@@ -126,6 +136,8 @@ def avoid(config_file: str | None, print_config: bool, as_json: bool, **options:
     """
     from ridlink.daemon.config import FlatConfig, as_toml, daemon_config, overridden, read_config_file
 
+    if replayed is not None:
+        return _replay(replayed, as_json)
     flat = overridden(read_config_file(config_file) if config_file else FlatConfig(), options)
     config = daemon_config(flat)
     if print_config:
@@ -134,6 +146,27 @@ def avoid(config_file: str | None, print_config: bool, as_json: bool, **options:
     if config.engine.goal is None and not config.engine.standby:
         raise click.UsageError("where to? Give --goal LAT,LON[,ALT], or --standby to wait for MAV_CMD_DO_REPOSITION")
     return _fly(config, as_json)
+
+
+def _replay(path: str, as_json: bool) -> int:
+    from ridlink.daemon.input_log import replay
+
+    decisions, flown = replay(path, (lambda line: click.echo(line.decode())) if as_json else None)
+    same = decisions.digest == flown
+    if as_json:
+        facts = {
+            "event": "replayed",
+            "steps": decisions.steps,
+            "decision_log": decisions.digest,
+            "flown": flown or None,
+        }
+        click.echo(json.dumps(facts))
+    else:
+        verdict = (
+            "as flown" if same else f"flown was {flown}" if flown else "the log does not reach the end of the flight"
+        )
+        click.echo(f"{decisions.steps} decisions, {decisions.digest}: {verdict}")
+    return EXIT_DONE if same or not flown else EXIT_NEGATIVE
 
 
 def _fly(config: DaemonConfig, as_json: bool) -> int:

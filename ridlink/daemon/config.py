@@ -63,6 +63,7 @@ class DaemonConfig:
         remote_id: Link on which the Remote ID of others is heard.
         engine: What the engine is told.
         log: Recording of everything received and sent, a .tlog; None for none.
+        input_log: Recording from which the flight can be decided again, see `input_log`; None for none.
         period_s: Time between decisions. The response study holds for 0.1 s.
     """
 
@@ -70,6 +71,7 @@ class DaemonConfig:
     remote_id: LinkUrl = field(default_factory=lambda: parse_link_url(DEFAULT_REMOTE_ID))
     engine: EngineConfig = field(default_factory=EngineConfig)
     log: Path | None = None
+    input_log: Path | None = None
     period_s: float = CONTROL_PERIOD_S
 
     def __post_init__(self) -> None:
@@ -114,6 +116,8 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     uas_id: str | None = None
     filter_positions: bool | None = None
     log: str | None = None
+    input_log: str | None = None
+    allow_v1: bool | None = None
     halfplane: dict[str, float] | None = None
     graded: dict[str, float] | None = None
     rotation: dict[str, float] | None = None
@@ -161,9 +165,23 @@ def read_config_file(path: str | Path) -> FlatConfig:
     where = str(path)
     try:
         text = Path(path).read_bytes().decode("utf-8")
-        document = tomllib.loads(text)
     except UnicodeDecodeError as error:
         raise ConfigError(f"{where}: is not UTF-8 text: {error.reason}") from error
+    return read_config_text(text, where)
+
+
+def read_config_text(text: str, where: str) -> FlatConfig:
+    """Keys of a configuration.
+
+    Args:
+        text: TOML.
+        where: Whence it comes, for error texts.
+
+    Raises:
+        ConfigError: As `read_config_file`.
+    """
+    try:
+        document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{where}: is not TOML: {' '.join(str(error).split())}") from error
     known = [item.name for item in msgspec.structs.fields(FlatConfig)]
@@ -237,6 +255,7 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
             vehicle_sysid=flat.vehicle_sysid,
             uas_id=flat.uas_id,
             filter_positions=or_default(flat.filter_positions, engine.filter_positions),
+            allow_v1=or_default(flat.allow_v1, engine.allow_v1),
         )
     except ConfigError:
         raise
@@ -247,6 +266,7 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
         remote_id=parse_link_url(or_default(flat.rid, DEFAULT_REMOTE_ID)),
         engine=engine,
         log=None if flat.log is None else Path(flat.log),
+        input_log=None if flat.input_log is None else Path(flat.input_log),
     )
 
 
@@ -286,6 +306,7 @@ def as_toml(config: DaemonConfig) -> str:
         f"max_height = {engine.max_height_m}",
         f"standby = {str(engine.standby).lower()}",
         f"filter_positions = {str(engine.filter_positions).lower()}",
+        f"allow_v1 = {str(engine.allow_v1).lower()}",
     ]
     if engine.goal is not None:
         altitude = [] if engine.goal.altitude_m is None else [engine.goal.altitude_m]
@@ -298,6 +319,8 @@ def as_toml(config: DaemonConfig) -> str:
         lines.append(f"airframe_height = {engine.airframe_height_m}")
     if config.log is not None:
         lines.append(f"log = {_quoted(str(config.log))}")
+    if config.input_log is not None:
+        lines.append(f"input_log = {_quoted(str(config.input_log))}")
     for table_name in SOLVER_TABLES:
         settings = getattr(engine, table_name)
         lines += ["", f"[{table_name}]"]

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from ridlink.captures.recorder import Recorder
-from ridlink.daemon.config import DaemonConfig
+from ridlink.daemon.config import DaemonConfig, as_toml
+from ridlink.daemon.input_log import InputLog
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.summary import Spread, Summary
 from ridlink.daemon.warming import warm_up_unless
@@ -67,6 +68,7 @@ class AvoidDaemon:
         self._vehicle: Link | None = None
         self._air: Link | None = None
         self._recorder: Recorder | None = None
+        self._input_log: InputLog | None = None
         self._counters: Counter[str] = Counter()
         self._decision_ms = Spread()
         self._gap_ms = Spread()
@@ -77,6 +79,7 @@ class AvoidDaemon:
         self._failed_in_a_row = 0
         self._utc = SteadyUtc(time.monotonic())
         self._stalls: deque[str] = deque(maxlen=4)
+        self._hold = False
 
     async def run(self, stop: asyncio.Event) -> Summary:
         """Fly until told to stop; then three zero setpoints, and the links are closed.
@@ -98,6 +101,8 @@ class AvoidDaemon:
             self._air = await open_link(self.config.remote_id, self._from_air)
             if self.config.log is not None:  # after the links: a port in use must not cost the log of another daemon
                 self._recorder = Recorder(self.config.log, overwrite=True)
+            if self.config.input_log is not None:
+                self._input_log = InputLog(self.config.input_log, as_toml(self.config))
             self.vehicle_address, self.remote_id_address = self._vehicle.local_address, self._air.local_address
             self.ready.set()
             try:
@@ -110,6 +115,8 @@ class AvoidDaemon:
                     link.close()
             if self._recorder is not None:
                 await asyncio.to_thread(self._recorder.close, LAST_RECORDS_S)
+            if self._input_log is not None:
+                await asyncio.to_thread(self._input_log.close, LAST_RECORDS_S)
         if self.engine.fatal:
             raise DecisionError(f"decisions failed: {self.engine.last_error}; the vehicle was told to stop")
         return self.summary()
@@ -143,15 +150,18 @@ class AvoidDaemon:
 
     def _stalled(self, stack: str) -> None:
         """From the watchdog's thread: hold when the loop comes back, and keep where it stood."""
-        self.engine.hold_next()
+        self._hold = True
         self._counters["loop_stalled"] += 1
         self._stalls.append(stack)
 
     def _tick(self) -> None:
-        begin = time.perf_counter()
-        self._utc.check(time.monotonic())
+        begin, now_s = time.perf_counter(), time.monotonic()
+        self._utc.check(now_s)
+        hold, self._hold = self._hold, False
+        if hold:
+            self.engine.hold_next()
         try:
-            output = self.engine.step(time.monotonic())
+            output = self.engine.step(now_s)
         except Exception as error:
             self._counters["step_failed"] += 1
             self._failed_in_a_row += 1
@@ -163,10 +173,16 @@ class AvoidDaemon:
         self.engine.note_decision_time(took)
         self._decision_ms.add(took * 1e3)
         self._send(output)
+        if self._input_log is not None:
+            self._input_log.step(now_s, hold, output, self.engine.rung.reason)
+            self._input_log.took(took)
         self._report(output)
 
     async def _end(self) -> None:
-        for frame in self.engine.stop(time.monotonic()):
+        now_s = time.monotonic()
+        if self._input_log is not None:
+            self._input_log.stop(now_s)
+        for frame in self.engine.stop(now_s):
             self._to_vehicle(frame)
             await asyncio.sleep(STOP_SPACING_S)
 
@@ -175,12 +191,18 @@ class AvoidDaemon:
     def _from_vehicle(self, data: bytes, address: Address) -> None:
         self._record(data)
         now_s = time.monotonic()
-        self.engine.receive_vehicle(data, now_s, source=address, utc_s=self._utc.at(now_s))
+        utc_s = self._utc.at(now_s)
+        if self._input_log is not None:
+            self._input_log.datagram("v", now_s, utc_s, address, data)
+        self.engine.receive_vehicle(data, now_s, source=address, utc_s=utc_s)
 
     def _from_air(self, data: bytes, address: Address) -> None:
         self._record(data)
         now_s = time.monotonic()
-        self.engine.receive_remote_id(data, address, now_s, utc_s=self._utc.at(now_s))
+        utc_s = self._utc.at(now_s)
+        if self._input_log is not None:
+            self._input_log.datagram("a", now_s, utc_s, address, data)
+        self.engine.receive_remote_id(data, address, now_s, utc_s=utc_s)
 
     def _send(self, output: StepOutput) -> None:
         for frame in output.to_vehicle:
@@ -274,6 +296,7 @@ class AvoidDaemon:
             tracks=totals.tracks,
             state=totals.state,
             infeasible_steps=totals.infeasible_steps,
+            decision_log=None if self._input_log is None else self._input_log.decisions.digest,
         )
 
     def rejects(self) -> dict[str, int]:
@@ -285,6 +308,9 @@ class AvoidDaemon:
         if self._recorder is not None:
             rejects["recording_dropped"] += self._recorder.dropped
             rejects["recording_failed"] += self._recorder.error is not None
+        if self._input_log is not None:
+            rejects["input_log_dropped"] += self._input_log.dropped
+            rejects["input_log_failed"] += self._input_log.error is not None
         rejects["clock_stepped"] += self._utc.steps
         return {cause: count for cause, count in sorted(rejects.items()) if count}
 

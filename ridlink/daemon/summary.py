@@ -34,7 +34,8 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a flight came to. Times in milliseconds as `p50`, `p99` and `max`."""
+    """What a flight came to. Times in milliseconds as `p50`, `p99` and `max`; `decision_log` is the hash of all
+    decisions where an input log was written."""
 
     setpoints: int
     reports_received: int
@@ -44,6 +45,7 @@ class Summary:
     tracks: int
     state: str
     infeasible_steps: int
+    decision_log: str | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -9,5 +9,6 @@ from ridlink.own_ship.telemetry import (
     AutopilotLock,
     OwnShipTelemetry,
 )
+from ridlink.own_ship.trust import FIX_3D
 
-__all__ = ["ARDUPILOT", "AUTOPILOT_COMPONENT", "PX4", "AutopilotLock", "OwnShipTelemetry"]
+__all__ = ["ARDUPILOT", "AUTOPILOT_COMPONENT", "FIX_3D", "PX4", "AutopilotLock", "OwnShipTelemetry"]

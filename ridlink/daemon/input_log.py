@@ -1,0 +1,176 @@
+"""Everything that an engine was told, in order and with its times, so that a flight can be decided again.
+
+A tlog says what was on the wire; it does not say on which link, when a step was taken, or what the clock of the daemon
+was, and decisions depend on all three. This log does: MessagePack, one array a record, written by a thread of its own.
+
+    ["ridlink-input", 1, configuration as TOML]
+    ["v" | "a", now_s, utc_s or nil, address or nil, bytes]     a datagram of the vehicle link, of the air
+    ["s", now_s, hold]                                          a step; whether the loop stood still before it
+    ["t", seconds]                                              what it took to compute, which RIDLINK_STATUS tells
+    ["e", now_s]                                                the end of the stream
+    ["d", steps, hash]                                          of the decisions, see `decision_log`; last
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import threading
+from collections.abc import Callable, Hashable, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgspec
+
+from ridlink.daemon.config import daemon_config, read_config_text
+from ridlink.engine import Engine, StepOutput
+from ridlink.engine.decision_log import DecisionHash, decision_line
+from ridlink.errors import CaptureError
+
+MAGIC, VERSION = "ridlink-input", 1
+QUEUE_LENGTH = 65_536
+"""Records: five seconds of the heaviest traffic that a daemon is made for."""
+LONGEST_RECORD = 262_144
+
+_encode = msgspec.msgpack.Encoder().encode
+_decode = msgspec.msgpack.Decoder(list).decode
+
+
+class InputLog:
+    """Writes what an engine is told.
+
+    Args:
+        path: The file; replaced.
+        config: Configuration of the daemon, as TOML.
+
+    Attributes:
+        dropped: Records that the disk was too slow for: the flight cannot be decided again.
+        error: What ended the log, such as a full disk.
+        decisions: Hash of the decisions so far.
+
+    Raises:
+        OSError: If the file cannot be made.
+    """
+
+    def __init__(self, path: Path, config: str) -> None:
+        self.dropped = 0
+        self.error: OSError | None = None
+        self.decisions = DecisionHash()
+        self._file = path.open("wb")
+        self._queue: queue.Queue[list[Any] | None] = queue.Queue(QUEUE_LENGTH)
+        self._put([MAGIC, VERSION, config])
+        self._thread = threading.Thread(target=self._run, name="input-log", daemon=True)
+        self._thread.start()
+
+    def datagram(self, link: str, now_s: float, utc_s: float | None, source: Hashable, data: bytes) -> None:
+        """A datagram of the vehicle link ("v") or of the air ("a")."""
+        self._put([link, now_s, utc_s, list(source) if isinstance(source, tuple) else source, data])
+
+    def step(self, now_s: float, hold: bool, output: StepOutput, reason: str) -> None:
+        """A step, and what came of it."""
+        self.decisions.add(decision_line(output, reason))
+        self._put(["s", now_s, hold])
+
+    def took(self, seconds: float) -> None:
+        """What the last step took."""
+        self._put(["t", seconds])
+
+    def stop(self, now_s: float) -> None:
+        """The stream was ended."""
+        self._put(["e", now_s])
+
+    def close(self, longest_s: float) -> None:
+        """Write what is queued, for so long at most."""
+        self._put(["d", self.decisions.steps, self.decisions.digest])
+        with contextlib.suppress(queue.Full):
+            self._queue.put(None, timeout=longest_s)
+            self._thread.join(longest_s)
+
+    def _put(self, record: list[Any]) -> None:
+        if self.error is not None:
+            return
+        try:
+            self._queue.put_nowait(record)
+        except queue.Full:
+            self.dropped += 1
+
+    def _run(self) -> None:
+        try:
+            with self._file as file:
+                while (record := self._queue.get()) is not None:
+                    data = _encode(record)
+                    file.write(len(data).to_bytes(4, "little") + data)
+                file.flush()
+        except OSError as error:
+            self.error = error
+            while self._queue.get() is not None:
+                continue
+
+
+def read_records(file: BinaryIO, name: str) -> Iterator[list[Any]]:
+    """Records of an input log; one that was cut off ends it.
+
+    Raises:
+        CaptureError: If it is none.
+    """
+    while len(head := file.read(4)) == 4:
+        length = int.from_bytes(head, "little")
+        if length > LONGEST_RECORD:
+            raise CaptureError(f"{name}: is no input log of ridlink avoid, or a damaged one")
+        data = file.read(length)
+        if len(data) < length:
+            return
+        try:
+            yield _decode(data)
+        except msgspec.DecodeError as error:
+            raise CaptureError(f"{name}: is no input log of ridlink avoid, or a damaged one: {error}") from error
+
+
+def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None = None) -> tuple[DecisionHash, str]:
+    """Decide a recorded flight again.
+
+    Args:
+        path: Its input log.
+        on_line: Called with the line of every step.
+
+    Returns:
+        The hash of these decisions, and that of the flight; empty where the log does not reach its end.
+
+    Raises:
+        CaptureError: If it is no input log, or one of another version.
+        OSError: If it cannot be read.
+    """
+    name, decisions, flown = os.fspath(path), DecisionHash(), ""
+    with open(path, "rb") as file:
+        records = read_records(file, name)
+        head = next(records, None)
+        if head is None or len(head) != 3 or head[:2] != [MAGIC, VERSION]:
+            raise CaptureError(f"{name}: is no input log of ridlink avoid of version {VERSION}")
+        engine = Engine(daemon_config(read_config_text(head[2], name)).engine)
+        for record in records:
+            match record:
+                case ["v", now_s, utc_s, source, data]:
+                    engine.receive_vehicle(data, now_s, source=_source(source), utc_s=utc_s)
+                case ["a", now_s, utc_s, source, data]:
+                    engine.receive_remote_id(data, _source(source), now_s, utc_s=utc_s)
+                case ["s", now_s, hold]:
+                    if hold:
+                        engine.hold_next()
+                    line = decision_line(engine.step(now_s), engine.rung.reason)
+                    decisions.add(line)
+                    if on_line is not None:
+                        on_line(line)
+                case ["t", seconds]:
+                    engine.note_decision_time(seconds)
+                case ["e", now_s]:
+                    engine.stop(now_s)
+                case ["d", _, digest]:
+                    flown = str(digest)
+                case _:
+                    raise CaptureError(f"{name}: a record of an unknown kind: {record[:1]}")
+    return decisions, flown
+
+
+def _source(value: Any) -> Hashable:
+    return tuple(value) if isinstance(value, list) else value

@@ -1,0 +1,74 @@
+"""A flight that was recorded is decided again, bit for bit."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from ridlink.cli import cli
+from ridlink.daemon.input_log import replay
+from ridlink.errors import CaptureError
+from tests.daemon.emulated import POSITION_MODE, Emulated
+from tests.daemon.harness import run, running
+
+
+def flown(path: Path, tlog: Path | None = None) -> str:
+    """A flight with an intruder, junk and a pilot who takes over; the hash of what was decided."""
+    digests: list[str | None] = []
+
+    async def test() -> None:
+        async with running(input_log=path, log=tlog) as flight:
+            vehicle, intruder = flight.vehicle, Emulated(9, ned_m=(120.0, 3.0, -50.0))
+            intruder.velocity[0] = -8.0
+            for count in range(3, 20):
+                await vehicle.until(lambda count=count: len(vehicle.setpoints()) >= count)  # type: ignore[misc]
+                assert flight.air.link is not None
+                flight.air.link.send(intruder.remote_id(0.1 * count))
+                flight.air.link.send(b"\xfd" + bytes(count))
+                intruder.advance(0.1)
+            vehicle.vehicle.mode = POSITION_MODE
+            await vehicle.until(lambda: flight.events[-1].get("state") == "standby")
+            digests.append((await flight.end()).decision_log)
+
+    run(test)
+    (digest,) = digests
+    assert digest is not None
+    return digest
+
+
+def test_the_replay_of_a_recorded_input_gives_the_identical_decision_log(tmp_path: Path) -> None:
+    path = tmp_path / "flight.input"
+    digest = flown(path)
+    lines: list[bytes] = []
+    decisions, recorded = replay(path, lines.append)
+    assert decisions.digest == recorded == digest
+    assert decisions.steps == len(lines) > 20
+    steps = [json.loads(line) for line in lines]
+    assert {step["state"] for step in steps} >= {"engaged", "standby"}
+    assert any(step["conflicts"] and step["commanded_ned_mps"] for step in steps)
+    result = CliRunner().invoke(cli, ["avoid", "--replay", str(path), "--json"])
+    assert result.exit_code == 0
+    last = json.loads(result.stdout.splitlines()[-1])
+    assert last == {"event": "replayed", "steps": decisions.steps, "decision_log": digest, "flown": digest}
+    assert "as flown" in CliRunner().invoke(cli, ["avoid", "--replay", str(path)]).stdout
+
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    result = CliRunner().invoke(cli, ["avoid", "--replay", str(path)])
+    assert result.exit_code == 0 and "does not reach the end" in result.stdout
+    beginning = data.rindex(b"\xa1e")  # the record of the end of the stream, made an unknown one
+    path.write_bytes(data[: beginning + 1] + b"x" + data[beginning + 2 :])
+    with pytest.raises(CaptureError, match="unknown kind"):
+        replay(path)
+
+
+@pytest.mark.parametrize("data", [b"", b"x" * 100, b"\x01\x00\x00\x00\xc1", b"\x04\x00\x00\x00\x93\x01\x02\x03"])
+def test_what_is_no_input_log_is_refused(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "x.input"
+    path.write_bytes(data)
+    with pytest.raises(CaptureError, match="no input log"):
+        replay(path)
+    assert CliRunner().invoke(cli, ["avoid", "--replay", str(path)]).exit_code != 0
