@@ -1,0 +1,14 @@
+"""Traffic as somebody sees it who flies none of it: who is in the air, how large every disc is, who meets whom.
+
+sky         messages -> aircraft, and all of them at one instant as arrays
+discs       what each pair needs between it under a definition, and each vehicle's share of it
+encounters  who comes near whom: opened, followed, closed
+"""
+
+from __future__ import annotations
+
+from ridlink.observer.discs import pair_discs, rings
+from ridlink.observer.encounters import Encounter, EncounterLog, Phase
+from ridlink.observer.sky import Aircraft, Scene, Sky
+
+__all__ = ["Aircraft", "Encounter", "EncounterLog", "Phase", "Scene", "Sky", "pair_discs", "rings"]

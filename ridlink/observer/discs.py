@@ -1,0 +1,78 @@
+"""What every pair in the air needs between it, and what part of that is whose.
+
+Source: `ridlink.separation.definitions`. A vehicle's share of a disc is drawn round it as three rings, airframe, error
+and displacement, such that two vehicles whose outer rings touch are as near as their definition allows. That holds
+exactly where the parts add up, which is everywhere but under ``chance``: there each ring is the share in a pair of two
+such vehicles.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ridlink.observer.sky import FloatArray, Scene
+from ridlink.separation.chance import DEFAULT_ETA
+from ridlink.separation.definitions import Definition, separation_discs
+
+
+def pair_discs(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> FloatArray:
+    """Radius of the disc of every pair [m].
+
+    Args:
+        scene: Everybody, n of them.
+        definition: Which fields count.
+        eta: Of ``chance`` only.
+
+    Returns:
+        Symmetric, shape (n, n); the diagonal means nothing.
+    """
+    count = len(scene)
+    interval = np.minimum(scene.interval_s, 1.0)
+
+    def row(values: FloatArray) -> FloatArray:
+        return values[:, None]
+
+    discs = separation_discs(
+        definition,
+        own_airframe_m=row(scene.airframe_m),
+        own_error_bound_m=row(scene.error_bound_m),
+        own_accuracy_bound_m=row(scene.accuracy_bound_m),
+        own_speed_mps=row(scene.speed_mps),
+        airframe_m=scene.airframe_m,
+        error_bound_m=scene.error_bound_m,
+        accuracy_bound_m=scene.accuracy_bound_m,
+        speed_mps=scene.speed_mps,
+        interval_s=np.maximum(row(interval), interval),
+        eta=eta,
+        neighbours=max(1, count - 1),
+    )
+    return discs.radius_m
+
+
+def rings(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> FloatArray:
+    """Radii of the three rings round every vehicle [m], from the inner to the outer one.
+
+    Args:
+        scene: Everybody, n of them.
+        definition: Which fields count.
+        eta: Of ``chance`` only.
+
+    Returns:
+        Outer radii of airframe, error and displacement, shape (n, 3).
+    """
+    twin = separation_discs(
+        definition,
+        own_airframe_m=scene.airframe_m,
+        own_error_bound_m=scene.error_bound_m,
+        own_accuracy_bound_m=scene.accuracy_bound_m,
+        own_speed_mps=scene.speed_mps,
+        airframe_m=scene.airframe_m,
+        error_bound_m=scene.error_bound_m,
+        accuracy_bound_m=scene.accuracy_bound_m,
+        speed_mps=scene.speed_mps,
+        interval_s=np.minimum(scene.interval_s, 1.0),
+        eta=eta,
+        neighbours=max(1, len(scene) - 1),
+    )
+    parts = np.stack([twin.airframe_m, twin.error_sum_m, twin.displacement_m], axis=-1)
+    return np.asarray(np.cumsum(parts, axis=-1) / 2.0)

@@ -1,0 +1,224 @@
+"""Who comes near whom: encounters of pairs, opened while they are still to come, followed, and closed.
+
+An encounter of a definition opens when a pair is inside its disc, or would enter it within the horizon if both flew on.
+It closes when neither was so for a while and the two fly apart, or one of them is gone. Between two instants everybody
+flies straight, and the closest approach is taken on that line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from ridlink.observer.discs import pair_discs
+from ridlink.observer.sky import FloatArray, Scene
+from ridlink.separation.chance import DEFAULT_ETA
+from ridlink.separation.definitions import Definition, bounded_airframe
+
+HORIZON_S = 30.0
+CLOSES_AFTER_S = 3.0
+ABANDONED_AFTER_S = 60.0
+"""A pair that still comes nearer so long after its way was clear, as in a slow overtaking, is no encounter any more."""
+
+CONSIDERED_M = 2000.0
+"""Pairs further apart than this are none."""
+
+MOVED_MPS = 1.0
+"""Who changed its velocity by more than this between the opening and the closest approach has manoeuvred."""
+
+
+class Phase(StrEnum):
+    """Where an encounter stands."""
+
+    OPEN = "open"
+    UPDATE = "update"
+    CLOSE = "close"
+
+
+@dataclass(slots=True, eq=False)
+class Encounter:
+    """A pair that comes near each other.
+
+    Attributes:
+        pair: Names of the two, in order.
+        opened_s, closed_s: When; the latter None while it goes on.
+        closest_s, closest_m: Time and distance of the closest approach so far, between centres.
+        margin_m: Least distance less the radius of the disc, by definition.
+        inside_s: Time spent inside the disc, by definition [s].
+        airframes_m: Distance of centres at which the airframes would touch.
+        manoeuvre_mps: How much each of the two changed its velocity until the closest approach.
+        entry_in_s: Time until the disc is entered if both fly on, 0 inside, infinite if never; of the last step.
+    """
+
+    pair: tuple[str, str]
+    opened_s: float
+    airframes_m: float
+    closed_s: float | None = None
+    closest_s: float = math.nan
+    closest_m: float = math.inf
+    margin_m: dict[Definition, float] = field(default_factory=dict)
+    inside_s: dict[Definition, float] = field(default_factory=dict)
+    manoeuvre_mps: tuple[float, float] = (0.0, 0.0)
+    entry_in_s: float = math.inf
+    last_alert_s: float = math.nan
+    opening_velocities: tuple[FloatArray, FloatArray] | None = None
+
+    @property
+    def collided(self) -> bool:
+        """The reported airframes touched, by reported positions."""
+        return self.closest_m < self.airframes_m
+
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """Who of the two manoeuvred."""
+        return tuple(
+            name for name, change in zip(self.pair, self.manoeuvre_mps, strict=True) if change > MOVED_MPS
+        )  # fmt: skip
+
+
+class EncounterLog:
+    """Follows all pairs of a sky.
+
+    Args:
+        definition: Whose discs open encounters.
+        also: Definitions whose margins are kept beside.
+        horizon_s: How far ahead an entry counts.
+        eta: Of ``chance`` only.
+
+    Attributes:
+        open: Encounters that go on, by pair.
+    """
+
+    def __init__(
+        self,
+        definition: Definition = Definition.CANDIDATE2,
+        *,
+        also: Sequence[Definition] = (),
+        horizon_s: float = HORIZON_S,
+        eta: float = DEFAULT_ETA,
+    ) -> None:
+        self.open: dict[tuple[str, str], Encounter] = {}
+        self.definition = definition
+        self._definitions = tuple(dict.fromkeys((definition, *also)))
+        self._horizon_s = horizon_s
+        self._eta = eta
+        self._before: Scene | None = None
+
+    def step(self, scene: Scene) -> list[tuple[Phase, Encounter]]:
+        """What changed since the scene before: encounters that opened, go on, or have closed.
+
+        Args:
+            scene: Everybody, later than the scene before.
+        """
+        before, self._before = self._before, scene
+        changes: list[tuple[Phase, Encounter]] = []
+        index = {name: at for at, name in enumerate(scene.names)}
+        radius = {
+            definition: pair_discs(scene, definition, eta=self._eta) for definition in self._definitions
+        }  # fmt: skip
+        entry = _entries(scene, radius[self.definition])
+        for i, j in zip(*np.nonzero(np.triu(entry <= self._horizon_s, 1)), strict=True):
+            pair = _ordered(scene.names[i], scene.names[j])
+            if pair not in self.open:
+                self.open[pair] = self._opened(pair, scene, index)
+                changes.append((Phase.OPEN, self.open[pair]))
+            self.open[pair].last_alert_s = scene.time_s
+        for pair, encounter in list(self.open.items()):
+            if pair[0] in index and pair[1] in index:
+                i, j = index[pair[0]], index[pair[1]]
+                encounter.entry_in_s = float(entry[i, j])
+                self._follow(encounter, scene, before, (i, j), {kind: float(radius[kind][i, j]) for kind in radius})
+                clear_s = scene.time_s - encounter.last_alert_s
+                patience_s = ABANDONED_AFTER_S if _closing(scene, i, j) else CLOSES_AFTER_S
+                if clear_s <= patience_s:
+                    if encounter.opened_s < scene.time_s:
+                        changes.append((Phase.UPDATE, encounter))
+                    continue
+            changes.append((Phase.CLOSE, self._closed(pair, scene.time_s)))
+        return changes
+
+    def close(self) -> Iterator[Encounter]:
+        """Close what is still open; the end of a recording."""
+        for pair in list(self.open):
+            yield self._closed(pair, self._before.time_s if self._before is not None else math.nan)
+
+    def _opened(self, pair: tuple[str, str], scene: Scene, index: dict[str, int]) -> Encounter:
+        i, j = index[pair[0]], index[pair[1]]
+        airframes = bounded_airframe(scene.airframe_m[[i, j]])
+        velocities = scene.velocity_ne_mps[i].copy(), scene.velocity_ne_mps[j].copy()
+        return Encounter(pair, scene.time_s, float(airframes.sum() / 2.0), opening_velocities=velocities)
+
+    def _closed(self, pair: tuple[str, str], now_s: float) -> Encounter:
+        encounter = self.open.pop(pair)
+        encounter.closed_s = now_s
+        return encounter
+
+    def _follow(
+        self,
+        encounter: Encounter,
+        scene: Scene,
+        before: Scene | None,
+        at: tuple[int, int],
+        radius_m: dict[Definition, float],
+    ) -> None:
+        i, j = at
+        now = scene.position_ne_m[j] - scene.position_ne_m[i]
+        distance, when = float(np.hypot(*now)), scene.time_s
+        lasted_s = 0.0
+        if before is not None and encounter.pair[0] in before.names and encounter.pair[1] in before.names:
+            was_at = before.names.index(encounter.pair[0]), before.names.index(encounter.pair[1])
+            was = before.position_ne_m[was_at[1]] - before.position_ne_m[was_at[0]]
+            lasted_s = scene.time_s - before.time_s
+            share, distance = _nearest_of_segment(was, now)
+            when = before.time_s + share * lasted_s
+        if distance < encounter.closest_m:
+            encounter.closest_m, encounter.closest_s = distance, when
+            if encounter.opening_velocities is not None:
+                first, second = encounter.opening_velocities
+                encounter.manoeuvre_mps = (
+                    float(np.hypot(*(scene.velocity_ne_mps[i] - first))),
+                    float(np.hypot(*(scene.velocity_ne_mps[j] - second))),
+                )
+        for definition, radius in radius_m.items():
+            margin = distance - radius
+            encounter.margin_m[definition] = min(margin, encounter.margin_m.get(definition, math.inf))
+            inside = lasted_s if margin < 0.0 else 0.0
+            encounter.inside_s[definition] = encounter.inside_s.get(definition, 0.0) + inside
+
+
+def _closing(scene: Scene, i: int, j: int) -> bool:
+    offset = scene.position_ne_m[j] - scene.position_ne_m[i]
+    return float(offset @ (scene.velocity_ne_mps[j] - scene.velocity_ne_mps[i])) < 0.0
+
+
+def _ordered(one: str, other: str) -> tuple[str, str]:
+    return (one, other) if one <= other else (other, one)
+
+
+def _entries(scene: Scene, radius_m: FloatArray) -> FloatArray:
+    """Time until each pair enters its disc if both fly on [s], 0 inside, infinite if never, shape (n, n)."""
+    position, velocity = scene.position_ne_m, scene.velocity_ne_mps
+    offset = position[None, :, :] - position[:, None, :]
+    relative = velocity[None, :, :] - velocity[:, None, :]
+    square = (relative**2).sum(axis=-1)
+    closing = -(offset * relative).sum(axis=-1)
+    beyond = (offset**2).sum(axis=-1) - radius_m**2
+    root = closing**2 - square * beyond
+    enters = (closing > 0.0) & (root > 0.0) & (square > 1e-12)
+    # (closing - sqrt(root)) / square, in the form that does not cancel.
+    divisor = np.where(enters, closing + np.sqrt(np.maximum(root, 0.0)), 1.0)
+    entry = np.where(beyond < 0.0, 0.0, np.where(enters, beyond / divisor, np.inf))
+    excluded = scene.apart() | (beyond + radius_m**2 > CONSIDERED_M**2)
+    return np.asarray(np.where(excluded, np.inf, entry))
+
+
+def _nearest_of_segment(start: FloatArray, end: FloatArray) -> tuple[float, float]:
+    """Where between two points the origin is nearest, as a share of the way, and how far that is."""
+    way = end - start
+    square = float(way @ way)
+    share = 0.0 if square == 0.0 else min(1.0, max(0.0, -float(start @ way) / square))
+    return share, float(np.hypot(*(start + share * way)))

@@ -1,0 +1,287 @@
+"""Who is in the air: Remote ID of any number of senders, joined, named, and forgotten when they fall silent.
+
+Positions leave as metres north and east of one origin, which is the first position heard unless another is given. What
+was heard some time ago is taken ahead with its reported velocity. Everything comes from strangers: nothing here grows
+without bound, and names are inert.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.geodesy import Geodetic
+from ridlink.mavlink.codec import MESSAGES, decode_message
+from ridlink.mavlink.frames import Frame
+from ridlink.remote_id.assembler import ReportAssembler
+from ridlink.remote_id.bridge import messages_of
+from ridlink.remote_id.convert import Rejects
+from ridlink.remote_id.report import RemoteIdReport, SourceKey
+from ridlink.remote_id.text import display_text
+from ridlink.traffic.altitude import known_apart, vertical_bound
+from ridlink.traffic.position_filter import offset_m
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+FORGET_AFTER_S = 10.0
+"""Silence after which an aircraft is no longer in the air: ten messages of a standard sender."""
+
+MAX_AIRCRAFT = 2000
+DEFAULT_INTERVAL_S = 0.1
+SLOWEST_INTERVAL_S = 5.0
+STATUS_ON_GROUND = 1
+SAME_AIRCRAFT_M = 50.0
+"""Two senders with one identity that are so near each other are one aircraft, heard directly and relayed."""
+
+VERTICAL_HORIZON_S = 8.0
+
+
+@dataclass(slots=True, eq=False)
+class Aircraft:
+    """One aircraft.
+
+    Attributes:
+        name: Its identity, else system and component id, with everything but printable ASCII as ``\\xNN``; unique.
+        report: Its last report with a position.
+        north_m, east_m: Position in that report, about the origin.
+        interval_s: Smoothed time between reports.
+        first_heard_s, last_heard_s: The caller's clock.
+        reports: How many there were.
+    """
+
+    name: str
+    report: RemoteIdReport
+    north_m: float
+    east_m: float
+    interval_s: float
+    first_heard_s: float
+    last_heard_s: float
+    reports: int = 1
+
+    @property
+    def on_ground(self) -> bool:
+        """It says that it stands on the ground."""
+        return self.report.status == STATUS_ON_GROUND
+
+    @property
+    def velocity_ne_mps(self) -> tuple[float, float]:
+        """Reported velocity, zero where it is unknown."""
+        velocity = self.report.velocity_ned_mps
+        return (0.0, 0.0) if velocity is None else (velocity[0], velocity[1])
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Everybody in the air at one instant, n of them. NaN is unknown.
+
+    Attributes:
+        time_s: The instant, on the caller's clock.
+        names: Who.
+        position_ne_m: Where they are now, if they flew on as reported, shape (n, 2).
+        velocity_ne_mps: Reported velocities, zero where unknown, shape (n, 2).
+        speed_mps: Horizontal speeds, shape (n,).
+        airframe_m: Reported sizes, shape (n,).
+        error_bound_m: Reported three-sigma errors, shape (n,).
+        accuracy_bound_m: The same from the accuracy code, shape (n,).
+        interval_s: Times between reports, shape (n,).
+        age_s: Ages of the positions, shape (n,).
+        altitude_m: Above the ellipsoid, shape (n,).
+        climb_mps: Climb rates, shape (n,).
+        vertical_error_m: Three sigma, shape (n,).
+        airframe_height_m: Vertical extents, shape (n,).
+    """
+
+    time_s: float
+    names: tuple[str, ...]
+    position_ne_m: FloatArray
+    velocity_ne_mps: FloatArray
+    speed_mps: FloatArray
+    airframe_m: FloatArray
+    error_bound_m: FloatArray
+    accuracy_bound_m: FloatArray
+    interval_s: FloatArray
+    age_s: FloatArray
+    altitude_m: FloatArray
+    climb_mps: FloatArray
+    vertical_error_m: FloatArray
+    airframe_height_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def apart(self) -> BoolArray:
+        """Pairs that are known to fly at safely different heights, shape (n, n)."""
+        above = self.altitude_m[None, :] - self.altitude_m[:, None]
+        error, height, climb = self.vertical_error_m, self.airframe_height_m, self.climb_mps
+        bound = vertical_bound(
+            above,
+            error_m=(error[:, None], error[None, :]),
+            height_m=(height[:, None], height[None, :]),
+            climb_mps=(climb[:, None], climb[None, :]),
+            age_s=np.maximum(self.age_s[:, None], self.age_s[None, :]),
+            horizon_s=VERTICAL_HORIZON_S,
+        )
+        return known_apart(above, bound)
+
+
+class Sky:
+    """Everybody in the air.
+
+    Args:
+        origin: Where metres are counted from; the first position heard if not given.
+        forget_after_s: Silence after which an aircraft is gone.
+        max_aircraft: Kept at most; whoever was heard longest ago gives way.
+
+    Attributes:
+        aircraft: By source.
+        rejects: Messages and fields that were not taken, by cause.
+        origin: None until a position was heard.
+    """
+
+    def __init__(
+        self,
+        *,
+        origin: Geodetic | None = None,
+        forget_after_s: float = FORGET_AFTER_S,
+        max_aircraft: int = MAX_AIRCRAFT,
+    ) -> None:
+        self.aircraft: dict[SourceKey, Aircraft] = {}
+        self.rejects = Rejects()
+        self.origin = origin
+        self._forget_after_s = forget_after_s
+        self._max_aircraft = max_aircraft
+        self._assembler = ReportAssembler(max_aircraft)
+        self._same_as: dict[SourceKey, SourceKey] = {}
+
+    def receive(self, frame: Frame, now_s: float) -> Aircraft | None:
+        """Take a frame; the aircraft that it moved or completed, if any.
+
+        Args:
+            frame: A frame as parsed; what is no Remote ID changes nothing.
+            now_s: When it came, on a clock that never goes back.
+        """
+        if not frame.checked or frame.msgid not in REMOTE_ID_IDS:
+            return None
+        moved = None
+        for part in messages_of(decode_message(frame), self.rejects):
+            report = self._assembler.receive((frame.sysid, frame.compid), part, now_s)
+            if report is not None:
+                moved = self._take(report, now_s) or moved
+        return moved
+
+    def forget_silent(self, now_s: float) -> list[Aircraft]:
+        """Those who were silent for too long; they are gone."""
+        gone = [key for key, one in self.aircraft.items() if now_s - one.last_heard_s > self._forget_after_s]
+        return [self._remove(key) for key in gone]
+
+    def at(self, now_s: float) -> Scene:
+        """Everybody who is in the air, where they are now."""
+        flying = [one for one in self.aircraft.values() if not one.on_ground]
+        age = np.array([max(0.0, now_s - one.last_heard_s) for one in flying], np.float64)
+        position = np.array([(one.north_m, one.east_m) for one in flying], np.float64).reshape(-1, 2)
+        velocity = np.array([one.velocity_ne_mps for one in flying], np.float64).reshape(-1, 2)
+
+        def column(name: str) -> FloatArray:
+            values = [getattr(one.report, name) for one in flying]
+            return np.array([math.nan if value is None else value for value in values], np.float64)
+
+        return Scene(
+            time_s=now_s,
+            names=tuple(one.name for one in flying),
+            position_ne_m=position + velocity * age[:, None],
+            velocity_ne_mps=velocity,
+            speed_mps=column("speed_horizontal_mps"),
+            airframe_m=column("airframe_size_m"),
+            error_bound_m=column("horizontal_error_m"),
+            accuracy_bound_m=column("accuracy_bound_m"),
+            interval_s=np.array([one.interval_s for one in flying], np.float64),
+            age_s=age,
+            altitude_m=column("altitude_geodetic_m"),
+            climb_mps=column("climb_mps"),
+            vertical_error_m=column("vertical_error_m"),
+            airframe_height_m=column("airframe_height_m"),
+        )
+
+    def _take(self, report: RemoteIdReport, now_s: float) -> Aircraft | None:
+        if report.latitude_deg is None or report.longitude_deg is None:
+            return None
+        if self.origin is None:
+            self.origin = Geodetic(report.latitude_deg, report.longitude_deg, 0.0)
+        origin = (self.origin.latitude_deg, self.origin.longitude_deg)
+        north_m, east_m = offset_m(origin, (report.latitude_deg, report.longitude_deg))
+        key = self._same_as.get(report.key, report.key)
+        known = self.aircraft.get(key)
+        if known is None:
+            twin = self._twin(report, north_m, east_m)
+            if twin is not None:
+                self._same_as[report.key] = twin
+                known = self.aircraft[twin]
+        if known is None:
+            return self._meet(report, north_m, east_m, now_s)
+        if report.received_at_s > known.report.received_at_s:
+            if (
+                report.timestamp_s is not None
+                and report.timestamp_s == known.report.timestamp_s
+                and not report.extended
+            ):
+                return None  # the same instant again, from a repeating sender or over another way
+            gap_s = now_s - known.last_heard_s
+            if 0.0 < gap_s <= SLOWEST_INTERVAL_S:
+                known.interval_s += 0.3 * (gap_s - known.interval_s)
+            known.last_heard_s = now_s
+            known.reports += 1
+        if report.uas_id is None and known.report.uas_id is not None:  # its relay was told, it was not
+            report = replace(report, uas_id=known.report.uas_id)
+        renamed = report.uas_id != known.report.uas_id
+        known.report, known.north_m, known.east_m = report, north_m, east_m
+        if renamed:
+            known.name = self._new_name(report, besides=known)
+        return known
+
+    def _meet(self, report: RemoteIdReport, north_m: float, east_m: float, now_s: float) -> Aircraft:
+        if len(self.aircraft) >= self._max_aircraft:
+            self._remove(min(self.aircraft, key=lambda key: self.aircraft[key].last_heard_s))
+        interval_s = report.update_interval_s or DEFAULT_INTERVAL_S
+        new = Aircraft(self._new_name(report), report, north_m, east_m, interval_s, now_s, now_s)
+        self.aircraft[report.key] = new
+        return new
+
+    def _remove(self, key: SourceKey) -> Aircraft:
+        self._same_as = {alias: of for alias, of in self._same_as.items() if of != key}
+        return self.aircraft.pop(key)
+
+    def _twin(self, report: RemoteIdReport, north_m: float, east_m: float) -> SourceKey | None:
+        """The source under which the same aircraft is known already."""
+        if report.uas_id is None:
+            return None
+        for key, one in self.aircraft.items():
+            near = math.hypot(one.north_m - north_m, one.east_m - east_m) <= SAME_AIRCRAFT_M
+            if one.report.uas_id == report.uas_id and near:
+                return key
+        return None
+
+    def _new_name(self, report: RemoteIdReport, besides: Aircraft | None = None) -> str:
+        if report.uas_id:
+            name = display_text(report.uas_id)
+        else:
+            name = "/".join(map(str, report.source))
+            if report.id_or_mac is not None:
+                name += f"/{report.id_or_mac.rstrip(bytes(1)).hex(':')}"
+        taken = {one.name for one in self.aircraft.values() if one is not besides}
+        if name not in taken:
+            return name
+        return next(
+            candidate for candidate in (f"{name}#{number}" for number in range(2, len(taken) + 3))
+            if candidate not in taken
+        )  # fmt: skip
+
+
+REMOTE_ID_IDS = frozenset(
+    msgid
+    for msgid, spec in MESSAGES.items()
+    if spec.name.startswith("OPEN_DRONE_ID_") or spec.name == "RIDLINK_SEPARATION"
+)

@@ -1,0 +1,97 @@
+"""Flights as Remote ID frames, for tests of everything that watches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ridlink.geodesy import Geodetic, geodetic_from_ned
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation
+
+HOME = Geodetic(47.3977, 8.5456, 500.0)
+AIRBORNE = 2
+
+
+@dataclass(frozen=True)
+class Flyer:
+    """A vehicle that flies straight.
+
+    Args:
+        sysid: System id.
+        start_ne_m: Where it is at time 0.
+        velocity_ne_mps: How it flies.
+        identity: Its BASIC_ID, None for none.
+        extended: It sends RIDLINK_SEPARATION.
+        altitude_m: Above the ellipsoid.
+    """
+
+    sysid: int
+    start_ne_m: tuple[float, float]
+    velocity_ne_mps: tuple[float, float]
+    identity: bytes | None = None
+    extended: bool = True
+    altitude_m: float = 550.0
+    airframe_m: float = 0.6
+    error_m: float = 10.5
+    id_or_mac: bytes | None = None
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        """Where it is, north and east [m]."""
+        return tuple(p + v * time_s for p, v in zip(self.start_ne_m, self.velocity_ne_mps, strict=True))  # type: ignore[return-value]
+
+    def velocity(self, time_s: float) -> tuple[float, float]:
+        """How it flies at a time."""
+        return self.velocity_ne_mps
+
+    def messages(self, time_s: float) -> list[RemoteIdMessage]:
+        """What it says at a time."""
+        north, east = self.at(time_s)
+        latitude, longitude, _ = geodetic_from_ned((north, east, 0.0), HOME)
+        vn, ve = self.velocity(time_s)
+        said: list[RemoteIdMessage] = []
+        if self.identity is not None:
+            said.append(BasicId(id_type=1, ua_type=2, uas_id=self.identity, id_or_mac=self.id_or_mac))
+        said.append(
+            Location(
+                status=AIRBORNE,
+                direction_deg=math.degrees(math.atan2(ve, vn)) % 360.0,
+                speed_horizontal_mps=math.hypot(vn, ve),
+                speed_vertical_mps=0.0,
+                latitude_deg=float(latitude),
+                longitude_deg=float(longitude),
+                altitude_geodetic_m=self.altitude_m,
+                horizontal_accuracy=10,
+                timestamp_s=round(time_s % 3600.0, 1),
+                id_or_mac=self.id_or_mac,
+            )
+        )
+        if self.extended:
+            said.append(
+                Separation(
+                    timestamp_s=round(time_s % 3600.0, 1),
+                    horizontal_error_m=self.error_m,
+                    vertical_error_m=3.0,
+                    airframe_size_m=self.airframe_m,
+                    airframe_height_m=0.3,
+                    update_interval_s=0.1,
+                    id_or_mac=self.id_or_mac,
+                )
+            )
+        return said
+
+
+def frames(flyers: list[Flyer], until_s: float, *, period_s: float = 0.1) -> Iterator[tuple[float, Frame]]:
+    """What all of them say, with the times at which it is heard."""
+    encoders = {flyer: Encoder(flyer.sysid, 1) for flyer in flyers}
+    for step in range(round(until_s / period_s)):
+        time_s = round(step * period_s, 6)
+        for flyer in flyers:
+            for message in flyer.messages(time_s):
+                name, fields = to_mavlink(message)
+                [frame] = parse_datagram(encoders[flyer].encode(name, **fields), CRC_EXTRAS)
+                assert isinstance(frame, Frame)
+                yield time_s, frame

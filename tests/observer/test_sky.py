@@ -1,0 +1,105 @@
+"""Who is in the air: joined, named, merged, forgotten, and never more than there is room for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.observer import Sky
+from tests.observer.flights import HOME, Flyer, frames
+
+ONE = Flyer(1, (0.0, 0.0), (10.0, 0.0), b"ALPHA")
+TWO = Flyer(2, (400.0, 30.0), (-10.0, 0.0))
+
+
+def seen(flyers: list[Flyer], until_s: float, **options: float) -> Sky:
+    sky = Sky(origin=HOME, **options)  # type: ignore[arg-type]
+    for time_s, frame in frames(flyers, until_s):
+        sky.receive(frame, time_s)
+    return sky
+
+
+def test_everybody_is_where_he_says_in_metres_about_the_origin() -> None:
+    scene = seen([ONE, TWO], 3.0).at(3.5)
+    assert scene.names == ("ALPHA", "2/1")
+    assert scene.position_ne_m == pytest.approx(np.array([ONE.at(3.5), TWO.at(3.5)]), abs=0.05)
+    assert scene.velocity_ne_mps == pytest.approx(np.array([[10.0, 0.0], [-10.0, 0.0]]), abs=0.02)
+    assert scene.error_bound_m == pytest.approx([10.5, 10.5])
+    assert scene.age_s == pytest.approx([0.6, 0.6])
+    assert scene.interval_s == pytest.approx([0.1, 0.1])
+
+
+def test_the_first_position_is_the_origin_unless_one_is_given() -> None:
+    sky = Sky()
+    for time_s, frame in frames([TWO], 0.2):
+        sky.receive(frame, time_s)
+    assert sky.at(0.0).position_ne_m == pytest.approx(np.zeros((1, 2)), abs=2.0)
+
+
+def test_what_a_stock_sender_does_not_say_is_unknown_and_never_zero() -> None:
+    scene = seen([replace(TWO, extended=False)], 1.0).at(1.0)
+    assert np.isnan([scene.error_bound_m[0], scene.airframe_m[0], scene.vertical_error_m[0]]).all()
+    assert scene.accuracy_bound_m[0] > 0.0
+
+
+def test_who_falls_silent_is_forgotten_and_named() -> None:
+    sky = seen([ONE, TWO], 1.0, forget_after_s=5.0)
+    assert not sky.forget_silent(5.5)
+    for time_s, frame in frames([ONE], 8.0):
+        sky.receive(frame, time_s)
+    assert [one.name for one in sky.forget_silent(8.0)] == ["2/1"]
+    assert sky.at(8.0).names == ("ALPHA",)
+
+
+def test_one_aircraft_heard_directly_and_relayed_is_one() -> None:
+    relayed = replace(ONE, sysid=200, id_or_mac=b"relay".ljust(20, b"\0"))
+    sky = seen([ONE, relayed], 2.0)
+    assert [one.name for one in sky.aircraft.values()] == ["ALPHA"]
+
+
+def test_two_aircraft_with_one_identity_stay_two() -> None:
+    twin = replace(TWO, identity=b"ALPHA")
+    assert sorted(one.name for one in seen([ONE, twin], 1.0).aircraft.values()) == ["ALPHA", "ALPHA#2"]
+
+
+def test_names_are_inert() -> None:
+    hostile = replace(ONE, identity=b"\x1b[2J<img>\n")
+    [one] = seen([hostile], 0.5).aircraft.values()
+    assert one.name == "\\x1b[2J<img>\\x0a"
+
+
+def test_whoever_was_heard_longest_ago_gives_way() -> None:
+    crowd = [Flyer(sysid, (10.0 * sysid, 0.0), (0.0, 1.0)) for sysid in range(1, 40)]
+    sky = seen(crowd, 0.3, max_aircraft=20)
+    assert len(sky.aircraft) == 20
+
+
+def test_who_stands_on_the_ground_is_not_in_the_air() -> None:
+    sky = seen([ONE], 0.5)
+    [one] = sky.aircraft.values()
+    one.report = replace(one.report, status=1)
+    assert len(sky.at(0.5)) == 0
+
+
+def test_heights_that_are_known_to_differ_are_apart_and_unknown_ones_are_not() -> None:
+    high = replace(TWO, altitude_m=700.0)
+    assert seen([ONE, high], 1.0).at(1.0).apart()[0, 1]
+    assert not seen([ONE, replace(high, extended=False)], 1.0).at(1.0).apart()[0, 1]
+    assert not seen([ONE, TWO], 1.0).at(1.0).apart()[0, 1]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.binary(max_size=120), max_size=20))
+def test_no_bytes_whatever_raise(datagrams: list[bytes]) -> None:
+    sky = Sky()
+    for number, data in enumerate(datagrams):
+        for found in parse_datagram(b"\xfd" + data, CRC_EXTRAS):
+            if isinstance(found, Frame):
+                sky.receive(found, float(number))
+    assert np.isfinite(sky.at(1e3).position_ne_m).all()
