@@ -1,12 +1,14 @@
 """An emulated autopilot, PX4 or ArduPilot by choice, that MAVSDK, mavutil and MAVProxy take for real.
 
-`pilot` decides and steers by `navigation`, with `guidance` for what it flies by itself; `setpoints`, `commands` and
-`parameters` are what it can be told, `telemetry` what it tells; `autopilot` is its MAVLink face.
+`pilot` steers by `navigation`, with `guidance` for what it flies by itself, `mission_flight` for its mission and
+`failsafes` for what nobody asked for; `setpoints`, `commands`, `orders`, `parameters` and `mission_protocol` are what
+it can be told, `telemetry` what it tells, `streams` how often; `autopilot` is its MAVLink face, with a `link` a peer.
 """
 
 from __future__ import annotations
 
-from sitl_sim.autopilot.autopilot import Address, Autopilot, Outgoing
+from sitl_sim.autopilot.autopilot import Autopilot, Outgoing
+from sitl_sim.autopilot.link import Address
 from sitl_sim.autopilot.modes import FLAVOURS, Mode
 from sitl_sim.autopilot.navigation import FleetNavigation, Navigation
 from sitl_sim.autopilot.pilot import Pilot, Start

@@ -4,6 +4,8 @@ Each peer has a link of its own, as on a real autopilot: its own message rates a
 the companion computer's, is served from the start; up to four others (a conductor, a ground station) are served from
 when they speak until they have been silent for 10 s. Answers go to whoever asked, served or not.
 
+What is meant for everybody or for somebody else is passed on to the other links untouched, as both real autopilots do.
+
 Nobody is authenticated: like a real autopilot, it obeys whoever speaks to it.
 """
 
@@ -12,78 +14,48 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from collections.abc import Callable
+from typing import TypeVar
 
-from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES, Encoder, Message, decode_message, encode_payload, message_spec
-from ridlink.mavlink.frames import BadFrame, Frame, encode_frame, parse_datagram
-from sitl_sim.autopilot.commands import Command, Commands, MavCommand, read_command
+from ridlink.geodesy import Geodetic, geodetic_from_ned
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message, encode_payload, message_spec
+from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
+from sitl_sim.autopilot.commands import Commands, MavCommand, read_command
+from sitl_sim.autopilot.link import Address, Link, packed
+from sitl_sim.autopilot.mission_protocol import MissionProtocol
 from sitl_sim.autopilot.modes import FLAVOURS
 from sitl_sim.autopilot.navigation import FleetNavigation
-from sitl_sim.autopilot.parameters import Parameters
-from sitl_sim.autopilot.pilot import Pilot, Result, Severity, Start
-from sitl_sim.autopilot.telemetry import DEFAULT_INTERVAL_S, LEGACY_STREAMS, ON_REQUEST, Telemetry
+from sitl_sim.autopilot.orders import Orders
+from sitl_sim.autopilot.parameters import ParameterProtocol, Parameters, Reply
+from sitl_sim.autopilot.pilot import Pilot, Start
+from sitl_sim.autopilot.results import Result, Severity
+from sitl_sim.autopilot.streams import Streams
+from sitl_sim.autopilot.telemetry import Telemetry
 from sitl_sim.world import VehicleState, World
 
-Address = tuple[str, int]
 Outgoing = list[tuple[bytes, Address]]
 
 AUTOPILOT_COMPONENT = 1
 AVOIDANCE_COMPONENT = 196
 """MAV_COMP_ID_OBSTACLE_AVOIDANCE: an avoidance daemon."""
 
+MAV_TYPE_GCS = 6
+
 MAX_OTHER_PEERS = 4
 PEER_SILENCE_S = 10.0
 DAEMON_SILENCE_S = 3.0
 TEXT_REPEAT_S = 1.0
-MIN_INTERVAL_S = 0.02
-MAX_DATAGRAM = 1200
-"""Messages that are due together share a datagram up to this size; MAVSDK reads into 2048 bytes."""
-
 MAX_WAITING_TEXTS = 16
-_PHASE_STEP = 0.6180339887
-"""Golden ratio: spreads the streams of any number of vehicles evenly over a period."""
+MAX_PASSED_ON = 64
+"""Frames passed on between two ticks; a flood from one peer is not carried to the others."""
 
+THROTTLE_MIDDLE_US = (1400, 1600)
+THROTTLE_MIDDLE = (400, 600)
+"""Stick positions of RC_CHANNELS_OVERRIDE and MANUAL_CONTROL that keep the height."""
 
-class Link:
-    """Streams to one peer."""
+_NEVER_PASSED_ON = ("TIMESYNC", "PING")
 
-    def __init__(self, address: Address, encoder: Encoder, heard_s: float) -> None:
-        self.address = address
-        self.heard_s = heard_s
-        self._encoder = encoder
-        self._interval_s: dict[str, float] = {}
-        self._due_s: dict[str, float] = {}
-        self._next_s = math.inf
-
-    def stream(self, name: str, interval_s: float, from_s: float) -> None:
-        """Send a message this often; an infinite interval stops it."""
-        if math.isinf(interval_s):
-            self._interval_s.pop(name, None)
-            self._due_s.pop(name, None)
-        else:
-            self._interval_s[name] = max(interval_s, MIN_INTERVAL_S)
-            self._due_s[name] = from_s
-        self._next_s = min(self._due_s.values(), default=math.inf)
-
-    def due(self, now_s: float) -> list[str]:
-        """Messages to send now."""
-        if now_s < self._next_s:
-            return []
-        names = []
-        for name, due_s in self._due_s.items():
-            if due_s <= now_s:
-                names.append(name)
-                interval_s = self._interval_s[name]
-                self._due_s[name] = due_s + interval_s if now_s - due_s < interval_s else now_s + interval_s
-        self._next_s = min(self._due_s.values())
-        return names
-
-    def frame(self, name: str, payload: bytes) -> bytes:
-        """One frame with this link's sequence number."""
-        spec, encoder = message_spec(name), self._encoder
-        encoder.seq = (encoder.seq + 1) & 0xFF
-        return encode_frame(
-            spec.msgid, payload, spec.crc_extra, seq=encoder.seq, sysid=encoder.sysid, compid=encoder.compid
-        )
+T = TypeVar("T")
+Handler = Callable[[Message, Frame, Link], list[Reply]]
 
 
 class Autopilot:
@@ -100,7 +72,7 @@ class Autopilot:
 
     Attributes:
         pilot: Its flight logic.
-        counters: Events by cause: taken, bad_frame, refused_peer.
+        counters: Events by cause: taken, bad_frame, refused_peer, not_passed_on.
     """
 
     def __init__(
@@ -117,36 +89,56 @@ class Autopilot:
         self._index, self._navigation = index, navigation
         self.system_id = index + 1
         self._flavour = FLAVOURS[flavour]
-        self._parameters = Parameters(self._flavour, self.system_id)
+        parameters = Parameters(self._flavour, self.system_id)
         spec = world.scenario.vehicles[index]
-        self.pilot = Pilot(world, index, spec, self._flavour, self._parameters, navigation[index], start, self._say)
-        self.telemetry = Telemetry(self.pilot, self._flavour, self.system_id, navigation.home, utc_clock)
-        self._commands = Commands(self.pilot, self._flavour, self._parameters, navigation.home, self.telemetry.home)
+        north, east, _ = spec.start_ned_m
+        latitude, longitude, altitude = geodetic_from_ned((north, east, 0.0), navigation.home)
+        own_home = Geodetic(float(latitude), float(longitude), float(altitude))
+        homes = (navigation.home, own_home)
+        self.pilot = Pilot(world, index, spec, self._flavour, parameters, navigation[index], *homes, start, self._say)
+        self.telemetry = Telemetry(self.pilot, self._flavour, self.system_id, own_home, utc_clock)
+        self._orders = Orders(self.pilot, self._flavour, parameters, spec.cooperative, self._say)
+        self._commands = Commands(self.pilot, self._orders, self._flavour, parameters, *homes)
+        self._missions = MissionProtocol(self.pilot.mission, px4=self._flavour.is_px4, say=self._say)
+        self._streams = Streams(self.telemetry, self.system_id, px4=self._flavour.is_px4, say=self._say)
         self.counters: Counter[str] = Counter()
         self._companion = companion
         self._links: dict[Address, Link] = {}
         self._payloads: dict[str, bytes] = {}
-        self._announced = (self.pilot.mode, self.pilot.armed, self.pilot.failsafe)
+        self._passed_on: list[tuple[Address | None, bytes]] = []
+        self._repeated: list[bytes] = []
+        self._announced: tuple[object, ...] = self._state()
         self._texts: deque[tuple[Severity, str]] = deque(maxlen=MAX_WAITING_TEXTS)
         self._said_s: dict[str, float] = {}
+        self._refusals = 0
         self._now_s = -math.inf
         self._daemon_heard_s = -math.inf
-        self._handlers: dict[int, Callable[[Message, Frame, Link], list[bytes]]] = {
-            message_spec(name).msgid: handler
-            for name, handler in (
-                ("HEARTBEAT", self._on_heartbeat),
-                ("PING", self._on_ping),
-                ("TIMESYNC", self._on_timesync),
-                ("SET_MODE", self._on_set_mode),
-                ("COMMAND_LONG", self._on_command),
-                ("COMMAND_INT", self._on_command),
-                ("SET_POSITION_TARGET_LOCAL_NED", self._on_setpoint),
-                ("PARAM_REQUEST_LIST", self._on_param_request_list),
-                ("PARAM_REQUEST_READ", self._on_param_request_read),
-                ("PARAM_SET", self._on_param_set),
-                ("REQUEST_DATA_STREAM", self._on_request_data_stream),
-            )
+        self._handlers = self._all_handlers(ParameterProtocol(parameters, px4=self._flavour.is_px4, say=self._say))
+
+    def _all_handlers(self, parameters: ParameterProtocol) -> dict[int, Handler]:
+        handlers: dict[str, Handler] = {
+            "HEARTBEAT": self._on_heartbeat,
+            "PING": self._on_ping,
+            "TIMESYNC": self._on_timesync,
+            "SET_MODE": self._on_set_mode,
+            "COMMAND_LONG": self._on_command,
+            "COMMAND_INT": self._on_command,
+            "SET_POSITION_TARGET_LOCAL_NED": self._on_setpoint,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._on_setpoint,
+            "RC_CHANNELS_OVERRIDE": self._on_rc_override,
+            "MANUAL_CONTROL": self._on_manual_control,
+            "ADSB_VEHICLE": self._on_adsb_vehicle,
+            "PARAM_REQUEST_LIST": lambda message, _, __: parameters.everything(message),
+            "PARAM_REQUEST_READ": lambda message, _, __: parameters.read(message),
+            "PARAM_SET": lambda message, _, __: parameters.set(message),
+            "REQUEST_DATA_STREAM": self._on_request_data_stream,
         }
+        for name in (
+            "COUNT", "ITEM_INT", "ITEM", "REQUEST_LIST", "REQUEST_INT", "REQUEST", "CLEAR_ALL", "SET_CURRENT",
+            "WRITE_PARTIAL_LIST", "ACK",
+        ):  # fmt: skip
+            handlers[f"MISSION_{name}"] = self._on_mission
+        return {message_spec(name).msgid: handler for name, handler in handlers.items()}
 
     @property
     def is_avoiding(self) -> bool:
@@ -165,21 +157,36 @@ class Autopilot:
         if self._companion is not None and self._companion not in self._links:
             self._open_link(self._companion, math.inf)
         self._payloads.clear()
-        changed = self._announced != (self.pilot.mode, self.pilot.armed, self.pilot.failsafe)
-        self._announced = (self.pilot.mode, self.pilot.armed, self.pilot.failsafe)
+        changed = self._announced != self._state()
+        self._announced = self._state()
+        for_all: list[Reply] = [("MISSION_ITEM_REACHED", {"seq": seq}) for seq in _drained(self.pilot.mission.reached)]
+        for_all += [
+            ("STATUSTEXT", {"severity": int(severity), "text": text[:50]}) for severity, text in _drained(self._texts)
+        ]
+        asks_again = self._missions.tick(now_s)
         outgoing: Outgoing = []
         for link in list(self._links.values()):
             if now_s - link.heard_s > PEER_SILENCE_S:
                 del self._links[link.address]
                 continue
-            names = link.due(now_s)
-            if changed and "HEARTBEAT" not in names:
-                names.append("HEARTBEAT")
+            names = [name for name in link.due(now_s) if self.telemetry.tells(name)]
+            if changed:
+                names += [name for name in ("HEARTBEAT", "MISSION_CURRENT") if name not in names]
             frames = [link.frame(name, self._payload(name)) for name in names]
-            frames += [self._text_frame(link, severity, text) for severity, text in self._texts]
-            outgoing += [(datagram, link.address) for datagram in _packed(frames)]
-        self._texts.clear()
+            frames += [link.message(name, fields) for name, fields in for_all]
+            if asks_again is not None and asks_again[0] == link.address:
+                frames.append(link.message(*asks_again[1]))
+            frames += [link.frame("ADSB_VEHICLE", payload) for payload in self._repeated]
+            frames += [raw for source, raw in self._passed_on if source != link.address]
+            outgoing += [(datagram, link.address) for datagram in packed(frames)]
+        self._passed_on.clear()
+        self._repeated.clear()
         return outgoing
+
+    def _state(self) -> tuple[object, ...]:
+        """What is told at once when it changes."""
+        pilot = self.pilot
+        return pilot.mode, pilot.armed, pilot.failsafe, pilot.mission.current, len(pilot.mission.plan)
 
     def _payload(self, name: str) -> bytes:
         payload = self._payloads.get(name)
@@ -187,17 +194,14 @@ class Autopilot:
             payload = self._payloads[name] = encode_payload(message_spec(name), self.telemetry.fields(name))
         return payload
 
-    def _reply(self, link: Link, name: str, **fields: object) -> bytes:
-        return link.frame(name, encode_payload(message_spec(name), fields))
-
-    def _text_frame(self, link: Link, severity: Severity, text: str) -> bytes:
-        return self._reply(link, "STATUSTEXT", severity=int(severity), text=text[:50])
-
     def _say(self, severity: Severity, text: str) -> None:
         """Queue a STATUSTEXT for everybody; the same text at most once a second."""
+        self._refusals += 1
         if self._now_s - self._said_s.get(text, -math.inf) >= TEXT_REPEAT_S:
-            self._said_s[text] = self._now_s
-            self._texts.append((severity, text))
+            self._said_s = {old: at for old, at in self._said_s.items() if self._now_s - at < TEXT_REPEAT_S}
+            if len(self._said_s) < MAX_WAITING_TEXTS:
+                self._said_s[text] = self._now_s
+                self._texts.append((severity, text))
 
     # --- bytes in -----------------------------------------------------------------------------------------------------
 
@@ -216,13 +220,30 @@ class Autopilot:
                 continue  # its own words, sent back
             link = link or self._link_to(address, now_s)
             handler = self._handlers.get(frame.msgid)
-            if handler is None:
+            if handler is None and len(self._links) < 2:
                 continue
             message = decode_message(frame)
-            if self._is_for_us(message):
+            self._pass_on(message, frame, address)
+            if handler is not None and self._is_for_us(message):
                 self.counters["taken"] += 1
-                frames += handler(message, frame, link)
-        return [(answer, address) for answer in _packed(frames)]
+                frames += [link.message(*reply) for reply in handler(message, frame, link)]
+        return [(answer, address) for answer in packed(frames)]
+
+    def relay(self, datagram: bytes) -> None:
+        """Put frames of another component of this vehicle on all its links, with the next tick."""
+        self._passed_on.append((None, datagram))
+
+    def _pass_on(self, message: Message, frame: Frame, source: Address) -> None:
+        """To the other links, unless it is for this autopilot alone."""
+        if len(self._links) < 2 or message.name in _NEVER_PASSED_ON:
+            return
+        targets = message.fields.get("target_system", 0), message.fields.get("target_component", 0)
+        if targets == (self.system_id, AUTOPILOT_COMPONENT):
+            return
+        if len(self._passed_on) >= MAX_PASSED_ON:
+            self.counters["not_passed_on"] += 1
+        else:
+            self._passed_on.append((source, frame.raw))
 
     def _link_to(self, address: Address, now_s: float) -> Link:
         """The link of a peer; whoever finds no place among the served ones gets answers only."""
@@ -237,147 +258,93 @@ class Autopilot:
         return link
 
     def _open_link(self, address: Address, heard_s: float) -> Link:
-        link = Link(address, Encoder(self.system_id, AUTOPILOT_COMPONENT), heard_s)
-        self._links[address] = link
-        for name, interval_s in DEFAULT_INTERVAL_S.items():
-            if name in self.telemetry:
-                self._stream(link, name, interval_s)
+        link = self._links[address] = Link(address, Encoder(self.system_id, AUTOPILOT_COMPONENT), heard_s)
+        self._streams.begin(link, self._now_s)
         return link
 
-    def _stream(self, link: Link, name: str, interval_s: float) -> None:
-        """Start a stream; the same messages of different vehicles fall into different moments."""
-        phase = (self.system_id * _PHASE_STEP) % 1.0 * min(interval_s, 0.1) if math.isfinite(interval_s) else 0.0
-        link.stream(name, interval_s, self._now_s + phase)
-
     def _is_for_us(self, message: Message) -> bool:
-        target_system = message.fields.get("target_system", 0)
-        target_component = message.fields.get("target_component", 0)
-        if target_system not in (0, self.system_id):
+        fields = message.fields
+        if fields.get("target_system", fields.get("target", 0)) not in (0, self.system_id):
             return False
         # ArduPilot does not look at the component of a setpoint
-        ours = target_component in (0, AUTOPILOT_COMPONENT)
-        return ours or (not self._flavour.is_px4 and message.name == "SET_POSITION_TARGET_LOCAL_NED")
+        ours = fields.get("target_component", 0) in (0, AUTOPILOT_COMPONENT)
+        return ours or (not self._flavour.is_px4 and message.name.startswith("SET_POSITION_TARGET"))
 
     # --- one handler a message ----------------------------------------------------------------------------------------
 
-    def _on_heartbeat(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
+    def _on_heartbeat(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
         if frame.sysid == self.system_id and frame.compid == AVOIDANCE_COMPONENT:
             self._daemon_heard_s = self._now_s
+        if message.type == MAV_TYPE_GCS:
+            self.pilot.failsafes.note_ground_station(self._now_s)
         return []
 
-    def _on_ping(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
+    def _on_ping(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
         if message.target_system or message.target_component:
             return []  # an answer to somebody
-        return [
-            self._reply(
-                link,
-                "PING",
-                time_usec=message.time_usec,
-                seq=message.seq,
-                target_system=frame.sysid,
-                target_component=frame.compid,
-            )
-        ]
+        return [("PING", {"time_usec": message.time_usec, "seq": message.seq, **_to(frame)})]
 
-    def _on_timesync(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
+    def _on_timesync(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
         if message.tc1:
             return []
         boot_ns = round(self.pilot.navigation.time_s * 1e9)
-        return [self._reply(link, "TIMESYNC", tc1=max(boot_ns, 1), ts1=message.ts1)]
+        return [("TIMESYNC", {"tc1": max(boot_ns, 1), "ts1": message.ts1})]
 
-    def _on_setpoint(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
+    def _on_setpoint(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
         self.pilot.take_setpoint(message, self._now_s)
         return []
 
-    def _on_set_mode(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
+    def _on_rc_override(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
+        low, high = THROTTLE_MIDDLE_US
+        if message.chan3_raw not in (0, 0xFFFF):
+            self.pilot.note_throttle(centred=low <= message.chan3_raw <= high, now_s=self._now_s)
+        return []
+
+    def _on_manual_control(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
+        low, high = THROTTLE_MIDDLE
+        self.pilot.note_throttle(centred=low <= message.z <= high, now_s=self._now_s)
+        return []
+
+    def _on_adsb_vehicle(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
+        """PX4 gives foreign traffic out again as its own."""
+        if self._flavour.is_px4 and len(self._repeated) < MAX_PASSED_ON:
+            self._repeated.append(frame.payload)
+        return []
+
+    def _on_set_mode(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
         mode = self._flavour.mode_of(message.custom_mode)
-        if mode is not None:
-            self.pilot.set_mode(mode, self._now_s)
+        if mode is None:
+            self._orders.refuse(f"mode refused: there is no {message.custom_mode}")
+        else:
+            self._orders.set_mode(mode, self._now_s)
         return []
 
-    def _on_command(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
+    def _on_mission(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
+        return self._missions.receive(message, (frame.sysid, frame.compid), link.address, self._now_s)
+
+    def _on_request_data_stream(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
+        self._streams.legacy(message, link, self._now_s)
+        return []
+
+    def _on_command(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
         command = read_command(message)
-        asked_for: list[bytes] = []
-        match command.number:
-            case MavCommand.SET_MESSAGE_INTERVAL:
-                result = self._set_interval(command, link)
-            case MavCommand.REQUEST_MESSAGE:
-                result, asked_for = self._once(_message_name(command[1]), link)
-            case MavCommand.GET_HOME_POSITION:
-                result, asked_for = self._once("HOME_POSITION", link)
-            case MavCommand.REQUEST_AUTOPILOT_CAPABILITIES:
-                result, asked_for = self._once("AUTOPILOT_VERSION", link)
-            case _:
-                result = self._commands.execute(command, self._now_s)
-        acknowledgement = self._reply(
-            link,
-            "COMMAND_ACK",
-            command=command.number,
-            result=int(result),
-            target_system=frame.sysid,
-            target_component=frame.compid,
-        )
-        return [acknowledgement, *asked_for]
-
-    def _once(self, name: str | None, link: Link) -> tuple[Result, list[bytes]]:
-        if name is None or name not in self.telemetry:
-            return Result.UNSUPPORTED, []
-        return Result.ACCEPTED, [link.frame(name, encode_payload(message_spec(name), self.telemetry.fields(name)))]
-
-    def _set_interval(self, command: Command, link: Link) -> Result:
-        name, interval_us = _message_name(command[1]), command[2]
-        if name is None or name not in self.telemetry:
-            if self._flavour.is_px4:
-                return Result.ACCEPTED  # as PX4 answers, although nothing will come
-            self._say(Severity.WARNING, "message interval refused: unknown message")
-            return Result.DENIED
-        if interval_us is None:
-            interval_s = DEFAULT_INTERVAL_S.get(name, math.inf)
-        else:
-            interval_s = math.inf if interval_us < 0.0 else interval_us / 1e6
-        self._stream(link, name, interval_s)
-        return Result.ACCEPTED
-
-    def _on_request_data_stream(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
-        everything = tuple(name for names in LEGACY_STREAMS.values() for name in names)
-        names = LEGACY_STREAMS.get(message.req_stream_id, everything if message.req_stream_id == 0 else ())
-        for name in names:
-            wanted = message.start_stop and message.req_message_rate
-            self._stream(link, name, 1.0 / message.req_message_rate if wanted else math.inf)
-        return []
-
-    def _on_param_request_list(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
-        return [self._param_value(link, index) for index in range(len(self._parameters))]
-
-    def _on_param_request_read(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
-        index = self._parameters.find(message.param_id, message.param_index)
-        return [] if index is None else [self._param_value(link, index)]
-
-    def _on_param_set(self, message: Message, frame: Frame, link: Link) -> list[bytes]:
-        index = self._parameters.find(message.param_id)
-        if index is None:
-            return []
-        if not self._parameters.set(index, message.param_value, message.param_type):
-            self._say(Severity.WARNING, "parameter refused: type or value")
-        return [self._param_value(link, index)]
-
-    def _param_value(self, link: Link, index: int) -> bytes:
-        return self._reply(link, "PARAM_VALUE", **self._parameters.fields(index))
+        said = self._refusals
+        answered = self._streams.command(command, link, self._now_s)
+        result, asked_for = answered or (self._commands.execute(command, self._now_s), [])
+        if result is not Result.ACCEPTED and self._refusals == said:
+            self._say(Severity.WARNING, f"command {command.number}: {result.name.lower().replace('_', ' ')}")
+        results = [result]
+        if self._flavour.is_px4 and command.number == MavCommand.DO_SET_MODE and result is not Result.DENIED:
+            results.insert(0, Result.ACCEPTED)  # PX4 acknowledges twice, the first time whatever comes of it
+        acknowledgement = {"command": command.number, **_to(frame)}
+        return [*(("COMMAND_ACK", acknowledgement | {"result": int(each)}) for each in results), *asked_for]
 
 
-def _message_name(msgid: float | None) -> str | None:
-    spec = MESSAGES.get(int(msgid or 0))
-    if spec is None or (spec.name not in DEFAULT_INTERVAL_S and spec.name not in ON_REQUEST):
-        return None
-    return spec.name
+def _to(frame: Frame) -> dict[str, object]:
+    return {"target_system": frame.sysid, "target_component": frame.compid}
 
 
-def _packed(frames: list[bytes]) -> list[bytes]:
-    """Frames joined into datagrams of at most ``MAX_DATAGRAM`` bytes, in order."""
-    datagrams: list[bytes] = []
-    for frame in frames:
-        if datagrams and len(datagrams[-1]) + len(frame) <= MAX_DATAGRAM:
-            datagrams[-1] += frame
-        else:
-            datagrams.append(frame)
-    return datagrams
+def _drained(waiting: list[T] | deque[T]) -> list[T]:
+    taken = list(waiting)
+    waiting.clear()
+    return taken

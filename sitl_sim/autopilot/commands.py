@@ -13,35 +13,38 @@ from enum import IntEnum
 
 from ridlink.geodesy import Geodetic, ned_from_geodetic
 from ridlink.mavlink.codec import Message
+from sitl_sim.autopilot.mission_items import UNUSED_INT
 from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM, Flavour, Mode, px4_custom_mode
+from sitl_sim.autopilot.orders import Orders
 from sitl_sim.autopilot.parameters import Parameters
-from sitl_sim.autopilot.pilot import Pilot, Result
+from sitl_sim.autopilot.pilot import Pilot
+from sitl_sim.autopilot.results import Result
+from sitl_sim.autopilot.setpoints import ALTITUDE_FRAMES, HEIGHT_FRAMES
 
 
 class MavCommand(IntEnum):
     """MAV_CMD."""
 
+    NAV_LOITER_UNLIMITED = 17
     NAV_RETURN_TO_LAUNCH = 20
     NAV_LAND = 21
     NAV_TAKEOFF = 22
+    CONDITION_YAW = 115
     DO_SET_MODE = 176
     DO_CHANGE_SPEED = 178
     DO_REPOSITION = 192
+    DO_PAUSE_CONTINUE = 193
+    DO_SET_MISSION_CURRENT = 224
+    MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
     GET_HOME_POSITION = 410
     SET_MESSAGE_INTERVAL = 511
     REQUEST_MESSAGE = 512
+    REQUEST_PROTOCOL_VERSION = 519
     REQUEST_AUTOPILOT_CAPABILITIES = 520
 
 
 REPOSITION_CHANGES_MODE = 1
-GLOBAL_FRAMES = (0, 5)
-"""MAV_FRAME_GLOBAL and _INT: altitudes above mean sea level."""
-
-RELATIVE_FRAMES = (3, 6)
-"""MAV_FRAME_GLOBAL_RELATIVE_ALT and _INT: altitudes above home."""
-
-_UNUSED_INT = 0x7FFFFFFF
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +67,14 @@ def read_command(message: Message) -> Command:
     """The command in a COMMAND_LONG or COMMAND_INT."""
     first = tuple(_given(message.fields[f"param{number}"]) for number in range(1, 5))
     if message.name == "COMMAND_INT":
-        latitude, longitude = (None if value in (0, _UNUSED_INT) else value / 1e7 for value in (message.x, message.y))
+        latitude, longitude = (None if value in (0, UNUSED_INT) else value / 1e7 for value in (message.x, message.y))
         altitude = _given(message.z)
         parameters = (*first, latitude, longitude, altitude)
         frame = message.frame
     else:
         parameters = (*first, *(_given(message.fields[f"param{number}"]) for number in range(5, 8)))
         latitude, longitude, altitude = parameters[4:]
-        frame = GLOBAL_FRAMES[0]
+        frame = ALTITUDE_FRAMES[0]
     return Command(message.command, parameters, latitude, longitude, altitude, frame)
 
 
@@ -84,6 +87,7 @@ class Commands:
 
     Args:
         pilot: Who carries them out.
+        orders: What it can be told.
         flavour: How modes are numbered.
         parameters: Its parameters.
         scenario_home: Origin of the scenario's coordinates.
@@ -91,19 +95,31 @@ class Commands:
     """
 
     def __init__(
-        self, pilot: Pilot, flavour: Flavour, parameters: Parameters, scenario_home: Geodetic, own_home: Geodetic
+        self,
+        pilot: Pilot,
+        orders: Orders,
+        flavour: Flavour,
+        parameters: Parameters,
+        scenario_home: Geodetic,
+        own_home: Geodetic,
     ) -> None:
-        self._pilot, self._flavour, self._parameters = pilot, flavour, parameters
+        self._pilot, self._orders, self._flavour, self._parameters = pilot, orders, flavour, parameters
         self._scenario_home, self._own_home = scenario_home, own_home
         self._actions: dict[int, Callable[[Command, float], Result]] = {
-            MavCommand.NAV_RETURN_TO_LAUNCH: lambda _, now_s: pilot.set_mode(Mode.RETURN, now_s),
-            MavCommand.NAV_LAND: lambda _, __: pilot.land(),
+            MavCommand.NAV_LOITER_UNLIMITED: lambda _, now_s: orders.set_mode(Mode.HOLD, now_s),
+            MavCommand.NAV_RETURN_TO_LAUNCH: lambda _, now_s: orders.set_mode(Mode.RETURN, now_s),
+            MavCommand.NAV_LAND: lambda _, __: orders.land(),
             MavCommand.NAV_TAKEOFF: self._take_off,
             MavCommand.DO_SET_MODE: self._set_mode,
             MavCommand.DO_CHANGE_SPEED: self._change_speed,
             MavCommand.DO_REPOSITION: self._reposition,
-            MavCommand.COMPONENT_ARM_DISARM: lambda command, _: pilot.arm(command[1] is not None),
+            MavCommand.DO_PAUSE_CONTINUE: self._pause_or_continue,
+            MavCommand.DO_SET_MISSION_CURRENT: self._set_mission_current,
+            MavCommand.MISSION_START: self._start_mission,
+            MavCommand.COMPONENT_ARM_DISARM: lambda command, now_s: orders.arm(command[1] is not None, now_s),
         }
+        if not flavour.is_px4:
+            self._actions[MavCommand.CONDITION_YAW] = self._turn
 
     def execute(self, command: Command, now_s: float) -> Result:
         """Do it, or say why not."""
@@ -112,13 +128,15 @@ class Commands:
 
     def _set_mode(self, command: Command, now_s: float) -> Result:
         if not int(command[1] or 0) & MODE_FLAG_CUSTOM:
-            return Result.DENIED
+            return self._orders.refuse("mode refused: no custom mode flag", Result.DENIED)
         number, sub = command[2] or 0.0, command[3] or 0.0
         if not (0 <= number < 256 and 0 <= sub < 256):
-            return Result.DENIED
+            return self._orders.refuse("mode refused: there is none of this number", Result.DENIED)
         custom = px4_custom_mode(int(number), int(sub)) if self._flavour.is_px4 else int(number)
         mode = self._flavour.mode_of(custom)
-        return Result.DENIED if mode is None else self._pilot.set_mode(mode, now_s)
+        if mode is None:
+            return self._orders.refuse(f"mode refused: there is no {int(number)}/{int(sub)}", Result.DENIED)
+        return self._orders.set_mode(mode, now_s)
 
     def _take_off(self, command: Command, now_s: float) -> Result:
         altitude_m = command.altitude_m
@@ -126,35 +144,61 @@ class Commands:
             # above mean sea level; without one, or with one below, PX4 climbs to its own default
             usual_m = self._parameters["MIS_TAKEOFF_ALT"]
             height_m = usual_m if altitude_m is None else altitude_m - self._own_home.altitude_m
-            return self._pilot.take_off(height_m if height_m > 0.0 else usual_m)
+            return self._orders.take_off(height_m if height_m > 0.0 else usual_m)
         if altitude_m is None or altitude_m <= 0.0:
-            return Result.FAILED
-        return self._pilot.take_off(altitude_m)
+            return self._orders.refuse("take-off refused: no height")
+        return self._orders.take_off(altitude_m)
 
     def _change_speed(self, command: Command, now_s: float) -> Result:
         if command[2] is not None and command[2] > 0.0:
-            self._pilot.commanded_cruise_mps = command[2]
+            self._pilot.speeds.commanded_cruise_mps = command[2]
         return Result.ACCEPTED
 
     def _reposition(self, command: Command, now_s: float) -> Result:
         changes_mode = int(command[2] or 0) & REPOSITION_CHANGES_MODE
         suited = Mode.HOLD if self._flavour.is_px4 else Mode.OFFBOARD
         if not changes_mode and self._pilot.mode is not suited:
-            return Result.DENIED
-        if command.frame not in (*GLOBAL_FRAMES, *RELATIVE_FRAMES):
-            return Result.DENIED
+            return self._orders.refuse("reposition refused: another mode", Result.DENIED)
+        if command.frame not in (*ALTITUDE_FRAMES, *HEIGHT_FRAMES):
+            return self._orders.refuse(f"reposition refused: frame {command.frame}", Result.DENIED)
         estimate = self._pilot.estimate
         target = [estimate.north_m, estimate.east_m, estimate.down_m]
         latitude, longitude = command.latitude_deg, command.longitude_deg
         if latitude is not None and longitude is not None:
             if abs(latitude) > 90.0 or abs(longitude) > 180.0:
-                return Result.DENIED
+                return self._orders.refuse("reposition refused: no place on Earth", Result.DENIED)
             home = self._scenario_home
             target[:2] = ned_from_geodetic(latitude, longitude, home.altitude_m, home)[:2].tolist()
         if command.altitude_m is not None:
-            above = 0.0 if command.frame in RELATIVE_FRAMES else self._own_home.altitude_m
+            above = 0.0 if command.frame in HEIGHT_FRAMES else self._own_home.altitude_m
             target[2] = above - command.altitude_m
-        if command[4] is not None:
-            self._pilot.nose.turn_to(command[4])
         speed = command[1]
-        return self._pilot.go_to((target[0], target[1], target[2]), speed if speed and speed > 0.0 else None)
+        result = self._orders.go_to((target[0], target[1], target[2]), speed if speed and speed > 0.0 else None)
+        if result is Result.ACCEPTED and command[4] is not None:
+            self._pilot.nose.turn_to(command[4])
+        return result
+
+    def _pause_or_continue(self, command: Command, now_s: float) -> Result:
+        """Continue (1) goes on with the mission, pause (0) holds."""
+        if command[1] is not None:
+            return self._orders.set_mode(Mode.MISSION, now_s)
+        return self._orders.set_mode(Mode.HOLD if self._flavour.is_px4 else Mode.BRAKE, now_s)
+
+    def _set_mission_current(self, command: Command, now_s: float) -> Result:
+        seq = command[1] or 0.0
+        if not (0 <= seq < 65536 and self._pilot.mission.set_current(int(seq))):
+            return self._orders.refuse("mission: there is no such item", Result.DENIED)
+        return Result.ACCEPTED
+
+    def _start_mission(self, command: Command, now_s: float) -> Result:
+        first = command[1]
+        if first is not None and not (0 <= first < 65536 and self._pilot.mission.set_current(int(first))):
+            return self._orders.refuse("mission: there is no such item", Result.DENIED)
+        return self._orders.start_mission(now_s)
+
+    def _turn(self, command: Command, now_s: float) -> Result:
+        """CONDITION_YAW: to a heading, or by an angle in the direction of parameter 3."""
+        relative = command[4] is not None
+        sign = -1.0 if relative and (command[3] or 1.0) < 0.0 else 1.0
+        self._pilot.nose.turn_degrees(sign * (command[1] or 0.0), relative=relative)
+        return Result.ACCEPTED

@@ -43,9 +43,11 @@ class SteeringEstimate:
 
     def __init__(self, position_ned_m: Vector) -> None:
         self.north_m, self.east_m, self.down_m = position_ned_m
+        self.dt_s = 0.0
 
     def update(self, navigation: Navigation, dt_s: float) -> None:
         """Let time pass."""
+        self.dt_s = dt_s
         if not navigation.in_air:
             self.down_m = 0.0
             return
@@ -65,6 +67,28 @@ class Velocity:
 
     def command(self, estimate: SteeringEstimate) -> Vector:
         """Velocity to fly now [m/s]."""
+        return self.velocity_ned_mps
+
+
+@dataclass(slots=True)
+class Accelerate:
+    """Fly an acceleration, up to these speeds; `velocity_ned_mps` is where it begins and how far it has come."""
+
+    acceleration_ned_mps2: Vector
+    velocity_ned_mps: Vector
+    speed_mps: float
+    climb_mps: float
+    descent_mps: float
+
+    def command(self, estimate: SteeringEstimate) -> Vector:
+        """Velocity to fly now [m/s]."""
+        north, east, down = (
+            velocity + acceleration * estimate.dt_s
+            for velocity, acceleration in zip(self.velocity_ned_mps, self.acceleration_ned_mps2, strict=True)
+        )
+        shortened = min(1.0, self.speed_mps / max(math.hypot(north, east), 1e-9))
+        down = min(max(down, -self.climb_mps), self.descent_mps)
+        self.velocity_ned_mps = north * shortened, east * shortened, down
         return self.velocity_ned_mps
 
 
@@ -133,35 +157,46 @@ def _horizontally(north_m: float, east_m: float, speed_mps: float, estimate: Ste
     return north_m * pace, east_m * pace
 
 
-Guidance = Velocity | GoTo | Climb | Descend
+Guidance = Velocity | Accelerate | GoTo | Climb | Descend
 
 
 class Nose:
-    """Heading of a multirotor: turned towards what was asked at 60 degrees a second, or kept."""
+    """Heading of a multirotor: turned towards what was asked at 60 degrees a second, or kept.
 
-    def __init__(self, yaw_rad: float = 0.0) -> None:
-        self.yaw_rad = yaw_rad
+    Args:
+        follows: Left alone it turns into the direction of flight, as ArduPilot's does.
+    """
+
+    def __init__(self, *, follows: bool = False) -> None:
+        self.yaw_rad = 0.0
         self.rate_radps = 0.0
+        self._usually_follows = self._follows = follows
         self._wanted_rad: float | None = None
         self._wanted_rate_radps: float | None = None
 
     def turn_to(self, yaw_rad: float) -> None:
         """Turn to a heading and keep it."""
-        self._wanted_rad, self._wanted_rate_radps = yaw_rad, None
+        self._wanted_rad, self._wanted_rate_radps, self._follows = yaw_rad, None, False
+
+    def turn_degrees(self, yaw_deg: float, *, relative: bool = False) -> None:
+        """Turn to a heading given in degrees, from north or from where the nose is; what is not finite is ignored."""
+        if math.isfinite(yaw_deg):
+            self.turn_to(math.remainder(math.radians(yaw_deg) + (self.yaw_rad if relative else 0.0), math.tau))
 
     def turn_at(self, rate_radps: float) -> None:
         """Keep turning, no faster than the vehicle can."""
-        self._wanted_rad = None
+        self._wanted_rad, self._follows = None, False
         self._wanted_rate_radps = min(max(rate_radps, -YAW_RATE_RADPS), YAW_RATE_RADPS)
 
-    def follow(self, velocity_ned_mps: Vector) -> None:
-        """Turn into the direction of flight; slower than 1 m/s, keep the last one."""
-        if math.hypot(velocity_ned_mps[0], velocity_ned_mps[1]) >= MIN_NOSE_SPEED_MPS:
-            self.turn_to(math.atan2(velocity_ned_mps[1], velocity_ned_mps[0]))
+    def let_go(self) -> None:
+        """Nobody asks for a heading any more."""
+        self._follows = self._usually_follows
 
-    def keep(self) -> None:
-        """Stop turning."""
-        self._wanted_rad = self._wanted_rate_radps = None
+    def follow(self, velocity_ned_mps: Vector) -> None:
+        """Turn into the direction of flight, where it follows that; slower than 1 m/s, keep the last one."""
+        if self._follows and math.hypot(velocity_ned_mps[0], velocity_ned_mps[1]) >= MIN_NOSE_SPEED_MPS:
+            self._wanted_rad = math.atan2(velocity_ned_mps[1], velocity_ned_mps[0])
+            self._wanted_rate_radps = None
 
     def update(self, dt_s: float) -> None:
         """Let time pass."""

@@ -1,7 +1,10 @@
 """The parameters of an emulated autopilot: those that clients ask for, and those that change how it flies.
 
 PX4 puts the bits of an integer into the float of PARAM_VALUE, ArduPilot casts it; clients choose by the autopilot field
-of HEARTBEAT.
+of HEARTBEAT. PX4 takes a PARAM_SET of the right type only, ArduPilot does not look at the type. A value outside the
+range of its parameter is refused by both, with a STATUSTEXT and the value that stays.
+
+``docs/emulator.md`` lists them all; a test holds it to that.
 """
 
 from __future__ import annotations
@@ -10,41 +13,55 @@ import math
 import struct
 from dataclasses import dataclass
 
+from ridlink.mavlink.codec import Message
 from sitl_sim.autopilot.modes import Flavour
+from sitl_sim.autopilot.results import Say, Severity
 
 INT32 = 6
 REAL32 = 9
 
+Reply = tuple[str, dict[str, object]]
+"""Name and fields of a message to send back."""
+
 
 @dataclass(slots=True)
 class Parameter:
-    """One parameter; `kind` is MAV_PARAM_TYPE."""
+    """One parameter; `kind` is MAV_PARAM_TYPE, `low` and `high` are the ends of what is taken."""
 
     name: str
     value: float
     kind: int
+    low: float
+    high: float
 
 
 _PX4 = (
-    ("COM_OF_LOSS_T", 1.0, REAL32),
-    ("MIS_TAKEOFF_ALT", 2.5, REAL32),
-    ("MPC_TKO_SPEED", 3.0, REAL32),  # PX4 ships 1.5; a demonstration should not wait for a slow climb
-    ("MPC_XY_CRUISE", 5.0, REAL32),
-    ("MPC_XY_VEL_MAX", 12.0, REAL32),
-    ("MPC_Z_VEL_MAX_DN", 1.5, REAL32),
-    ("MPC_Z_VEL_MAX_UP", 3.0, REAL32),
-    ("RTL_RETURN_ALT", 30.0, REAL32),
-    ("SYS_AUTOSTART", 10040, INT32),
+    ("COM_DL_LOSS_T", 10, INT32, 5, 300),
+    ("COM_OBL_RC_ACT", 0, INT32, 0, 5),
+    ("COM_OF_LOSS_T", 1.0, REAL32, 0.1, 60.0),
+    ("MIS_TAKEOFF_ALT", 2.5, REAL32, 0.5, 500.0),
+    ("MPC_TKO_SPEED", 3.0, REAL32, 0.5, 5.0),  # PX4 ships 1.5; a demonstration should not wait for a slow climb
+    ("MPC_XY_CRUISE", 5.0, REAL32, 0.5, 60.0),
+    ("MPC_XY_VEL_MAX", 12.0, REAL32, 0.5, 60.0),
+    ("MPC_Z_VEL_MAX_DN", 1.5, REAL32, 0.5, 10.0),
+    ("MPC_Z_VEL_MAX_UP", 3.0, REAL32, 0.5, 10.0),
+    ("NAV_ACC_RAD", 2.0, REAL32, 0.2, 200.0),
+    ("NAV_DLL_ACT", 0, INT32, 0, 3),
+    ("RTL_RETURN_ALT", 30.0, REAL32, 0.0, 1000.0),
+    ("SYS_AUTOSTART", 10040, INT32, 0, 9_999_999),
 )
 _ARDUPILOT = (
-    ("ANGLE_MAX", 3000, INT32),
-    ("GUID_OPTIONS", 0, INT32),
-    ("GUID_TIMEOUT", 3.0, REAL32),
-    ("RTL_ALT", 1500, INT32),
-    ("WPNAV_ACCEL", 250.0, REAL32),
-    ("WPNAV_SPEED", 1000.0, REAL32),
-    ("WPNAV_SPEED_DN", 150.0, REAL32),
-    ("WPNAV_SPEED_UP", 250.0, REAL32),
+    ("ANGLE_MAX", 3000, INT32, 1000, 8000),
+    ("FS_GCS_ENABLE", 0, INT32, 0, 7),
+    ("FS_GCS_TIMEOUT", 5.0, REAL32, 2.0, 120.0),
+    ("GUID_OPTIONS", 0, INT32, 0, 255),
+    ("GUID_TIMEOUT", 3.0, REAL32, 0.1, 5.0),
+    ("RTL_ALT", 1500, INT32, 30, 300_000),
+    ("WPNAV_ACCEL", 250.0, REAL32, 50.0, 500.0),
+    ("WPNAV_RADIUS", 200.0, REAL32, 5.0, 1000.0),
+    ("WPNAV_SPEED", 1000.0, REAL32, 10.0, 6000.0),
+    ("WPNAV_SPEED_DN", 150.0, REAL32, 10.0, 1000.0),
+    ("WPNAV_SPEED_UP", 250.0, REAL32, 10.0, 1000.0),
 )
 
 
@@ -53,9 +70,9 @@ class Parameters:
 
     def __init__(self, flavour: Flavour, system_id: int) -> None:
         self._bytewise = flavour.is_px4
-        own_id = ("MAV_SYS_ID" if flavour.is_px4 else "SYSID_THISMAV", float(system_id), INT32)
+        own_id = ("MAV_SYS_ID" if flavour.is_px4 else "SYSID_THISMAV", system_id, INT32, system_id, system_id)
         rows = sorted([*(_PX4 if flavour.is_px4 else _ARDUPILOT), own_id])
-        self._parameters = [Parameter(name, float(value), kind) for name, value, kind in rows]
+        self._parameters = [Parameter(name, float(value), kind, low, high) for name, value, kind, low, high in rows]
         self._index = {parameter.name: index for index, parameter in enumerate(self._parameters)}
 
     def __len__(self) -> int:
@@ -64,20 +81,27 @@ class Parameters:
     def __getitem__(self, name: str) -> float:
         return self._parameters[self._index[name]].value
 
+    @property
+    def names(self) -> list[str]:
+        """All of them."""
+        return list(self._index)
+
     def find(self, param_id: bytes, index: int = -1) -> int | None:
         """Index of a parameter by name, or by index where that is not negative."""
         if index >= 0:
             return index if index < len(self._parameters) else None
-        return self._index.get(param_id.split(b"\x00")[0].decode("ascii", "replace"))
+        return self._index.get(_text(param_id))
 
-    def set(self, index: int, wire_value: float, kind: int) -> bool:
-        """Take the value of a PARAM_SET; False if its type is another, or it is not finite."""
+    def set(self, index: int, wire_value: float, kind: int) -> str | None:
+        """Take the value of a PARAM_SET; None, or why it is refused."""
         parameter = self._parameters[index]
+        if self._bytewise and kind != parameter.kind:
+            return f"{parameter.name}: wrong type"
         value = self._from_wire(wire_value, parameter.kind)
-        if kind != parameter.kind or not math.isfinite(value):
-            return False
+        if not parameter.low <= value <= parameter.high:  # also catches NaN
+            return f"{parameter.name}: only {parameter.low:g} to {parameter.high:g}"
         parameter.value = value
-        return True
+        return None
 
     def fields(self, index: int) -> dict[str, object]:
         """Fields of the PARAM_VALUE of one parameter."""
@@ -102,3 +126,49 @@ class Parameters:
         if self._bytewise:
             return float(struct.unpack("<i", struct.pack("<f", value))[0])
         return float(math.trunc(value)) if abs(value) < 2**31 else math.nan
+
+
+class ParameterProtocol:
+    """Answers to PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
+
+    Args:
+        parameters: Whose.
+        px4: PX4 says in words what it does not have, ArduPilot says nothing.
+        say: For refusals.
+    """
+
+    def __init__(self, parameters: Parameters, *, px4: bool, say: Say) -> None:
+        self._parameters, self._px4, self._say = parameters, px4, say
+
+    def everything(self, message: Message) -> list[Reply]:
+        """All of them."""
+        return [self._value(index) for index in range(len(self._parameters))]
+
+    def read(self, message: Message) -> list[Reply]:
+        """One, by name or by index."""
+        index = self._parameters.find(message.param_id, message.param_index)
+        return self._unknown(message.param_id, message.param_index) if index is None else [self._value(index)]
+
+    def set(self, message: Message) -> list[Reply]:
+        """The value that holds from now on, be it the new or the old one."""
+        index = self._parameters.find(message.param_id)
+        if index is None:
+            return self._unknown(message.param_id, -1)
+        complaint = self._parameters.set(index, message.param_value, message.param_type)
+        if complaint is not None:
+            self._say(Severity.WARNING, f"parameter refused: {complaint}")
+        return [self._value(index)]
+
+    def _value(self, index: int) -> Reply:
+        return "PARAM_VALUE", self._parameters.fields(index)
+
+    def _unknown(self, param_id: bytes, index: int) -> list[Reply]:
+        if self._px4:
+            what = _text(param_id) if index < 0 else f"index {index}"
+            self._say(Severity.WARNING, f"unknown parameter: {what}")
+        return []
+
+
+def _text(param_id: bytes) -> str:
+    """Its printable characters; the name of a parameter is ASCII."""
+    return "".join(c for c in param_id.split(b"\x00")[0].decode("ascii", "replace") if " " < c < "\x7f")

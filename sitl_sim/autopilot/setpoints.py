@@ -1,10 +1,12 @@
-"""SET_POSITION_TARGET_LOCAL_NED (84) to what the vehicle is asked to fly.
+"""SET_POSITION_TARGET_LOCAL_NED (84) and _GLOBAL_INT (86) to what the vehicle is asked to fly.
 
 The mask is read bit by bit, because every client sets its own: MAVSDK 0x09C7, MAVProxy 0x0FC7, ArduPilot's examples
 0x0DC7. A set bit means "ignore". What both real autopilots do is kept: a mask that ignores only some velocity axes is
-no velocity at all and stops the vehicle, and what is not finite (or beyond all reason) is not taken.
+no velocity at all and stops the vehicle, and what is not finite (or beyond all reason) is not taken. Bit 0x200, which
+would make an acceleration a force, is not looked at.
 
-Axes: north-east-down about the vehicle's own origin; frames 8 and 9 turn with its heading.
+Axes: north-east-down about the vehicle's own origin; frames 8 and 9 turn with its heading. The ground is flat:
+altitudes over terrain are altitudes over home.
 """
 
 from __future__ import annotations
@@ -13,11 +15,21 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
+from ridlink.geodesy import Geodetic, ned_from_geodetic
 from ridlink.mavlink.codec import Message
+from ridlink.units import deg_from_dege7
+from sitl_sim.autopilot.guidance import STILL, Accelerate, Guidance, Velocity
 from sitl_sim.autopilot.navigation import Vector
+from sitl_sim.autopilot.speeds import Speeds
 
 LARGEST = 1e6
-"""Most metres or metres a second that are taken; figures near the end of a float do not survive a rotation."""
+"""Most metres, metres a second or m/s^2 that are taken; figures near the end of a float do not survive a rotation."""
+
+ALTITUDE_FRAMES = (0, 5)
+"""MAV_FRAME_GLOBAL and _INT: altitudes above mean sea level."""
+
+HEIGHT_FRAMES = (3, 6, 10, 11)
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT, _TERRAIN_ALT and their _INT: heights above home."""
 
 
 class TypeMask(IntFlag):
@@ -41,17 +53,34 @@ class LocalFrame(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Setpoint:
-    """A usable setpoint.
+class Here:
+    """What a setpoint is relative to.
 
     Args:
-        velocity_ned_mps: What to fly; beside a position, what to add to the way there. None: not given.
-        position_ned_m: Where to fly, about the vehicle's origin. None: not given. With neither, the vehicle stops.
-        yaw_rad, yaw_rate_radps: Heading, or how fast to turn; None: not given.
+        position_ned_m: Where the vehicle believes to be, about its own origin; for frames that give an offset.
+        yaw_rad: Its heading; for frames that turn with it.
+        home: Its own origin; for global frames.
+    """
+
+    position_ned_m: Vector
+    yaw_rad: float
+    home: Geodetic
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """A usable setpoint; None: not given.
+
+    Args:
+        velocity_ned_mps: What to fly; beside a position, what to add to the way there.
+        position_ned_m: Where to fly, about the vehicle's origin.
+        acceleration_ned_mps2: How to accelerate, where it stands alone. With none of the three, the vehicle stops.
+        yaw_rad, yaw_rate_radps: Heading, or how fast to turn.
     """
 
     velocity_ned_mps: Vector | None = None
     position_ned_m: Vector | None = None
+    acceleration_ned_mps2: Vector | None = None
     yaw_rad: float | None = None
     yaw_rate_radps: float | None = None
 
@@ -60,40 +89,79 @@ class RefusedSetpoint(Exception):
     """A setpoint that cannot be taken; the text is for STATUSTEXT."""
 
 
-def decode_setpoint(message: Message, position_ned_m: Vector, yaw_rad: float) -> Setpoint:
+def decode_setpoint(message: Message, here: Here) -> Setpoint:
     """What a setpoint asks for.
 
     Args:
-        message: SET_POSITION_TARGET_LOCAL_NED.
-        position_ned_m: Where the vehicle believes to be, about its own origin, for frames that give an offset.
-        yaw_rad: Its heading, for frames that turn with it.
+        message: SET_POSITION_TARGET_LOCAL_NED or SET_POSITION_TARGET_GLOBAL_INT.
+        here: What it is relative to.
 
     Raises:
-        RefusedSetpoint: If the frame is unknown, or a figure that is used is not finite.
+        RefusedSetpoint: If the frame is unknown, or a figure that is used is not finite or no place on Earth.
     """
-    try:
-        frame = LocalFrame(message.coordinate_frame)
-    except ValueError:
-        raise RefusedSetpoint(f"setpoint: unsupported frame {message.coordinate_frame}") from None
     mask = message.type_mask
-    velocity = position = None
+    velocity = acceleration = position = None
+    is_local = message.name == "SET_POSITION_TARGET_LOCAL_NED"
+    _check_frame(message.coordinate_frame, is_local)
     if not mask & TypeMask.VELOCITY:
         velocity = _finite(message.vx, message.vy, message.vz)
+    if not mask & TypeMask.ACCELERATION:
+        acceleration = _finite(message.afx, message.afy, message.afz)
     if not mask & TypeMask.POSITION:
-        position = _finite(message.x, message.y, message.z)
-    if frame in (LocalFrame.BODY_NED, LocalFrame.BODY_OFFSET_NED):
-        velocity = velocity and _turned(velocity, yaw_rad)
-        position = position and _turned(position, yaw_rad)
-    if position is not None and frame is not LocalFrame.LOCAL_NED:
-        position = _sum(position, position_ned_m)
+        position = _finite(message.x, message.y, message.z) if is_local else _global_position(message, here)
+    if is_local and message.coordinate_frame in (LocalFrame.BODY_NED, LocalFrame.BODY_OFFSET_NED):
+        velocity = velocity and _turned(velocity, here.yaw_rad)
+        acceleration = acceleration and _turned(acceleration, here.yaw_rad)
+        position = position and _turned(position, here.yaw_rad)
+    if position is not None and is_local and message.coordinate_frame != LocalFrame.LOCAL_NED:
+        position = _sum(position, here.position_ned_m)
     if velocity is None and mask & TypeMask.VELOCITY != TypeMask.VELOCITY:
-        position = None  # only some axes ignored: no valid velocity, and no way to guess what was meant
+        position = acceleration = None  # only some axes ignored: no valid velocity, and no way to guess what was meant
     return Setpoint(
         velocity,
         position,
+        acceleration,
         None if mask & TypeMask.YAW or not math.isfinite(message.yaw) else message.yaw,
         None if mask & TypeMask.YAW_RATE or not math.isfinite(message.yaw_rate) else message.yaw_rate,
     )
+
+
+def guidance_of(setpoint: Setpoint, speeds: Speeds, origin_ned_m: Vector, flown_ned_mps: Vector, px4: bool) -> Guidance:
+    """What to fly for a setpoint. A velocity wins over an acceleration; one beside anything else is not flown.
+
+    Args:
+        setpoint: What is asked for.
+        speeds: The vehicle's.
+        origin_ned_m: Its own home about the scenario's.
+        flown_ned_mps: The velocity that it flies now; an acceleration goes on from there.
+        px4: ArduPilot has no controller for a position with an acceleration alone: it stops.
+    """
+    velocity, position, acceleration = (
+        setpoint.velocity_ned_mps,
+        setpoint.position_ned_m,
+        setpoint.acceleration_ned_mps2,
+    )
+    if position is not None and (px4 or velocity is not None or acceleration is None):
+        return speeds.way_to(_sum(position, origin_ned_m), speeds.fastest_mps, velocity or STILL)
+    if position is None and velocity is None and acceleration is not None:
+        return Accelerate(acceleration, flown_ned_mps, speeds.fastest_mps, speeds.climb_mps, speeds.descent_mps)
+    return Velocity(velocity or STILL)
+
+
+def _check_frame(frame: int, is_local: bool) -> None:
+    known = tuple(LocalFrame) if is_local else (*ALTITUDE_FRAMES, *HEIGHT_FRAMES)
+    if frame not in known:
+        raise RefusedSetpoint(f"setpoint: unsupported frame {frame}")
+
+
+def _global_position(message: Message, here: Here) -> Vector:
+    latitude_deg, longitude_deg = deg_from_dege7(message.lat_int), deg_from_dege7(message.lon_int)
+    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
+        raise RefusedSetpoint("setpoint ignored: no place on Earth")
+    (altitude_m, _, _) = _finite(message.alt, 0.0, 0.0)
+    above_m = here.home.altitude_m if message.coordinate_frame in ALTITUDE_FRAMES else 0.0
+    north, east, _ = ned_from_geodetic(latitude_deg, longitude_deg, here.home.altitude_m, here.home).tolist()
+    return _finite(north, east, above_m - altitude_m)
 
 
 def _finite(x: float, y: float, z: float) -> Vector:

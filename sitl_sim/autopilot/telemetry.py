@@ -1,8 +1,8 @@
 """What an emulated autopilot reports: one function a message, and the rates at which they are sent unasked.
 
-Everything is the navigation solution of `Navigation`, with the receiver's error in it. Two habits of real autopilots
-are kept because a reader must survive them: PX4 sends GPS_RAW_INT with a time of 0, and ArduPilot goes on telling its
-last h_acc after it has lost its fix.
+Everything is the navigation solution of `Navigation`, with the receiver's error in it. Habits of real autopilots are
+kept because a reader must survive them: PX4 sends GPS_RAW_INT with a time of 0, and ArduPilot goes on telling its last
+h_acc after it has lost its fix, and at last ceases to send LOCAL_POSITION_NED.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from typing import Any
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.units import cmps_from_mps, dege7_from_deg, mm_from_m
+from sitl_sim.autopilot.failsafes import FIX_3D, tells_position
 from sitl_sim.autopilot.modes import MODE_FLAG_ARMED, Flavour
+from sitl_sim.autopilot.own_remote_id import basic_id_fields, location_fields, system_fields
 from sitl_sim.autopilot.pilot import Pilot
 from sitl_sim.vehicle import GRAVITY_MPS2
 from sitl_sim.world import VehicleState
@@ -28,14 +30,11 @@ _ON_GROUND, _IN_AIR, _TAKING_OFF, _LANDING = 1, 2, 3, 4
 _SENSORS = 0x1 | 0x2 | 0x4 | 0x8 | 0x20 | 0x200000 | 0x2000000 | 0x10000000
 """Gyro, accelerometer, magnetometer, barometer, GPS, AHRS, battery, pre-arm check."""
 
-_GPS_SENSOR = 0x20
-_FIX_3D = 3
+_GPS_SENSOR, _PREARM_CHECK = 0x20, 0x10000000
 _RTK_FIXED, _NO_FIX_ARDUPILOT = 6, 1
 _LOST_H_ACC_MM = 100_000
 
 _ESTIMATOR_GROUND, _ESTIMATOR_AIR, _ESTIMATOR_LOST = 1023, 895, 869
-_DEAD_RECKONING_S = 5.0
-"""So long after a loss PX4 stops claiming a position."""
 
 _VELOCITY_TARGET_MASK, _POSITION_TARGET_MASK = 0x0DC7, 0x0DF8
 _UINT16_UNKNOWN = 0xFFFF
@@ -53,20 +52,31 @@ DEFAULT_INTERVAL_S: dict[str, float] = {
     "ATTITUDE_QUATERNION": 0.1,
     "VFR_HUD": 0.2,
     "POSITION_TARGET_LOCAL_NED": 0.1,
-    "ESTIMATOR_STATUS": 1.0,
     "EXTENDED_SYS_STATE": 0.5,
     "HOME_POSITION": 1.0,
     "ALTITUDE": 1.0,
     "ODOMETRY": 1.0,
+    "MISSION_CURRENT": 1.0,
 }
-"""Time between two of each message on a fresh link; a client that waits for one that never comes waits for ever."""
+_PX4_INTERVAL_S = {"ESTIMATOR_STATUS": 1.0, "OPEN_DRONE_ID_LOCATION": 1.0, "OPEN_DRONE_ID_SYSTEM": 1.0}
+_ARDUPILOT_INTERVAL_S = {"TIMESYNC": 10.0}
 
-ON_REQUEST = ("AUTOPILOT_VERSION", "GPS_GLOBAL_ORIGIN")
-"""Messages that are sent when asked for, once or as a stream."""
+_ON_REQUEST = ("AUTOPILOT_VERSION", "GPS_GLOBAL_ORIGIN", "POSITION_TARGET_GLOBAL_INT")
+_PX4_ON_REQUEST = ("OPEN_DRONE_ID_BASIC_ID",)
+
+
+def default_intervals(flavour: Flavour) -> dict[str, float]:
+    """Time between two of each message on a fresh link [s].
+
+    A client that waits for one that never comes waits for ever. ArduPilot sends nothing of its position before it is
+    asked or told by its SR parameters; here it is as with these set.
+    """
+    return DEFAULT_INTERVAL_S | (_PX4_INTERVAL_S if flavour.is_px4 else _ARDUPILOT_INTERVAL_S)
+
 
 LEGACY_STREAMS: dict[int, tuple[str, ...]] = {
     1: ("GPS_RAW_INT",),
-    2: ("SYS_STATUS", "BATTERY_STATUS", "GPS_RAW_INT"),
+    2: ("SYS_STATUS", "BATTERY_STATUS", "GPS_RAW_INT", "MISSION_CURRENT"),
     6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
     10: ("ATTITUDE", "ATTITUDE_QUATERNION"),
     11: ("VFR_HUD",),
@@ -82,26 +92,32 @@ class Telemetry:
         pilot: The vehicle.
         flavour: Whose habits it has.
         system_id: For AUTOPILOT_VERSION.
-        home: Origin of the scenario.
+        home: Where it took off.
         utc_clock: Seconds since 1970.
+
+    Attributes:
+        home: Where the vehicle took off.
+        default_interval_s: Time between two of each message on a fresh link.
     """
 
     def __init__(
         self, pilot: Pilot, flavour: Flavour, system_id: int, home: Geodetic, utc_clock: Callable[[], float]
     ) -> None:
         self._pilot, self._flavour, self._system_id, self._utc_clock = pilot, flavour, system_id, utc_clock
-        latitude, longitude, altitude = geodetic_from_ned(pilot.origin_ned_m, home)
-        self.home = Geodetic(float(latitude), float(longitude), float(altitude))
-        self._last_fix_s = 0.0
+        self.home = home
         self._last_h_acc_mm = 0
-        self._builders: dict[str, Callable[[], Fields]] = {
-            name: getattr(self, f"_{name.lower()}") for name in (*DEFAULT_INTERVAL_S, *ON_REQUEST)
-        }
-        if not flavour.is_px4:
-            del self._builders["ESTIMATOR_STATUS"]  # ArduPilot has none
+        self.default_interval_s = default_intervals(flavour)
+        names = (*self.default_interval_s, *_ON_REQUEST, *(_PX4_ON_REQUEST if flavour.is_px4 else ()))
+        self._builders: dict[str, Callable[[], Fields]] = {name: getattr(self, f"_{name.lower()}") for name in names}
 
     def __contains__(self, name: str) -> bool:
         return name in self._builders
+
+    def tells(self, name: str) -> bool:
+        """Whether a message is sent now, where it is due."""
+        if name != "LOCAL_POSITION_NED":
+            return True
+        return tells_position(self._flavour.is_px4, self._pilot.failsafes.without_fix_s)
 
     def fields(self, name: str) -> Fields:
         """Fields of one message now."""
@@ -128,7 +144,7 @@ class Telemetry:
         }
 
     def _sys_status(self) -> Fields:
-        healthy = _SENSORS if self._pilot.navigation.fix_type >= _FIX_3D else _SENSORS & ~_GPS_SENSOR
+        healthy = _SENSORS if self._pilot.navigation.fix_type >= FIX_3D else _SENSORS & ~(_GPS_SENSOR | _PREARM_CHECK)
         return {
             "onboard_control_sensors_present": _SENSORS,
             "onboard_control_sensors_enabled": _SENSORS,
@@ -157,7 +173,7 @@ class Telemetry:
     def _gps_raw_int(self) -> Fields:
         navigation = self._pilot.navigation
         north, east, _ = navigation.velocity_ned_mps
-        has_fix = navigation.fix_type >= _FIX_3D
+        has_fix = navigation.fix_type >= FIX_3D
         h_acc_mm = _up_mm(navigation.h_acc_m)
         if has_fix:
             self._last_h_acc_mm = h_acc_mm
@@ -254,11 +270,17 @@ class Telemetry:
         }
         return fields if target is None else fields | dict(zip(("x", "y", "z"), target, strict=True))
 
+    def _position_target_global_int(self) -> Fields:
+        pilot = self._pilot
+        fields = {name: value for name, value in self._position_target_local_ned().items() if name not in "xyz"}
+        target = pilot.position_target_ned_m or pilot.local_position_ned_m
+        latitude, longitude, _ = geodetic_from_ned((target[0], target[1], 0.0), self.home)
+        place = _position(float(latitude), float(longitude), "lat_int", "lon_int")
+        return {**fields, **place, "coordinate_frame": 5, "alt": self.home.altitude_m - target[2]}
+
     def _estimator_status(self) -> Fields:
         navigation = self._pilot.navigation
-        if navigation.fix_type >= _FIX_3D:
-            self._last_fix_s = navigation.time_s
-        if navigation.time_s - self._last_fix_s > _DEAD_RECKONING_S:
+        if not self._pilot.failsafes.has_position:
             flags = _ESTIMATOR_LOST
         else:
             flags = _ESTIMATOR_AIR if navigation.in_air else _ESTIMATOR_GROUND
@@ -336,6 +358,21 @@ class Telemetry:
             "estimator_type": 4,
             "quality": 100,
         }
+
+    def _mission_current(self) -> Fields:
+        return self._pilot.mission.current_fields()
+
+    def _timesync(self) -> Fields:
+        return {"tc1": 0, "ts1": max(round(self._pilot.navigation.time_s * 1e9), 1)}
+
+    def _open_drone_id_location(self) -> Fields:
+        return location_fields(self._pilot.navigation, self.home)
+
+    def _open_drone_id_system(self) -> Fields:
+        return system_fields(self.home)
+
+    def _open_drone_id_basic_id(self) -> Fields:
+        return basic_id_fields(self._system_id)
 
     def _autopilot_version(self) -> Fields:
         return {

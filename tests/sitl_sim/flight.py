@@ -20,6 +20,7 @@ UTC_S = 1_800_000_000.0
 
 ARMED = 128
 PX4_HOLD, PX4_OFFBOARD, PX4_LAND, PX4_TAKEOFF = 0x03040000, 0x00060000, 0x06040000, 0x02040000
+PX4_MISSION, PX4_RETURN, PX4_ALTITUDE = 0x04040000, 0x05040000, 0x00020000
 GUIDED = 4
 
 VELOCITY_ONLY = 0x0DC7
@@ -63,6 +64,7 @@ class Flight:
         self.client = Encoder(255, 190)
         self.now_s = 1000.0
         self.heard: dict[tuple[str, int], list[tuple[float, Message]]] = {}
+        self.passed_on: list[tuple[tuple[str, int], Frame]] = []
 
     def advance(self, duration_s: float) -> None:
         """Let the world and the vehicle live on, tick by tick."""
@@ -76,7 +78,10 @@ class Flight:
         messages = []
         for datagram, address in outgoing:
             for frame in parse_datagram(datagram, CRC_EXTRAS):
-                assert isinstance(frame, Frame) and (frame.sysid, frame.compid) == (1, 1)
+                assert isinstance(frame, Frame)
+                if (frame.sysid, frame.compid) != (1, 1):
+                    self.passed_on.append((address, frame))
+                    continue
                 messages.append(decode_message(frame))
                 self.heard.setdefault(address, []).append((self.now_s, messages[-1]))
         return messages
@@ -89,12 +94,12 @@ class Flight:
         return self._note(self.autopilot.receive(datagram, address, self.now_s))
 
     def command(self, number: int, *parameters: float, address: Any = GROUND_STATION) -> int:
-        """Send a COMMAND_LONG; the result that is acknowledged."""
+        """Send a COMMAND_LONG; the result that is acknowledged last (PX4 acknowledges some twice)."""
         fields: dict[str, Any] = {f"param{at}": value for at, value in enumerate(parameters, start=1)}
         answers = self.send(
             "COMMAND_LONG", target_system=1, target_component=1, command=number, address=address, **fields
         )
-        (acknowledgement,) = [answer for answer in answers if answer.name == "COMMAND_ACK"]
+        acknowledgement = [answer for answer in answers if answer.name == "COMMAND_ACK"][-1]
         assert (acknowledgement.command, acknowledgement.target_system) == (number, 255)
         return int(acknowledgement.result)
 

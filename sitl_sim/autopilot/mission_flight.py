@@ -1,0 +1,253 @@
+"""A mission in flight: which item, which velocity, what has been reached.
+
+Asked once a tick by the pilot while its mode is MISSION; it never changes a mode or arms by itself.
+
+Positions are north-east-down about the scenario's home; heights count from the vehicle's own home.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+
+from ridlink.geodesy import Geodetic, ned_from_geodetic
+from sitl_sim.autopilot.guidance import Climb, Descend, GoTo, Guidance, Nose, SteeringEstimate, Velocity
+from sitl_sim.autopilot.mission_items import NAVIGATION, Item, MissionItem
+from sitl_sim.autopilot.parameters import Parameters
+from sitl_sim.autopilot.speeds import Speeds
+
+AT_ONCE = 64
+"""Items done in one tick; more are a jump in a circle."""
+
+_NO_MISSION, _NOT_STARTED, _ACTIVE, _PAUSED, _COMPLETE = 1, 2, 3, 4, 5
+"""MISSION_STATE."""
+
+_OVERHEAD_M = 1.0
+"""So near to its point a landing goes down."""
+
+
+class End(Enum):
+    """Why there is no velocity to fly."""
+
+    FINISHED = "finished"
+    RETURN = "return"
+
+
+class MissionFlight:
+    """The mission of one vehicle.
+
+    Args:
+        px4: ArduPilot keeps home as item 0 and begins with item 1.
+        parameters: For the height of a take-off that the mission does not have.
+        speeds: Its speeds; DO_CHANGE_SPEED changes them.
+        nose: Its heading.
+        scenario_home: Origin of the coordinates.
+        own_home: Where it took off, with the altitude from which heights count.
+
+    Attributes:
+        plan: Its items.
+        current: Sequence number of the item that is flown.
+        reached: Items that have been reached and not been told yet.
+        is_flown: Whether the mode is MISSION.
+    """
+
+    def __init__(
+        self,
+        *,
+        px4: bool,
+        parameters: Parameters,
+        speeds: Speeds,
+        nose: Nose,
+        scenario_home: Geodetic,
+        own_home: Geodetic,
+    ) -> None:
+        self._px4, self._parameters, self._speeds, self._nose = px4, parameters, speeds, nose
+        self._scenario_home, self._own_home = scenario_home, own_home
+        self.plan: tuple[MissionItem, ...] = ()
+        self.current = 0
+        self.reached: list[int] = []
+        self.is_flown = False
+        self._begun = self._complete = self._held = False
+        self._leg: Guidance | None = None
+        self._until_s: float | None = None
+        self._jumps: dict[int, int] = {}
+
+    # --- the plan -----------------------------------------------------------------------------------------------------
+
+    @property
+    def _first(self) -> int:
+        return 0 if self._px4 else 1
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is anything to fly."""
+        return len(self.plan) > self._first
+
+    @property
+    def begins_with_takeoff(self) -> bool:
+        """Whether the first item that takes time is a take-off."""
+        first = next((item for item in self.plan[self._first :] if item.command in NAVIGATION), None)
+        return first is not None and first.command == Item.TAKEOFF
+
+    def load(self, items: Sequence[MissionItem]) -> None:
+        """Fly these from the first on."""
+        if items and not self._px4:
+            items = [self._home_item(), *items[1:]]
+        self.plan = tuple(items)
+        self._rewind()
+
+    def _home_item(self) -> MissionItem:
+        home = self._own_home
+        x, y = round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7)
+        return MissionItem(Item.WAYPOINT, 0, (0.0, 0.0, 0.0, 0.0), x, y, home.altitude_m)
+
+    def _rewind(self) -> None:
+        self._go_on_with(self._first if self.exists else 0)
+        self._begun = self._complete = False
+        self._jumps.clear()
+
+    def _go_on_with(self, seq: int) -> None:
+        self.current = seq
+        self._leg = self._until_s = None
+        self._held = False
+
+    def set_current(self, seq: int) -> bool:
+        """Go on with an item; False if there is none."""
+        if not 0 <= seq < len(self.plan):
+            return False
+        self._go_on_with(max(seq, self._first) if self.exists else seq)
+        self._complete = False
+        return True
+
+    def current_fields(self) -> dict[str, object]:
+        """Fields of MISSION_CURRENT."""
+        if not self.exists:
+            state = _NO_MISSION
+        elif self._complete:
+            state = _COMPLETE
+        elif self.is_flown:
+            state = _ACTIVE
+        else:
+            state = _PAUSED if self._begun else _NOT_STARTED
+        total = max(len(self.plan) - self._first, 0)
+        return {"seq": self.current, "total": total, "mission_state": state, "mission_mode": 1 if self.is_flown else 2}
+
+    # --- in flight ----------------------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Begin, or go on where it was left; what is complete begins anew."""
+        if self._complete:
+            self._rewind()
+        self._begun = True
+        self._leg = None
+
+    def landed(self) -> None:
+        """The ground was touched."""
+        if not self._complete and self.plan and self.plan[self.current].command == Item.LAND:
+            self._arrive()
+
+    def step(self, estimate: SteeringEstimate, now_s: float, *, grounded: bool) -> Guidance | End:
+        """What to fly now.
+
+        Args:
+            estimate: Where the vehicle believes to be.
+            now_s: Monotonic time.
+            grounded: It stands.
+        """
+        for _ in range(AT_ONCE):
+            if self._complete or not self.exists:
+                return End.FINISHED
+            item = self.plan[self.current]
+            if item.command not in NAVIGATION:
+                self._do(item)
+                continue
+            if item.command == Item.RETURN_TO_LAUNCH:
+                self._arrive()
+                return End.RETURN
+            if self._leg is None:
+                self._leg = self._leg_of(item, estimate, grounded)
+            if not self._is_there(item, estimate, grounded) or not self._has_waited(item, now_s):
+                return self._leg or Velocity()
+            self._arrive()
+        return Velocity()
+
+    def _arrive(self) -> None:
+        if not self._held:
+            self.reached.append(self.current)
+        if self.current + 1 < len(self.plan):
+            self._go_on_with(self.current + 1)
+        else:
+            self._complete = True
+            self._leg = None
+
+    def _do(self, item: MissionItem) -> None:
+        """Items that take no time."""
+        match item.command:
+            case Item.CHANGE_SPEED:
+                speed = item.parameters[1]
+                if speed > 0.0:
+                    self._speeds.commanded_cruise_mps = speed
+            case Item.CONDITION_YAW:
+                self._nose.turn_degrees(item.parameters[0], relative=item.parameters[3] == 1.0)
+            case Item.JUMP:
+                done, wanted = self._jumps.get(self.current, 0), item.parameters[1]
+                if wanted < 0 or done < wanted:
+                    self._jumps[self.current] = done + 1
+                    self.reached.append(self.current)
+                    self._go_on_with(max(int(item.parameters[0]), self._first))
+                    return
+        self._arrive()
+
+    def _leg_of(self, item: MissionItem, estimate: SteeringEstimate, grounded: bool) -> Guidance | None:
+        if item.command == Item.DELAY:
+            return Velocity()
+        if item.command == Item.TAKEOFF:
+            return Climb(self._height_m(item), self._speeds.takeoff_mps)
+        if grounded and item.command == Item.LAND:
+            return Descend()
+        if grounded:  # as PX4 does: first straight up to the height of the waypoint
+            return Climb(max(self._height_m(item), self._parameters["MIS_TAKEOFF_ALT"]), self._speeds.takeoff_mps)
+        if item.command == Item.LAND and item.latitude_longitude_deg is None:
+            return Descend()
+        if self._px4 and (yaw := item.parameter(4)) is not None:
+            self._nose.turn_degrees(yaw)
+        height_m = -estimate.down_m if item.command == Item.LAND else self._height_m(item)
+        north, east = self._place(item, estimate)
+        return self._speeds.way_to((north, east, -height_m))
+
+    def _is_there(self, item: MissionItem, estimate: SteeringEstimate, grounded: bool) -> bool:
+        match self._leg:
+            case Climb() if self._leg.is_done(estimate):
+                if item.command == Item.TAKEOFF:
+                    return True
+                self._leg = self._leg_of(item, estimate, grounded=False)
+            case GoTo() if item.command == Item.LAND:
+                if self._leg.distance_m(estimate) < _OVERHEAD_M:
+                    self._leg = Descend(self._leg.target_ned_m[:2])
+            case GoTo():
+                radius_m = item.parameter(2) if item.command == Item.WAYPOINT else None
+                return self._leg.distance_m(estimate) < max(radius_m or self._speeds.acceptance_radius_m, 0.2)
+            case Velocity():
+                return True
+        return False
+
+    def _has_waited(self, item: MissionItem, now_s: float) -> bool:
+        if item.command == Item.LOITER_UNLIMITED:
+            if not self._held:
+                self._held = True
+                self.reached.append(self.current)
+            return False
+        waits = item.command in (Item.WAYPOINT, Item.SPLINE_WAYPOINT, Item.LOITER_TIME, Item.DELAY)
+        if self._until_s is None:
+            self._until_s = now_s + (max(item.parameter(1) or 0.0, 0.0) if waits else 0.0)
+        return now_s >= self._until_s
+
+    def _height_m(self, item: MissionItem) -> float:
+        return item.z - (self._own_home.altitude_m if item.is_above_sea else 0.0)
+
+    def _place(self, item: MissionItem, estimate: SteeringEstimate) -> tuple[float, float]:
+        where = item.latitude_longitude_deg
+        if where is None:
+            return estimate.north_m, estimate.east_m
+        north, east, _ = ned_from_geodetic(*where, self._scenario_home.altitude_m, self._scenario_home).tolist()
+        return north, east

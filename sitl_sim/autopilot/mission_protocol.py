@@ -1,0 +1,173 @@
+"""The mission protocol of MAVLink 2: up, down, clear, start somewhere. Sans-IO.
+
+An upload replaces the mission when its last item has come and all were good; whatever goes wrong before leaves the old
+one in place. Only one peer uploads at a time. Reading needs no state: every item is answered for itself.
+
+ArduPilot keeps home as item 0, whatever was uploaded there.
+
+Source: https://mavlink.io/en/services/mission.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+
+from ridlink.mavlink.codec import Message
+from sitl_sim.autopilot.mission_flight import MissionFlight
+from sitl_sim.autopilot.mission_items import MAX_ITEMS, MissionItem, read_item
+from sitl_sim.autopilot.parameters import Reply
+from sitl_sim.autopilot.results import MissionResult, Say, Severity
+
+MISSION, FENCE, RALLY, ALL = 0, 1, 2, 255
+"""MAV_MISSION_TYPE."""
+
+REQUEST_AGAIN_S = 1.0
+GIVE_UP_AFTER = 5
+"""Requests for one item without an answer."""
+
+Sender = tuple[int, int]
+"""System id and component id."""
+
+
+@dataclass(slots=True)
+class _Upload:
+    peer: Hashable
+    sender: Sender
+    count: int
+    requested_s: float
+    items: list[MissionItem] = field(default_factory=list)
+    requests: int = 1
+
+
+class MissionProtocol:
+    """One vehicle's side.
+
+    Args:
+        flight: Keeps the mission and flies it.
+        px4: PX4 asks again for the item that it wants; ArduPilot refuses the one that it did not ask for.
+        say: For refusals.
+    """
+
+    def __init__(self, flight: MissionFlight, *, px4: bool, say: Say) -> None:
+        self._flight, self._px4, self._say = flight, px4, say
+        self._upload: _Upload | None = None
+
+    def receive(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> list[Reply]:
+        """Take one message of the protocol; the answers.
+
+        Args:
+            message: MISSION_anything.
+            sender: Who says so.
+            peer: Where it came from; an upload continues there only.
+            now_s: Monotonic time.
+        """
+        match message.name:
+            case "MISSION_COUNT":
+                return self._begin(message, sender, peer, now_s)
+            case "MISSION_ITEM_INT" | "MISSION_ITEM":
+                return self._take(message, sender, peer, now_s)
+            case "MISSION_REQUEST_LIST":
+                count = len(self._flight.plan) if message.mission_type == MISSION else 0
+                fields: dict[str, object] = {"count": count, "mission_type": message.mission_type}
+                return [("MISSION_COUNT", _to(sender) | fields)]
+            case "MISSION_REQUEST_INT" | "MISSION_REQUEST":
+                return self._give(message, sender)
+            case "MISSION_CLEAR_ALL":
+                return self._clear(message, sender)
+            case "MISSION_SET_CURRENT":
+                if not self._flight.set_current(message.seq):
+                    self._say(Severity.WARNING, f"mission: there is no item {message.seq}")
+                return [("MISSION_CURRENT", self._flight.current_fields())]
+            case "MISSION_WRITE_PARTIAL_LIST":
+                return [self._refused(sender, MissionResult.UNSUPPORTED, message.mission_type)]
+            case "MISSION_ACK":
+                if self._upload is not None and self._upload.peer == peer and message.type:
+                    self._upload = None  # called off by its sender
+        return []
+
+    def tick(self, now_s: float) -> tuple[Hashable, Reply] | None:
+        """Ask again for an item that did not come, with the peer to ask; give up after a while."""
+        upload = self._upload
+        if upload is None or now_s - upload.requested_s < REQUEST_AGAIN_S:
+            return None
+        if upload.requests >= GIVE_UP_AFTER:
+            self._upload = None
+            return upload.peer, self._refused(upload.sender, MissionResult.OPERATION_CANCELLED)
+        upload.requests += 1
+        upload.requested_s = now_s
+        return upload.peer, self._request(upload)
+
+    # --- up -----------------------------------------------------------------------------------------------------------
+
+    def _begin(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> list[Reply]:
+        kind, count = message.mission_type, message.count
+        if kind != MISSION:  # no fence and no rally points, but a client may make sure that there are none
+            fine = kind in (FENCE, RALLY) and count == 0
+            return [
+                self._acknowledged(sender, kind) if fine else self._refused(sender, MissionResult.UNSUPPORTED, kind)
+            ]
+        if self._upload is not None and self._upload.peer != peer:
+            return [self._refused(sender, MissionResult.ERROR)]
+        if count > MAX_ITEMS:
+            return [self._refused(sender, MissionResult.NO_SPACE)]
+        if count == 0:
+            return self._clear(message, sender)
+        self._upload = _Upload(peer, sender, count, now_s)
+        return [self._request(self._upload)]
+
+    def _take(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> list[Reply]:
+        upload = self._upload
+        if message.mission_type != MISSION or upload is None or upload.peer != peer:
+            return [self._refused(sender, MissionResult.ERROR, message.mission_type)]
+        wanted = len(upload.items)
+        if message.seq != wanted:
+            if self._px4 or message.seq < wanted:  # an item that came twice is no error
+                return [self._request(upload)]
+            return [self._refused(sender, MissionResult.INVALID_SEQUENCE)]
+        item = read_item(message, upload.count)
+        if isinstance(item, MissionResult):
+            self._upload = None
+            return [self._refused(sender, item)]
+        upload.items.append(item)
+        upload.requested_s, upload.requests = now_s, 1
+        if len(upload.items) < upload.count:
+            return [self._request(upload)]
+        self._upload = None
+        self._flight.load(upload.items)
+        return [self._acknowledged(sender, MISSION)]
+
+    def _request(self, upload: _Upload) -> Reply:
+        return "MISSION_REQUEST_INT", _to(upload.sender) | {"seq": len(upload.items), "mission_type": MISSION}
+
+    # --- down, clear --------------------------------------------------------------------------------------------------
+
+    def _give(self, message: Message, sender: Sender) -> list[Reply]:
+        plan, seq = self._flight.plan, message.seq
+        if message.mission_type != MISSION or seq >= len(plan):
+            return [self._refused(sender, MissionResult.INVALID_SEQUENCE, message.mission_type)]
+        fields = plan[seq].fields() | {"seq": seq, "current": int(seq == self._flight.current), "mission_type": MISSION}
+        if message.name == "MISSION_REQUEST_INT":
+            return [("MISSION_ITEM_INT", _to(sender) | fields)]
+        degrees = {"x": fields["x"] / 1e7, "y": fields["y"] / 1e7}
+        return [("MISSION_ITEM", _to(sender) | fields | degrees)]
+
+    def _clear(self, message: Message, sender: Sender) -> list[Reply]:
+        kind = message.mission_type
+        if kind not in (MISSION, FENCE, RALLY, ALL):
+            return [self._refused(sender, MissionResult.UNSUPPORTED, kind)]
+        if kind in (MISSION, ALL):
+            self._upload = None
+            self._flight.load([])
+        return [self._acknowledged(sender, kind)]
+
+    def _acknowledged(self, sender: Sender, kind: int) -> Reply:
+        return "MISSION_ACK", _to(sender) | {"type": int(MissionResult.ACCEPTED), "mission_type": kind}
+
+    def _refused(self, sender: Sender, why: MissionResult, kind: int = MISSION) -> Reply:
+        self._say(Severity.WARNING, f"mission refused: {why.name.lower().replace('_', ' ')}")
+        return "MISSION_ACK", _to(sender) | {"type": int(why), "mission_type": kind}
+
+
+def _to(sender: Sender) -> dict[str, object]:
+    return {"target_system": sender[0], "target_component": sender[1]}

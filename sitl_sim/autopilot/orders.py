@@ -1,0 +1,164 @@
+"""What a vehicle can be told, and what it refuses: modes, arming, take-off, landing, going somewhere.
+
+Every refusal comes with a STATUSTEXT that says why. Every order may come twice.
+"""
+
+from __future__ import annotations
+
+from sitl_sim.autopilot.failsafes import FIX_3D
+from sitl_sim.autopilot.guidance import Climb, Velocity
+from sitl_sim.autopilot.modes import Flavour, Mode
+from sitl_sim.autopilot.navigation import Vector
+from sitl_sim.autopilot.parameters import Parameters
+from sitl_sim.autopilot.pilot import Pilot
+from sitl_sim.autopilot.results import Result, Say, Severity
+from sitl_sim.world import VehicleState
+
+_NEEDS_POSITION = (Mode.POSITION, Mode.HOLD, Mode.TAKEOFF, Mode.MISSION, Mode.RETURN, Mode.OFFBOARD, Mode.BRAKE)
+
+
+class Orders:
+    """Orders to one vehicle.
+
+    Args:
+        pilot: Who carries them out.
+        flavour: Whose habits it has.
+        parameters: Its parameters.
+        cooperative: One that is not flies its own mission and takes no orders.
+        say: Called with what STATUSTEXT is to carry.
+    """
+
+    def __init__(self, pilot: Pilot, flavour: Flavour, parameters: Parameters, cooperative: bool, say: Say) -> None:
+        self._pilot, self._flavour, self._parameters = pilot, flavour, parameters
+        self._cooperative, self._say = cooperative, say
+
+    def refuse(self, why: str, result: Result | None = None) -> Result:
+        """Say why; by default the result that this autopilot gives at a wrong moment."""
+        self._say(Severity.WARNING, why)
+        return Result(self._flavour.refused) if result is None else result
+
+    def _unavailable(self) -> Result | None:
+        """Why nothing can be commanded now, whatever it is."""
+        if not self._cooperative:
+            return self.refuse("refused: flies its own mission")
+        if self._pilot.navigation.state is VehicleState.LANDING:
+            return self.refuse("refused: has arrived and lands")
+        return None
+
+    # --- modes --------------------------------------------------------------------------------------------------------
+
+    def set_mode(self, mode: Mode, now_s: float) -> Result:
+        """Change the mode."""
+        if (refusal := self._unavailable()) is not None:
+            return refusal
+        pilot = self._pilot
+        if mode in _NEEDS_POSITION and pilot.navigation.in_air and not pilot.failsafes.has_position:
+            return self.refuse(f"{mode} refused: no position")
+        match mode:
+            case Mode.OFFBOARD:
+                return self._enter_offboard(now_s)
+            case Mode.TAKEOFF:
+                return self.take_off(self._parameters["MIS_TAKEOFF_ALT"])
+            case Mode.LAND:
+                return self.land()
+            case Mode.RETURN:
+                pilot.fly_home()
+            case Mode.MISSION:
+                return self._enter_mission()
+            case _:
+                # asked to hold again, it goes on to where it was sent
+                pilot.enter(mode, pilot.guidance if pilot.mode is mode and mode is Mode.HOLD else Velocity())
+        return Result.ACCEPTED
+
+    def _enter_offboard(self, now_s: float) -> Result:
+        pilot = self._pilot
+        if pilot.mode is Mode.OFFBOARD:
+            return Result.ACCEPTED
+        standing = not (pilot.navigation.in_air or pilot.armed)
+        if self._flavour.is_px4 and not standing and not pilot.has_stream(now_s):
+            return self.refuse("offboard refused: no setpoints")
+        pilot.enter_offboard()
+        return Result.ACCEPTED
+
+    def _enter_mission(self) -> Result:
+        pilot = self._pilot
+        if not pilot.mission.exists:
+            return self.refuse("mission refused: there is none", Result.DENIED)
+        if pilot.mode is Mode.MISSION:
+            return Result.ACCEPTED
+        grounded = pilot.navigation.state is VehicleState.GROUNDED
+        if not self._flavour.is_px4 and grounded and not pilot.mission.begins_with_takeoff:
+            return self.refuse("mission refused: Missing Takeoff Cmd")
+        pilot.enter(Mode.MISSION, Velocity())
+        pilot.mission_started = False
+        pilot.mission.begin()
+        return Result.ACCEPTED
+
+    def start_mission(self, now_s: float) -> Result:
+        """MAV_CMD_MISSION_START: PX4 arms for it; ArduPilot wants to be armed, and leaves the ground with it only."""
+        if not (self._flavour.is_px4 or self._pilot.armed):
+            return self.refuse("mission refused: not armed")
+        result = self.set_mode(Mode.MISSION, now_s)
+        if result is Result.ACCEPTED and not self._pilot.armed:
+            result = self.arm(True, now_s)
+        self._pilot.mission_started = result is Result.ACCEPTED
+        return result
+
+    # --- arming, take-off, landing ------------------------------------------------------------------------------------
+
+    def arm(self, wanted: bool, now_s: float) -> Result:
+        """Arm, or disarm on the ground; in the air the motors are not switched off, whoever asks."""
+        if (refusal := self._unavailable()) is not None:
+            return refusal
+        pilot = self._pilot
+        if wanted == pilot.armed:
+            return Result.ACCEPTED
+        if pilot.navigation.in_air:
+            return self.refuse("disarming refused: in the air")
+        if wanted and pilot.navigation.fix_type < FIX_3D:
+            return self.refuse("arming refused: no position")
+        if wanted and self._flavour.is_px4 and pilot.mode is Mode.OFFBOARD and not pilot.has_stream(now_s):
+            return self.refuse("arming refused: no offboard signal")
+        if wanted and not self._flavour.is_px4 and pilot.mode is Mode.MISSION:
+            return self.refuse("arming refused: AUTO mode not armable")
+        pilot.armed = wanted
+        if wanted and pilot.mode in (Mode.LAND, Mode.RETURN):
+            pilot.mode = self._flavour.ground_mode
+        return Result.ACCEPTED
+
+    def take_off(self, height_m: float) -> Result:
+        """Climb to a height above home."""
+        if (refusal := self._unavailable()) is not None:
+            return refusal
+        pilot = self._pilot
+        if not pilot.armed:
+            return self.refuse("take-off refused: not armed")
+        if not self._flavour.is_px4 and pilot.mode is not Mode.OFFBOARD:
+            return self.refuse("take-off refused: not in GUIDED")
+        if pilot.navigation.state is VehicleState.GROUNDED:
+            pilot.lift_off()
+        if not (isinstance(pilot.guidance, Climb) and pilot.guidance.height_m == height_m):
+            climb = Climb(height_m, pilot.speeds.takeoff_mps)
+            pilot.enter(Mode.TAKEOFF if self._flavour.is_px4 else Mode.OFFBOARD, climb)
+        return Result.ACCEPTED
+
+    def land(self) -> Result:
+        """Come down here."""
+        if self._cooperative and self._pilot.navigation.state is VehicleState.LANDING:
+            return Result.ACCEPTED
+        if (refusal := self._unavailable()) is not None:
+            return refusal
+        self._pilot.come_down()
+        return Result.ACCEPTED
+
+    def go_to(self, target_ned_m: Vector, speed_mps: float | None) -> Result:
+        """Fly to a point, about the scenario's home, and stay there."""
+        if (refusal := self._unavailable()) is not None:
+            return refusal
+        pilot = self._pilot
+        if not pilot.navigation.in_air:
+            return self.refuse("reposition refused: not in the air")
+        if not pilot.failsafes.has_position:
+            return self.refuse("reposition refused: no position")
+        pilot.enter(Mode.HOLD if self._flavour.is_px4 else Mode.OFFBOARD, pilot.speeds.way_to(target_ned_m, speed_mps))
+        return Result.ACCEPTED

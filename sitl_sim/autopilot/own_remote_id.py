@@ -1,0 +1,61 @@
+"""The OPEN_DRONE_ID messages that PX4 puts on every one of its links, from its own component.
+
+They are for a transmitter module on the vehicle; what goes over the air is the business of `sitl_sim.broadcast`. PX4
+gives no time of day and maps the receiver's one-sigma accuracy straight to the code, which understates it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ridlink.geodesy import Geodetic
+from ridlink.remote_id.accuracy import horizontal_code
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import BasicId, Location, System
+from sitl_sim.autopilot.navigation import Navigation
+
+Fields = dict[str, Any]
+
+_GROUND, _AIRBORNE = 1, 2
+_SERIAL_NUMBER, _MULTIROTOR, _TAKEOFF_LOCATION = 1, 2, 0
+
+
+def location_fields(navigation: Navigation, home: Geodetic) -> Fields:
+    """Fields of OPEN_DRONE_ID_LOCATION."""
+    north, east, down = navigation.velocity_ned_mps
+    _, fields = to_mavlink(
+        Location(
+            status=_AIRBORNE if navigation.in_air else _GROUND,
+            direction_deg=math.degrees(math.atan2(east, north)) % 360.0,
+            speed_horizontal_mps=math.hypot(north, east),
+            speed_vertical_mps=-down,
+            latitude_deg=navigation.latitude_deg,
+            longitude_deg=navigation.longitude_deg,
+            altitude_geodetic_m=navigation.altitude_m,
+            height_m=navigation.altitude_m - home.altitude_m,
+            horizontal_accuracy=horizontal_code(navigation.h_acc_m),
+            vertical_accuracy_m=navigation.v_acc_m,
+            speed_accuracy_mps=navigation.vel_acc_mps,
+        )
+    )
+    return fields
+
+
+def system_fields(home: Geodetic) -> Fields:
+    """Fields of OPEN_DRONE_ID_SYSTEM."""
+    _, fields = to_mavlink(
+        System(
+            operator_location_type=_TAKEOFF_LOCATION,
+            operator_latitude_deg=home.latitude_deg,
+            operator_longitude_deg=home.longitude_deg,
+            operator_altitude_geo_m=home.altitude_m,
+        )
+    )
+    return fields
+
+
+def basic_id_fields(system_id: int) -> Fields:
+    """Fields of OPEN_DRONE_ID_BASIC_ID."""
+    _, fields = to_mavlink(BasicId(_SERIAL_NUMBER, _MULTIROTOR, f"RDLK4{system_id:04d}".encode()))
+    return fields

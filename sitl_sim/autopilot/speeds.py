@@ -1,0 +1,71 @@
+"""How fast and how high: the figures that an autopilot takes from its parameters, in SI units."""
+
+from __future__ import annotations
+
+from sitl_sim.autopilot.guidance import STILL, GoTo
+from sitl_sim.autopilot.modes import Flavour
+from sitl_sim.autopilot.navigation import Vector
+from sitl_sim.autopilot.parameters import Parameters
+
+
+class Speeds:
+    """Speeds, heights and radii of one vehicle, read anew each time: parameters change in flight.
+
+    Args:
+        flavour: Whose parameters they are.
+        parameters: PX4's are in metres, ArduPilot's in centimetres.
+
+    Attributes:
+        commanded_cruise_mps: As DO_CHANGE_SPEED asked; None: the parameter's.
+    """
+
+    def __init__(self, flavour: Flavour, parameters: Parameters) -> None:
+        self._px4, self._parameters = flavour.is_px4, parameters
+        self.commanded_cruise_mps: float | None = None
+
+    def _figure(self, px4: str, ardupilot: str) -> float:
+        return self._parameters[px4] if self._px4 else self._parameters[ardupilot] / 100.0
+
+    @property
+    def fastest_mps(self) -> float:
+        """Towards a position setpoint."""
+        return self._figure("MPC_XY_VEL_MAX", "WPNAV_SPEED")
+
+    @property
+    def cruise_mps(self) -> float:
+        """Of missions, repositions and the way home."""
+        if self.commanded_cruise_mps is not None:
+            return self.commanded_cruise_mps
+        return self._figure("MPC_XY_CRUISE", "WPNAV_SPEED")
+
+    @property
+    def climb_mps(self) -> float:
+        """Up."""
+        return self._figure("MPC_Z_VEL_MAX_UP", "WPNAV_SPEED_UP")
+
+    @property
+    def descent_mps(self) -> float:
+        """Down."""
+        return self._figure("MPC_Z_VEL_MAX_DN", "WPNAV_SPEED_DN")
+
+    @property
+    def takeoff_mps(self) -> float:
+        """Up from the ground."""
+        return self._figure("MPC_TKO_SPEED", "WPNAV_SPEED_UP")
+
+    @property
+    def return_height_m(self) -> float:
+        """Least height of the way home."""
+        return self._figure("RTL_RETURN_ALT", "RTL_ALT")
+
+    @property
+    def acceptance_radius_m(self) -> float:
+        """A waypoint that is so near counts as reached."""
+        return self._figure("NAV_ACC_RAD", "WPNAV_RADIUS")
+
+    def way_to(
+        self, target_ned_m: Vector, speed_mps: float | None = None, feed_forward_ned_mps: Vector = STILL
+    ) -> GoTo:
+        """The way to a point about the scenario's home; at cruise speed unless another is given."""
+        pace_mps = self.cruise_mps if speed_mps is None else speed_mps
+        return GoTo(target_ned_m, pace_mps, self.climb_mps, self.descent_mps, feed_forward_ned_mps)

@@ -1,0 +1,88 @@
+"""How often each link gets which message: SET_MESSAGE_INTERVAL, REQUEST_MESSAGE, REQUEST_DATA_STREAM and their kin."""
+
+from __future__ import annotations
+
+import math
+
+from ridlink.mavlink.codec import MESSAGES, Message
+from sitl_sim.autopilot.commands import Command, MavCommand
+from sitl_sim.autopilot.link import Link
+from sitl_sim.autopilot.parameters import Reply
+from sitl_sim.autopilot.results import Result, Say, Severity
+from sitl_sim.autopilot.telemetry import LEGACY_STREAMS, Telemetry
+
+_PHASE_STEP = 0.6180339887
+"""Golden ratio: spreads the streams of any number of vehicles evenly over a period."""
+
+_MESSAGES_OF_COMMANDS: dict[int, str] = {
+    MavCommand.GET_HOME_POSITION: "HOME_POSITION",
+    MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: "AUTOPILOT_VERSION",
+    MavCommand.REQUEST_PROTOCOL_VERSION: "AUTOPILOT_VERSION",
+}
+"""Older commands that ask for one message. PROTOCOL_VERSION is not in the dialect: AUTOPILOT_VERSION says MAVLink 2."""
+
+Answer = tuple[Result, list[Reply]]
+
+
+class Streams:
+    """The rates of one vehicle's links.
+
+    Args:
+        telemetry: What can be sent.
+        system_id: Streams of different vehicles fall into different moments.
+        px4: PX4 accepts any message for a stream and sends nothing; ArduPilot refuses what it does not have.
+        say: For refusals.
+    """
+
+    def __init__(self, telemetry: Telemetry, system_id: int, *, px4: bool, say: Say) -> None:
+        self._telemetry, self._system_id, self._px4, self._say = telemetry, system_id, px4, say
+
+    def begin(self, link: Link, now_s: float) -> None:
+        """The usual rates, on a fresh link."""
+        for name, interval_s in self._telemetry.default_interval_s.items():
+            self._stream(link, name, interval_s, now_s)
+
+    def command(self, command: Command, link: Link, now_s: float) -> Answer | None:
+        """The answer to a command about messages; None: it is about something else."""
+        if command.number == MavCommand.SET_MESSAGE_INTERVAL:
+            return self._set_interval(command, link, now_s), []
+        if command.number == MavCommand.REQUEST_MESSAGE:
+            return self._once(self._name(command[1]))
+        if (name := _MESSAGES_OF_COMMANDS.get(command.number)) is not None:
+            return self._once(name)
+        return None
+
+    def legacy(self, message: Message, link: Link, now_s: float) -> None:
+        """REQUEST_DATA_STREAM: one rate for a group of messages, 0 for all."""
+        everything = tuple(name for names in LEGACY_STREAMS.values() for name in names)
+        names = LEGACY_STREAMS.get(message.req_stream_id, everything if message.req_stream_id == 0 else ())
+        for name in names:
+            wanted = message.start_stop and message.req_message_rate
+            self._stream(link, name, 1.0 / message.req_message_rate if wanted else math.inf, now_s)
+
+    def _once(self, name: str | None) -> Answer:
+        if name is None:
+            return Result.UNSUPPORTED, []
+        return Result.ACCEPTED, [(name, self._telemetry.fields(name))]
+
+    def _set_interval(self, command: Command, link: Link, now_s: float) -> Result:
+        name, interval_us = self._name(command[1]), command[2]
+        if name is None:
+            if self._px4:
+                return Result.ACCEPTED  # as PX4 answers, although nothing will come
+            self._say(Severity.WARNING, "message interval refused: unknown message")
+            return Result.DENIED
+        if interval_us is None:
+            interval_s = self._telemetry.default_interval_s.get(name, math.inf)
+        else:
+            interval_s = math.inf if interval_us < 0.0 else interval_us / 1e6
+        self._stream(link, name, interval_s, now_s)
+        return Result.ACCEPTED
+
+    def _stream(self, link: Link, name: str, interval_s: float, now_s: float) -> None:
+        phase = (self._system_id * _PHASE_STEP) % 1.0 * min(interval_s, 0.1) if math.isfinite(interval_s) else 0.0
+        link.stream(name, interval_s, now_s + phase)
+
+    def _name(self, msgid: float | None) -> str | None:
+        spec = MESSAGES.get(int(msgid or 0))
+        return spec.name if spec is not None and spec.name in self._telemetry else None

@@ -1,0 +1,345 @@
+"""Missions: up and down, in order and out of it, flown to the end."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from ridlink.geodesy import geodetic_from_ned
+from ridlink.mavlink.codec import Encoder, Message
+from sitl_sim.autopilot import Start
+from sitl_sim.autopilot.mission_items import MAX_ITEMS
+from sitl_sim.autopilot.results import MissionResult
+from tests.sitl_sim.flight import (
+    COMPANION,
+    GROUND_STATION,
+    HOME,
+    PX4_HOLD,
+    PX4_MISSION,
+    PX4_RETURN,
+    START_NED_M,
+    Flight,
+    one_vehicle,
+)
+
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
+ARM, SET_CURRENT, MISSION_START, PAUSE_CONTINUE = 400, 224, 300, 193
+WAYPOINT, LOITER_TIME, RETURN, LAND, TAKEOFF, DELAY, CONDITION_YAW, JUMP, SPEED = 16, 19, 20, 21, 22, 93, 115, 177, 178
+CAMERA = 2000
+NAN = math.nan
+AUTO, GUIDED, BRAKE = 3, 4, 17
+
+both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+
+
+def item(command: int = WAYPOINT, north: float = 0.0, east: float = 0.0, height: float = 50.0, **more: Any) -> Any:
+    """Fields of an item; places count from the vehicle's start."""
+    latitude, longitude, _ = geodetic_from_ned((START_NED_M[0] + north, START_NED_M[1] + east, 0.0), HOME)
+    place = {"x": round(float(latitude) * 1e7), "y": round(float(longitude) * 1e7), "z": height}
+    return {"command": command, "frame": 3, "autocontinue": 1, **place, **more}
+
+
+def at_once(command: int, **more: Any) -> Any:
+    return {"command": command, "frame": 2, "autocontinue": 1, **more}
+
+
+def to_vehicle(flight: Flight, name: str, **fields: Any) -> list[Message]:
+    return flight.send(name, target_system=1, target_component=1, **fields)
+
+
+def upload(flight: Flight, items: list[Any], name: str = "MISSION_ITEM_INT") -> int:
+    """Write a mission as a client does; the MAV_MISSION_RESULT."""
+    answers = to_vehicle(flight, "MISSION_COUNT", count=len(items))
+    while answers[-1].name == "MISSION_REQUEST_INT":
+        seq = answers[-1].seq
+        answers = to_vehicle(flight, name, seq=seq, **items[seq])
+    assert (answers[-1].name, answers[-1].target_system, answers[-1].target_component) == ("MISSION_ACK", 255, 190)
+    return int(answers[-1].type)
+
+
+def download(flight: Flight) -> list[Message]:
+    (count,) = to_vehicle(flight, "MISSION_REQUEST_LIST")
+    return [to_vehicle(flight, "MISSION_REQUEST_INT", seq=seq)[0] for seq in range(count.count)]
+
+
+def planned(flavour: str, items: list[Any]) -> list[Any]:
+    """As clients write it: ArduPilot's item 0 is home."""
+    return items if flavour == "px4" else [item(), *items]
+
+
+def start(flight: Flight) -> int:
+    return flight.set_mode(4, 4) if flight.flavour == "px4" else flight.set_mode(AUTO)
+
+
+def advance_until(flight: Flight, what: Any, patience_s: float = 60.0) -> None:
+    for _ in range(round(patience_s / 0.1)):
+        if what():
+            return
+        flight.advance(0.1)
+    raise AssertionError(f"not within {patience_s} s")
+
+
+def reached(flight: Flight) -> list[int]:
+    return [message.seq for _, message in flight.messages("MISSION_ITEM_REACHED")]
+
+
+def holding(flavour: str) -> Flight:
+    flight = Flight(flavour, Start.HOLDING)
+    flight.advance(0.1)
+    return flight
+
+
+# --- up and down ------------------------------------------------------------------------------------------------------
+
+
+@both
+@pytest.mark.parametrize("name", ["MISSION_ITEM_INT", "MISSION_ITEM"])
+def test_what_was_written_is_read_back(flavour: str, name: str) -> None:
+    flight = holding(flavour)
+    items = [item(), item(north=10.0, param2=1.5, param4=NAN), at_once(SPEED, param1=1.0, param2=3.0), item(LAND)]
+    sent = items
+    if name == "MISSION_ITEM":
+        sent = [{**each, "x": each.get("x", 0) / 1e7, "y": each.get("y", 0) / 1e7} for each in items]
+    assert upload(flight, sent, name) == MissionResult.ACCEPTED
+    back = download(flight)
+    first = 0 if flavour == "px4" else 1  # item 0 of ArduPilot is home, whatever was written there
+    for seq, (message, wanted) in enumerate(zip(back, items, strict=True)):
+        assert (message.seq, message.command) == (seq, wanted["command"])
+        if seq >= first:
+            tolerance = 0 if name == "MISSION_ITEM_INT" else 20  # a float has a metre at this longitude
+            assert (message.x, message.y) == pytest.approx((wanted.get("x", 0), wanted.get("y", 0)), abs=tolerance)
+            assert (message.z, message.frame) == (wanted.get("z", 0.0), wanted["frame"])
+    assert back[1].param2 == 1.5 and math.isnan(back[1].param4) and back[2].param2 == 3.0
+    if flavour == "ardupilot":
+        assert back[0].z == pytest.approx(HOME.altitude_m, abs=0.01) and back[0].frame == 0
+    (old_form,) = to_vehicle(flight, "MISSION_REQUEST", seq=1)
+    assert old_form.name == "MISSION_ITEM" and old_form.x == pytest.approx(items[1]["x"] / 1e7, abs=1e-5)
+
+
+def test_a_mission_is_cleared_and_other_kinds_are_empty() -> None:
+    flight = holding("px4")
+    assert upload(flight, [item()]) == ACCEPTED
+    for kind in (1, 2):
+        (count,) = to_vehicle(flight, "MISSION_REQUEST_LIST", mission_type=kind)
+        assert (count.count, count.mission_type) == (0, kind)
+        (refused,) = to_vehicle(flight, "MISSION_COUNT", count=3, mission_type=kind)
+        assert (refused.type, refused.mission_type) == (MissionResult.UNSUPPORTED, kind)
+        (fine,) = to_vehicle(flight, "MISSION_CLEAR_ALL", mission_type=kind)
+        assert (fine.type, fine.mission_type) == (MissionResult.ACCEPTED, kind)
+    assert len(download(flight)) == 1
+    (cleared,) = to_vehicle(flight, "MISSION_CLEAR_ALL", mission_type=255)
+    assert (cleared.type, cleared.mission_type) == (MissionResult.ACCEPTED, 255)
+    assert download(flight) == []
+    flight.advance(1.1)
+    assert (flight.last("MISSION_CURRENT").total, flight.last("MISSION_CURRENT").mission_state) == (0, 1)
+    assert start(flight) == DENIED
+
+
+@both
+def test_an_item_that_comes_twice_is_asked_for_again_and_one_that_comes_early_is_no_use(flavour: str) -> None:
+    flight = holding(flavour)
+    to_vehicle(flight, "MISSION_COUNT", count=3)
+    to_vehicle(flight, "MISSION_ITEM_INT", seq=0, **item())
+    (again,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=0, **item())
+    assert (again.name, again.seq) == ("MISSION_REQUEST_INT", 1)
+    (early,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=2, **item())
+    if flavour == "px4":
+        assert (early.name, early.seq) == ("MISSION_REQUEST_INT", 1)
+    else:
+        assert (early.name, early.type) == ("MISSION_ACK", MissionResult.INVALID_SEQUENCE)
+    to_vehicle(flight, "MISSION_ITEM_INT", seq=1, **item())
+    (done,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=2, **item())
+    assert done.type == MissionResult.ACCEPTED
+    (uninvited,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=3, **item())
+    assert uninvited.type == MissionResult.ERROR
+
+
+@pytest.mark.parametrize(
+    ("bad", "why"),
+    [
+        (item(31000), MissionResult.UNSUPPORTED),
+        (item(frame=1), MissionResult.UNSUPPORTED_FRAME),
+        (at_once(WAYPOINT), MissionResult.UNSUPPORTED_FRAME),
+        (item(param1=math.inf), MissionResult.INVALID_PARAM1),
+        (item(param4=-math.inf), MissionResult.INVALID_PARAM4),
+        (item(x=900_000_001), MissionResult.INVALID_PARAM5_X),
+        (item(y=-1_800_000_001), MissionResult.INVALID_PARAM6_Y),
+        (item(height=NAN), MissionResult.INVALID_PARAM7),
+        (item(height=1e9), MissionResult.INVALID_PARAM7),
+        (at_once(JUMP, param1=2.0), MissionResult.INVALID_PARAM1),
+        (at_once(JUMP, param1=-1.0), MissionResult.INVALID_PARAM1),
+    ],
+)
+def test_a_bad_item_refuses_the_upload_and_leaves_the_old_mission(bad: Any, why: MissionResult) -> None:
+    flight = holding("px4")
+    assert upload(flight, [item(north=5.0)]) == ACCEPTED
+    assert upload(flight, [item(), bad]) == why
+    assert len(download(flight)) == 1
+    flight.advance(0.1)
+    assert flight.texts == [f"mission refused: {why.name.lower().replace('_', ' ')}"]
+
+
+def test_numbers_out_of_range_are_refused() -> None:
+    flight = holding("px4")
+    assert upload(flight, [item()]) == ACCEPTED
+    for seq in (1, 65535):
+        (refused,) = to_vehicle(flight, "MISSION_REQUEST_INT", seq=seq)
+        assert (refused.name, refused.type) == ("MISSION_ACK", MissionResult.INVALID_SEQUENCE)
+        (still,) = to_vehicle(flight, "MISSION_SET_CURRENT", seq=seq)
+        assert (still.name, still.seq) == ("MISSION_CURRENT", 0)
+        assert flight.command(SET_CURRENT, seq) == DENIED
+    assert flight.command(SET_CURRENT, NAN) == ACCEPTED
+    assert flight.command(MISSION_START, 7) == DENIED
+    (too_many,) = to_vehicle(flight, "MISSION_COUNT", count=MAX_ITEMS + 1)
+    assert too_many.type == MissionResult.NO_SPACE
+    (partial,) = to_vehicle(flight, "MISSION_WRITE_PARTIAL_LIST", start_index=0, end_index=0)
+    assert partial.type == MissionResult.UNSUPPORTED
+
+
+def test_a_lost_item_is_asked_for_again_until_the_vehicle_gives_up() -> None:
+    flight = holding("px4")
+    to_vehicle(flight, "MISSION_COUNT", count=2)
+    flight.advance(2.2)
+    requests = flight.messages("MISSION_REQUEST_INT", GROUND_STATION)
+    assert [message.seq for _, message in requests] == [0, 0, 0]
+    to_vehicle(flight, "MISSION_ITEM_INT", seq=0, **item())
+    flight.advance(6.0)
+    assert flight.last("MISSION_ACK", GROUND_STATION).type == MissionResult.OPERATION_CANCELLED
+    assert not flight.messages("MISSION_REQUEST_INT", COMPANION)
+    assert download(flight) == []
+
+
+def test_one_peer_writes_at_a_time_and_may_call_it_off() -> None:
+    flight = holding("px4")
+    other, encoder = ("127.0.0.1", 50001), Encoder(254, 191)
+    to_vehicle(flight, "MISSION_COUNT", count=2)
+    busy = flight.send("MISSION_COUNT", sender=encoder, address=other, target_system=1, target_component=1, count=1)
+    assert (busy[0].type, busy[0].target_system) == (MissionResult.ERROR, 254)
+    to_vehicle(flight, "MISSION_ACK", type=int(MissionResult.OPERATION_CANCELLED))
+    free = flight.send("MISSION_COUNT", sender=encoder, address=other, target_system=1, target_component=1, count=1)
+    assert free[0].name == "MISSION_REQUEST_INT"
+
+
+# --- in flight --------------------------------------------------------------------------------------------------------
+
+
+@both
+def test_a_mission_is_flown_to_its_end_and_told_item_by_item(flavour: str) -> None:
+    flight = holding(flavour)
+    items = [
+        at_once(SPEED, param1=1.0, param2=4.0),
+        item(north=8.0),
+        at_once(CAMERA, param3=1.0),
+        item(north=8.0, east=8.0, height=53.0, param1=1.0),
+        item(LOITER_TIME, north=0.0, east=8.0, param1=0.5),
+    ]
+    assert upload(flight, planned(flavour, items)) == ACCEPTED
+    flight.advance(1.1)
+    assert (flight.last("MISSION_CURRENT").mission_state, flight.last("MISSION_CURRENT").total) == (2, 5)
+    assert start(flight) == ACCEPTED
+    flight.advance(2.0)
+    assert flight.last("MISSION_CURRENT").mission_state == 3
+    assert 1.0 < math.hypot(*flight.velocity[:2]) < 4.5
+    first = 0 if flavour == "px4" else 1
+    advance_until(flight, lambda: len(reached(flight)) == 5)
+    assert reached(flight) == list(range(first, first + 5))
+    flight.advance(2.0)
+    assert flight.world.position_ned_m[0] == pytest.approx((START_NED_M[0], 8.0, -50.0), abs=2.5)
+    assert flight.last("MISSION_CURRENT").mission_state == 5
+    assert flight.mode == (PX4_HOLD if flavour == "px4" else AUTO)  # ArduPilot stays in AUTO
+    told = [message.seq for _, message in flight.messages("MISSION_CURRENT")]
+    assert told == sorted(told) and {told[0], told[-1]} == {0, first + 4}  # what takes no time may be passed over
+
+
+def test_px4_takes_off_by_itself_for_a_mission_and_lands_with_its_last_item() -> None:
+    flight = Flight(scenario=one_vehicle(start_ned_m=(*START_NED_M[:2], -5.0)))
+    flight.advance(0.1)
+    assert upload(flight, [item(height=3.0), item(north=6.0, height=3.0), item(LAND, north=6.0, height=0.0)]) == 0
+    assert flight.set_mode(4, 4) == ACCEPTED
+    flight.advance(1.0)
+    assert flight.height_m == 0.0
+    assert flight.command(ARM, 1) == ACCEPTED
+    advance_until(flight, lambda: not flight.armed and len(reached(flight)) == 3)
+    assert flight.height_m == 0.0
+    assert float(flight.world.position_ned_m[0, 0]) == pytest.approx(START_NED_M[0] + 6.0, abs=1.5)
+    flight.advance(0.1)
+    assert flight.mode == PX4_HOLD
+
+
+def test_ardupilot_wants_a_takeoff_item_and_the_command_to_start() -> None:
+    flight = Flight("ardupilot")
+    flight.advance(0.1)
+    assert upload(flight, planned("ardupilot", [item(height=3.0)])) == ACCEPTED
+    assert flight.set_mode(AUTO) == FAILED
+    flight.advance(0.1)
+    assert "mission refused: Missing Takeoff Cmd" in flight.texts
+    assert upload(flight, planned("ardupilot", [item(TAKEOFF, height=3.0), item(LAND, height=0.0)])) == ACCEPTED
+    assert flight.command(MISSION_START) == FAILED  # not armed
+    assert flight.command(ARM, 1) == ACCEPTED
+    assert flight.set_mode(AUTO) == ACCEPTED
+    flight.advance(2.0)
+    assert flight.height_m == 0.0
+    assert flight.command(MISSION_START) == ACCEPTED
+    advance_until(flight, lambda: flight.height_m > 2.0)
+    advance_until(flight, lambda: not flight.armed)
+    assert reached(flight) == [1, 2]
+    assert flight.command(ARM, 1) == FAILED  # AUTO is no mode to arm in
+
+
+def test_px4_arms_for_the_command_to_start() -> None:
+    flight = Flight(scenario=one_vehicle(start_ned_m=(*START_NED_M[:2], -5.0)))
+    flight.advance(0.1)
+    assert upload(flight, [item(TAKEOFF, height=2.0), item(RETURN)]) == ACCEPTED
+    assert flight.command(MISSION_START) == ACCEPTED
+    advance_until(flight, lambda: flight.mode == PX4_RETURN)
+    assert flight.armed and reached(flight) == [0, 1]
+
+
+@both
+def test_a_mission_is_paused_and_goes_on_where_it_was(flavour: str) -> None:
+    flight = holding(flavour)
+    assert upload(flight, planned(flavour, [item(north=5.0), item(north=40.0)])) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    advance_until(flight, lambda: len(reached(flight)) == 1)
+    assert flight.command(PAUSE_CONTINUE, 0) == ACCEPTED
+    flight.advance(5.0)
+    assert flight.mode == (PX4_HOLD if flavour == "px4" else BRAKE)
+    assert math.hypot(*flight.velocity[:2]) < 0.5 and flight.last("MISSION_CURRENT").mission_state == 4
+    assert flight.command(PAUSE_CONTINUE, 1) == ACCEPTED
+    advance_until(flight, lambda: len(reached(flight)) == 2)
+
+
+def test_jumps_are_counted_and_a_circle_of_them_hovers() -> None:
+    flight = holding("px4")
+    laps = [item(north=3.0), item(), at_once(JUMP, param1=0.0, param2=1.0), at_once(CONDITION_YAW, param1=90.0)]
+    assert upload(flight, laps) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    flight.advance(0.1)
+    advance_until(flight, lambda: flight.mode == PX4_HOLD)
+    assert reached(flight) == [0, 1, 2, 0, 1, 2, 3]
+    flight.advance(2.0)
+    assert flight.last("ATTITUDE").yaw == pytest.approx(math.pi / 2, abs=0.05)
+    assert upload(flight, [at_once(JUMP, param1=0.0, param2=-1.0)]) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    flight.advance(1.0)
+    assert flight.mode == PX4_MISSION and math.hypot(*flight.velocity) < 0.5
+
+
+def test_items_can_be_left_out_and_a_new_mission_begins_at_once() -> None:
+    flight = holding("px4")
+    assert upload(flight, [item(north=200.0), item(DELAY, param1=1.0), item(east=6.0)]) == ACCEPTED
+    (current,) = to_vehicle(flight, "MISSION_SET_CURRENT", seq=1)
+    assert current.seq == 1
+    assert start(flight) == ACCEPTED
+    advance_until(flight, lambda: 2 in reached(flight))
+    assert start(flight) == ACCEPTED  # complete: from the beginning
+    flight.advance(1.0)
+    assert flight.last("MISSION_CURRENT").seq == 0
+    assert upload(flight, [item(north=-30.0)]) == ACCEPTED
+    flight.advance(5.0)
+    assert flight.mode == PX4_MISSION and flight.velocity[0] < -2.0
+    to_vehicle(flight, "MISSION_CLEAR_ALL")
+    flight.advance(0.1)
+    assert flight.mode == PX4_HOLD

@@ -1,0 +1,369 @@
+"""Habits of real autopilots that a client can see: setpoints, failsafes, links; as measured on both."""
+
+from __future__ import annotations
+
+import math
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ridlink.geodesy import geodetic_from_ned
+from ridlink.mavlink.codec import Encoder, decode_message
+from sitl_sim.autopilot import FLAVOURS, Start
+from sitl_sim.autopilot.parameters import Parameters
+from tests.sitl_sim.flight import (
+    COMPANION,
+    GROUND_STATION,
+    GUIDED,
+    HOME,
+    PX4_ALTITUDE,
+    PX4_HOLD,
+    PX4_LAND,
+    PX4_OFFBOARD,
+    PX4_RETURN,
+    START_NED_M,
+    Flight,
+    one_vehicle,
+)
+
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
+ARM, TAKEOFF, SET_MODE, CONDITION_YAW, LOITER = 400, 22, 176, 115, 17
+ARDUPILOT_LOITER, ARDUPILOT_RETURN, ARDUPILOT_LAND = 5, 6, 9
+NAN = math.nan
+
+both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+
+
+def flying(flavour: str, **details: Any) -> Flight:
+    """Obeying setpoints in the air."""
+    flight = Flight(flavour, Start.AIRBORNE, scenario=one_vehicle(**details))
+    flight.advance(0.1)
+    flight.fly(0.2)
+    return flight
+
+
+def global_setpoint(flight: Flight, north: float, east: float, height: float, frame: int, **fields: Any) -> None:
+    latitude, longitude, _ = geodetic_from_ned((START_NED_M[0] + north, START_NED_M[1] + east, 0.0), HOME)
+    place = {"lat_int": round(float(latitude) * 1e7), "lon_int": round(float(longitude) * 1e7), "alt": height}
+    target = {"target_system": 1, "target_component": 1, "coordinate_frame": frame, "type_mask": 0x09F8}
+    flight.send("SET_POSITION_TARGET_GLOBAL_INT", **(target | place | fields))
+
+
+def set_parameter(flight: Flight, name: str, value: float) -> None:
+    """As the autopilot of the flight wants it."""
+    (listed,) = flight.send("PARAM_REQUEST_READ", target_system=1, param_id=name, param_index=-1)
+    if listed.param_type == 6 and flight.flavour == "px4":
+        value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
+    flight.send("PARAM_SET", target_system=1, param_id=name, param_value=value, param_type=listed.param_type)
+
+
+# --- setpoints --------------------------------------------------------------------------------------------------------
+
+
+@both
+@pytest.mark.parametrize(("frame", "above"), [(5, HOME.altitude_m), (0, HOME.altitude_m), (6, 0.0), (11, 0.0)])
+def test_global_positions_are_flown_to(flavour: str, frame: int, above: float) -> None:
+    flight = flying(flavour)
+    for _ in range(90):
+        global_setpoint(flight, 8.0, 4.0, above + 47.0, frame)
+        flight.advance(0.1)
+    wanted = (START_NED_M[0] + 8.0, 4.0, -47.0)
+    assert flight.world.position_ned_m[0] == pytest.approx(wanted, abs=1.0)
+    target = flight.last("POSITION_TARGET_LOCAL_NED")
+    assert (target.x, target.y, target.z) == pytest.approx((8.0, 4.0, -47.0), abs=0.1)
+    flight.command(512, 87)
+    echoed = flight.last("POSITION_TARGET_GLOBAL_INT", GROUND_STATION)
+    assert echoed.alt == pytest.approx(HOME.altitude_m + 47.0, abs=0.1)
+
+
+@both
+@pytest.mark.parametrize(
+    "fields", [{"lat_int": 910_000_000}, {"lon_int": 1_900_000_000}, {"alt": NAN}, {"coordinate_frame": 1}]
+)
+def test_global_positions_that_are_none_are_refused_in_words(flavour: str, fields: Any) -> None:
+    flight = flying(flavour)
+    global_setpoint(flight, 5.0, 0.0, 50.0, 6, **fields)
+    flight.advance(0.1)
+    assert any(text.startswith("setpoint") for text in flight.texts)
+    assert flight.mode == (PX4_OFFBOARD if flavour == "px4" else GUIDED)
+
+
+@both
+def test_an_acceleration_alone_is_flown_up_to_the_speed_limit(flavour: str) -> None:
+    flight = flying(flavour)
+    flight.fly(2.0, mask=0x0C3F, afx=1.0)
+    assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(2.0, abs=0.15)
+    flight.fly(20.0, mask=0x0E3F, afx=1.0)  # whether the force bit is set or not
+    limit = 12.0 if flavour == "px4" else 10.0
+    assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(limit, abs=0.1)
+    flight.fly(1.0, 3.0, 0.0, 0.0, mask=0x0C07, afx=0.0)  # velocity and acceleration: the velocity is flown
+    assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(3.0)
+
+
+def test_a_position_with_an_acceleration_and_no_velocity_stops_ardupilot_only() -> None:
+    for flavour in ("px4", "ardupilot"):
+        flight = flying(flavour)
+        flight.fly(2.0, mask=0x0C38, x=30.0, z=-50.0)
+        assert (flight.velocity[0] > 1.0) == (flavour == "px4")
+
+
+def test_an_unknown_frame_stops_ardupilot_and_costs_px4_its_stream() -> None:
+    ardupilot = flying("ardupilot")
+    ardupilot.fly(4.0, 4.0, 0.0, 0.0)
+    ardupilot.fly(0.5, 4.0, 0.0, 0.0, frame=12)
+    assert ardupilot.last("POSITION_TARGET_LOCAL_NED").vx == 0.0 and ardupilot.mode == GUIDED
+    px4 = flying("px4")
+    px4.fly(2.0, 4.0, 0.0, 0.0)
+    px4.fly(1.3, 4.0, 0.0, 0.0, frame=12)
+    assert px4.mode == PX4_RETURN
+    critical = [m for _, m in px4.messages("STATUSTEXT") if b"frame 12" in m.text]
+    assert critical and critical[0].severity == 2
+
+
+# --- modes, arming ----------------------------------------------------------------------------------------------------
+
+
+def test_px4_acknowledges_a_mode_twice_the_first_time_whatever_comes_of_it() -> None:
+    flight = Flight(start=Start.HOLDING)
+    flight.advance(0.1)
+
+    def acknowledged(main: float, sub: float) -> list[int]:
+        fields = {"target_system": 1, "target_component": 1, "command": SET_MODE, "param1": 129.0}
+        answers = flight.send("COMMAND_LONG", param2=main, param3=sub, **fields)
+        return [answer.result for answer in answers if answer.name == "COMMAND_ACK"]
+
+    assert acknowledged(6, 0) == [ACCEPTED, TEMPORARILY_REJECTED]
+    assert acknowledged(4, 3) == [ACCEPTED, ACCEPTED]
+    assert acknowledged(99, 0) == [DENIED]
+
+
+def test_px4_on_the_ground_accepts_offboard_without_a_stream_and_refuses_to_arm() -> None:
+    flight = Flight()
+    flight.advance(0.1)
+    assert flight.set_mode(6) == ACCEPTED
+    flight.advance(0.1)
+    assert flight.mode == PX4_OFFBOARD
+    assert flight.command(ARM, 1) == TEMPORARILY_REJECTED
+    flight.setpoint()
+    assert flight.command(ARM, 1) == ACCEPTED
+    flight.advance(0.1)
+    assert "arming refused: no offboard signal" in flight.texts
+
+
+@both
+def test_arming_wants_a_position(flavour: str) -> None:
+    flight = Flight(flavour)
+    flight.advance(0.5)
+    flight.world.receivers.set_outage(0, True)
+    flight.advance(1.0)
+    assert not flight.last("SYS_STATUS").onboard_control_sensors_health & 0x10000020
+    assert flight.command(ARM, 1) == (TEMPORARILY_REJECTED if flavour == "px4" else FAILED)
+    flight.advance(0.1)
+    assert "arming refused: no position" in flight.texts
+
+
+def test_ardupilot_sinks_in_loiter_unless_the_throttle_stick_is_held() -> None:
+    flight = flying("ardupilot")
+    assert flight.command(LOITER) == ACCEPTED
+    flight.advance(6.0)
+    assert flight.mode == ARDUPILOT_LOITER and flight.velocity[2] == pytest.approx(2.5, abs=0.1)
+    for _ in range(40):
+        flight.send("RC_CHANNELS_OVERRIDE", target_system=1, target_component=1, chan3_raw=1500)
+        flight.advance(0.1)
+    assert abs(flight.velocity[2]) < 0.1
+    flight.send("MANUAL_CONTROL", target=1, z=500)
+    flight.advance(2.5)
+    assert abs(flight.velocity[2]) < 0.1
+    flight.send("MANUAL_CONTROL", target=1, z=0)
+    flight.advance(3.0)
+    assert flight.velocity[2] > 1.0
+
+
+def test_ardupilot_turns_its_nose_when_told_and_px4_has_no_such_command() -> None:
+    flight = flying("ardupilot")
+    assert flight.command(CONDITION_YAW, 90.0, 0.0, 1.0, 0.0) == ACCEPTED
+    flight.advance(2.0)
+    assert flight.last("ATTITUDE").yaw == pytest.approx(math.pi / 2, abs=0.02)
+    assert flight.command(CONDITION_YAW, 45.0, 0.0, -1.0, 1.0) == ACCEPTED
+    flight.advance(2.0)
+    assert flight.last("ATTITUDE").yaw == pytest.approx(math.pi / 4, abs=0.02)
+    assert flying("px4").command(CONDITION_YAW, 90.0) == UNSUPPORTED
+
+
+# --- failsafes --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("action", "mode"), [(0, PX4_RETURN), (3, PX4_RETURN), (4, PX4_LAND), (5, PX4_HOLD)])
+def test_what_px4_does_in_silence_is_a_parameter(action: int, mode: int) -> None:
+    flight = flying("px4")
+    set_parameter(flight, "COM_OBL_RC_ACT", action)
+    flight.fly(0.5, 2.0, 0.0, 0.0)
+    flight.advance(1.3)
+    assert flight.mode == mode
+    flight.fly(0.2, 2.0, 0.0, 0.0)
+    assert flight.mode == PX4_OFFBOARD
+
+
+def test_losing_the_position_in_the_air_lands_ardupilot_for_good() -> None:
+    flight = flying("ardupilot")
+    flight.world.receivers.set_outage(0, True)
+    flight.fly(7.9, 1.0, 0.0, 0.0)
+    assert flight.mode == GUIDED
+    flight.fly(0.4, 1.0, 0.0, 0.0)
+    assert flight.mode == ARDUPILOT_LAND and flight.last("HEARTBEAT").system_status == 5
+    assert "EKF Failsafe: changed to LAND Mode" in flight.texts
+    assert flight.set_mode(GUIDED) == FAILED
+    assert flight.command(192, -1.0, 1.0) == FAILED
+    flight.advance(8.0)
+    last_s = flight.messages("LOCAL_POSITION_NED")[-1][0]
+    assert flight.now_s - last_s == pytest.approx(1.2, abs=0.3)  # it ceased 15 s after the loss
+    assert flight.now_s - flight.messages("GLOBAL_POSITION_INT")[-1][0] < 0.2
+    flight.world.receivers.set_outage(0, False)
+    flight.advance(2.0)
+    assert flight.now_s - flight.messages("LOCAL_POSITION_NED")[-1][0] < 0.2
+    assert flight.mode == ARDUPILOT_LAND
+    assert flight.set_mode(GUIDED) == ACCEPTED
+
+
+def test_losing_the_position_in_the_air_sinks_px4_and_the_fix_brings_it_home() -> None:
+    flight = flying("px4")
+    flight.world.receivers.set_outage(0, True)
+    flight.fly(5.0, 1.0, 0.0, 0.0)
+    assert flight.mode == PX4_OFFBOARD and flight.last("ESTIMATOR_STATUS").flags & 16
+    flight.fly(4.0, 1.0, 0.0, 0.0)
+    assert flight.mode == PX4_ALTITUDE and not flight.last("ESTIMATOR_STATUS").flags & 16
+    assert flight.velocity[2] == pytest.approx(0.7, abs=0.1)
+    assert flight.now_s - flight.messages("LOCAL_POSITION_NED")[-1][0] < 0.2  # it goes on telling a position
+    assert flight.set_mode(4, 3) == TEMPORARILY_REJECTED
+    flight.world.receivers.set_outage(0, False)
+    flight.advance(0.5)
+    assert flight.mode == PX4_RETURN
+
+
+@pytest.mark.parametrize(
+    ("flavour", "parameters", "mode"),
+    [
+        ("px4", {}, PX4_HOLD),
+        ("px4", {"NAV_DLL_ACT": 2, "COM_DL_LOSS_T": 5}, PX4_RETURN),
+        ("px4", {"NAV_DLL_ACT": 3, "COM_DL_LOSS_T": 5}, PX4_LAND),
+        ("ardupilot", {}, 17),
+        ("ardupilot", {"FS_GCS_ENABLE": 1}, ARDUPILOT_RETURN),
+        ("ardupilot", {"FS_GCS_ENABLE": 5}, ARDUPILOT_LAND),
+    ],
+)
+def test_losing_the_ground_station_matters_only_where_it_is_set_up(flavour: str, parameters: Any, mode: int) -> None:
+    flight = Flight(flavour, Start.HOLDING)
+    flight.advance(0.1)
+    before = flight.mode
+    for name, value in parameters.items():
+        set_parameter(flight, name, value)
+    for _ in range(4):
+        flight.send("HEARTBEAT", type=6, autopilot=8)
+        flight.advance(1.0)
+    assert flight.mode == before
+    flight.advance(5.0)
+    assert flight.mode == mode
+    flight.send("HEARTBEAT", type=6, autopilot=8)
+    flight.advance(0.2)
+    assert flight.mode == mode
+
+
+# --- links ------------------------------------------------------------------------------------------------------------
+
+
+@both
+def test_words_of_others_are_passed_on_untouched_and_what_is_for_the_autopilot_is_not(flavour: str) -> None:
+    flight = Flight(flavour)
+    flight.advance(0.1)
+    other, foreign = ("127.0.0.1", 50001), Encoder(42, 1)
+    flight.send("HEARTBEAT", address=other, type=6)
+    flight.advance(0.1)
+    flight.passed_on.clear()
+    sent = [
+        foreign.encode("HEARTBEAT", type=2, autopilot=12),
+        foreign.encode("OPEN_DRONE_ID_LOCATION", latitude=473977420),
+        foreign.encode("COMMAND_LONG", target_system=1, target_component=196, command=192),
+    ]
+    alone = [foreign.encode("PING", seq=1), foreign.encode("PARAM_REQUEST_LIST", target_system=1, target_component=1)]
+    for datagram in (*sent, *alone):
+        flight.autopilot.receive(datagram, GROUND_STATION, flight.now_s)
+    flight.advance(0.02)
+    for address in (COMPANION, other):
+        assert [frame.raw for to, frame in flight.passed_on if to == address] == sent
+    assert not [frame for to, frame in flight.passed_on if to == GROUND_STATION]
+
+
+@pytest.mark.parametrize(("flavour", "repeats"), [("px4", 1), ("ardupilot", 0)])
+def test_px4_gives_foreign_traffic_out_again_as_its_own(flavour: str, repeats: int) -> None:
+    flight = Flight(flavour)
+    flight.advance(0.1)
+    flight.send("ADSB_VEHICLE", sender=Encoder(42, 1), ICAO_address=7, callsign="GHOST")
+    flight.advance(0.02)
+    assert len(flight.messages("ADSB_VEHICLE", GROUND_STATION)) == repeats  # also to whoever sent it
+    assert [decode_message(frame).ICAO_address for _, frame in flight.passed_on] == [7]
+
+
+def test_a_flood_is_not_passed_on() -> None:
+    flight = Flight()
+    flight.advance(0.1)
+    for _ in range(5):
+        flight.autopilot.receive(Encoder(42, 1).encode("HEARTBEAT") * 60, GROUND_STATION, flight.now_s)
+    flight.advance(0.02)
+    assert len(flight.passed_on) == 64 and flight.autopilot.counters["not_passed_on"] == 236
+
+
+@pytest.mark.parametrize(("flavour", "count"), [("px4", 3), ("ardupilot", 0)])
+def test_px4_tells_its_own_remote_id_on_every_link(flavour: str, count: int) -> None:
+    flight = Flight(flavour, Start.AIRBORNE)
+    flight.advance(3.0)
+    assert len(flight.messages("OPEN_DRONE_ID_LOCATION")) == len(flight.messages("OPEN_DRONE_ID_SYSTEM")) == count
+    if not count:
+        assert flight.command(512, 12900) == UNSUPPORTED
+        return
+    location = flight.last("OPEN_DRONE_ID_LOCATION")
+    assert (location.timestamp, location.status, location.id_or_mac) == (65535.0, 2, bytes(20))
+    assert location.horizontal_accuracy == 12  # of a receiver that says 1 mm
+    assert flight.command(512, 12900) == ACCEPTED
+    assert flight.last("OPEN_DRONE_ID_BASIC_ID", GROUND_STATION).uas_id.startswith(b"RDLK40001")
+
+
+def test_ardupilot_asks_for_the_time() -> None:
+    flight = Flight("ardupilot")
+    flight.advance(0.2)
+    assert (flight.last("TIMESYNC").tc1, flight.last("TIMESYNC").ts1 > 0) == (0, True)
+
+
+# --- parameters -------------------------------------------------------------------------------------------------------
+
+
+def test_ardupilot_does_not_look_at_the_type_of_a_parameter_and_px4_does() -> None:
+    wrong = {"target_system": 1, "target_component": 1, "param_value": 20.0, "param_type": 2}
+    (px4,) = Flight("px4").send("PARAM_SET", param_id="RTL_RETURN_ALT", **wrong)
+    (ardupilot,) = Flight("ardupilot").send("PARAM_SET", param_id="WPNAV_SPEED", **wrong)
+    assert (px4.param_value, ardupilot.param_value) == (30.0, 20.0)
+
+
+@both
+def test_parameters_out_of_range_or_unknown_are_refused(flavour: str) -> None:
+    flight = Flight(flavour)
+    flight.advance(0.1)
+    name = "MPC_XY_VEL_MAX" if flavour == "px4" else "WPNAV_SPEED"
+    target = {"target_system": 1, "target_component": 1}
+    (before,) = flight.send("PARAM_REQUEST_READ", param_id=name, param_index=-1, **target)
+    for value in (-5.0, 0.0, 1e9, math.inf, NAN):
+        (after,) = flight.send("PARAM_SET", param_id=name, param_value=value, param_type=9, **target)
+        assert after.param_value == before.param_value
+    assert flight.send("PARAM_SET", param_id="NO_SUCH", param_value=1.0, param_type=9, **target) == []
+    assert flight.send("PARAM_REQUEST_READ", param_index=30000, **target) == []
+    flight.advance(0.1)
+    assert any(f"{name}: only" in text for text in flight.texts)
+    assert any("unknown parameter: NO_SUCH" in text for text in flight.texts) == (flavour == "px4")
+
+
+def test_every_parameter_is_documented() -> None:
+    document = (Path(__file__).parents[2] / "docs" / "emulator.md").read_text()
+    for flavour in FLAVOURS.values():
+        for name in Parameters(flavour, 1).names:
+            assert f"`{name}`" in document, name
