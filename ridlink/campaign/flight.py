@@ -200,7 +200,7 @@ class _Batch:
         self.due_s = np.where(due, self.due_s + plan.interval_s, self.due_s)
         sending: BoolArray = np.ones_like(due) if step == 0 else due
         # Drawn at every step: what a run draws does not depend on when others of its batch report.
-        lost, latency_s = self.reception.next()
+        lost, latency_s, luck = self.reception.next()
         if sending.any():
             slot = step % self.sent.shape[2]
             fresh = np.empty((*sending.shape, tracks.REPORT_COLUMNS))
@@ -213,8 +213,12 @@ class _Batch:
                 reaches, arrives_s = np.ones_like(lost), np.zeros_like(latency_s)
             else:
                 apart = self.position[:, :, None] - self.position[:, None, :]
-                in_range = np.hypot(apart[..., 0], apart[..., 1]) <= plan.range_m
+                distance = np.hypot(apart[..., 0], apart[..., 1])
+                in_range = distance <= plan.range_m
                 reaches, arrives_s = in_range & ~lost, now_s + latency_s
+                if plan.link.depends_on_others:
+                    heard = in_range & self.present[:, None, :] & ~np.eye(in_range.shape[1], dtype=np.bool_)
+                    reaches &= luck < plan.link.share(distance, plan.range_m, heard)
             arrives_s = np.where(reaches, arrives_s, np.inf)
             self.arrives_s[..., slot] = np.where(sending[:, None, :], arrives_s, self.arrives_s[..., slot])
         tracks.hear(

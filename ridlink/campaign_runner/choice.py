@@ -186,7 +186,10 @@ class Choice:
         conditions = self.conditions
         technology = TECHNOLOGIES[conditions.technology]
         try:
-            link = Link(loss, conditions.burst if loss > 0.0 else None, conditions.latency_s or technology.latency_s)
+            link = Link(
+                loss, conditions.burst if loss > 0.0 else None, conditions.latency_s or technology.latency_s,
+                technology.edge_loss, technology.crowding,
+            )  # fmt: skip
         except ValueError as error:
             raise ConfigError(str(error)) from error
         plan = replace(template, interval_s=interval_s, link=link)

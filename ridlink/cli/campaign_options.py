@@ -18,7 +18,7 @@ PAPER_DEFINITIONS = ("snmac", "remote-id", "candidate1", "candidate2")
 GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
 SOLVERS = ("halfplane", "graded", "rotation", "g2", "k", "k2")
 DYNAMICS = ("ideal", "px4", "ardupilot")
-TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink")
+TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink", "flarm", "lora")
 
 
 class Names(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
@@ -134,7 +134,7 @@ cell_options = option_group(
 air_options = option_group(
     click.option(
         "--technology", type=click.Choice(TECHNOLOGIES), default="ideal", show_default=True,
-        help="Period, range, latency and loss of a way to broadcast, where nothing else is said.",
+        help="Period, range, latency and losses of a way to broadcast, where nothing else is said.",
     ),
     click.option(
         "--loss-burst", "burst", type=float, metavar="MEAN",

@@ -117,8 +117,9 @@ def _figures(row: Row, all_of_them: bool) -> dict[str, str]:
         figures |= {
             "longest s": _or_dash(row.max_time_s, 1),
             "nearest m": _or_dash(row.min_separation_m, 1),
-            "infeasible %": f"{100.0 * row.infeasible_share:.1f}",
         }
+        if row.risk_ratio is None:
+            figures["infeasible %"] = f"{100.0 * row.infeasible_share:.1f}"
     return figures
 
 

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
+from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.link import Link, Reception
+from ridlink.campaign.plan import BASELINE
+from ridlink.campaign.response import Dynamics
+from ridlink.campaign_runner.choice import SOLVERS
+from ridlink.cli import campaign_options
+from ridlink.separation import Definition
 from ridlink.technologies import TECHNOLOGIES
 
 
@@ -36,9 +42,9 @@ def test_receivers_have_their_own_luck_and_runs_their_own_draws():
 
 
 def test_latencies_lie_between_the_two():
-    _, late = Reception(Link(latency_s=(0.1, 0.3)), count=9, seed=1, runs=range(1)).next()
+    _, late, _ = Reception(Link(latency_s=(0.1, 0.3)), count=9, seed=1, runs=range(1)).next()
     assert 0.1 <= late.min() < 0.15 < 0.25 < late.max() <= 0.3
-    lost, late = Reception(Link(), count=9, seed=1, runs=range(2)).next()
+    lost, late, _ = Reception(Link(), count=9, seed=1, runs=range(2)).next()
     assert not lost.any() and not late.any()
 
 
@@ -54,6 +60,19 @@ def test_links_that_cannot_be(arguments, text):
         Link(*arguments)
 
 
-def test_every_technology_is_a_link():
-    for technology in TECHNOLOGIES.values():
-        assert Link(technology.loss, None, technology.latency_s).is_perfect == (technology.name == "ideal")
+@pytest.mark.parametrize("technology", TECHNOLOGIES.values(), ids=lambda technology: technology.name)
+def test_every_technology_is_a_link_with_its_losses(technology):
+    link = Link(technology.loss, None, technology.latency_s, technology.edge_loss, technology.crowding)
+    assert link.is_perfect == (technology.name == "ideal")
+    distance = np.array([[[0.0, 0.5, 1.0], [0.5, 0.0, 0.9], [1.0, 0.9, 0.0]]]) * technology.range_m
+    heard = np.broadcast_to(~np.eye(3, dtype=bool), distance.shape)
+    arrives = technology.link_share(distance) / (1.0 - technology.loss) * technology.collision_share(1)
+    assert link.share(distance, technology.range_m, heard) == pytest.approx(arrives)
+
+
+def test_the_command_offers_what_campaigns_know():
+    assert set(campaign_options.TECHNOLOGIES) == set(TECHNOLOGIES)
+    assert set(campaign_options.SOLVERS) == set(SOLVERS)
+    assert set(campaign_options.DEFINITIONS) == {*Definition, BASELINE}
+    assert set(campaign_options.DYNAMICS) == set(Dynamics)
+    assert set(campaign_options.GNSS_MODELS) == set(ErrorModel)
