@@ -120,6 +120,13 @@ class CheckedTable:
             raise self.error(key, f"must be written as [[{key}]]")
         return (CheckedTable(self._source, entry, key, number) for number, entry in enumerate(value, start=1))
 
+    def table(self, key: str) -> CheckedTable:
+        """A table within this one, written as ``[key]``."""
+        value = self.take(key)
+        if not isinstance(value, dict):
+            raise self.error(key, f"must be written as [{key}]")
+        return CheckedTable(self._source, value, key, 0)
+
     def nothing_else(self) -> None:
         """Refuse keys that nobody asked for: a misspelt key must not pass as a default."""
         for key in self._values:

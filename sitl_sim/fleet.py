@@ -31,6 +31,8 @@ class Stream(IntEnum):
     GNSS = 1
     FLEET = 3
     PHASE = 4
+    WIND = 5
+    GNSS_COMMON = 6
 
 
 def vehicle_generator(seed: int | Sequence[int], stream: Stream, index: int) -> np.random.Generator:

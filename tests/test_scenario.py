@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +16,13 @@ from ridlink.errors import ConfigError
 from ridlink.scenario import (
     BUILT_IN,
     ObstacleSpec,
+    Scenario,
     VehicleSpec,
+    Wind,
     built_in,
     distance_to_polygon,
     load_scenario,
+    load_tracks,
     resolve_scenario,
 )
 
@@ -232,3 +237,157 @@ def test_distance_to_a_hollow_polygon_counts_the_hollow_as_outside() -> None:
         [0.0, 30.0],
     ]
     assert distance_to_polygon([[20.0, 15.0], [20.0, 5.0], [5.0, 15.0]], u_shape) == pytest.approx([5.0, 0.0, 0.0])
+
+
+# --- what goes wrong, ghosts, wind, home ------------------------------------------------------------------------------
+
+EVENTFUL = """\
+name = "eventful"
+duration_s = 60.0
+home = [47.0, 8.0, 400.0]
+[wind]
+velocity_ne_mps = [3.0, -1.0]
+gust_sigma_mps = 1.5
+[[vehicle]]
+start_ned_m = [-200.0, 0.0, -50.0]
+goal_ned_m  = [ 200.0, 0.0, -50.0]
+airframe = "category1"
+interval_s = 1.0
+[[vehicle]]
+start_ned_m = [-200.0, 0.0, -50.0]
+goal_ned_m  = [ 0.0, 90.0, -50.0]
+route_ned_m = [[0.0, 0.0, -50.0], [0.0, 50.0, -60.0]]
+ghost = true
+transmitter_ned_m = [10.0, 20.0, 0.0]
+[[vehicle]]
+start_ned_m = [100.0, 0.0, -50.0]
+goal_ned_m  = [100.0, 90.0, -50.0]
+silent = true
+[[event]]
+at_s = 20.0
+vehicle = 1
+what = "gnss-jump"
+north_m = 30.0
+[[event]]
+at_s = 10.0
+what = "gnss-outage"
+duration_s = 5.0
+"""
+
+
+def test_events_wind_ghosts_and_home_arrive(write: Write) -> None:
+    scenario = load_scenario(write(EVENTFUL))
+    assert scenario.home_deg_m == (47.0, 8.0, 400.0)
+    assert scenario.wind == Wind((3.0, -1.0), 1.5)
+    assert [(event.at_s, event.vehicle, event.what) for event in scenario.events] == [
+        (10.0, 0, "gnss-outage"),
+        (20.0, 1, "gnss-jump"),
+    ]
+    assert scenario.events[1].figures == {"north_m": 30.0, "east_m": 0.0, "down_m": 0.0, "duration_s": 0.0}
+    real, ghost, silent = scenario.vehicles
+    assert (real.airframe, real.interval_s, real.cooperative) == ("category1", 1.0, True)
+    assert ghost.ghost and not ghost.cooperative and ghost.transmitter_ned_m == (10.0, 20.0, 0.0)
+    assert ghost.route_ned_m == ((0.0, 0.0, -50.0), (0.0, 50.0, -60.0))
+    assert silent.silent
+
+
+@pytest.mark.parametrize(
+    "old, new, told",
+    [
+        ('what = "gnss-jump"', 'what = "gnss-jmp"', "scenario.toml:25: event 1: what must be one of gnss-outage"),
+        ("north_m = 30.0", "north = 30.0", "scenario.toml:26: event 1: north is not known here"),
+        ("north_m = 30.0", "north_m = nan", "event 1: north_m must be a finite number"),
+        ("at_s = 10.0", "at_s = -1.0", "scenario.toml:28: event 2: at_s must be at least 0"),
+        ("vehicle = 1", "vehicle = 1.5", "event 1: vehicle must be a system id, or 0 for all"),
+        ("vehicle = 1", "vehicle = 9", "there is no vehicle 9"),
+        ("gust_sigma_mps = 1.5", "gusts = 1.5", "scenario.toml:6: wind: gusts is not known here"),
+        ("[wind]", "[[wind]]", "wind must be written as [wind]"),
+        ("home = [47.0, 8.0, 400.0]", "home = [97.0, 8.0, 400.0]", "scenario.toml:3: home is no place on Earth"),
+        ("ghost = true", "ghost = true\ncooperative = true", "cooperative must be false: a ghost avoids nobody"),
+        ("ghost = true\n", "", "vehicle 2: route_ned_m is for vehicles with cooperative = false"),
+        ("ghost = true", "cooperative = false", "vehicle 2: transmitter_ned_m is for ghosts"),
+        ("[[0.0, 0.0, -50.0], [0.0, 50.0, -60.0]]", "[[0.0, 0.0]]", "route_ned_m must be [north, east, down]"),
+        ("[[0.0, 0.0, -50.0], [0.0, 50.0, -60.0]]", "[[0.0, 0.0, 5.0]]", "route_ned_m is not in the air"),
+    ],
+)
+def test_what_is_wrong_with_them_is_told_by_line_and_key(write: Write, old: str, new: str, told: str) -> None:
+    path = write(EVENTFUL.replace(old, new, 1))
+    with pytest.raises(ConfigError) as refused:
+        load_scenario(path)
+    assert told in str(refused.value)
+    assert str(path) in str(refused.value)
+
+
+def test_ghosts_may_be_anywhere_even_in_another_vehicle() -> None:
+    real = VehicleSpec((0.0, 0.0, -50.0), (9.0, 0.0, -50.0))
+    Scenario("haunted", 9.0, (real, replace(real, ghost=True, cooperative=False)))
+    with pytest.raises(ConfigError, match="vehicles 1 and 3 start in the same place"):
+        Scenario("crowded", 9.0, (real, replace(real, ghost=True, cooperative=False), real))
+
+
+# --- tracks -----------------------------------------------------------------------------------------------------------
+
+
+def track(*points: list[float], **properties: object) -> dict[str, object]:
+    geometry = {"type": "LineString", "coordinates": list(points)}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+@pytest.fixture
+def geojson(tmp_path: Path) -> Callable[..., str]:
+    def write_features(*features: object) -> str:
+        path = tmp_path / "tracks.geojson"
+        path.write_text(json.dumps({"type": "FeatureCollection", "features": list(features)}))
+        return str(path)
+
+    return write_features
+
+
+def test_tracks_become_vehicles_that_fly_them(geojson: Callable[..., str]) -> None:
+    path = geojson(
+        track([8.0, 47.0, 500.0], [8.001, 47.0, 520.0], [8.001, 47.001, 500.0], times=[0, 10, 20], operator="somebody"),
+        {"type": "Feature", "properties": None, "geometry": {"type": "Point", "coordinates": [8.0, 47.0]}},
+        track([8.0, 47.001], [8.001, 47.001], speed_mps=7.0, cooperative=True, sigma_m=2.0),
+    )
+    scenario = resolve_scenario(path)
+    first, second = scenario.vehicles
+    assert scenario.name == "tracks" and scenario.home_deg_m is not None
+    assert scenario.home_deg_m == pytest.approx((47.0005, 8.0005, 450.0))
+    assert first.start_ned_m == pytest.approx((-55.6, -38.0, -50.0), abs=0.3)
+    assert first.route_ned_m == (pytest.approx((-55.6, 38.0, -70.0), abs=0.3),)
+    assert not first.cooperative and first.speed_mps == pytest.approx((78.6 + 112.9) / 20.0, rel=0.02)
+    assert second.cooperative and second.speed_mps == 7.0 and second.goal_ned_m[2] == pytest.approx(-50.0, abs=0.1)
+    assert resolve_scenario(path, 1).vehicles == (first,)
+
+
+@pytest.mark.parametrize(
+    "feature, told",
+    [
+        (track([8.0, 47.0]), "feature 1: coordinates must list at least two points"),
+        (track([8.0, 47.0], [8.0, 47.0]), "feature 1: the track goes nowhere"),
+        (track([8.0, 97.0], [8.0, 47.0]), "feature 1: coordinates: [8.0, 97.0] is no place on Earth"),
+        (track([8.0, 47.0], [8.0]), "a point is [longitude, latitude, altitude]"),
+        (track([8.0, 47.0], [12.0, 47.0]), "km from the middle of the tracks"),
+        (track([8.0, 47.0], [8.001, 47.0], speed_mps=-1), "feature 1: speed_mps must be greater than 0"),
+        (track([8.0, 47.0], [8.001, 47.0], times=[1]), "times must be seconds, one for each of 2 points"),
+        (track([8.0, 47.0], [8.001, 47.0], times=[1, 1]), "times must rise"),
+        ({"type": "Feature"}, "has no feature with a LineString"),
+    ],
+)
+def test_tracks_that_cannot_be_flown_are_refused(geojson: Callable[..., str], feature: object, told: str) -> None:
+    path = geojson(feature)
+    with pytest.raises(ConfigError) as refused:
+        load_tracks(path)
+    assert told in str(refused.value) and path in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "content, told",
+    [(b"{", "tracks.json:1: is not JSON"), (b"[]", "is not a GeoJSON FeatureCollection"), (b"\xff", "is not UTF-8")],
+)
+def test_what_is_no_geojson_is_refused(tmp_path: Path, content: bytes, told: str) -> None:
+    path = tmp_path / "tracks.json"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError) as refused:
+        load_tracks(path)
+    assert told in str(refused.value)

@@ -1,0 +1,117 @@
+"""What can go wrong in a flight, and when: events of a scenario file, or injected while it runs.
+
+Units and axes: seconds of the mission, metres, metres a second; north-east-down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ridlink.checked_toml import CheckedTable, TomlSource
+
+EVERYBODY = 0
+"""Vehicle number of an event that happens to all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One figure of an event.
+
+    Args:
+        default: None: it must be given.
+        least, most: Its range.
+    """
+
+    default: float | None = None
+    least: float = -1e6
+    most: float = 1e6
+
+
+_METRES = Figure(0.0)
+_FOR_EVER = Figure(0.0, least=0.0)
+"""Duration; 0: until something else happens."""
+
+EVENTS: Mapping[str, Mapping[str, Figure]] = {
+    "gnss-outage": {"duration_s": _FOR_EVER},
+    "gnss-jump": {"north_m": _METRES, "east_m": _METRES, "down_m": _METRES, "duration_s": _FOR_EVER},
+    "gnss-spoof": {"north_mps": _METRES, "east_mps": _METRES, "duration_s": _FOR_EVER},
+    "gnss-sigma": {"sigma_m": Figure(least=0.0), "claimed_m": Figure(-1.0, least=-1.0)},
+    "gnss-restore": {},
+    "battery": {"remaining": Figure(least=0.0, most=1.0)},
+    "radio-off": {"duration_s": _FOR_EVER},
+    "radio-on": {},
+    "link-off": {"duration_s": _FOR_EVER},
+    "link-on": {},
+    "forced-landing": {},
+    "wind": {"north_mps": _METRES, "east_mps": _METRES, "gust_sigma_mps": Figure(0.0, least=0.0)},
+}
+"""What can happen, and the figures of each:
+
+- gnss-outage: no fix; the reported position drifts away.
+- gnss-jump: the reported position is off by so much at once (multipath); the receiver notices nothing.
+- gnss-spoof: the reported position is pulled off at so much a second; the receiver notices nothing.
+- gnss-sigma: another error, and another claim of it (-1: the receiver tells the truth).
+- gnss-restore: the receiver is as it was at first.
+- battery: so much is left, a share.
+- radio-off, radio-on: Remote ID is neither sent nor heard.
+- link-off, link-on: no MAVLink to or from the vehicle.
+- forced-landing: it comes down where it is, whatever it is told.
+- wind: over everybody, whatever the vehicle.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One thing that goes wrong.
+
+    Args:
+        at_s: Seconds of the mission.
+        vehicle: System id; 0: all.
+        what: One of ``EVENTS``.
+        figures: Every figure of it.
+    """
+
+    at_s: float
+    vehicle: int
+    what: str
+    figures: Mapping[str, float] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> float:
+        return self.figures[name]
+
+
+def read_event(table: CheckedTable, *, at_s: float | None = None) -> Event:
+    """An event from a table with ``at_s``, ``vehicle``, ``what`` and the figures of that.
+
+    Args:
+        table: The table; read completely.
+        at_s: Time of an event that need not state it.
+
+    Raises:
+        ConfigError: If a key is missing, unknown or out of range.
+    """
+    when_s = table.number("at_s", at_s, least=0.0)
+    vehicle = table.number("vehicle", float(EVERYBODY), least=0.0)
+    if vehicle != int(vehicle):
+        raise table.error("vehicle", f"must be a system id, or 0 for all, not {vehicle:g}")
+    what = table.text("what")
+    if what not in EVENTS:
+        raise table.error("what", f"must be one of {', '.join(EVENTS)}, not '{what}'")
+    figures = {}
+    for name, figure in EVENTS[what].items():
+        figures[name] = table.number(name, figure.default, least=figure.least)
+        if figures[name] > figure.most:
+            raise table.error(name, f"must be at most {figure.most:g}, not {figures[name]:g}")
+    table.nothing_else()
+    return Event(when_s, int(vehicle), what, figures)
+
+
+def event_of(values: Mapping[str, Any], source: str, *, at_s: float) -> Event:
+    """An event from a parsed JSON object, which happens now unless it says when.
+
+    Raises:
+        ConfigError: As `read_event`.
+    """
+    return read_event(CheckedTable(TomlSource(source, ""), dict(values), "event", 0), at_s=at_s)

@@ -1,0 +1,175 @@
+"""Scenarios from TOML files: checked completely before anything flies.
+
+One line says what is wrong: file, line where known, key, and what would be right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from ridlink.checked_toml import CheckedTable, read_toml
+from ridlink.errors import ConfigError
+from ridlink.scenario.built_in import built_in
+from ridlink.scenario.events import read_event
+from ridlink.scenario.geojson import load_tracks
+from ridlink.scenario.model import (
+    DEFAULT_AIRFRAME_M,
+    DEFAULT_INTERVAL_S,
+    DEFAULT_SPEED_MPS,
+    ObstacleSpec,
+    Point2,
+    Point3,
+    Scenario,
+    VehicleSpec,
+    Wind,
+)
+
+
+def resolve_scenario(name_or_path: str, count: int | None = None, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Scenario:
+    """What ``--scenario`` names: a built-in one, or a file: .geojson, or TOML (anything else with a suffix
+    .toml or a slash).
+
+    Args:
+        name_or_path: Name or path.
+        count: Number of vehicles; of a file, its first ones.
+        speed_mps: Cruise speed of vehicles that state none.
+
+    Raises:
+        ConfigError: If the name is unknown, the file is wrong, or there are not so many vehicles.
+        OSError: If the file cannot be read.
+    """
+    if name_or_path.endswith((".geojson", ".json")):
+        scenario = load_tracks(name_or_path, speed_mps=speed_mps)
+    elif name_or_path.endswith(".toml") or "/" in name_or_path:
+        scenario = load_scenario(name_or_path, speed_mps=speed_mps)
+    else:
+        return built_in(name_or_path, count, speed_mps=speed_mps)
+    if count is None:
+        return scenario
+    if not 0 <= count <= len(scenario.vehicles):
+        raise ConfigError(f"{name_or_path}: has {len(scenario.vehicles)} vehicles, not {count}")
+    return replace(scenario, vehicles=scenario.vehicles[:count])
+
+
+def load_scenario(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Scenario:
+    """A scenario from a TOML file.
+
+    Args:
+        path: The file.
+        speed_mps: Cruise speed of vehicles that state none.
+
+    Raises:
+        ConfigError: If it is not TOML, a key is missing, unknown, of the wrong type or out of range, or the geometry is
+            impossible. One line: file, line where known, key, what would be right.
+        OSError: If the file cannot be read.
+    """
+    top = read_toml(path)
+    vehicles = tuple(_vehicle_spec(table, speed_mps) for table in top.tables("vehicle"))
+    obstacles = tuple(_obstacle_spec(table) for table in top.tables("obstacle", needed=False))
+    name, duration_s = top.text("name"), top.number("duration_s", above=0.0)
+    interval_s = top.number("interval_s", DEFAULT_INTERVAL_S, above=0.0)
+    events = sorted((read_event(table) for table in top.tables("event", needed=False)), key=lambda event: event.at_s)
+    wind = _wind(top.table("wind")) if top.has("wind") else Wind()
+    home_deg_m = _home(top) if top.has("home") else None
+    top.nothing_else()
+    try:
+        return Scenario(name, duration_s, vehicles, obstacles, interval_s, tuple(events), wind, home_deg_m)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def _vehicle_spec(table: CheckedTable, speed_mps: float) -> VehicleSpec:
+    ghost = table.truth("ghost", False)
+    spec = VehicleSpec(
+        start_ned_m=_point3(table, "start_ned_m"),
+        goal_ned_m=_point3(table, "goal_ned_m"),
+        speed_mps=table.number("speed_mps", speed_mps, above=0.0),
+        airframe_m=table.number("airframe_m", DEFAULT_AIRFRAME_M, above=0.0),
+        sigma_m=table.number("sigma_m", 0.0, least=0.0) if table.has("sigma_m") else None,
+        cooperative=table.truth("cooperative", not ghost),
+        extended=table.truth("extended", True),
+        route_ned_m=_route(table),
+        ghost=ghost,
+        transmitter_ned_m=_point3(table, "transmitter_ned_m") if table.has("transmitter_ned_m") else None,
+        silent=table.truth("silent", False),
+        interval_s=table.number("interval_s", 0.0, above=0.0) if table.has("interval_s") else None,
+        airframe=table.text("airframe") if table.has("airframe") else None,
+    )
+    table.nothing_else()
+    if ghost and spec.cooperative:
+        raise table.error("cooperative", "must be false: a ghost avoids nobody")
+    if spec.route_ned_m and spec.cooperative:
+        raise table.error("route_ned_m", "is for vehicles with cooperative = false: the others find their own way")
+    if spec.transmitter_ned_m is not None and not ghost:
+        raise table.error("transmitter_ned_m", "is for ghosts: a vehicle sends from where it is")
+    points = [("route_ned_m", point) for point in spec.route_ned_m]
+    for key, point in (("start_ned_m", spec.start_ned_m), ("goal_ned_m", spec.goal_ned_m), *points):
+        if point[2] >= 0.0:
+            raise table.error(key, f"is not in the air: down must be negative (home is the ground), not {point[2]:g}")
+    return spec
+
+
+def _route(table: CheckedTable) -> tuple[Point3, ...]:
+    key = "route_ned_m"
+    value = table.take(key, [])
+    if not isinstance(value, list):
+        raise table.error(key, "must list points [north, east, down]")
+    points = (table.point(key, point, "north, east, down") for point in value)
+    return tuple((north, east, down) for north, east, down in points)
+
+
+def _wind(table: CheckedTable) -> Wind:
+    key, calm = "velocity_ne_mps", Wind()
+    north, east = table.point(key, table.take(key, [0.0, 0.0]), "north, east")
+    wind = Wind(
+        (north, east),
+        table.number("gust_sigma_mps", calm.gust_sigma_mps, least=0.0),
+        table.number("gust_time_s", calm.gust_time_s, above=0.0),
+    )
+    table.nothing_else()
+    return wind
+
+
+def _home(top: CheckedTable) -> Point3:
+    key = "home"
+    latitude, longitude, altitude = top.point(key, top.take(key), "latitude [deg], longitude [deg], altitude")
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and -500.0 <= altitude <= 9000.0):
+        raise top.error(key, f"is no place on Earth: {latitude:g}, {longitude:g}, {altitude:g}")
+    return latitude, longitude, altitude
+
+
+def _point3(table: CheckedTable, key: str) -> Point3:
+    north, east, down = table.point(key, table.take(key), "north, east, down")
+    return north, east, down
+
+
+def _obstacle_spec(table: CheckedTable) -> ObstacleSpec:
+    key = "polygon_ne_m"
+    value = table.take(key)
+    if not isinstance(value, list) or len(value) < 3:
+        raise table.error(key, "must list at least three corners [north, east]")
+    corners = tuple((corner[0], corner[1]) for corner in (table.point(key, corner, "north, east") for corner in value))
+    table.nothing_else()
+    if not _is_simple(corners):
+        raise table.error(key, "must be a polygon with an area whose edges do not cross")
+    return ObstacleSpec(corners)
+
+
+def _is_simple(corners: tuple[Point2, ...]) -> bool:
+    """Whether a polygon has an area and no two of its edges cross."""
+
+    def side(a: Point2, b: Point2, c: Point2) -> float:
+        return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+    count = len(corners)
+    twice_area = sum(corners[k - 1][0] * corners[k][1] - corners[k][0] * corners[k - 1][1] for k in range(count))
+    if abs(twice_area) < 1e-6:
+        return False
+    edges = [(corners[k], corners[(k + 1) % count]) for k in range(count)]
+    for first in range(count):
+        for second in range(first + 2, count - (first == 0)):
+            (a, b), (c, d) = edges[first], edges[second]
+            if side(a, b, c) * side(a, b, d) <= 0.0 and side(c, d, a) * side(c, d, b) <= 0.0:
+                return False
+    return True

@@ -1,0 +1,154 @@
+"""Scenarios from GeoJSON tracks (RFC 7946): one LineString a vehicle, flown from its first point to its last.
+
+Longitude, latitude and, third, altitude above the ellipsoid. Properties of a feature that are understood: ``name``,
+``speed_mps``, ``airframe_m``, ``sigma_m``, ``cooperative``, ``extended``, ``ghost``, ``silent``, and ``times``
+(seconds, one a point), which gives the speed where ``speed_mps`` does not. Others are somebody else's and pass. Tracks
+are flown as drawn; a vehicle with ``cooperative`` true has the last point as its goal and finds its own way.
+
+Home is the middle of all points, 50 m below the lowest; a track without altitudes is flown 50 m above it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from ridlink.checked_toml import CheckedTable, TomlSource
+from ridlink.errors import ConfigError
+from ridlink.geodesy import Geodetic, ned_from_geodetic
+from ridlink.scenario.model import DEFAULT_AIRFRAME_M, DEFAULT_SPEED_MPS, Point3, Scenario, VehicleSpec
+
+FLOOR_M = 50.0
+"""Height of the lowest point above home."""
+
+PATIENCE = 3.0
+"""A scenario of tracks ends after this many times its longest straight flight, but not before a minute."""
+
+LEAST_DURATION_S = 60.0
+
+MIN_LENGTH_M = 1.0
+
+
+def load_tracks(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Scenario:
+    """A scenario from a GeoJSON file.
+
+    Args:
+        path: The file.
+        speed_mps: Speed of tracks that state none.
+
+    Raises:
+        ConfigError: If it is no GeoJSON, or a track is none: file, feature, key, what would be right.
+        OSError: If the file cannot be read.
+    """
+    name = str(path)
+    try:
+        document = json.loads(Path(path).read_bytes())
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{name}: is not UTF-8 text: {error.reason}") from error
+    except json.JSONDecodeError as error:
+        raise ConfigError(f"{name}:{error.lineno}: is not JSON: {error.msg}") from error
+    features = document.get("features") if isinstance(document, dict) else None
+    if not isinstance(features, list):
+        raise ConfigError(f"{name}: is not a GeoJSON FeatureCollection")
+    tracks = []
+    for number, feature in enumerate(features, start=1):
+        geometry = feature.get("geometry") if isinstance(feature, dict) else None
+        if isinstance(geometry, dict) and geometry.get("type") == "LineString":
+            tracks.append(_Track(name, number, feature, geometry))
+    if not tracks:
+        raise ConfigError(f"{name}: has no feature with a LineString, which is what a track is")
+    points = [point for track in tracks for point in track.points]
+    altitudes = [point[2] for point in points if point[2] is not None]
+    home = Geodetic(
+        (min(point[1] for point in points) + max(point[1] for point in points)) / 2.0,
+        (min(point[0] for point in points) + max(point[0] for point in points)) / 2.0,
+        min(altitudes) - FLOOR_M if altitudes else 0.0,
+    )
+    vehicles = tuple(track.vehicle(home, speed_mps) for track in tracks)
+    duration_s = max(PATIENCE * _length_m(vehicle) / vehicle.speed_mps for vehicle in vehicles)
+    try:
+        return Scenario(
+            Path(path).stem,
+            max(duration_s, LEAST_DURATION_S),
+            vehicles,
+            home_deg_m=(home.latitude_deg, home.longitude_deg, home.altitude_m),
+        )
+    except ConfigError as error:
+        raise ConfigError(f"{name}: {error}") from None
+
+
+class _Track:
+    """One feature, checked."""
+
+    def __init__(self, name: str, number: int, feature: dict[str, Any], geometry: dict[str, Any]) -> None:
+        self._where = f"{name}: feature {number}"
+        properties = feature.get("properties") or {}
+        if not isinstance(properties, dict):
+            raise ConfigError(f"{self._where}: properties must be an object")
+        self._table = CheckedTable(TomlSource(name, ""), properties, "feature", number)
+        coordinates = geometry.get("coordinates")
+        if not isinstance(coordinates, list) or len(coordinates) < 2:
+            raise ConfigError(f"{self._where}: coordinates must list at least two points")
+        self.points = [self._point(position) for position in coordinates]
+
+    def _point(self, position: object) -> tuple[float, float, float | None]:
+        if not isinstance(position, list) or not 2 <= len(position) <= 4:
+            raise ConfigError(
+                f"{self._where}: coordinates: a point is [longitude, latitude, altitude], not {position!r}"
+            )
+        for value in position:
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise ConfigError(f"{self._where}: coordinates: {value!r} is not a finite number")
+        longitude, latitude = float(position[0]), float(position[1])
+        if not (abs(longitude) <= 180.0 and abs(latitude) <= 90.0):
+            raise ConfigError(f"{self._where}: coordinates: {position!r} is no place on Earth (longitude comes first)")
+        return longitude, latitude, float(position[2]) if len(position) > 2 else None
+
+    def vehicle(self, home: Geodetic, speed_mps: float) -> VehicleSpec:
+        """The vehicle that flies it."""
+        route: list[Point3] = []
+        for longitude, latitude, altitude in self.points:
+            height = home.altitude_m + FLOOR_M if altitude is None else altitude
+            north, east, down = ned_from_geodetic(latitude, longitude, height, home).tolist()
+            if abs(north) > 1e5 or abs(east) > 1e5:
+                raise ConfigError(
+                    f"{self._where}: lies {math.hypot(north, east) / 1e3:.0f} km from the middle of the tracks"
+                )
+            route.append((round(north, 3), round(east, 3), min(round(down, 3), -1.0)))
+        table = self._table
+        length_m = sum(math.dist(*leg) for leg in pairwise(route))
+        if length_m < MIN_LENGTH_M:
+            raise ConfigError(f"{self._where}: the track goes nowhere")
+        ghost = table.truth("ghost", False)
+        cooperative = table.truth("cooperative", False)
+        return VehicleSpec(
+            start_ned_m=route[0],
+            goal_ned_m=route[-1],
+            speed_mps=table.number("speed_mps", self._timed_speed_mps(length_m) or speed_mps, above=0.0),
+            airframe_m=table.number("airframe_m", DEFAULT_AIRFRAME_M, above=0.0),
+            sigma_m=table.number("sigma_m", 0.0, least=0.0) if table.has("sigma_m") else None,
+            cooperative=cooperative and not ghost,
+            extended=table.truth("extended", True),
+            route_ned_m=() if cooperative else tuple(route[1:-1]),
+            ghost=ghost,
+            silent=table.truth("silent", False),
+        )
+
+    def _timed_speed_mps(self, length_m: float) -> float | None:
+        if not self._table.has("times"):
+            return None
+        times = self._table.take("times")
+        numbers = isinstance(times, list) and all(isinstance(t, int | float) and math.isfinite(t) for t in times)
+        if not numbers or len(times) != len(self.points):
+            raise ConfigError(f"{self._where}: times must be seconds, one for each of {len(self.points)} points")
+        if not times[-1] > times[0]:
+            raise ConfigError(f"{self._where}: times must rise")
+        return float(length_m / (times[-1] - times[0]))
+
+
+def _length_m(vehicle: VehicleSpec) -> float:
+    route = (vehicle.start_ned_m, *vehicle.route_ned_m, vehicle.goal_ned_m)
+    return sum(math.dist(*leg) for leg in pairwise(route))
