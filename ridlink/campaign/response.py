@@ -35,12 +35,13 @@ SPEED_LIMIT_MPS = {"px4": 12.0, "ardupilot": 10.2}
 # ArduPilot: PSC_JERK_XY, WPNAV_ACCEL, slope of the square-root controller, delay of three ticks, lag.
 JERK_MPS3, ACCELERATION_MPS2, GAIN_PER_S, SHAPED_LAG_S = 5.0, 2.5, 2.0, 0.10
 
-# PX4: MPC_XY_VEL_P_ACC, _I_ACC, _D_ACC; g at a tilt of 45 degrees; drag of its simulator; delay of 1.5 ticks, lag.
-P_PER_S, I_PER_S2, D, TILT_MPS2, DRAG_PER_S, LOOP_LAG_S = 1.8, 0.4, 0.2, 9.80665, 1.0, 0.18
+# PX4: MPC_XY_VEL_P_ACC, _I_ACC, _D_ACC; g at a tilt of 45 degrees; drag of its simulator; delay of three
+# ticks, two lags.
+P_PER_S, I_PER_S2, D, TILT_MPS2, DRAG_PER_S, LOOP_LAG_S, SECOND_LAG_S = 1.8, 0.4, 0.2, 9.80665, 1.0, 0.18, 0.10
 
-# Columns of the inner state: target and its acceleration, or integral and thrust; last change of velocity; what was
-# pushed into the delay line, the newest first.
-FIRST, SECOND, CHANGE, HISTORY, STATE_COLUMNS = 0, 2, 4, 6, 14
+# Columns of the inner state: target and its acceleration, or integral and thrust; last change of velocity; what the
+# first of two lags has reached; what was pushed into the delay line, the newest first.
+FIRST, SECOND, CHANGE, TILTING, HISTORY, STATE_COLUMNS = 0, 2, 4, 6, 8, 16
 
 
 class Dynamics(StrEnum):
@@ -73,6 +74,7 @@ class Response:
         if self.dynamics is Dynamics.PX4:
             settled = self._drag_per_s[..., None] * velocity_ne_mps
             self._state[..., SECOND : SECOND + 2] = settled
+            self._state[..., TILTING : TILTING + 2] = settled
         self._state[..., FIRST : FIRST + 2] = settled
         for k in range(4):
             self._state[..., HISTORY + 2 * k : HISTORY + 2 * k + 2] = settled
@@ -161,6 +163,7 @@ def fly_shaped(position, velocity, command, limit_mps, drag_per_s, ticks, state)
 def fly_feedback(position, velocity, command, limit_mps, drag_per_s, ticks, state):  # type: ignore[no-untyped-def]
     """Fly so many ticks as under PX4; arguments as in `fly_shaped`, with the drag of each vehicle [1/s]."""
     blend = 1.0 - math.exp(-TICK_S / LOOP_LAG_S)
+    second_blend = 1.0 - math.exp(-TICK_S / SECOND_LAG_S)
     for world in prange(position.shape[0]):
         for i in range(position.shape[1]):
             at, v, inner, drag = position[world, i], velocity[world, i], state[world, i], drag_per_s[world, i]
@@ -175,8 +178,8 @@ def fly_feedback(position, velocity, command, limit_mps, drag_per_s, ticks, stat
                 inner[FIRST + 1] += I_PER_S2 * (e_2 - (a_2 - p_2) * (2.0 / P_PER_S)) * TICK_S
                 push(inner, p_1, p_2)
                 for axis in range(2):
-                    delayed = (inner[HISTORY + 2 + axis] + inner[HISTORY + 4 + axis]) / 2.0
-                    inner[SECOND + axis] += blend * (delayed - inner[SECOND + axis])
+                    inner[TILTING + axis] += blend * (inner[HISTORY + 6 + axis] - inner[TILTING + axis])
+                    inner[SECOND + axis] += second_blend * (inner[TILTING + axis] - inner[SECOND + axis])
                     inner[CHANGE + axis] = inner[SECOND + axis] - drag * v[axis]
                     v[axis] += inner[CHANGE + axis] * TICK_S
                     at[axis] += v[axis] * TICK_S

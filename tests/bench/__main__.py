@@ -21,7 +21,7 @@ from ridlink.avoidance.solver import HalfplaneSolver, warm_up
 from ridlink.avoidance.types import OwnShip, Traffic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, FrameParser, parse_datagram
-from tests.bench import avoidance, decode
+from tests.bench import avoidance, decode, response
 from tests.bench.measure import ROUNDS, interleaved
 
 FRAMES = 20_000
@@ -130,6 +130,11 @@ def decisions() -> list[dict[str, Any]]:
     return rows
 
 
+def _made(folder: Path) -> Path:
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, help="also write the tables as JSON")
@@ -150,9 +155,13 @@ def main() -> int:
         print(f"{row['neighbours']:>10}{row['p50_us']:>7.0f} us{row['p99_us']:>7.0f} us{row['max_us']:>7.0f} us")
     batch_rows = avoidance.report()
     capture_rows = decode.report()
+    response_rows = response.report((output.parent if output else _made(Path("build"))) / "step_responses.png")
     if output:
         output.write_text(
-            json.dumps({"wire": wire_rows, "decisions": decision_rows, **batch_rows, **capture_rows}, indent=1) + "\n"
+            json.dumps(
+                {"wire": wire_rows, "decisions": decision_rows, **batch_rows, **capture_rows, **response_rows}, indent=1
+            )
+            + "\n"
         )
         print(f"\n{output}")
     return 0

@@ -19,7 +19,7 @@ from click.testing import CliRunner
 from ridlink.technologies import TECHNOLOGIES
 from sitl_sim.cli import sim
 from sitl_sim.gnss import ERROR_MODELS
-from sitl_sim.vehicle import MODELS
+from sitl_sim.vehicle import AUTOPILOTS
 
 ANY_PORT = ["--vehicle-port", "0", "--companion-port", "0", "--air-port", "0"]
 
@@ -145,7 +145,7 @@ def test_a_scenario_file_that_is_wrong_or_missing_is_named(tmp_path: Path) -> No
 def test_choices_are_those_of_the_simulator() -> None:
     """The command lists them itself, so that it need not import the simulator for ``--help``."""
     choices: dict[str, Any] = {option.name: getattr(option.type, "choices", None) for option in sim.params}
-    assert set(choices["autopilot"]) == set(MODELS)
+    assert set(choices["autopilot"]) == set(AUTOPILOTS)
     assert tuple(choices["gnss"]) == ERROR_MODELS
     assert set(choices["technology"]) == set(TECHNOLOGIES)
 

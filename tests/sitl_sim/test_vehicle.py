@@ -1,85 +1,43 @@
 """The response models against the step responses that were measured on real autopilots.
 
-Tolerances: t63 within 15 %, displacement within 20 % or 0.5 m, stopping distance within 20 %. Every measured row is
-here; rows that a model misses carry their own tolerance and the reason.
+Tolerances: t63 within 15 %, displacement within 20 % or 0.5 m, stopping distance within 20 %. Every measured row is in
+``measured.py``. What a model misses is named here with the reason.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sitl_sim.vehicle import MODELS, TICK_S, FleetDynamics, VelocityFeedback, model_for_speed
-
-FloatArray = npt.NDArray[np.float64]
-Velocity = tuple[float, float, float]
-
-NORTH, EAST, DOWN = 0, 1, 2
-SETTLE_S = 9.0
-"""How long the measured runs held each setpoint."""
-
-
-@dataclass(frozen=True)
-class Response:
-    """Velocity and displacement every tick after the change of the setpoint."""
-
-    velocity: FloatArray
-    moved: FloatArray
-
-    def t63_s(self, axis: int, to_mps: float) -> float:
-        """When 63 % of the way from the velocity at the step to ``to_mps`` has been made."""
-        start = self.velocity[0, axis]
-        share = (self.velocity[:, axis] - start) / (to_mps - start)
-        return float(np.argmax(share >= 0.63)) * TICK_S
-
-    def moved_at(self, *seconds: float) -> FloatArray:
-        return self.moved[[round(second / TICK_S) for second in seconds]]
-
-
-def respond(autopilot: str, before: Velocity, after: Velocity, duration_s: float = SETTLE_S) -> Response:
-    """Hold one setpoint for as long as the measured runs did, then change it."""
-    fleet = FleetDynamics([autopilot], [[0.0, 0.0, -100.0]])
-    fleet.step([before], SETTLE_S if any(before) else 0.0, [True])
-    start = fleet.position_ned_m.copy()
-    velocity, moved = [fleet.velocity_ned_mps[0].copy()], [np.zeros(3)]
-    for _ in range(round(duration_s / TICK_S)):
-        fleet.step([after], TICK_S, [True])
-        velocity.append(fleet.velocity_ned_mps[0].copy())
-        moved.append((fleet.position_ned_m - start)[0])
-    return Response(np.array(velocity), np.array(moved))
-
-
-# name, setpoint before and after, axis and its target, measured t63 of ArduPilot and PX4 (None: clipped, see limits)
-STEPS = [
-    ("0 -> 2", (0, 0, 0), (2, 0, 0), NORTH, 2.0, 0.87, 0.97),
-    ("0 -> 5", (0, 0, 0), (5, 0, 0), NORTH, 5.0, 1.60, 0.96),
-    ("0 -> 10", (0, 0, 0), (10, 0, 0), NORTH, 10.0, 2.92, 1.36),
-    ("5 -> 0", (5, 0, 0), (0, 0, 0), NORTH, 0.0, 1.61, 0.76),
-    ("10 -> 0", (10, 0, 0), (0, 0, 0), NORTH, 0.0, 2.95, 0.88),
-    ("-5 -> 5", (-5, 0, 0), (5, 0, 0), NORTH, 5.0, 2.86, 1.02),
-    ("90 degree turn", (5, 0, 0), (0, 5, 0), EAST, 5.0, 2.15, 0.87),
-    ("dodge 3 west", (0, 0, 0), (0, -3, 0), EAST, -3.0, 1.04, 1.32),
-    ("up 1", (0, 0, 0), (0, 0, -1), DOWN, -1.0, 0.79, 0.38),
-    ("up 3", (0, 0, 0), (0, 0, -3), DOWN, -3.0, 1.99, 0.31),
-    ("down 1", (0, 0, 0), (0, 0, 1), DOWN, 1.0, 0.81, 0.31),
-    ("down 3", (0, 0, 0), (0, 0, 3), DOWN, 3.0, 1.85, None),
-]
+from ridlink.errors import ConfigError
+from ridlink.scenario import Wind
+from sitl_sim.vehicle import (
+    AIRFRAMES,
+    AUTOPILOTS,
+    TICK_S,
+    BatteryType,
+    FleetBattery,
+    FleetDynamics,
+    FleetWind,
+    VelocityFeedback,
+    load_airframe,
+    model_for_speed,
+)
+from sitl_sim.vehicle.airframe import FOLDER
+from tests.sitl_sim.measured import DISPLACEMENTS, DOWN, NORTH, STEPS, STOPS, Velocity, respond
 
 T63_TOLERANCE = {
-    # the measured dodge came later than 0 -> 2 and 0 -> 5 in the same aircraft; a model linear below its tilt limit
-    # answers all three alike, and follows the two that agree
-    ("px4", "dodge 3 west"): 0.35,
-    # 0.10 s of difference; up 3 with the same gains is met exactly
-    ("px4", "up 1"): 0.30,
-    # the measured step exceeded its own acceleration limit (2.7 m/s^2 against 1.0): gravity helps
-    ("ardupilot", "down 3"): 0.17,
+    # measured later than 0 -> 2 and 0 -> 5 in the same aircraft, which a model that is linear below its tilt limit
+    # answers alike; a dodge of 3 m/s in the midst of another recording of it came as early as the model's
+    ("px4", "dodge 3 west"): 0.31,
+    # 0.38 s where up 3 took 0.31 s and down 1 too: no linear model has all three within 15 %
+    ("px4", "up 1"): 0.22,
 }
-
 
 STEPS_OF_EACH = [
     pytest.param(autopilot, *row[:5], measured_s, id=f"{autopilot} {row[0]}")
@@ -103,16 +61,6 @@ def test_time_to_63_percent_is_as_measured(
     assert modelled_s == pytest.approx(measured_s, rel=T63_TOLERANCE.get((autopilot, name), 0.15))
 
 
-# metres against the old path 1, 2, 3, 4, 5 s after the step
-DISPLACEMENTS = [
-    ("dodge 3 west", (0, 0, 0), (0, -3, 0), (0.5, 3.0, 5.9, 9.0, 11.9), (0.5, 2.3, 4.3, 6.5, 8.7)),
-    ("0 -> 5", (0, 0, 0), (5, 0, 0), (0.6, 3.4, 8.0, 13.0, 18.1), (1.6, 5.1, 8.9, 13.0, 16.2)),
-    ("90 degree turn", (5, 0, 0), (0, 5, 0), (0.6, 3.4, 8.8, 15.6, 22.7), (2.5, 7.8, 13.5, 19.5, 25.7)),
-    ("up 1", (0, 0, 0), (0, 0, -1), (0.3, 1.4, 2.4, 3.4, 4.4), (0.7, 1.7, 2.6, 3.5, 4.5)),
-    ("up 3", (0, 0, 0), (0, 0, -3), (0.3, 1.7, 4.2, 7.2, 10.2), (1.9, 4.6, 7.4, 10.3, 13.2)),
-]
-
-
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 @pytest.mark.parametrize(
     "name, before, after, ardupilot_m, px4_m", DISPLACEMENTS, ids=[row[0] for row in DISPLACEMENTS]
@@ -130,23 +78,13 @@ def test_displacement_against_the_old_path_is_as_measured(
     old_path = response.velocity[0] * seconds[:, None]
     modelled_m = np.linalg.norm(response.moved_at(*seconds) - old_path, axis=1)
     measured_m = np.array(ardupilot_m if autopilot == "ardupilot" else px4_m)
-    # the same late dodge as above: the model is ahead of the aircraft by 0.6 m after 1 s and by 1.8 m after 5 s
-    relative, absolute = (0.30, 1.0) if (autopilot, name) == ("px4", "dodge 3 west") else (0.20, 0.5)
+    # the same late dodge as above: 0.45 m ahead after 1 s, which holds, but 0.9 m after 2 s and 1.8 m after 5 s
+    relative, absolute = (0.23, 1.25) if (autopilot, name) == ("px4", "dodge 3 west") else (0.20, 0.5)
     assert np.all(np.abs(modelled_m - measured_m) <= np.maximum(relative * measured_m, absolute)), modelled_m
 
 
 @pytest.mark.parametrize(
-    "autopilot, from_mps, measured_m",
-    [
-        ("ardupilot", 2.0, 1.8),
-        ("ardupilot", 3.0, 3.0),
-        ("ardupilot", 5.0, 7.0),
-        ("ardupilot", 10.0, 23.8),
-        ("px4", 2.0, 3.6),
-        ("px4", 5.0, 8.8),  # measured between 7.9 and 9.7
-        # within the 9 s that were recorded; given 25 s the model creeps on to 20.8 m while its integrator unwinds
-        ("px4", 10.0, 17.2),
-    ],
+    "autopilot, from_mps, measured_m", [(autopilot, *row) for autopilot, rows in STOPS.items() for row in rows]
 )
 def test_stopping_distance_is_as_measured(autopilot: str, from_mps: float, measured_m: float) -> None:
     stop = respond(autopilot, (from_mps, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -206,7 +144,7 @@ def test_who_is_not_airborne_stands_still_and_starts_afresh() -> None:
     assert fleet.position_ned_m == pytest.approx(stood_at, abs=1e-9)
 
 
-@pytest.mark.parametrize("autopilot", list(MODELS))
+@pytest.mark.parametrize("autopilot", list(AUTOPILOTS))
 def test_reset_to_a_steady_flight_goes_on_steadily(autopilot: str) -> None:
     fleet = FleetDynamics([autopilot, autopilot], np.zeros((2, 3)))
     fleet.reset(1, [10.0, 20.0, -30.0], [4.0, 3.0, 0.0])
@@ -240,7 +178,7 @@ def test_unknown_autopilot_names_the_known_ones() -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(
-    autopilot=st.sampled_from(sorted(MODELS)),
+    autopilot=st.sampled_from(sorted(AUTOPILOTS)),
     commands=st.lists(st.tuples(*[st.floats(-200.0, 200.0)] * 3), min_size=1, max_size=6),
 )
 def test_whatever_is_commanded_the_motion_stays_bounded_and_continuous(
@@ -252,5 +190,132 @@ def test_whatever_is_commanded_the_motion_stays_bounded_and_continuous(
             before = fleet.position_ned_m.copy()
             fleet.step([command], TICK_S, [True])
             assert np.all(np.isfinite(fleet.position_ned_m))
-            assert np.linalg.norm(fleet.velocity_ned_mps) <= MODELS[autopilot].speed_limit_mps * 1.2 + 10.0
+            assert (
+                np.linalg.norm(fleet.velocity_ned_mps) <= model_for_speed(autopilot, 0.0).speed_limit_mps * 1.2 + 10.0
+            )
             assert np.linalg.norm(fleet.position_ned_m - before) <= 80.0 * TICK_S
+
+
+# --- airframes --------------------------------------------------------------------------------------------------------
+
+
+def test_every_airframe_of_the_package_is_known_and_only_those() -> None:
+    assert sorted(path.stem for path in FOLDER.glob("*.toml")) == sorted(AIRFRAMES)
+
+
+@pytest.mark.parametrize("category, max_mps", [(1, 20.6), (2, 15.4), (3, 30.7), (4, 51.5)])
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_categories_reach_the_speed_of_table_3_and_stop_again(autopilot: str, category: int, max_mps: float) -> None:
+    model = model_for_speed(autopilot, 10.0, f"category{category}")
+    assert model.speed_limit_mps == max_mps
+    fleet = FleetDynamics([model], np.zeros((1, 3)))
+    fleet.step([[max_mps, 0.0, 0.0]], 60.0, [True])
+    assert fleet.velocity_ned_mps[0, NORTH] == pytest.approx(max_mps, rel=0.03)
+    fleet.step([[0.0, 0.0, 0.0]], 60.0, [True])
+    assert abs(fleet.velocity_ned_mps[0, NORTH]) < 0.1
+
+
+def test_an_airframe_of_ones_own_flies(tmp_path: Path) -> None:
+    text = (FOLDER / "category1.toml").read_text().replace("speed_limit_mps = 20.6", "speed_limit_mps = 7.5")
+    own = tmp_path / "own.toml"
+    own.write_text(text)
+    assert model_for_speed("px4", 1.0, str(own)).speed_limit_mps == 7.5
+
+
+@pytest.mark.parametrize(
+    "old, new, told",
+    [
+        ("jerk_mps3 = 30.0", 'jerk_mps3 = "much"', "own.toml:27: shaped: jerk_mps3 must be a finite number"),
+        ("d = 0.2", "e = 0.2", "feedback: d is missing"),
+        ("d = 0.2", "d = 0.2\ne = 1.0", "own.toml:13: feedback: e is not known here"),
+        ("cells = 4", "cells = 0", "cells must be greater than 0"),
+        ("[battery]", "[batery]", "batery is not known here"),
+    ],
+)
+def test_a_wrong_airframe_file_is_refused_by_file_line_and_key(tmp_path: Path, old: str, new: str, told: str) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text((FOLDER / "category1.toml").read_text().replace(old, new, 1))
+    with pytest.raises(ConfigError) as refused:
+        load_airframe(str(own))
+    assert told in str(refused.value)
+
+
+def test_what_nobody_has_measured_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"ardupilot-quad.*px4.*feedback"):
+        model_for_speed("px4", 10.0, "ardupilot-quad")
+    with pytest.raises(ConfigError, match="known are ardupilot-quad"):
+        load_airframe("zeppelin")
+
+
+# --- wind -------------------------------------------------------------------------------------------------------------
+
+
+def test_gusts_have_their_deviation_and_memory_and_are_each_vehicles_own() -> None:
+    wind = FleetWind(Wind((3.0, -1.0), 2.0, 4.0), 400, seed=3, tick_s=TICK_S)
+    first = wind.velocity_ne_mps.copy()
+    assert first.mean(axis=0) == pytest.approx([3.0, -1.0], abs=0.3)
+    assert first.std(axis=0) == pytest.approx([2.0, 2.0], rel=0.1)
+    for _ in range(round(4.0 / TICK_S)):
+        wind.step()
+    assert np.corrcoef(first[:, 0], wind.velocity_ne_mps[:, 0])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.12)
+    alone = FleetWind(Wind((3.0, -1.0), 2.0, 4.0), 2, seed=3, tick_s=TICK_S)
+    assert np.array_equal(alone.velocity_ne_mps, first[:2])
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_both_autopilots_hold_their_speed_in_a_gusting_wind(autopilot: str) -> None:
+    """Measured on ArduPilot in 8 m/s of gusting wind: 0 -> 5 m/s in t63 1.77 s, final 1.01."""
+    wind = FleetWind(Wind((-8.0, 0.0), 1.5), 60, seed=1, tick_s=TICK_S)
+    model = model_for_speed(autopilot, 10.0)
+    if isinstance(model, VelocityFeedback):
+        model = replace(model, drag_per_s=0.2)  # its simulator's drag leaves nothing at 13 m/s of airspeed
+    fleet = FleetDynamics([model] * 60, np.zeros((60, 3)))
+    speeds = []
+    for tick in range(round(20.0 / TICK_S)):
+        wind.step()
+        fleet.step(np.tile([5.0, 0.0, 0.0], (60, 1)), TICK_S, [True] * 60, wind.velocity_ne_mps)
+        if tick * TICK_S > 12.0:
+            speeds.append(fleet.velocity_ned_mps[:, NORTH].copy())
+    assert np.mean(speeds) == pytest.approx(5.0, abs=0.25)
+    assert 0.05 < np.std(speeds) < 0.8
+
+
+def test_an_ideal_vehicle_does_not_feel_the_wind() -> None:
+    fleet = FleetDynamics(["ideal"], np.zeros((1, 3)))
+    fleet.step([[5.0, 0.0, 0.0]], 2.0, [True], np.array([[0.0, 9.0]]))
+    assert fleet.position_ned_m[0] == pytest.approx([10.0, 0.0, 0.0])
+
+
+# --- battery ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_battery_lasts_as_long_as_its_energy_by_its_power() -> None:
+    battery = FleetBattery([BatteryType(4, 50.0, 150.0)])
+    hovering, seconds = np.zeros((1, 3)), 0
+    while battery.remaining[0] > 0.0:
+        battery.step(hovering, np.array([True]), 1.0)
+        seconds += 1
+    assert seconds == pytest.approx(50.0 / 150.0 * 3600.0, rel=0.01)
+    assert battery.voltage_v[0] < 4 * 3.1
+
+
+def test_climbing_and_speed_cost_power_and_voltage_falls_with_charge() -> None:
+    def after(velocity: Velocity, in_air: bool) -> tuple[float, float]:
+        battery = FleetBattery([BatteryType(4, 50.0, 150.0)])
+        for _ in range(60):
+            battery.step(np.array([velocity]), np.array([in_air]), 1.0)
+        return float(battery.remaining[0]), float(battery.voltage_v[0])
+
+    ground, hover, climb, fast = (
+        after(v, air) for v, air in (((0, 0, 0), False), ((0, 0, 0), True), ((0, 0, -3), True), ((12, 0, 0), True))
+    )
+    assert ground > hover > climb and hover > fast
+
+
+def test_a_battery_can_be_set() -> None:
+    battery = FleetBattery([BatteryType(4, 50.0, 150.0)] * 2)
+    battery.set_remaining(1, 0.25)
+    assert battery.remaining.tolist() == [1.0, 0.25]
+    assert battery.current_a[1] > battery.current_a[0]
+    with pytest.raises(ValueError):
+        battery.set_remaining(0, 1.5)

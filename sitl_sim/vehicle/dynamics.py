@@ -2,7 +2,7 @@
 
 Units and axes: metres, seconds; north-east-down. Arrays are (n, 3), one row a vehicle; a batch of worlds is one long
 fleet. The models were fitted to step responses of both autopilots in their own simulators (ArduPilot Copter 4.6 "quad",
-PX4 1.17 "SIH quad X"); ``tests/sitl_sim/test_vehicle.py`` has the measured tables and says how far off each model is.
+PX4 1.17 "SIH quad X"): ``tests/sitl_sim/measured.py`` has the measured tables, ``airframes`` the figures of the models.
 
 - ideal: the commanded velocity at once, within the limits of speed.
 - ArduPilot shapes the target (limits of jerk and acceleration), then follows it: slow, but exact.
@@ -14,124 +14,25 @@ The world is stepped in ticks of 20 ms, the period at which both autopilots stre
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from sitl_sim.vehicle.airframe import model_for_speed
+from sitl_sim.vehicle.models import GRAVITY_MPS2, TICK_S, Ideal, Model, ShapedTarget, VelocityFeedback
+
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-TICK_S = 0.02
-"""Length of one physics step."""
-
-GRAVITY_MPS2 = 9.80665
-
-MEASURED_SPEED_MPS = 10.0
-"""Fastest cruise at which the models were measured."""
 
 _HISTORY_TICKS = 16
 """Delay line; the longest delay is two ticks less, 0.28 s."""
 
+_CALM = np.zeros((1, 2))
 
-@dataclass(frozen=True, slots=True)
-class Ideal:
-    """The commanded velocity at once.
-
-    Args:
-        speed_limit_mps: Largest horizontal speed; the paper's fastest category reaches 51.5.
-        climb_limit_mps, descent_limit_mps: Largest vertical speeds.
-    """
-
-    speed_limit_mps: float = 60.0
-    climb_limit_mps: float = 10.0
-    descent_limit_mps: float = 10.0
-
-
-@dataclass(frozen=True, slots=True)
-class ShapedTarget:
-    """ArduPilot: a target limited in jerk and acceleration, followed exactly after a delay and a lag.
-
-    Args:
-        speed_limit_mps: 10.2 m/s is where the lean angle of 30 degrees (ANGLE_MAX) balances the measured drag.
-        climb_limit_mps, descent_limit_mps: WPNAV_SPEED_UP and _DN do not clip a velocity setpoint; up to 3 m/s was
-            flown, the rest is assumed.
-        acceleration_mps2, jerk_mps3: WPNAV_ACCEL 2.5 and PSC_JERK_XY 5.
-        vertical_acceleration_mps2, vertical_jerk_mps3: WPNAV_ACCEL_Z 1.0 and PSC_JERK_Z 5.
-        gain_per_s: Slope of the square-root controller near its target.
-        delay_s, lag_s: Pure delay and first-order lag behind the target.
-    """
-
-    speed_limit_mps: float = 10.2
-    climb_limit_mps: float = 5.0
-    descent_limit_mps: float = 5.0
-    acceleration_mps2: float = 2.5
-    jerk_mps3: float = 5.0
-    vertical_acceleration_mps2: float = 1.0
-    vertical_jerk_mps3: float = 5.0
-    gain_per_s: float = 2.0
-    delay_s: float = 0.06
-    lag_s: float = 0.10
-
-
-@dataclass(frozen=True, slots=True)
-class VelocityFeedback:
-    """PX4 in OFFBOARD: feedback of velocity, limited by tilt, through a lag, against drag.
-
-    Args:
-        speed_limit_mps: MPC_XY_VEL_MAX.
-        climb_limit_mps, descent_limit_mps: MPC_Z_VEL_MAX_UP and MPC_Z_VEL_MAX_DN.
-        tilt_limit_rad: MPC_TILTMAX_AIR 45 degrees, hence 9.8 m/s^2 at most.
-        p_per_s, i_per_s2, d: MPC_XY_VEL_P_ACC 1.8, _I_ACC 0.4, _D_ACC 0.2.
-        vertical_p_per_s, vertical_i_per_s2: MPC_Z_VEL_P_ACC 4, _I_ACC 2.
-        drag_per_s: Deceleration for each m/s; 1.0 in PX4's simulator (1 N s/m on 1 kg), about 0.2 on a slim airframe.
-        vertical_drag_per_s: The same for climbing; fitted.
-        delay_s, lag_s: Pure delay and first-order lag of the attitude loop; the lag of thrust is `vertical_lag_s`.
-    """
-
-    speed_limit_mps: float = 12.0
-    climb_limit_mps: float = 3.0
-    descent_limit_mps: float = 1.5
-    tilt_limit_rad: float = math.radians(45.0)
-    p_per_s: float = 1.8
-    i_per_s2: float = 0.4
-    d: float = 0.2
-    vertical_p_per_s: float = 4.0
-    vertical_i_per_s2: float = 2.0
-    drag_per_s: float = 1.0
-    vertical_drag_per_s: float = 1.0
-    delay_s: float = 0.03
-    lag_s: float = 0.18
-    vertical_lag_s: float = 0.05
-
-
-Model = Ideal | ShapedTarget | VelocityFeedback
-
-MODELS: dict[str, Model] = {"ideal": Ideal(), "px4": VelocityFeedback(), "ardupilot": ShapedTarget()}
-"""The response models by the names that ``--autopilot`` takes."""
-
-
-def model_for_speed(name: str, speed_mps: float) -> Model:
-    """The named model, made fast enough for a cruise speed.
-
-    A vehicle that cruises faster than the measured one was built and set up for it: its speed limit is raised to the
-    cruise speed, and its drag is smaller in proportion, or it could never get there.
-
-    Raises:
-        ValueError: If there is no such model.
-    """
-    model = MODELS.get(name)
-    if model is None:
-        raise ValueError(f"unknown autopilot {name!r}: known are {', '.join(MODELS)}")
-    if speed_mps <= model.speed_limit_mps:
-        return model
-    if isinstance(model, VelocityFeedback):
-        drag_per_s = model.drag_per_s * MEASURED_SPEED_MPS / speed_mps
-        return replace(model, speed_limit_mps=speed_mps, drag_per_s=drag_per_s)
-    return replace(model, speed_limit_mps=speed_mps)
+WIND_LAG_S = 2.0
+"""How fast ArduPilot's integrators learn a steady wind; only what changes faster moves the vehicle."""
 
 
 def limit_norm(vectors: FloatArray, limit: FloatArray) -> FloatArray:
@@ -170,7 +71,7 @@ class _DelayLine:
 class _Group(Protocol):
     """All vehicles of one model; rows count within the group."""
 
-    def step(self, command: FloatArray, velocity: FloatArray) -> FloatArray:
+    def step(self, command: FloatArray, velocity: FloatArray, wind_ne: FloatArray) -> FloatArray:
         """Velocity (m, 3) one tick later."""
         ...
 
@@ -184,7 +85,7 @@ def _column(models: Sequence[Model], name: str) -> FloatArray:
 
 
 class _IdealGroup:
-    def step(self, command: FloatArray, velocity: FloatArray) -> FloatArray:
+    def step(self, command: FloatArray, velocity: FloatArray, wind_ne: FloatArray) -> FloatArray:
         return command
 
     def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
@@ -204,8 +105,11 @@ class _ShapedGroup:
         self._delay = _DelayLine(_column(models, "delay_s"))
         self._target = np.zeros((len(models), 3))
         self._target_acceleration = np.zeros((len(models), 3))
+        self._gust_per_s = _column(models, "gust_per_s")[:, None]
+        self._known_wind = np.zeros((len(models), 2))
+        self._blown = np.zeros((len(models), 2))
 
-    def step(self, command: FloatArray, velocity: FloatArray) -> FloatArray:
+    def step(self, command: FloatArray, velocity: FloatArray, wind_ne: FloatArray) -> FloatArray:
         error = command - self._target
         horizontal = error[:, :2]
         norm = np.sqrt(np.einsum("ij,ij->i", horizontal, horizontal))
@@ -221,7 +125,14 @@ class _ShapedGroup:
         vertical_step = self._vertical_jerk_limit * TICK_S
         self._target_acceleration[:, 2] += np.clip(change[:, 2], -vertical_step, vertical_step)
         self._target += self._target_acceleration * TICK_S
-        return velocity + self._blend * (self._delay.push(self._target) - velocity)
+        followed = velocity.copy()
+        followed[:, :2] -= self._blown
+        followed += self._blend * (self._delay.push(self._target) - followed)
+        gust = wind_ne - self._known_wind
+        self._known_wind += gust * (TICK_S / WIND_LAG_S)
+        self._blown += (self._gust_per_s * gust - self._gain[:, None] * self._blown) * TICK_S
+        followed[:, :2] += self._blown
+        return followed
 
     def _sqrt_controller(self, error: FloatArray, limit: FloatArray) -> FloatArray:
         """Rate of correction that can still be taken back with ``limit``; linear near zero."""
@@ -232,11 +143,12 @@ class _ShapedGroup:
     def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
         self._target[rows] = velocity
         self._target_acceleration[rows] = 0.0
+        self._blown[rows] = 0.0
         self._delay.fill(rows, velocity)
 
 
 class _FeedbackGroup:
-    """PX4's velocity controller with its anti-windup, an attitude lag, and drag."""
+    """PX4's velocity controller with its anti-windup, two lags of attitude, and drag."""
 
     def __init__(self, models: Sequence[VelocityFeedback]) -> None:
         def axes(horizontal: str, vertical: str) -> FloatArray:
@@ -247,13 +159,15 @@ class _FeedbackGroup:
         self._d = _column(models, "d")[:, None] * np.array([1.0, 1.0, 0.0])
         self._drag = axes("drag_per_s", "vertical_drag_per_s")
         self._blend = 1.0 - np.exp(-TICK_S / axes("lag_s", "vertical_lag_s"))
-        self._limit = GRAVITY_MPS2 * np.tan(_column(models, "tilt_limit_rad"))
+        self._second_blend = 1.0 - np.exp(-TICK_S / _column(models, "second_lag_s"))[:, None]
+        self._limit = GRAVITY_MPS2 * np.tan(np.radians(_column(models, "tilt_limit_deg")))
         self._delay = _DelayLine(_column(models, "delay_s"))
         self._integral = np.zeros((len(models), 3))
+        self._tilting = np.zeros((len(models), 3))
         self._thrust = np.zeros((len(models), 3))
         self._acceleration = np.zeros((len(models), 3))
 
-    def step(self, command: FloatArray, velocity: FloatArray) -> FloatArray:
+    def step(self, command: FloatArray, velocity: FloatArray, wind_ne: FloatArray) -> FloatArray:
         error = command - velocity
         asked = self._p * error + self._integral - self._d * self._acceleration
         possible = asked.copy()
@@ -261,13 +175,17 @@ class _FeedbackGroup:
         possible[:, 2] = np.clip(asked[:, 2], -GRAVITY_MPS2, GRAVITY_MPS2)
         # what cannot be had is taken off the error that is integrated (PositionControl's anti-windup gain 2 / P)
         self._integral += self._i * (error - (asked - possible) * (2.0 / self._p)) * TICK_S
-        self._thrust += self._blend * (self._delay.push(possible) - self._thrust)
-        self._acceleration = self._thrust - self._drag * velocity
+        self._tilting += self._blend * (self._delay.push(possible) - self._tilting)
+        self._thrust[:, :2] += self._second_blend * (self._tilting[:, :2] - self._thrust[:, :2])
+        self._thrust[:, 2] = self._tilting[:, 2]
+        airspeed = velocity.copy()
+        airspeed[:, :2] -= wind_ne
+        self._acceleration = self._thrust - self._drag * airspeed
         return velocity + self._acceleration * TICK_S
 
     def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
         self._integral[rows] = self._drag[rows] * velocity
-        self._thrust[rows] = self._integral[rows]
+        self._thrust[rows] = self._tilting[rows] = self._integral[rows]
         self._acceleration[rows] = 0.0
         self._delay.fill(rows, self._integral[rows])
 
@@ -311,13 +229,20 @@ class FleetDynamics:
         if velocity_ned_mps is not None:
             self.reset(np.arange(count), self.position_ned_m, velocity_ned_mps)
 
-    def step(self, command_velocity_ned_mps: npt.ArrayLike, dt_s: float, airborne: npt.ArrayLike) -> None:
+    def step(
+        self,
+        command_velocity_ned_mps: npt.ArrayLike,
+        dt_s: float,
+        airborne: npt.ArrayLike,
+        wind_ne_mps: FloatArray = _CALM,
+    ) -> None:
         """Fly for ``dt_s`` towards the commanded velocities.
 
         Args:
             command_velocity_ned_mps: Shape (n, 3), finite; beyond a vehicle's limits it is taken at the limit.
             dt_s: A multiple of ``TICK_S``.
             airborne: Shape (n,); the others stand still where they are and forget their inner state.
+            wind_ne_mps: Velocity of the air, shape (n, 2) or (1, 2); an ideal vehicle does not feel it.
 
         Raises:
             ValueError: If ``dt_s`` is not a multiple of ``TICK_S`` or a command is not finite.
@@ -332,7 +257,7 @@ class FleetDynamics:
         np.clip(command[:, 2], self._up_limit, self._down_limit, out=command[:, 2])
         standing = np.flatnonzero(~np.asarray(airborne, dtype=np.bool_))
         for _ in range(ticks):
-            self._tick(command, standing)
+            self._tick(command, standing, np.broadcast_to(wind_ne_mps, (len(command), 2)))
 
     def reset(self, index: npt.ArrayLike, position_ned_m: npt.ArrayLike, velocity_ned_mps: npt.ArrayLike = 0.0) -> None:
         """Put one vehicle (or several) somewhere, flying steadily at a velocity."""
@@ -348,11 +273,11 @@ class FleetDynamics:
             if len(within):
                 group.settle(within, velocity[which])
 
-    def _tick(self, command: FloatArray, standing: npt.NDArray[np.int64]) -> None:
+    def _tick(self, command: FloatArray, standing: npt.NDArray[np.int64], wind_ne: FloatArray) -> None:
         before = self.velocity_ned_mps
         after = np.empty_like(before)
         for rows, group in self._groups:
-            after[rows] = group.step(command[rows], before[rows])
+            after[rows] = group.step(command[rows], before[rows], wind_ne[rows])
         self.velocity_ned_mps = after
         self.acceleration_ned_mps2 = (after - before) / TICK_S
         if len(standing):

@@ -1,0 +1,69 @@
+"""Wind over a fleet: a mean, and gusts that each vehicle meets on its own.
+
+Units and axes: m/s, the air's velocity north and east (where it blows to). Gusts are Gauss-Markov per axis, the
+first-order form of Dryden's spectrum; vehicles tens of metres apart are in different gusts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from ridlink.scenario import Wind
+from sitl_sim.fleet import Stream, vehicle_generator
+
+FloatArray = npt.NDArray[np.float64]
+
+_BLOCK = 256
+
+
+class FleetWind:
+    """The wind at every vehicle, one generator each.
+
+    Args:
+        wind: Mean and gusts.
+        count: Number of vehicles.
+        seed: Seed of the run.
+        tick_s: Time between two steps.
+
+    Attributes:
+        velocity_ne_mps: Air velocity at each vehicle now, shape (n, 2).
+    """
+
+    def __init__(self, wind: Wind, count: int, *, seed: int | Sequence[int], tick_s: float) -> None:
+        self._mean = np.array(wind.velocity_ne_mps)
+        self._sigma_mps = wind.gust_sigma_mps
+        self._keep = math.exp(-tick_s / wind.gust_time_s)
+        self._generators = [vehicle_generator(seed, Stream.WIND, index) for index in range(count)]
+        self._draws = np.empty((count, _BLOCK, 2))
+        self._drawn = _BLOCK
+        self._unit = np.zeros((count, 2))
+        self.velocity_ne_mps: FloatArray = np.tile(self._mean, (count, 1))
+        if self._sigma_mps > 0.0 and count:
+            self._unit = self._next_draws().copy()
+            self._update()
+
+    @property
+    def is_calm(self) -> bool:
+        """Whether nothing ever blows."""
+        return self._sigma_mps == 0.0 and not np.any(self._mean)
+
+    def step(self) -> None:
+        """One tick on."""
+        if self._sigma_mps > 0.0 and len(self._unit):
+            self._unit = self._keep * self._unit + math.sqrt(1.0 - self._keep**2) * self._next_draws()
+            self._update()
+
+    def _update(self) -> None:
+        self.velocity_ne_mps = self._mean + self._sigma_mps * self._unit
+
+    def _next_draws(self) -> FloatArray:
+        if self._drawn == _BLOCK:
+            for generator, block in zip(self._generators, self._draws, strict=True):
+                generator.standard_normal(out=block)
+            self._drawn = 0
+        self._drawn += 1
+        return self._draws[:, self._drawn - 1]
