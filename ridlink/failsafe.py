@@ -51,14 +51,14 @@ class FailsafeSettings:
         heartbeat_lost_s: Three heartbeats of an autopilot that sends one a second.
         hold_after_s: Own state older than this is no base for avoidance: 15 m of flight at 15 m/s.
         stop_after_s: Own state older than this will not come back soon; the autopilot knows better what to do.
-        pause_s: A loop that slept longer first holds: the world has moved on.
+        pause_s: A loop that slept longer first holds: the world has moved on. As the watchdog has it.
         max_latitude_deg: Closer to a pole local coordinates bend too much.
     """
 
     heartbeat_lost_s: float = 3.0
     hold_after_s: float = 1.0
     stop_after_s: float = 5.0
-    pause_s: float = 0.5
+    pause_s: float = 0.3
     max_latitude_deg: float = 85.0
 
 

@@ -160,7 +160,7 @@ def test_an_intruder_that_avoids_nobody_is_kept_out_under_every_definition(defin
 
 @pytest.mark.parametrize(("up_m", "spoilt", "passes"), [(40.0, {}, True), (40.0, {"speed_vertical_mps": None}, False),
                                                         (10.0, {}, False)])  # fmt: skip
-def test_an_intruder_far_above_is_flown_under_if_its_height_is_known(
+def test_f19_an_intruder_far_above_is_flown_under_if_its_height_is_known(
     up_m: float, spoilt: dict[str, Any], passes: bool
 ) -> None:
     other = intruder(200.0, 0.0, (-5.0, 0.0, 0.0))
@@ -355,7 +355,7 @@ def test_an_automatic_take_off_is_not_disturbed() -> None:
     assert flight.step().decision.state is State.ENGAGED
 
 
-def test_stale_own_state_holds_and_then_stops_on_purpose() -> None:
+def test_f14_stale_own_state_holds_and_then_stops_on_purpose() -> None:
     flight = Flight()
     flight.step(20)
     flight.telling = False
@@ -385,7 +385,7 @@ def test_a_lost_fix_holds_although_positions_keep_coming() -> None:
     assert flight.engine.rung.state is State.ENGAGED
 
 
-def test_a_silent_autopilot_ends_the_engagement() -> None:
+def test_f15_a_silent_autopilot_ends_the_engagement() -> None:
     flight = Flight()
     flight.step(20)
     flight.telling = False
@@ -396,7 +396,7 @@ def test_a_silent_autopilot_ends_the_engagement() -> None:
     assert flight.engine.rung.state is State.STANDBY
 
 
-def test_a_pause_of_the_loop_holds_first_and_sends_no_burst() -> None:
+def test_f17_a_pause_of_the_loop_holds_first_and_sends_no_burst() -> None:
     flight = Flight()
     flight.step(20)
     before = len(flight.vehicle.observer.setpoints)
@@ -406,7 +406,7 @@ def test_a_pause_of_the_loop_holds_first_and_sends_no_burst() -> None:
     assert flight.step().decision.state is State.ENGAGED
 
 
-def test_an_autopilot_that_restarts_ends_the_engagement() -> None:
+def test_f15_an_autopilot_that_restarts_ends_the_engagement() -> None:
     flight = Flight()
     flight.step(30)
     restarted = flight.vehicle.position_messages(0.1)
@@ -416,7 +416,7 @@ def test_an_autopilot_that_restarts_ends_the_engagement() -> None:
     assert "restarted" in flight.engine.rung.reason
 
 
-def test_beyond_85_degrees_nothing_is_flown() -> None:
+def test_f18_beyond_85_degrees_nothing_is_flown() -> None:
     with pytest.raises(ConfigError, match="latitude"):
         EngineConfig(goal=Goal(85.5, 0.0))
     flight = Flight(settings=EngineConfig(goal=Goal(84.9999, 8.5456)))
@@ -427,7 +427,7 @@ def test_beyond_85_degrees_nothing_is_flown() -> None:
         flight.now_s += STEP_S
 
 
-def test_across_the_antimeridian_the_goal_and_the_traffic_are_near() -> None:
+def test_f18_across_the_antimeridian_the_goal_and_the_traffic_are_near() -> None:
     flight = Flight(settings=EngineConfig(goal=Goal(10.0, -179.999)))
     flight.telling = False
     autopilot, other = Encoder(1, 1), Emulated(9)
@@ -446,7 +446,7 @@ def test_across_the_antimeridian_the_goal_and_the_traffic_are_near() -> None:
     assert flight.vehicle.observer.setpoints[-1].vy > 2.0
 
 
-def test_stop_is_three_zero_setpoints_and_only_while_streaming() -> None:
+def test_f28_stop_is_three_zero_setpoints_and_only_while_streaming() -> None:
     flight = Flight()
     assert flight.engine.stop(0.0) == []
     flight.step(20)
@@ -551,7 +551,7 @@ def test_a_flood_of_commands_is_answered_in_part() -> None:
 # --- Remote ID can do nothing but make tracks ---------------------------------------------------------------------
 
 
-def test_nothing_on_the_remote_id_link_changes_own_state_goal_or_request() -> None:
+def test_i5_nothing_on_the_remote_id_link_changes_own_state_goal_or_request() -> None:
     flight = Flight(settings=EngineConfig(standby=True))
     flight.step()
     before = flight.engine.telemetry.state(0.05)
@@ -662,7 +662,7 @@ def test_any_bytes_on_either_link_leave_a_valid_stream(datagrams: list[bytes], s
 # --- failing decisions, obstacles, configuration ------------------------------------------------------------------
 
 
-def test_decisions_that_fail_become_zero_velocity_and_then_a_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_f25_decisions_that_fail_become_zero_velocity_and_then_a_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = Flight()
     flight.step(20)
 

@@ -366,9 +366,17 @@ def test_whoever_comes_second_gives_way_and_the_first_waits_for_that() -> None:
     assert second.contested(1.4) and second.must_yield(1.4)
     first = contest(begins_s=10.0, lasts_s=2.0).other_writer
     assert first.contested(11.9) and not first.must_yield(11.9)
-    stubborn = contest(begins_s=10.0, lasts_s=7.0).other_writer
-    assert stubborn.must_yield(16.9)
-    assert not stubborn.contested(20.0), "without targets nobody is accused"
+    stubborn = contest(begins_s=10.0, lasts_s=12.0).other_writer
+    assert stubborn.must_yield(21.9)
+    assert not stubborn.contested(26.0), "without targets nobody is accused"
+
+
+def test_a_writer_that_is_seldom_seen_between_our_own_targets_is_seen_all_the_same() -> None:
+    telemetry, _ = flying()
+    for tick in range(60):
+        telemetry.other_writer.sent((10.0, 0.0, 0.0), 0.1 * tick)
+        target(telemetry, 0.1 * tick, -5.0 if tick % 7 == 6 else 10.0)
+    assert telemetry.other_writer.must_yield(5.6)
 
 
 def test_before_we_stream_a_target_that_moves_has_a_writer_and_one_that_stands_has_lost_it() -> None:

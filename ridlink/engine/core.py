@@ -34,6 +34,7 @@ from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage
 from ridlink.separation.reference import (
+    AIRFRAME_CAP_M,
     ERROR_CAP_M,
     UNKNOWN_ERROR_BOUND_M,
     UNKNOWN_SPEED_MPS,
@@ -69,6 +70,7 @@ class Engine:
             PictureSettings(
                 unknown_error_m=UNKNOWN_ERROR_BOUND_M,
                 unusable_error_m=ERROR_CAP_M,
+                absurd_airframe_m=AIRFRAME_CAP_M,
                 unknown_speed_mps=UNKNOWN_SPEED_MPS,
                 filtered=config.filter_positions,
                 own_height_m=config.height_m,

@@ -121,9 +121,13 @@ class Steering:
 
     def _slowed(self, record: DecisionRecord, last: Velocity, since_last_s: float) -> DecisionRecord:
         """The decision, taken slowly where it only leads back from a conflict that is gone."""
-        if record.commanded_ned_mps is None or record.conflicts or not record.recovering:
+        if record.commanded_ned_mps is None:
             return record
-        if record.status is not Status.FREE:
+        if record.conflicts or record.status is not Status.FREE:
+            # Whoever avoids in time is never in conflict: what bends the way counts as well.
+            self._recovery.conflict(record.time_s)
+            return replace(record, recovering=True)
+        if not record.recovering:
             return record
         slowed = self._recovery.slowed(
             record.commanded_ned_mps,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import socket
+from collections.abc import Callable
 
 from ridlink.errors import LinkError
 from ridlink.links.link import Address, Link, OnDatagram
@@ -25,6 +26,12 @@ must not keep the loop from its deadline."""
 
 LARGEST_DATAGRAM = 65535
 
+PASSING = {errno.ECONNREFUSED, errno.EMSGSIZE, errno.ENOBUFS, errno.EHOSTUNREACH, errno.EPERM}
+"""What the network says of one datagram. Anything else is about the socket, whose interface is down or whose address is
+gone: it is made anew."""
+
+FIRST_RETRY_S, LONGEST_RETRY_S = 0.1, 1.0
+
 
 class UdpLink(Link):
     """A UDP socket in an asyncio loop; made by `open_udp_link`.
@@ -33,17 +40,42 @@ class UdpLink(Link):
         receive_buffer_bytes: What the kernel granted (Linux reports twice the usable size).
     """
 
-    def __init__(
-        self, sock: socket.socket, peer: Address | None, on_datagram: OnDatagram, loop: asyncio.AbstractEventLoop
-    ) -> None:
+    def __init__(self, sock: socket.socket, make: Callable[[], socket.socket], on_datagram: OnDatagram,
+                 loop: asyncio.AbstractEventLoop, peer: Address | None) -> None:  # fmt: skip
         super().__init__(on_datagram)
-        self._socket = sock
+        self._make = make
         self._connected = peer is not None
         self._peer = peer
         self._loop = loop
+        self._closed = False
+        self._retry: asyncio.TimerHandle | None = None
+        self._retry_s = FIRST_RETRY_S
+        self._use(sock)
+
+    def _use(self, sock: socket.socket) -> None:
+        self._socket = sock
         self.local_address = sock.getsockname()[:2]
         self.receive_buffer_bytes = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-        loop.add_reader(sock.fileno(), self._read)
+        self._loop.add_reader(sock.fileno(), self._read)
+
+    def _make_anew(self) -> None:
+        """Give the socket up, and make another one as soon as that goes."""
+        self._retry = None
+        if self._closed:
+            return
+        if self._socket.fileno() >= 0:
+            self._loop.remove_reader(self._socket.fileno())
+            self._socket.close()
+        try:
+            sock = self._make()
+        except OSError:
+            self.counters["socket_lost"] += 1
+            self._retry_s = min(2.0 * self._retry_s, LONGEST_RETRY_S)
+            self._retry = self._loop.call_later(self._retry_s, self._make_anew)
+            return
+        self._retry_s = FIRST_RETRY_S
+        self.counters["socket_made_anew"] += 1
+        self._use(sock)
 
     def _read(self) -> None:
         enough_s = self._loop.time() + BATCH_S
@@ -54,6 +86,8 @@ class UdpLink(Link):
                 return
             except OSError as error:  # ICMP answers to what was sent earlier arrive here
                 self._count(error)
+                if self._retry is not None:
+                    return
                 continue
             peer = address[:2]
             if not self._connected:
@@ -65,6 +99,8 @@ class UdpLink(Link):
 
     def _count(self, error: OSError) -> None:
         self.counters["refused" if error.errno == errno.ECONNREFUSED else "network_error"] += 1
+        if error.errno not in PASSING and self._retry is None:
+            self._retry = self._loop.call_later(self._retry_s, self._make_anew)
 
     def send(self, data: bytes, address: Address | None = None) -> bool:
         """Send one datagram; see `Link.send`."""
@@ -93,6 +129,9 @@ class UdpLink(Link):
 
     def close(self) -> None:
         """Release the port."""
+        self._closed = True
+        if self._retry is not None:
+            self._retry.cancel()
         if self._socket.fileno() >= 0:
             self._loop.remove_reader(self._socket.fileno())
             self._socket.close()
@@ -110,19 +149,29 @@ async def open_udp_link(url: LinkUrl, on_datagram: OnDatagram) -> UdpLink:
     except (OSError, UnicodeError) as error:  # a name with a label of more than 63 letters is no OSError
         raise LinkError(f"{url}: no such host: {getattr(error, 'strerror', None) or error}") from error
     family, kind, protocol, _, address = found[0]
-    sock = socket.socket(family, kind, protocol)
+    listens = url.scheme is Scheme.UDPIN
+    bound: list[Address] = []
+
+    def make() -> socket.socket:
+        sock = socket.socket(family, kind, protocol)
+        try:
+            sock.setblocking(False)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+            if listens:
+                sock.bind(bound[0] if bound else address)  # a port that the kernel chose stays ours
+            else:
+                sock.connect(address)  # the kernel drops what does not come from the peer
+        except OSError:
+            sock.close()
+            raise
+        return sock
+
     try:
-        sock.setblocking(False)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-        if url.scheme is Scheme.UDPIN:
-            sock.bind(address)
-            return UdpLink(sock, None, on_datagram, loop)
-        # Connected: the kernel drops what does not come from the peer.
-        sock.connect(address)
-        return UdpLink(sock, (str(address[0]), int(address[1])), on_datagram, loop)
+        sock = make()
     except OSError as error:
-        sock.close()
         raise LinkError(open_failure(url, error)) from error
+    bound.append(sock.getsockname())
+    return UdpLink(sock, make, on_datagram, loop, None if listens else (str(address[0]), int(address[1])))
 
 
 def open_failure(url: LinkUrl, error: OSError) -> str:

@@ -25,16 +25,13 @@ ECHO_S = 1.0
 TOLERANCE_MPS, TOLERANCE_SHARE = 0.5, 0.25
 """Autopilots clip targets and shape them a little."""
 
-EVIDENCE_S = 0.5
-"""So much time with foreign targets is somebody."""
-MOST_EVIDENCE_S = 1.5
-FORGIVE = 0.25
-"""Targets of ours between those of another one take back so much of the evidence; two writers alternate."""
-LONGEST_GAP_S = 0.25
+SIGHTINGS, WITHIN_S = 4, 3.0
+"""So many foreign targets in so short a time are somebody. Where two streams alternate just so, one of them is seen
+almost always and the other one hardly ever; targets of ours in between are therefore no excuse."""
 
 NEWCOMER_S = 3.0
-"""Whoever finds another writer within so short a time of its first setpoint came second."""
-PATIENCE_S = 5.0
+"""Whoever first sees another writer within so short a time of its first setpoint came second."""
+PATIENCE_S = 10.0
 """So long the earlier one waits for the later one to give way."""
 
 
@@ -44,9 +41,9 @@ class OtherWriter:
     def __init__(self) -> None:
         self._sent: deque[tuple[float, Velocity]] = deque(maxlen=32)
         self._streaming_since_s: float | None = None
-        self._evidence_s = 0.0
+        self._sightings: deque[float] = deque(maxlen=SIGHTINGS)
+        self._first_seen_s: float | None = None
         self._contested_since_s: float | None = None
-        self._last_target_s = -math.inf
         self._last_foreign: Velocity | None = None
 
     def sent(self, velocity: Velocity | None, now_s: float) -> None:
@@ -60,30 +57,31 @@ class OtherWriter:
 
     def receive(self, message: Message, now_s: float) -> None:
         """Take a POSITION_TARGET_LOCAL_NED."""
-        elapsed_s = min(max(now_s - self._last_target_s, 0.0), LONGEST_GAP_S)
-        self._last_target_s = now_s
-        foreign = self._is_foreign(message, now_s)
-        change = elapsed_s if foreign else -FORGIVE * elapsed_s
-        self._evidence_s = min(max(self._evidence_s + change, 0.0), MOST_EVIDENCE_S)
-        if self._evidence_s < EVIDENCE_S:
+        if not self._is_foreign(message, now_s):
+            return
+        if not self._sightings or now_s - self._sightings[-1] > WITHIN_S:
+            self._first_seen_s = now_s
+        self._sightings.append(now_s)
+        if not self.contested(now_s):
             self._contested_since_s = None
         elif self._contested_since_s is None:
             self._contested_since_s = now_s
 
     def forget(self) -> None:
         """Another mode, another autopilot: what was seen counts no more."""
-        self._evidence_s, self._contested_since_s, self._last_foreign = 0.0, None, None
+        self._sightings.clear()
+        self._first_seen_s = self._contested_since_s = self._last_foreign = None
 
     def contested(self, now_s: float) -> bool:
         """Somebody else steers, as far as the last targets tell."""
-        return self._contested_since_s is not None and now_s - self._last_target_s <= ECHO_S
+        return len(self._sightings) == SIGHTINGS and now_s - self._sightings[0] <= WITHIN_S
 
     def must_yield(self, now_s: float) -> bool:
         """Somebody else steers, and was there first or does not give way."""
-        if not self.contested(now_s) or self._contested_since_s is None:
+        if not self.contested(now_s) or self._first_seen_s is None or self._contested_since_s is None:
             return False
         since = self._streaming_since_s
-        came_second = since is None or self._contested_since_s - since <= NEWCOMER_S
+        came_second = since is None or self._first_seen_s - since <= NEWCOMER_S
         return came_second or now_s - self._contested_since_s > PATIENCE_S
 
     def _is_foreign(self, message: Message, now_s: float) -> bool:

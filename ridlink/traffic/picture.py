@@ -114,8 +114,15 @@ class TrafficPicture:
         update = track.update(report, measured_at_s, self.settings.unknown_error_m)
         if update not in (Update.MOVED, Update.COMPLETED):
             self.counters[update] += 1
-        elif (report.horizontal_error_m or 0.0) >= self.settings.unusable_error_m:
+        else:
+            self._flag(report)
+
+    def _flag(self, report: RemoteIdReport) -> None:
+        """Count figures that are taken for less than they say."""
+        if (report.horizontal_error_m or 0.0) >= self.settings.unusable_error_m:
             self.counters["position_unusable"] += 1
+        if (report.airframe_size_m or 0.0) > self.settings.absurd_airframe_m:
+            self.counters["airframe_absurd"] += 1
 
     def _begin(
         self,
@@ -162,6 +169,7 @@ class TrafficPicture:
             self.counters["track_refused"] += 1
             return
         self.tracks[track.key] = track
+        self._flag(report)
 
     def _is_echo(
         self, report: RemoteIdReport, track: Track | None, own_sysid: int | None, own_uas_id: bytes | None

@@ -35,6 +35,7 @@ class PictureSettings:
     Args:
         unknown_error_m: Three-sigma error of a report that states none.
         unusable_error_m: A stated error from here on is counted: nobody can be separated by it.
+        absurd_airframe_m: A stated size beyond it is counted: it is taken for no more than this.
         unknown_speed_mps: Speed of a vehicle that states none.
         max_tracks: Tracks kept at most; the least urgent one gives way.
         max_considered: Tracks handed to the solver at most, the most urgent ones: its time grows with their number.
@@ -49,6 +50,7 @@ class PictureSettings:
     unknown_error_m: float
     unusable_error_m: float
     unknown_speed_mps: float
+    absurd_airframe_m: float = 30.0
     max_tracks: int = 2000
     max_considered: int = 256
     filtered: bool = True

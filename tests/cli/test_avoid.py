@@ -67,7 +67,7 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
     asyncio.run(main())
 
 
-def test_flies_reports_and_ends_on_sigterm() -> None:
+def test_f28_flies_reports_and_ends_on_sigterm() -> None:
     async def test() -> None:
         async with daemon("--goal", GOAL, "--json") as (process, port):
             first = json.loads(await line(process.stdout))
@@ -106,7 +106,7 @@ def test_tells_people_what_happens_and_ends_on_ctrl_c() -> None:
     run(test)
 
 
-def test_a_second_signal_forces_the_end() -> None:
+def test_i8_a_second_signal_forces_the_end() -> None:
     async def test() -> None:
         async with daemon("--goal", GOAL, "--json") as (process, port):
             await line(process.stdout)
@@ -156,7 +156,7 @@ def test_with_stdout_closed_it_flies_all_the_same() -> None:
     run(test)
 
 
-def test_a_port_in_use_is_exit_code_3() -> None:
+def test_i8_a_port_in_use_is_exit_code_3() -> None:
     async def test() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
             taken.bind(("127.0.0.1", 0))

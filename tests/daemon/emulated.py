@@ -8,19 +8,17 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.links import Address, Link, open_link
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
-from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.codec import Encoder, Message
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Location, Separation, SeparationFlags
-from ridlink.setpoint import VelocityLimits
 from ridlink.traffic.position_filter import moved
+from tests.daemon.invariants import Observer, messages
 
 HOME = Geodetic(47.3977, 8.5456, 500.0)
 GEOID_M = 47.0
@@ -28,52 +26,13 @@ OFFBOARD, POSITION_MODE = 6 << 16, 3 << 16
 GUIDED, LOITER = 4, 5
 PATIENCE_S = 8.0
 
-
-def messages(data: bytes) -> list[Message]:
-    """Messages of a datagram; anything but good frames is a failure of the sender."""
-    found = parse_datagram(data, CRC_EXTRAS)
-    assert all(isinstance(frame, Frame) and frame.checked for frame in found), found
-    return [decode_message(frame) for frame in found if isinstance(frame, Frame)]
+__all__ = ["GUIDED", "HOME", "LOITER", "OFFBOARD", "PATIENCE_S", "POSITION_MODE", "Emulated", "LoopbackVehicle",
+           "Observer", "at", "messages"]  # fmt: skip
 
 
 def at(north_m: float, east_m: float = 0.0, up_m: float = 50.0) -> tuple[float, float, float]:
     """Latitude, longitude, altitude above mean sea level of a point about home."""
     return tuple(float(value) for value in geodetic_from_ned((north_m, east_m, -up_m), HOME))  # type: ignore[return-value]
-
-
-@dataclass
-class Observer:
-    """Checks invariant I1 on every setpoint that it is shown, and keeps them."""
-
-    limits: VelocityLimits = field(default_factory=VelocityLimits)
-    target: int = 1
-    setpoints: list[Message] = field(default_factory=list)
-    _last: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    _last_ms: int = 0
-
-    def watch(self, data: bytes) -> list[Message]:
-        """Messages of a datagram, checked."""
-        found = messages(data)
-        for message in found:
-            if message.name == "SET_POSITION_TARGET_LOCAL_NED":
-                self._check(message)
-                self.setpoints.append(message)
-        return found
-
-    def _check(self, message: Message) -> None:
-        velocity = (message.vx, message.vy, message.vz)
-        assert all(math.isfinite(value) for value in velocity)
-        assert math.hypot(message.vx, message.vy) <= self.limits.horizontal_mps
-        assert abs(message.vz) <= self.limits.vertical_mps
-        assert message.type_mask == 0x0DC7
-        assert message.coordinate_frame == 1
-        assert (message.target_system, message.target_component) == (self.target, 1)
-        assert message.time_boot_ms >= self._last_ms
-        if velocity != (0.0, 0.0, 0.0):
-            change = math.dist(velocity, self._last)
-            elapsed_s = (message.time_boot_ms - self._last_ms) / 1e3
-            assert change <= self.limits.acceleration_mps2 * elapsed_s + 1e-4, (velocity, self._last, elapsed_s)
-        self._last, self._last_ms = velocity, message.time_boot_ms
 
 
 class Emulated:
@@ -88,6 +47,7 @@ class Emulated:
         self.error_m, self.airframe_m = error_m, airframe_m
         self.landed_state: int | None = None
         self.observer = Observer(target=sysid)
+        self.obeyed = False
         self.heard: list[Message] = []
         self.encoder = Encoder(sysid, 1)
 
@@ -114,6 +74,15 @@ class Emulated:
             alt_ellipsoid=ellipsoid, **place,
         ) + encode(
             "GLOBAL_POSITION_INT", time_boot_ms=round(1e3 * now_s), relative_alt=relative, vx=vx, vy=vy, vz=vz, **place,
+        )  # fmt: skip
+
+    def target_message(self, now_s: float) -> bytes:
+        """What the vehicle flies after, as POSITION_TARGET_LOCAL_NED has it."""
+        vx, vy, vz = (float(value) for value in self.velocity)
+        mask = 0x0DC7 if self.obeyed else 0x0DF8
+        return self.encoder.encode(
+            "POSITION_TARGET_LOCAL_NED", time_boot_ms=round(1e3 * now_s), coordinate_frame=1, type_mask=mask,
+            vx=vx, vy=vy, vz=vz,
         )  # fmt: skip
 
     def telemetry(self, now_s: float) -> bytes:
@@ -146,13 +115,17 @@ class Emulated:
             ))  # fmt: skip
         return b"".join(self.encoder.encode(name, **values) for name, values in map(to_mavlink, parts))
 
-    def hear(self, data: bytes) -> list[Message]:
-        """Take what the daemon sends; setpoints are obeyed at once, in the right mode."""
-        found = self.observer.watch(data)
+    def hear(self, data: bytes, observer: Observer | None = None) -> list[Message]:
+        """Take what a daemon sends; setpoints are obeyed at once, in the right mode."""
+        observer = observer or self.observer
+        external = self.mode in (OFFBOARD, GUIDED)
+        observer.steerable = self.armed and (external or (self.autopilot == 12 and not self.obeyed))
+        found = observer.watch(data)
         self.heard += found
         for message in found:
             if message.name == "SET_POSITION_TARGET_LOCAL_NED" and self.armed and self.mode in (OFFBOARD, GUIDED):
                 self.velocity = np.array([message.vx, message.vy, message.vz])
+                self.obeyed = True
         return found
 
     def advance(self, elapsed_s: float) -> None:
@@ -168,9 +141,12 @@ class LoopbackVehicle:
 
     def __init__(self, emulated: Emulated, port: int) -> None:
         self.vehicle, self.port = emulated, port
+        self.began_s = 0.0
         self.silent = False
         self.frozen = False
         self.sources: set[Address] = set()
+        self.second = Observer(target=emulated.sysid)
+        self._second_link: Link | None = None
         self._link: Link | None = None
         self._changed = asyncio.Event()
         self._failure: BaseException | None = None
@@ -182,8 +158,9 @@ class LoopbackVehicle:
 
     async def __aexit__(self, *_: object) -> None:
         self._task.cancel()
-        assert self._link is not None
-        self._link.close()
+        for link in (self._link, self._second_link):
+            if link is not None:
+                link.close()
         if self._failure is not None:
             raise self._failure
 
@@ -195,29 +172,46 @@ class LoopbackVehicle:
         self.sources.add(address)
         self._changed.set()
 
+    async def join(self, port: int) -> None:
+        """Tell another daemon, too, and listen to it."""
+        self._second_link = await open_link(f"udpout:127.0.0.1:{port}", self._hear_second)
+
+    def _hear_second(self, data: bytes, _: Address) -> None:
+        try:
+            self.vehicle.hear(data, self.second)
+        except AssertionError as failure:
+            self._failure = failure
+        self._changed.set()
+
     def send(self, data: bytes) -> None:
         assert self._link is not None
         self._link.send(data)
+        if self._second_link is not None:
+            self._second_link.send(data)
 
     async def _speak(self) -> None:
-        begin = asyncio.get_running_loop().time()
+        self.began_s = asyncio.get_running_loop().time()
         while True:
-            now_s = asyncio.get_running_loop().time() - begin
+            now_s = max(asyncio.get_running_loop().time() - self.began_s, 0.0)
             if not self.silent:
                 self.send(self.vehicle.heartbeat())
                 if not self.frozen:
-                    self.send(self.vehicle.position_messages(now_s))
+                    self.send(self.vehicle.position_messages(now_s) + self.vehicle.target_message(now_s))
             self.vehicle.advance(0.02)
             await asyncio.sleep(0.02)
 
     def setpoints(self) -> list[Message]:
         return self.vehicle.observer.setpoints
 
+    async def changed(self) -> None:
+        """Wait for a datagram."""
+        if self._failure is not None:
+            raise self._failure
+        self._changed.clear()
+        await self._changed.wait()
+
     async def until(self, condition: Callable[[], bool]) -> None:
         """Wait for something that comes with a datagram."""
         async with asyncio.timeout(PATIENCE_S):
             while not condition():
-                if self._failure is not None:
-                    raise self._failure
-                self._changed.clear()
-                await self._changed.wait()
+                await self.changed()

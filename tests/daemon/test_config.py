@@ -145,7 +145,7 @@ def test_flag_over_file_over_default(write) -> None:
         ("vehicle_sysid = 256", ["between 1 and 255"]),
     ],
 )
-def test_mistakes_are_named(write, text: str, words: list[str]) -> None:
+def test_f34_mistakes_are_named(write, text: str, words: list[str]) -> None:
     with pytest.raises(ConfigError) as caught:
         daemon_config(read_config_file(write(text)))
     for word in words:

@@ -68,7 +68,7 @@ def test_the_stream_ends_with_the_pilots_mode_change_and_does_not_come_back() ->
     run(test)
 
 
-def test_a_stale_own_state_holds() -> None:
+def test_f14_a_stale_own_state_holds() -> None:
     async def test() -> None:
         async with running() as flight:
             vehicle = flight.vehicle
@@ -115,7 +115,7 @@ def test_everything_received_and_sent_is_recorded(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_a_full_disk_is_said_once_and_the_flight_goes_on() -> None:
+def test_f29_a_full_disk_is_said_once_and_the_flight_goes_on() -> None:
     async def test() -> None:
         async with running(log=Path("/dev/full")) as flight:
             vehicle = flight.vehicle
@@ -146,7 +146,7 @@ def test_a_port_in_use_and_a_log_that_cannot_be_written_are_errors_at_the_start(
     run(test)
 
 
-def test_decisions_that_keep_failing_end_the_daemon_after_a_stop() -> None:
+def test_f25_decisions_that_keep_failing_end_the_daemon_after_a_stop() -> None:
     async def test() -> None:
         async with running() as flight:
             vehicle = flight.vehicle
@@ -187,7 +187,7 @@ def test_a_watcher_that_fails_does_not_end_the_flight() -> None:
     run(test)
 
 
-def test_a_stall_is_followed_by_one_tick_and_a_hold() -> None:
+def test_f26_a_stall_is_followed_by_one_tick_and_a_hold() -> None:
     async def test() -> None:
         async with running() as flight:
             vehicle = flight.vehicle

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import socket
 from collections.abc import Awaitable, Callable
 
@@ -142,7 +143,7 @@ def test_udpout_hears_its_peer_only() -> None:
     run(test)
 
 
-def test_refused_datagrams_are_counted_and_the_link_lives_on() -> None:
+def test_f24_refused_datagrams_are_counted_and_the_link_lives_on() -> None:
     async def test() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("127.0.0.1", 0))
@@ -164,6 +165,61 @@ def test_refused_datagrams_are_counted_and_the_link_lives_on() -> None:
     run(test)
 
 
+@pytest.mark.parametrize("scheme", ["udpin", "udpout"])
+def test_f24_a_socket_that_the_machine_takes_away_is_made_anew_on_its_port(scheme: str) -> None:
+    async def test() -> None:
+        inbox, at_peer = Inbox(), Inbox()
+        if scheme == "udpin":
+            link = await open_link("udpin:127.0.0.1:0", inbox)
+            peer = await open_link(f"udpout:127.0.0.1:{link.local_address[1]}", at_peer)
+        else:
+            peer = await open_link("udpin:127.0.0.1:0", at_peer)
+            link = await open_link(f"udpout:127.0.0.1:{peer.local_address[1]}", inbox)
+        assert isinstance(link, UdpLink)
+        port = link.local_address[1]
+        assert (peer if scheme == "udpin" else link).send(b"hello")
+        await (inbox if scheme == "udpin" else at_peer).count(1)
+        with open(os.devnull, "wb") as nothing:  # as after an interface went down: the descriptor is no socket any more
+            os.dup2(nothing.fileno(), link._socket.fileno())
+        assert not link.send(b"lost")
+        await until(lambda: link.counters["socket_made_anew"] == 1)
+        if scheme == "udpin":
+            assert link.local_address[1] == port
+            peer.send(b"again")
+            assert (await inbox.count(2))[1] == b"again"
+        assert link.send(b"back")
+        await at_peer.until(lambda: at_peer.datagrams[-1][0] == b"back" if at_peer.datagrams else False)
+        link.close()
+        peer.close()
+
+    run(test)
+
+
+def test_f24_a_socket_that_cannot_be_made_is_tried_again_within_a_second() -> None:
+    async def test() -> None:
+        inbox = Inbox()
+        link = await open_link("udpin:127.0.0.1:0", inbox)
+        assert isinstance(link, UdpLink)
+        with open(os.devnull, "wb") as nothing:
+            os.dup2(nothing.fileno(), link._socket.fileno())
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as squatter:
+            squatter.bind(link.local_address)  # the port is taken while we are away
+            link.send(b"lost", ("127.0.0.1", 9))
+            await until(lambda: link.counters["socket_lost"] >= 1)
+        await until(lambda: link.counters["socket_made_anew"] == 1)
+        link.close()
+        closed = await open_link("udpin:127.0.0.1:0", inbox)
+        assert isinstance(closed, UdpLink)
+        with open(os.devnull, "wb") as nothing:
+            os.dup2(nothing.fileno(), closed._socket.fileno())
+        closed.send(b"lost", ("127.0.0.1", 9))
+        closed.close()
+        closed._make_anew()
+        assert closed.counters["socket_made_anew"] == 0
+
+    run(test)
+
+
 def test_receive_buffer_is_asked_for_and_the_answer_can_be_read() -> None:
     async def test() -> None:
         link = await open_link("udpin:127.0.0.1:0", Inbox())
@@ -174,7 +230,7 @@ def test_receive_buffer_is_asked_for_and_the_answer_can_be_read() -> None:
     run(test)
 
 
-def test_a_handler_that_raises_costs_its_datagram_only() -> None:
+def test_f25_a_handler_that_raises_costs_its_datagram_only() -> None:
     async def test() -> None:
         heard: list[bytes] = []
 

@@ -113,7 +113,7 @@ def test_on_the_ground_is_no_traffic() -> None:
         ({"altitude_geodetic_m": None, "height_m": 200.0, "height_reference": 0}, True),
     ],
 )
-def test_other_altitudes_count_only_if_they_are_known_to_be_other(fields: dict[str, object], counts: bool) -> None:
+def test_f19_other_altitudes_count_only_if_they_are_known_to_be_other(fields: dict[str, object], counts: bool) -> None:
     assert len(seen(report(**fields))) == counts
 
 
@@ -142,7 +142,7 @@ def test_those_who_fly_far_above_are_handed_out_where_they_are_wanted() -> None:
     assert made.counters["other_altitude"] == 1
 
 
-def test_the_senders_age_counts_if_it_is_plausible() -> None:
+def test_f05_the_senders_age_counts_if_it_is_plausible() -> None:
     for utc_s, age in ((3700.0 + 0.3, 0.3), (7299.9, 0.0), (100.0 + 4.0, 4.0), (100.0 + 6.0, 0.0), (0.0, 0.0)):
         made = picture()
         made.receive("rid", report(), utc_s=utc_s)
@@ -152,7 +152,7 @@ def test_the_senders_age_counts_if_it_is_plausible() -> None:
     assert made.counters["timestamp_implausible"] == 1
 
 
-def test_own_echo_is_our_identity_at_our_place() -> None:
+def test_f09_own_echo_is_our_identity_at_our_place() -> None:
     here, elsewhere = report(north=10.0), report(north=200.0)
     for one, echo in ((here, True), (elsewhere, False)):
         made = picture()
@@ -181,7 +181,7 @@ def flown(made: TrafficPicture, one: RemoteIdReport, metres: float, *, utc: bool
         made.receive("rid", replace(late, received_at_s=now_s), utc_s=100.0 + 0.1 * k if utc else None, **fields)
 
 
-def test_an_intruder_under_our_identity_is_no_echo_when_it_comes_near() -> None:
+def test_f09_an_intruder_under_our_identity_is_no_echo_when_it_comes_near() -> None:
     made = picture()
     flown(made, report(north=100.0), 90.0, own_sysid=5)
     (track,) = made.tracks.values()
@@ -194,7 +194,7 @@ def still(**fields: object) -> RemoteIdReport:
     return report(velocity_ned_mps=(0.0, 0.0, 0.0), **fields)  # type: ignore[arg-type]
 
 
-def test_two_vehicles_with_one_identity_are_two_tracks() -> None:
+def test_f08_two_vehicles_with_one_identity_are_two_tracks() -> None:
     made = picture()
     for k in range(20):
         when = {"timestamp_s": 100.0 + 0.1 * k, "received_at_s": 10.0 + 0.1 * k}
@@ -207,7 +207,7 @@ def test_two_vehicles_with_one_identity_are_two_tracks() -> None:
 
 @pytest.mark.parametrize("forged_first", [True, False])
 @pytest.mark.parametrize("ahead_s", [10.0, 600.0, 1700.0])
-def test_a_forged_time_ahead_does_not_freeze_the_true_track(forged_first: bool, ahead_s: float) -> None:
+def test_f05_a_forged_time_ahead_does_not_freeze_the_true_track(forged_first: bool, ahead_s: float) -> None:
     made = picture()
     forgery = report(north=100.0, timestamp_s=100.0 + ahead_s, received_at_s=10.0)
     if forged_first:
@@ -229,7 +229,7 @@ def test_a_replay_from_elsewhere_is_old_and_no_other_vehicle() -> None:
     assert (made.counters["report_older"], made.counters["report_repeated"]) == (1, 1)
 
 
-def test_one_identity_cannot_fill_the_picture_and_who_is_heard_keeps_its_place() -> None:
+def test_f08_one_identity_cannot_fill_the_picture_and_who_is_heard_keeps_its_place() -> None:
     made = picture()
     for k in range(50):
         when = {"timestamp_s": 100.0 + 0.1 * k, "received_at_s": 10.0 + 0.1 * k}
@@ -301,7 +301,7 @@ def test_a_full_picture_gives_up_whoever_matters_least() -> None:
     assert len(made) == 1
 
 
-def test_a_flood_of_identities_does_not_displace_a_real_threat() -> None:
+def test_f12_a_flood_of_identities_does_not_displace_a_real_threat() -> None:
     small = replace(SETTINGS, max_tracks=50)
     made = picture(report(sysid=200, north=80.0), settings=small)
     for k in range(500):

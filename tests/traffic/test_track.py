@@ -40,13 +40,13 @@ def test_a_newer_report_moves() -> None:
     assert moved.age_s(10.0) == 0.0
 
 
-def test_across_the_full_hour() -> None:
+def test_f05_across_the_full_hour() -> None:
     moved = track(replace(REPORT, timestamp_s=3599.9))
     assert update(moved, replace(REPORT, timestamp_s=0.1, received_at_s=10.2)) is Update.MOVED
     assert update(moved, replace(REPORT, timestamp_s=3599.9, received_at_s=10.3)) is Update.OLDER
 
 
-def test_a_repeat_changes_and_refreshes_nothing() -> None:
+def test_f06_a_repeat_changes_and_refreshes_nothing() -> None:
     seen = track()
     before = seen.report
     for later in (0.5, 2.0, 4.0):
@@ -92,7 +92,7 @@ def test_a_report_without_a_position_leaves_the_track_coasting() -> None:
     assert new_track(("rid", 1, 1, None, 0), nowhere, 0.0, filtered=True) is None
 
 
-def test_fast_senders_are_dropped_after_five_seconds_and_slow_ones_after_ten() -> None:
+def test_f10_fast_senders_are_dropped_after_five_seconds_and_slow_ones_after_ten() -> None:
     fast = track()
     assert not fast.expired(14.9) and fast.expired(15.1)
     fast.in_conflict = True
