@@ -36,6 +36,7 @@ LAYERS = {
     "ridlink.links": 6,
     "ridlink.impair": 6,
     "ridlink.doctor": 6,
+    "ridlink.mqtt": 6,
     "ridlink.daemon": 6,
     "ridlink.campaign_runner": 6,
     "ridlink.cli": 7,

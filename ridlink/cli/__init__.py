@@ -35,6 +35,7 @@ COMMANDS = {
     "doctor": "ridlink.cli.doctor:doctor",
     "encode": "ridlink.cli.encode:encode",
     "impair": "ridlink.cli.impair:impair",
+    "mqtt": "ridlink.cli.mqtt:mqtt",
     "record": "ridlink.cli.record:record",
     "replay": "ridlink.cli.replay:replay",
 }

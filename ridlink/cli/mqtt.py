@@ -1,0 +1,126 @@
+"""``ridlink mqtt``: the traffic on a broker."""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ridlink.cli import EXIT_DONE
+from ridlink.cli.signals import stopped_by_signals
+from ridlink.errors import ConfigError
+
+if TYPE_CHECKING:
+    from ridlink.mqtt.bridge import Bridge
+
+PASSWORD_VARIABLE = "RIDLINK_MQTT_PASSWORD"
+
+
+@click.command(short_help="Publish the traffic on an MQTT broker.")
+@click.option("--broker", required=True, metavar="URL", help="mqtt://HOST[:PORT], or mqtts:// for TLS; USER@HOST.")
+@click.option(
+    "--source",
+    default="udpout:127.0.0.1:14650",
+    show_default=True,
+    metavar="URL",
+    help="Link on which the traffic is heard.",
+)
+@click.option(
+    "--site", default=socket.gethostname, show_default="host name", metavar="NAME", help="Level of the topics."
+)
+@click.option("--prefix", default="ridlink", show_default=True, metavar="TOPIC", help="First level of the topics.")
+@click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
+@click.option("--rate", type=float, default=1.0, show_default=True, metavar="HZ", help="States of each aircraft.")
+@click.option("--batch", is_flag=True, help="All states of an instant in one message.")
+@click.option("--password-file", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE",
+              help=f"Password of the broker's user; or {PASSWORD_VARIABLE}.")  # fmt: skip
+@click.option("--ca-file", type=click.Path(exists=True, dir_okay=False), metavar="FILE.pem",
+              help="Certificates to trust, instead of the system's.")  # fmt: skip
+@click.option("--home-assistant", is_flag=True, help="Announce each aircraft as a device tracker.")
+@click.option("--in", "feed", metavar="TOPIC", help="Take a foreign JSON feed as traffic; needs --relay.")
+@click.option("--relay", metavar="URL", help="Where the traffic of the feed goes, as Remote ID frames.")
+def mqtt(
+    broker: str,
+    source: str,
+    site: str,
+    prefix: str,
+    definition: str,
+    rate: float,
+    batch: bool,
+    password_file: Path | None,
+    ca_file: str | None,
+    home_assistant: bool,
+    feed: str | None,
+    relay: str | None,
+) -> int:
+    """Publish who is in the air, who meets whom and alerts on an MQTT broker, until Ctrl-C.
+
+    \b
+    ridlink mqtt --broker mqtt://127.0.0.1 --site field-1
+    mosquitto_sub -t 'ridlink/v1/field-1/#' -v
+
+    The connection comes back by itself; meanwhile the latest values wait. No topic steers a vehicle.
+    """
+    import asyncio
+    from importlib.metadata import version
+
+    from ridlink.links import parse_link_url
+    from ridlink.mqtt import Publisher, PublisherSettings, Topics, parse_broker_url
+    from ridlink.mqtt.bridge import Bridge
+    from ridlink.separation.definitions import Definition
+
+    try:
+        sized_by = Definition(definition)
+    except ValueError:
+        raise click.BadParameter(
+            f"{definition!r} is none of {', '.join(Definition)}", param_hint="--definition"
+        ) from None
+    if (feed is None) != (relay is None):
+        raise click.UsageError("--in and --relay belong together: from where on the broker, and to which link")
+    topics = Topics(site, prefix)
+    publisher = Publisher(
+        PublisherSettings(topics=topics, definition=sized_by, rate_hz=rate, batch=batch, home_assistant=home_assistant),
+        version("ridlink"),
+    )
+    broker_url, source_url = parse_broker_url(broker), parse_link_url(source)
+    relay_url = None if relay is None else parse_link_url(relay)
+    password = _password(password_file)
+
+    async def run() -> Bridge:
+        bridge = Bridge(
+            broker_url,
+            topics,
+            publisher,
+            source_url,
+            password=password,
+            ca_file=ca_file,
+            feed_topic=feed,
+            relay=relay_url,
+            on_event=lambda text: click.echo(f"ridlink: {text}", err=True),
+        )
+        await bridge.run(stopped_by_signals(asyncio.get_running_loop()))
+        return bridge
+
+    bridge = asyncio.run(run())
+    waited = bridge.outbox.replaced + bridge.outbox.dropped
+    click.echo(
+        f"{topics.root}: {bridge.counters['published']:,} messages, {bridge.counters['connections']} connections, "
+        f"{waited:,} overtaken by newer ones"
+    )
+    return EXIT_DONE
+
+
+def _password(file: Path | None) -> str | None:
+    """The password, from a file that only its owner can read, or from the environment.
+
+    Raises:
+        ConfigError: If others can read the file.
+    """
+    if file is None:
+        return os.environ.get(PASSWORD_VARIABLE)
+    if file.stat().st_mode & 0o077:
+        raise ConfigError(f"{file}: others can read it; chmod 600 {file}")
+    return file.read_text().rstrip("\n")

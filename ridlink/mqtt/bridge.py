@@ -1,0 +1,290 @@
+"""The only place that knows the MQTT library: connects, stays connected, sends what waits, hears what was asked for.
+
+A broker that is slow, away or hostile costs nothing but its own messages: they wait in the `Outbox`, which is bounded.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+import logging
+import random
+import ssl
+import time
+from collections import Counter
+from collections.abc import Callable
+
+from ridlink.errors import ConfigError, LinkError, MissingExtraError
+from ridlink.links import Link, LinkUrl, Scheme, open_link
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mqtt.broker_url import BrokerUrl
+from ridlink.mqtt.feed import Feed
+from ridlink.mqtt.outbox import Outbox
+from ridlink.mqtt.publisher import OFFLINE, Publisher
+from ridlink.mqtt.topics import Topics
+
+try:
+    import aiomqtt
+except ImportError as error:
+    raise MissingExtraError("mqtt", "publishing on a broker") from error
+
+STEP_S = 0.1
+FIRST_CONNECTION_S = 10.0
+"""A broker that does not answer for so long at the start is a mistake of the user's."""
+
+BACK_OFF_S = (1.0, 30.0)
+ANSWER_S = 10.0
+AT_ONCE = 32
+"""Messages on their way at the same time; more would only wait in the library, where nothing newer replaces them."""
+
+HEARTBEAT_EVERY_S = 1.0
+OBSERVER_SYSID, OBSERVER_COMPID = 255, 190
+MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE, MAVLINK_VERSION = 6, 8, 4, 3
+
+
+LIBRARY_LOG = logging.getLogger("ridlink.mqtt.library")
+"""What the library says to itself; what a user should know comes as an error and is told once."""
+LIBRARY_LOG.addHandler(logging.NullHandler())
+LIBRARY_LOG.propagate = False
+
+
+class BrokerError(LinkError):
+    """A broker that cannot be used."""
+
+
+class Bridge:
+    """From a link to a broker, and from a feed on the broker to a link.
+
+    Args:
+        broker: Where it is.
+        topics: Ours there.
+        publisher: What becomes of what is heard.
+        source: Link on which traffic is heard.
+        password: Of the broker's user.
+        ca_file: Certificates to trust with ``mqtts``, instead of the system's.
+        feed_topic: Topic filter of a foreign feed; None for none.
+        relay: Link to which the traffic of the feed goes.
+        on_event: Called with one line of text for what the user should see.
+
+    Attributes:
+        connected: Set while the broker is there, and the feed is subscribed to.
+        counters: ``published``, ``connections``, ``refused`` datagrams, what became of the feed.
+
+    Raises:
+        ConfigError: If the feed would be our own publication.
+    """
+
+    def __init__(
+        self,
+        broker: BrokerUrl,
+        topics: Topics,
+        publisher: Publisher,
+        source: LinkUrl,
+        *,
+        password: str | None = None,
+        ca_file: str | None = None,
+        feed_topic: str | None = None,
+        relay: LinkUrl | None = None,
+        on_event: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        if feed_topic is not None:
+            _refuse_own(feed_topic, topics)
+        self.counters: Counter[str] = Counter()
+        self.outbox = Outbox()
+        self.feed = Feed()
+        self.connected = asyncio.Event()
+        self._broker = broker
+        self._topics = topics
+        self._publisher = publisher
+        self._source = source
+        self._password = password
+        self._ca_file = ca_file
+        self._feed_topic = feed_topic
+        self._relay_url = relay
+        self._relay: Link | None = None
+        self._tell = on_event
+        self._waiting = asyncio.Event()
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Publish until told to stop.
+
+        Raises:
+            LinkError: If a link cannot be opened, or the broker cannot be reached at the start.
+        """
+        link = await open_link(self._source, self._heard)
+        try:
+            if self._relay_url is not None:
+                self._relay = await open_link(self._relay_url, lambda data, address: None)
+            tasks = [
+                asyncio.create_task(self._stay_connected()),
+                asyncio.create_task(self._keep_time(link)),
+                asyncio.create_task(stop.wait()),
+            ]
+            done, pending = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in pending:
+                task.cancel()
+            await asyncio.gather(*pending, return_exceptions=True)
+            for task in done:
+                task.result()
+        finally:
+            link.close()
+            if self._relay is not None:
+                self._relay.close()
+
+    def _heard(self, data: bytes, _: object) -> None:
+        now_s = time.monotonic()
+        for found in parse_datagram(data, CRC_EXTRAS):
+            if isinstance(found, Frame):
+                self._publisher.receive(found, now_s)
+            else:
+                self.counters["refused"] += 1
+
+    async def _keep_time(self, link: Link) -> None:
+        encoder = Encoder(OBSERVER_SYSID, OBSERVER_COMPID)
+        due_s = heartbeat_due_s = time.monotonic()
+        while True:
+            now_s = time.monotonic()
+            if self._source.scheme is Scheme.UDPOUT and now_s >= heartbeat_due_s:
+                heartbeat_due_s = now_s + HEARTBEAT_EVERY_S
+                link.send(
+                    encoder.encode(
+                        "HEARTBEAT",
+                        type=MAV_TYPE_GCS,
+                        autopilot=MAV_AUTOPILOT_INVALID,
+                        system_status=MAV_STATE_ACTIVE,
+                        mavlink_version=MAVLINK_VERSION,
+                    )
+                )
+            for message in self._publisher.step(now_s, time.time()):
+                self.outbox.put(message)
+            if len(self.outbox):
+                self._waiting.set()
+            due_s = max(due_s + STEP_S, now_s)
+            await asyncio.sleep(due_s - time.monotonic())
+
+    async def _stay_connected(self) -> None:
+        begun_s = time.monotonic()
+        wait_s = BACK_OFF_S[0]
+        while True:
+            try:
+                async with self._client() as client:
+                    self.counters["connections"] += 1
+                    wait_s = BACK_OFF_S[0]
+                    self._tell(f"connected to {self._broker}")
+                    await self._converse(client)
+            except (aiomqtt.MqttError, OSError) as error:
+                was_connected = self.connected.is_set()
+                self.connected.clear()
+                reason = _reason(error)
+                if not self.counters["connections"] and (
+                    _is_final(error) or time.monotonic() - begun_s > FIRST_CONNECTION_S
+                ):
+                    raise BrokerError(f"{self._broker}: {reason}") from error
+                if was_connected or not self.counters["connections"]:
+                    self._tell(f"{self._broker}: {reason}; trying again")
+                await asyncio.sleep(wait_s * random.uniform(0.5, 1.0))
+                wait_s = min(2.0 * wait_s, BACK_OFF_S[1])
+
+    def _client(self) -> aiomqtt.Client:
+        context = None
+        if self._broker.encrypted:
+            try:
+                context = ssl.create_default_context(cafile=self._ca_file)
+            except (OSError, ssl.SSLError) as error:
+                raise BrokerError(f"{self._ca_file}: no certificates: {_reason(error)}") from error
+        return aiomqtt.Client(
+            self._broker.host,
+            self._broker.port,
+            username=self._broker.user,
+            password=self._password,
+            will=aiomqtt.Will(self._topics.availability, OFFLINE, 1, True),
+            tls_context=context,
+            logger=LIBRARY_LOG,
+            timeout=ANSWER_S,
+            keepalive=10,
+        )
+
+    async def _converse(self, client: aiomqtt.Client) -> None:
+        for message in self._publisher.greeting():
+            await client.publish(message.topic, message.payload, message.qos, message.retain)
+        if self._feed_topic is not None:
+            await client.subscribe(self._feed_topic)
+        self.connected.set()
+        hearing = asyncio.create_task(self._hear(client))
+        sending = asyncio.create_task(self._send(client))
+        try:
+            done, _ = await asyncio.wait({hearing, sending}, return_when=asyncio.FIRST_EXCEPTION)
+            for task in done:
+                task.result()
+        finally:
+            for task in (hearing, sending):
+                task.cancel()
+            await asyncio.gather(hearing, sending, return_exceptions=True)
+            with contextlib.suppress(
+                aiomqtt.MqttError, OSError
+            ):  # at the end; else nobody hears it, and the will speaks
+                for message in self._publisher.farewell():
+                    await client.publish(message.topic, message.payload, message.qos, message.retain, timeout=1.0)
+
+    async def _send(self, client: aiomqtt.Client) -> None:
+        while True:
+            messages = list(itertools.islice(iter(self.outbox.take, None), AT_ONCE))
+            if not messages:
+                self._waiting.clear()
+                await self._waiting.wait()
+                continue
+            sent = await asyncio.gather(
+                *(client.publish(one.topic, one.payload, one.qos, one.retain) for one in messages),
+                return_exceptions=True,
+            )
+            for message, error in reversed(list(zip(messages, sent, strict=True))):
+                if error is not None:
+                    self.outbox.put_back(message)
+            self.counters["published"] += sum(error is None for error in sent)
+            for error in sent:
+                if error is not None:
+                    raise error
+
+    async def _hear(self, client: aiomqtt.Client) -> None:
+        async for message in client.messages:  # also how the loss of the connection shows
+            if self._relay is None or not isinstance(message.payload, bytes | bytearray):
+                continue
+            for frame in self.feed.frames(message.payload, time.time()):
+                self._relay.send(frame)
+
+
+def _refuse_own(feed_topic: str, topics: Topics) -> None:
+    try:
+        pattern = aiomqtt.Wildcard(feed_topic)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"feed topic {feed_topic!r}: is no topic filter, as in 'sensors/drone/+'") from error
+    own = (
+        topics.state("x"),
+        topics.batch,
+        topics.encounter(("x", "y")),
+        topics.info,
+        topics.availability,
+        topics.alert,
+    )
+    if any(aiomqtt.Topic(topic).matches(pattern) for topic in own):
+        raise ConfigError(f"feed topic {feed_topic!r}: would hear what this bridge publishes under {topics.root}")
+
+
+def _is_final(error: Exception) -> bool:
+    """Trying again cannot help: a wrong certificate or password."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, ssl.SSLError | BrokerError):
+            return True
+        cause = cause.__cause__ or cause.__context__
+    return isinstance(error, aiomqtt.MqttCodeError) and "not authori" in str(error).lower()
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return f"its certificate is not trusted: {error.verify_message}"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return str(error) or type(error).__name__

@@ -1,0 +1,57 @@
+"""Where a broker is: ``mqtt://HOST[:PORT]`` or, encrypted, ``mqtts://HOST[:PORT]``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from ridlink.errors import ConfigError
+
+PORTS = {"mqtt": 1883, "mqtts": 8883}
+
+
+@dataclass(frozen=True, slots=True)
+class BrokerUrl:
+    """A broker.
+
+    Args:
+        host: Name or address.
+        port: Port.
+        encrypted: TLS, with the certificate checked.
+        user: Who we are, None for nobody. The password never stands in a URL.
+    """
+
+    host: str
+    port: int
+    encrypted: bool
+    user: str | None = None
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{'mqtts' if self.encrypted else 'mqtt'}://{host}:{self.port}"
+
+
+def parse_broker_url(text: str) -> BrokerUrl:
+    """The broker that a URL names.
+
+    Raises:
+        ConfigError: If it is none; the text shows a right one.
+    """
+
+    def refuse(reason: str) -> ConfigError:
+        return ConfigError(f"broker {text.split('@')[-1]!r}: {reason}; write mqtt://127.0.0.1:1883")
+
+    try:
+        parts = urlsplit(text if "://" in text else f"none://{text}")
+        port = parts.port
+    except ValueError as error:
+        raise refuse(str(error)) from error
+    if parts.scheme not in PORTS:
+        raise refuse(f"'{parts.scheme}://' is no scheme for it" if parts.scheme != "none" else "no scheme")
+    if parts.password is not None:
+        raise ConfigError("broker: a password in a URL ends up in logs; use --password-file or RIDLINK_MQTT_PASSWORD")
+    if not parts.hostname:
+        raise refuse("no host")
+    if parts.path.strip("/") or parts.query or parts.fragment:
+        raise refuse("nothing may follow the port")
+    return BrokerUrl(parts.hostname, port or PORTS[parts.scheme], parts.scheme == "mqtts", parts.username)

@@ -1,0 +1,286 @@
+"""Frames in, messages for the broker out: states, encounters, alerts, who came and who went. No socket, no clock.
+
+The schema of every payload is in docs/mqtt.md; a payload is one JSON object without NaN, unknown is ``null``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from ridlink.errors import ConfigError
+from ridlink.mavlink.frames import Frame
+from ridlink.mqtt.outbox import Outgoing
+from ridlink.mqtt.topics import Topics
+from ridlink.observer import Aircraft, Encounter, EncounterLog, Phase, Scene, Sky, pair_discs, rings
+from ridlink.separation.chance import DEFAULT_ETA
+from ridlink.separation.definitions import Definition
+
+SCHEMA = 1
+ENCOUNTERS_EVERY_S = 0.1
+ONLINE, OFFLINE = b"online", b"offline"
+
+
+@dataclass(frozen=True, slots=True)
+class PublisherSettings:
+    """What is published.
+
+    Args:
+        topics: Where.
+        definition: What sizes the discs.
+        rate_hz: States of every aircraft a second.
+        batch: All states of an instant in one message, instead of one message each.
+        home_assistant: Announce every aircraft as a device tracker, too.
+        eta: Of ``chance`` only.
+
+    Raises:
+        ConfigError: If the rate is not above 0 and at most 10.
+    """
+
+    topics: Topics
+    definition: Definition = Definition.CANDIDATE2
+    rate_hz: float = 1.0
+    batch: bool = False
+    home_assistant: bool = False
+    eta: float = DEFAULT_ETA
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate_hz <= 10.0:
+            raise ConfigError(f"rate {self.rate_hz:g}: must be above 0 and at most 10 a second")
+
+
+class Publisher:
+    """Turns what is heard into what is published.
+
+    Args:
+        settings: What is published.
+        version: Of this program, for the ``info`` topic.
+
+    Attributes:
+        sky: Who is in the air.
+    """
+
+    def __init__(self, settings: PublisherSettings, version: str = "") -> None:
+        self.sky = Sky()
+        self._settings = settings
+        self._version = version
+        self._encounters = EncounterLog(settings.definition, eta=settings.eta)
+        self._states_due_s = -math.inf
+        self._encounters_due_s = -math.inf
+        self._known: dict[int, str] = {}
+        self._violating: set[tuple[str, str]] = set()
+        self._updated_s: dict[tuple[str, str], float] = {}
+        self._origin_told = False
+
+    def receive(self, frame: Frame, now_s: float) -> None:
+        """Take a frame."""
+        self.sky.receive(frame, now_s)
+
+    def greeting(self) -> list[Outgoing]:
+        """What is said after every connection: that we are there, and what is published."""
+        origin = self.sky.origin
+        info = {
+            "schema": SCHEMA,
+            "version": self._version,
+            "definition": str(self._settings.definition),
+            "rate_hz": self._settings.rate_hz,
+            "batch": self._settings.batch,
+            "origin_deg": None if origin is None else [origin.latitude_deg, origin.longitude_deg],
+        }
+        topics = self._settings.topics
+        known = [_availability(topics, name, online=True) for name in self._known.values()]
+        return [
+            Outgoing(topics.availability, ONLINE, 1, True),
+            Outgoing(topics.info, msgspec.json.encode(info), 1, True),
+            *known,
+        ]
+
+    def step(self, now_s: float, utc_s: float) -> list[Outgoing]:
+        """What is to be published now.
+
+        Args:
+            now_s: The clock of `receive`.
+            utc_s: Seconds since 1970-01-01 UTC, for those who read it.
+        """
+        out = self._arrivals_and_departures(now_s)
+        if now_s >= self._encounters_due_s:
+            self._encounters_due_s = now_s + ENCOUNTERS_EVERY_S
+            scene = self.sky.at(now_s)
+            out += self._meetings(scene, utc_s)
+            if now_s >= self._states_due_s:
+                self._states_due_s = now_s + 1.0 / self._settings.rate_hz - ENCOUNTERS_EVERY_S / 2.0
+                out += self._states(scene, utc_s)
+        return out
+
+    def farewell(self) -> list[Outgoing]:
+        """What is said at the end."""
+        return [Outgoing(self._settings.topics.availability, OFFLINE, 1, True)]
+
+    def _arrivals_and_departures(self, now_s: float) -> list[Outgoing]:
+        topics = self._settings.topics
+        self.sky.forget_silent(now_s)
+        present = {id(one): one.name for one in self.sky.aircraft.values()}
+        if present == self._known:
+            return []
+        out = [] if self._origin_told or self.sky.origin is None else self.greeting()
+        self._origin_told = self._origin_told or self.sky.origin is not None
+        before, now = set(self._known.values()), set(present.values())
+        out += [_availability(topics, name, online=False) for name in sorted(before - now)]
+        for name in sorted(now - before):
+            out.append(_availability(topics, name, online=True))
+            if self._settings.home_assistant:
+                out.append(_device_tracker(topics, name))
+        self._known = present
+        return out
+
+    def _states(self, scene: Scene, utc_s: float) -> list[Outgoing]:
+        definition, topics = self._settings.definition, self._settings.topics
+        outer = rings(scene, definition, eta=self._settings.eta)[:, 2]
+        nearest = _nearest(scene, pair_discs(scene, definition, eta=self._settings.eta))
+        at = {name: index for index, name in enumerate(scene.names)}
+        states = []
+        for one in self.sky.aircraft.values():
+            index = at.get(one.name)
+            if index is None:
+                continue
+            state = state_payload(one, scene.time_s, utc_s)
+            state |= {"definition": str(definition), "disc_radius_m": _rounded(outer[index]), "nearest": nearest[index]}
+            states.append((topics.state(one.name), state))
+        if self._settings.batch:
+            whole = {"schema": SCHEMA, "t": round(utc_s, 3), "states": [state for _, state in states]}
+            return [Outgoing(topics.batch, msgspec.json.encode(whole))] if states else []
+        return [Outgoing(topic, msgspec.json.encode(state)) for topic, state in states]
+
+    def _meetings(self, scene: Scene, utc_s: float) -> list[Outgoing]:
+        out = []
+        for phase, encounter in self._encounters.step(scene):
+            pair = encounter.pair
+            told_s = self._updated_s.get(pair, -math.inf)
+            if phase is not Phase.UPDATE or scene.time_s - told_s >= 1.0 / self._settings.rate_hz:
+                self._updated_s[pair] = scene.time_s
+                payload = self._encounter_payload(phase, encounter, scene.time_s, utc_s)
+                out.append(Outgoing(self._settings.topics.encounter(pair), msgspec.json.encode(payload), 1))
+            if phase is Phase.CLOSE:
+                self._updated_s.pop(pair, None)
+                self._violating.discard(pair)
+            elif encounter.entry_in_s == 0.0 and pair not in self._violating:
+                self._violating.add(pair)
+                out.append(self._alert(encounter, scene.time_s, utc_s))
+        return out
+
+    def _encounter_payload(self, phase: Phase, encounter: Encounter, now_s: float, utc_s: float) -> dict[str, Any]:
+        definition = self._settings.definition
+        return {
+            "schema": SCHEMA,
+            "t": round(utc_s, 3),
+            "phase": str(phase),
+            "uas": list(encounter.pair),
+            "definition": str(definition),
+            "opened_t": round(utc_s - (now_s - encounter.opened_s), 3),
+            "closest_t": _rounded(utc_s - (now_s - encounter.closest_s), 3),
+            "closest_m": _rounded(encounter.closest_m),
+            "margin_m": _rounded(encounter.margin_m.get(definition, math.inf)),
+            "entry_in_s": _rounded(encounter.entry_in_s),
+        }
+
+    def _alert(self, encounter: Encounter, now_s: float, utc_s: float) -> Outgoing:
+        payload = {
+            "schema": SCHEMA,
+            "t": round(utc_s, 3),
+            "kind": "mac" if encounter.collided else "disc_entered",
+            "uas": list(encounter.pair),
+            "definition": str(self._settings.definition),
+            "distance_m": _rounded(encounter.closest_m),
+        }
+        return Outgoing(self._settings.topics.alert, msgspec.json.encode(payload), 1, about="~".join(encounter.pair))
+
+
+def state_payload(one: Aircraft, now_s: float, utc_s: float) -> dict[str, Any]:
+    """One aircraft in the SI names that the decoder uses; unknown is None.
+
+    Args:
+        one: The aircraft.
+        now_s: The clock on which it was heard.
+        utc_s: The same instant, for those who read it.
+    """
+    report = one.report
+    velocity = report.velocity_ned_mps
+    direction = None
+    if velocity is not None and (velocity[0] or velocity[1]):
+        direction = round(math.degrees(math.atan2(velocity[1], velocity[0])) % 360.0, 1)
+    return {
+        "schema": SCHEMA,
+        "t": round(utc_s, 3),
+        "uas": one.name,
+        "source": "/".join(map(str, report.source)),
+        "ua_type": report.ua_type,
+        "status": report.status,
+        "latitude_deg": report.latitude_deg,
+        "longitude_deg": report.longitude_deg,
+        "altitude_geodetic_m": _rounded(report.altitude_geodetic_m),
+        "altitude_barometric_m": _rounded(report.altitude_barometric_m),
+        "height_m": _rounded(report.height_m),
+        "height_reference": report.height_reference,
+        "direction_deg": direction,
+        "speed_horizontal_mps": _rounded(report.speed_horizontal_mps),
+        "speed_vertical_mps": _rounded(report.climb_mps),
+        "horizontal_accuracy_m": _rounded(report.accuracy_bound_m),
+        "horizontal_error_m": _rounded(report.horizontal_error_m),
+        "vertical_error_m": _rounded(report.vertical_error_m),
+        "velocity_error_mps": _rounded(report.velocity_error_mps),
+        "airframe_size_m": _rounded(report.airframe_size_m),
+        "airframe_height_m": _rounded(report.airframe_height_m),
+        "update_interval_s": _rounded(one.interval_s, 3),
+        "avoiding": report.avoiding,
+        "age_s": round(max(0.0, now_s - one.last_heard_s), 3),
+    }
+
+
+def _nearest(scene: Scene, radius_m: np.ndarray[Any, np.dtype[np.float64]]) -> list[dict[str, Any] | None]:
+    """For each, who is nearest to its disc: name, distance and margin [m]."""
+    count = len(scene)
+    if count < 2:
+        return [None] * count
+    offset = scene.position_ne_m[None, :, :] - scene.position_ne_m[:, None, :]
+    distance = np.hypot(offset[..., 0], offset[..., 1])
+    margin = distance - radius_m
+    margin[scene.apart()] = np.inf
+    np.fill_diagonal(margin, np.inf)
+    who = margin.argmin(axis=1)
+    return [
+        None
+        if not np.isfinite(margin[i, j])
+        else {"uas": scene.names[j], "distance_m": _rounded(distance[i, j]), "margin_m": _rounded(margin[i, j])}
+        for i, j in enumerate(who)
+    ]
+
+
+def _availability(topics: Topics, name: str, *, online: bool) -> Outgoing:
+    return Outgoing(topics.aircraft_availability(name), ONLINE if online else OFFLINE, 1, True)
+
+
+def _device_tracker(topics: Topics, name: str) -> Outgoing:
+    """Announces an aircraft to Home Assistant, which shows it on its map."""
+    unique = "ridlink_" + "".join(character if character.isalnum() else "_" for character in name)
+    attributes = (
+        "{{ {'latitude': value_json.latitude_deg, 'longitude': value_json.longitude_deg, "
+        "'gps_accuracy': value_json.horizontal_error_m or 0, 'altitude_m': value_json.altitude_geodetic_m, "
+        "'speed_mps': value_json.speed_horizontal_mps} | tojson }}"
+    )
+    config = {
+        "name": name,
+        "unique_id": unique,
+        "source_type": "gps",
+        "json_attributes_topic": topics.state(name),
+        "json_attributes_template": attributes,
+        "availability_topic": topics.aircraft_availability(name),
+    }
+    return Outgoing(f"homeassistant/device_tracker/{unique}/config", msgspec.json.encode(config), 1, True)
+
+
+def _rounded(value: float | None, digits: int = 2) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(float(value), digits)

@@ -1,0 +1,58 @@
+"""Where on a broker what is published: ``{prefix}/v1/{site}/...``.
+
+Names come from strangers. In a topic every byte of them but letters, digits, ``-``, ``.`` and ``_`` is written as
+``%NN``, so that none can make a level, a wildcard or a control character.
+"""
+
+from __future__ import annotations
+
+from urllib.parse import quote
+
+from ridlink.errors import ConfigError
+
+VERSION = "v1"
+DEFAULT_PREFIX = "ridlink"
+LONGEST_NAME = 120
+
+
+def level(name: str) -> str:
+    """A name as one level of a topic."""
+    return quote(name[:LONGEST_NAME], safe="").replace("~", "%7E")
+
+
+class Topics:
+    """The topics of one site.
+
+    Args:
+        site: Where this picture is seen; the level at which many sites share a broker.
+        prefix: First levels; may contain ``/``.
+
+    Raises:
+        ConfigError: If one of them is empty or has a wildcard.
+    """
+
+    def __init__(self, site: str, prefix: str = DEFAULT_PREFIX) -> None:
+        for what, text in (("site", site), ("prefix", prefix)):
+            if not text or not text.isprintable() or set(text) & set("+#") or text.strip("/") != text:
+                raise ConfigError(f"{what} {text!r}: must be a name without + or #, as in {DEFAULT_PREFIX!r}")
+        self.root = f"{prefix}/{VERSION}/{level(site)}"
+        self.availability = f"{self.root}/availability"
+        """``online`` or ``offline``, retained, the latter also as last will."""
+        self.info = f"{self.root}/info"
+        """Version, definition, origin; retained."""
+        self.alert = f"{self.root}/alert"
+        """Discs entered, airframes that touched."""
+        self.batch = f"{self.root}/batch"
+        """All states of one instant."""
+
+    def state(self, name: str) -> str:
+        """Where an aircraft is."""
+        return f"{self.root}/uas/{level(name)}/state"
+
+    def aircraft_availability(self, name: str) -> str:
+        """Whether it is heard; retained."""
+        return f"{self.root}/uas/{level(name)}/availability"
+
+    def encounter(self, pair: tuple[str, str]) -> str:
+        """How two aircraft meet."""
+        return f"{self.root}/encounter/{level(pair[0])}~{level(pair[1])}"

@@ -1,0 +1,200 @@
+"""The bridge against a broker in this process, over TCP and UDP on loopback."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import socket
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import Any
+
+import pytest
+
+pytest.importorskip("aiomqtt", reason="needs ridlink[mqtt]")
+pytest.importorskip("amqtt", reason="needs amqtt, a broker")
+
+import aiomqtt
+from amqtt.broker import Broker
+
+from ridlink.errors import ConfigError
+from ridlink.links import open_link, parse_link_url
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mqtt import BrokerUrl, Publisher, PublisherSettings, Topics
+from ridlink.mqtt.bridge import Bridge, BrokerError
+from ridlink.observer import Sky
+from tests.observer.flights import Flyer, frames
+
+TOPICS = Topics("here")
+PATIENCE_S = 20.0
+SOURCE = parse_link_url("udpin:127.0.0.1:0")
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
+
+def free_port() -> int:
+    with socket.socket() as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
+
+
+@contextlib.asynccontextmanager
+async def a_broker(port: int) -> AsyncIterator[None]:
+    logging.getLogger("amqtt").setLevel(logging.CRITICAL)
+    logging.getLogger("transitions").setLevel(logging.CRITICAL)
+    broker = Broker(
+        {
+            "listeners": {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}"}},
+            "plugins": {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}},
+        }
+    )
+    await broker.start()
+    try:
+        yield
+    finally:
+        await broker.shutdown()
+
+
+class Heard:
+    """Everything published under the topics of a site."""
+
+    def __init__(self) -> None:
+        self.messages: list[tuple[str, bytes]] = []
+        self.changed = asyncio.Condition()
+
+    async def listen(self, port: int, ready: asyncio.Event) -> None:
+        async with aiomqtt.Client("127.0.0.1", port) as client:
+            await client.subscribe("ridlink/#")
+            ready.set()
+            async for message in client.messages:
+                async with self.changed:
+                    self.messages.append((str(message.topic), bytes(message.payload)))  # type: ignore[arg-type]
+                    self.changed.notify_all()
+
+    async def until(self, condition: Callable[[list[tuple[str, bytes]]], bool]) -> None:
+        async with self.changed:
+            await asyncio.wait_for(self.changed.wait_for(lambda: condition(self.messages)), PATIENCE_S)
+
+
+@contextlib.asynccontextmanager
+async def a_listener(port: int) -> AsyncIterator[Heard]:
+    heard, ready = Heard(), asyncio.Event()
+    task = asyncio.create_task(heard.listen(port, ready))
+    try:
+        await asyncio.wait_for(ready.wait(), PATIENCE_S)
+        yield heard
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+@contextlib.asynccontextmanager
+async def a_bridge(port: int, **options: Any) -> AsyncIterator[tuple[Bridge, Publisher]]:
+    publisher = Publisher(PublisherSettings(TOPICS, rate_hz=10.0))
+    bridge = Bridge(BrokerUrl("127.0.0.1", port, False), TOPICS, publisher, SOURCE, **options)
+    stop = asyncio.Event()
+    task = asyncio.create_task(bridge.run(stop))
+    connected = asyncio.create_task(bridge.connected.wait())
+    await asyncio.wait({task, connected}, timeout=PATIENCE_S, return_when=asyncio.FIRST_COMPLETED)
+    try:
+        if task.done():
+            task.result()
+        yield bridge, publisher
+    finally:
+        connected.cancel()
+        stop.set()
+        await asyncio.wait_for(asyncio.gather(task, return_exceptions=True), PATIENCE_S)
+
+
+def feed_the(publisher: Publisher) -> None:
+    now_s = time.monotonic()
+    for time_s, frame in frames([Flyer(1, (0.0, 0.0), (5.0, 0.0), b"ALPHA")], 1.0):
+        publisher.receive(frame, now_s + time_s - 1.0)
+
+
+def run(body: Callable[[], Awaitable[None]]) -> None:
+    asyncio.run(asyncio.wait_for(body(), 60.0))
+
+
+def test_states_arrive_and_the_end_is_announced() -> None:
+    async def body() -> None:
+        port = free_port()
+        async with a_broker(port), a_listener(port) as heard:
+            async with a_bridge(port) as (_, publisher):
+                feed_the(publisher)
+                await heard.until(lambda seen: any(topic == TOPICS.state("ALPHA") for topic, _ in seen))
+            await heard.until(lambda seen: (TOPICS.availability, b"offline") in seen)
+        assert (TOPICS.availability, b"online") in heard.messages
+        [state, *_] = [json.loads(payload) for topic, payload in heard.messages if topic == TOPICS.state("ALPHA")]
+        assert state["uas"] == "ALPHA"
+
+    run(body)
+
+
+def test_a_broker_that_comes_back_gets_the_newest_first_and_nobody_is_disturbed() -> None:
+    async def body() -> None:
+        port = free_port()
+        said: asyncio.Queue[str] = asyncio.Queue()
+        async with contextlib.AsyncExitStack() as life:
+            async with a_broker(port):
+                bridge, publisher = await life.enter_async_context(a_bridge(port, on_event=said.put_nowait))
+                feed_the(publisher)
+            while "trying again" not in await said.get():
+                continue
+            async with a_broker(port), a_listener(port) as heard:
+                feed_the(publisher)
+                await heard.until(lambda seen: any(topic == TOPICS.state("ALPHA") for topic, _ in seen))
+                assert bridge.counters["connections"] == 2
+                assert len(bridge.outbox) <= 1000
+
+    run(body)
+
+
+def test_the_feed_of_another_tool_becomes_remote_id_on_a_link() -> None:
+    async def body() -> None:
+        port, relayed = free_port(), asyncio.Queue[bytes]()
+        air = await open_link("udpin:127.0.0.1:0", lambda data, _: relayed.put_nowait(data))
+        relay = parse_link_url(f"udpout:127.0.0.1:{air.local_address[1]}")
+        async with (
+            a_broker(port),
+            a_bridge(port, feed_topic="sensors/+", relay=relay),
+            aiomqtt.Client("127.0.0.1", port) as client,
+        ):
+            await client.publish("sensors/a", b'{"id": "x", "lat": 47.0, "lon": 8.0}')
+            sky = Sky()
+            while not sky.aircraft:
+                for frame in parse_datagram(await relayed.get(), CRC_EXTRAS):
+                    assert isinstance(frame, Frame)
+                    sky.receive(frame, 0.0)
+            assert [one.report.latitude_deg for one in sky.aircraft.values()] == [47.0]
+        air.close()
+
+    run(body)
+
+
+def test_nobody_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ridlink.mqtt.bridge.FIRST_CONNECTION_S", 0.0)
+
+    async def body() -> None:
+        port = free_port()
+        with pytest.raises(BrokerError, match=rf"mqtt://127\.0\.0\.1:{port}: "):
+            async with a_bridge(port):
+                pass
+
+    run(body)
+
+
+@pytest.mark.parametrize("topic", ["ridlink/#", "#", "+/v1/here/uas/+/state", "bad/#/topic"])
+def test_our_own_topics_are_no_feed(topic: str) -> None:
+    async def body() -> None:
+        publisher = Publisher(PublisherSettings(TOPICS))
+        with pytest.raises(ConfigError, match="feed topic"):
+            Bridge(BrokerUrl("127.0.0.1", 1, False), TOPICS, publisher, SOURCE, feed_topic=topic)
+
+    run(body)

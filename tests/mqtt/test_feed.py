@@ -1,0 +1,88 @@
+"""A foreign feed: good aircraft become frames that a daemon takes, everything else is counted."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mqtt.feed import Feed
+from ridlink.observer import Aircraft, Sky
+
+UTC_S = 1_700_000_123.4
+
+
+def sky_of(payload: Any, feed: Feed | None = None) -> dict[str, Aircraft]:
+    sky = Sky()
+    raw = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
+    for data in (feed or Feed()).frames(raw, UTC_S):
+        for found in parse_datagram(data, CRC_EXTRAS):
+            assert isinstance(found, Frame) and found.checked
+            sky.receive(found, 0.0)
+    return {one.name: one for one in sky.aircraft.values()}
+
+
+def test_what_we_publish_ourselves_can_be_taken_at_another_site() -> None:
+    state = {
+        "uas": "ALPHA",
+        "latitude_deg": 47.4,
+        "longitude_deg": 8.5,
+        "altitude_geodetic_m": 550.0,
+        "speed_horizontal_mps": 10.0,
+        "direction_deg": 90.0,
+        "horizontal_error_m": 10.5,
+        "age_s": 0.4,
+    }
+    one = sky_of({"states": [state, state | {"uas": "BRAVO", "latitude_deg": 47.5}]})["ALPHA"].report
+    assert (one.latitude_deg, one.longitude_deg) == pytest.approx((47.4, 8.5))
+    assert one.velocity_ned_mps == pytest.approx((0.0, 10.0, 0.0), abs=0.01)
+    assert one.horizontal_error_m == 10.5
+    assert one.timestamp_s == pytest.approx((UTC_S - 0.4) % 3600.0, abs=0.06)
+    assert not one.avoiding
+
+
+def test_names_of_other_tools_are_understood_but_an_altitude_above_an_unknown_reference_is_none() -> None:
+    row = {"id": "drone-1", "lat": 47.4, "lon": 8.5, "alt": 600.0, "speed": 3.0, "track": 180}
+    one = sky_of(row)["drone-1"].report
+    assert one.altitude_geodetic_m is None
+    assert one.velocity_ned_mps == pytest.approx((-3.0, 0.0, 0.0), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("payload", "cause"),
+    [
+        (b"{", "not_json"),
+        (b"[" * 5000, "not_json"),
+        (b" " * 70_000, "too_long"),
+        (b"[1, null]", "not_an_object"),
+        (b'{"lat": 1, "lon": 1}', "without_identity"),
+        (b'{"id": "a", "lat": 0, "lon": 0}', "without_position"),
+        (b'{"id": "a", "lat": 91, "lon": 1}', "without_position"),
+        (b'{"id": "a", "lat": "47", "lon": 1}', "without_position"),
+        (b'{"id": "a", "lat": true, "lon": 1}', "without_position"),
+    ],
+)
+def test_what_is_no_aircraft_is_counted(payload: bytes, cause: str) -> None:
+    feed = Feed()
+    assert not sky_of(payload, feed)
+    assert feed.counters[cause] >= 1 and not feed.counters["aircraft"]
+
+
+values = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=30),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+keys = st.sampled_from(["id", "lat", "lon", "speed", "track", "age_s", "vspeed", "horizontal_error_m", "states", "x"])
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.dictionaries(keys, values, max_size=9) | values | st.binary(max_size=60))
+def test_nothing_in_a_feed_raises(payload: Any) -> None:
+    raw = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
+    sky_of(raw)

@@ -1,0 +1,57 @@
+"""What waits for a broker is bounded and new."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.mqtt.outbox import Outbox, Outgoing
+
+topics = st.sampled_from(["a", "b", "c", "d", "e"])
+
+
+def drained(outbox: Outbox) -> list[Outgoing]:
+    return list(iter(outbox.take, None))
+
+
+@given(st.lists(topics, max_size=60), st.integers(1, 4))
+def test_only_the_newest_of_each_topic_waits_and_never_more_than_there_is_room_for(put: list[str], room: int) -> None:
+    outbox = Outbox(room)
+    newest: dict[str, bytes] = {}
+    for number, topic in enumerate(put):
+        newest[topic] = b"%d" % number
+        outbox.put(Outgoing(topic, newest[topic]))
+        assert len(outbox) <= room
+    left = drained(outbox)
+    assert len({message.topic for message in left}) == len(left)
+    assert all(message.payload == newest[message.topic] for message in left)
+    assert len(left) + outbox.replaced + outbox.dropped == len(put)
+    # Those that remain are the ones written last.
+    last = sorted(newest, key=lambda topic: int(newest[topic]))[-room:]
+    assert [message.topic for message in left] == last
+
+
+def test_alerts_about_different_pairs_do_not_replace_each_other() -> None:
+    outbox = Outbox()
+    outbox.put(Outgoing("alert", b"1", about="a~b"))
+    outbox.put(Outgoing("alert", b"2", about="c~d"))
+    assert [message.payload for message in drained(outbox)] == [b"1", b"2"]
+
+
+def test_what_could_not_be_sent_goes_first_unless_there_is_something_newer() -> None:
+    outbox = Outbox()
+    outbox.put(Outgoing("a", b"1"))
+    outbox.put(Outgoing("b", b"2"))
+    taken = outbox.take()
+    assert taken is not None
+    outbox.put_back(taken)
+    assert [message.payload for message in drained(outbox)] == [b"1", b"2"]
+    outbox.put(Outgoing("a", b"3"))
+    outbox.put_back(taken)
+    assert [message.payload for message in drained(outbox)] == [b"3"]
+
+
+def test_no_room_at_all_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least 1"):
+        Outbox(0)

@@ -1,0 +1,93 @@
+"""What is published of what is heard."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from ridlink.errors import ConfigError
+from ridlink.mqtt import Publisher, PublisherSettings, Topics
+from ridlink.mqtt.outbox import Outgoing
+from tests.observer.flights import Flyer, frames
+
+TOPICS = Topics("here")
+ONE = Flyer(1, (-100.0, 0.0), (10.0, 0.0), b"ALPHA")
+TWO = Flyer(2, (100.0, 5.0), (-10.0, 0.0), b"BRA/VO#")
+UTC_S = 1_700_000_000.0
+
+
+def published(flyers: list[Flyer], until_s: float, **options: Any) -> list[Outgoing]:
+    publisher = Publisher(PublisherSettings(TOPICS, **options), "9.9")
+    out: list[Outgoing] = []
+    heard = list(frames(flyers, until_s))
+    for step in range(round(until_s * 10)):
+        now_s = round(0.1 * step, 6)
+        for time_s, frame in heard:
+            if time_s == now_s:
+                publisher.receive(frame, now_s)
+        out += publisher.step(now_s, UTC_S + now_s)
+    return out
+
+
+def of(messages: list[Outgoing], topic: str) -> list[Any]:
+    return [json.loads(message.payload) for message in messages if message.topic == topic]
+
+
+def test_states_have_the_names_of_the_decoder_and_no_nan() -> None:
+    states = of(published([ONE, TWO], 3.0), TOPICS.state("ALPHA"))
+    assert len(states) == 3, "one a second"
+    last = states[-1]
+    assert last["uas"] == "ALPHA" and last["source"] == "1/1"
+    assert last["t"] == pytest.approx(UTC_S + 2.0, abs=0.15)
+    assert last["direction_deg"] == 0.0 and last["speed_horizontal_mps"] == 10.0
+    assert last["horizontal_error_m"] == 10.5 and last["altitude_barometric_m"] is None
+    assert last["disc_radius_m"] == pytest.approx(0.3 + 10.5 + 1.0, abs=0.1)
+    assert last["nearest"]["uas"] == "BRA/VO#"
+    assert last["nearest"]["distance_m"] == pytest.approx(160.0, abs=3.0)
+
+
+def test_names_are_escaped_in_topics_only() -> None:
+    topics = {message.topic for message in published([ONE, TWO], 0.5)}
+    assert "ridlink/v1/here/uas/BRA%2FVO%23/state" in topics
+
+
+def test_a_batch_is_one_message_an_instant() -> None:
+    messages = published([ONE, TWO], 3.0, batch=True, rate_hz=2.0)
+    batches = of(messages, TOPICS.batch)
+    assert len(batches) == 6
+    assert [state["uas"] for state in batches[-1]["states"]] == ["ALPHA", "BRA/VO#"]
+    assert not of(messages, TOPICS.state("ALPHA"))
+
+
+def test_an_encounter_opens_is_followed_and_closes_and_a_disc_entered_is_one_alert() -> None:
+    messages = published([ONE, TWO], 20.0)
+    phases = [encounter["phase"] for encounter in of(messages, TOPICS.encounter(("ALPHA", "BRA/VO#")))]
+    assert phases[0] == "open" and phases[-1] == "close" and set(phases[1:-1]) == {"update"}
+    [alert] = of(messages, TOPICS.alert)
+    assert alert["kind"] == "disc_entered" and alert["uas"] == ["ALPHA", "BRA/VO#"]
+
+
+def test_who_comes_and_goes_is_retained_availability() -> None:
+    publisher = Publisher(PublisherSettings(TOPICS))
+    for time_s, frame in frames([ONE], 0.3):
+        publisher.receive(frame, time_s)
+    here = [message for message in publisher.step(0.3, UTC_S) if message.topic.endswith("ALPHA/availability")]
+    gone = [message for message in publisher.step(30.0, UTC_S) if message.topic.endswith("ALPHA/availability")]
+    assert [(one.payload, one.retain) for one in (*here, *gone)] == [(b"online", True), (b"offline", True)]
+    assert any(message.topic == TOPICS.availability for message in publisher.greeting())
+
+
+def test_home_assistant_gets_a_device_tracker_for_each() -> None:
+    messages = published([replace(ONE, identity=b"A+#/<b>")], 0.5, home_assistant=True)
+    [config] = [message for message in messages if message.topic.startswith("homeassistant/")]
+    assert config.topic == "homeassistant/device_tracker/ridlink_A____b_/config" and config.retain
+    assert json.loads(config.payload)["json_attributes_topic"] == TOPICS.state("A+#/<b>")
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, 11.0, float("nan")])
+def test_a_rate_that_is_none_is_refused(rate: float) -> None:
+    with pytest.raises(ConfigError, match="rate"):
+        PublisherSettings(TOPICS, rate_hz=rate)

@@ -1,0 +1,62 @@
+"""Names from the air make no levels, wildcards or control characters; wrong brokers are refused with a right one."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ridlink.errors import ConfigError
+from ridlink.mqtt import BrokerUrl, Topics, parse_broker_url
+
+TOPICS = Topics("field-1")
+
+
+@given(st.text(max_size=200))
+def test_no_name_leaves_its_level(name: str) -> None:
+    for topic in (TOPICS.state(name), TOPICS.aircraft_availability(name), TOPICS.encounter((name, name))):
+        assert topic.count("/") == TOPICS.root.count("/") + (3 if "/uas/" in topic else 2)
+        assert topic.isascii() and topic.isprintable()
+        assert not set(topic) & set("+#\0 ")
+        assert len(topic) < 65536
+
+
+def test_topics_are_those_of_the_documentation() -> None:
+    assert TOPICS.state("1/1") == "ridlink/v1/field-1/uas/1%2F1/state"
+    assert TOPICS.encounter(("A~B", "C")) == "ridlink/v1/field-1/encounter/A%7EB~C"
+    assert TOPICS.availability == "ridlink/v1/field-1/availability"
+
+
+@pytest.mark.parametrize("site", ["", "a/+/b", "#", "/a", "a\n"])
+def test_a_site_that_is_no_name_is_refused(site: str) -> None:
+    with pytest.raises(ConfigError, match="site"):
+        Topics(site)
+
+
+@pytest.mark.parametrize(
+    ("text", "broker"),
+    [
+        ("mqtt://127.0.0.1", BrokerUrl("127.0.0.1", 1883, False)),
+        ("mqtts://me@broker.example:8884", BrokerUrl("broker.example", 8884, True, "me")),
+        ("mqtt://[::1]:1884", BrokerUrl("::1", 1884, False)),
+    ],
+)
+def test_a_broker_is_read(text: str, broker: BrokerUrl) -> None:
+    assert parse_broker_url(text) == broker
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("127.0.0.1:1883", "no scheme"),
+        ("http://127.0.0.1", "is no scheme"),
+        ("mqtt://", "no host"),
+        ("mqtt://127.0.0.1:99999", "write mqtt://"),
+        ("mqtt://me:secret@127.0.0.1", "password-file"),
+        ("mqtt://127.0.0.1/topic", "nothing may follow"),
+    ],
+)
+def test_a_wrong_broker_is_refused_and_no_secret_is_repeated(text: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says) as caught:
+        parse_broker_url(text)
+    assert "secret" not in str(caught.value)
