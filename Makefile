@@ -35,7 +35,7 @@ $(VENV)/.installed: $(BIN)/python $(SOURCES)
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed
-	@echo "Installing the test extras (ruff, mypy, pytest, hypothesis, mavsdk, pyarrow) ..."
+	@echo "Installing the test extras (ruff, mypy, pytest, hypothesis, mavsdk, pyarrow, a broker, ...) ..."
 	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -e '.[dev,mavsdk,export]'
 	@touch $@
 
