@@ -11,6 +11,12 @@ Error models:
 - gauss-markov: correlated over 10 s, as real receivers wander; the stationary deviation is sigma.
 - bias: one draw for the whole flight.
 
+Neighbours see the same satellites through the same air: `common_share` of the variance is drawn once for the whole
+fleet, and cancels between any two of it.
+
+What is true and what a receiver says are two things. Through a jump (multipath) or a spoofer's pull-off it notices
+nothing, and its figures stay; `set_sigma` with a claim makes it lie all the time.
+
 Convention of the figures: ``h_acc_m`` is one standard deviation per horizontal axis, which is what PX4 and ArduPilot
 pass on from their receivers in GPS_RAW_INT. A disc of three of them holds 98.9 % of the positions in two dimensions.
 """
@@ -50,6 +56,18 @@ DRIFT_MPS2 = 0.06
 FIX_3D = 3
 NO_FIX = 0
 
+EKF_SHARE = 0.32
+"""Accuracy that PX4's estimator claims by the receiver's, as measured (0.29 m for 0.9 m)."""
+
+QUIET_RATIO = 0.05
+"""Innovation test ratio in quiet flight."""
+
+GATE_SIGMAS = 5.0
+"""PX4's EKF2_GPS_P_GATE: an innovation of so many standard deviations has a test ratio of one."""
+
+INNOVATION_S = 5.0
+"""Assumed time in which an estimator comes to believe a position that has jumped."""
+
 _BLOCK = 64
 _DRAWS = 7  # position, velocity, one spare for the radius: the same number for every model keeps velocities alike
 
@@ -62,6 +80,8 @@ class GnssReceivers:
         sigma_m: Standard deviation per horizontal axis, shape (n,); 0 = exact position (and velocity).
         seed: Seed of the run.
         interval_s: Time between two reports; errors change only there.
+        common_share: Share of the variance that all vehicles have in common.
+        time_constant_s: Correlation time of the gauss-markov model.
 
     Attributes:
         position_error_ned_m: Reported less true position now, shape (n, 3).
@@ -73,7 +93,14 @@ class GnssReceivers:
     """
 
     def __init__(
-        self, model: ErrorModel, sigma_m: npt.ArrayLike, *, seed: int | Sequence[int] = 1, interval_s: float = 0.1
+        self,
+        model: ErrorModel,
+        sigma_m: npt.ArrayLike,
+        *,
+        seed: int | Sequence[int] = 1,
+        interval_s: float = 0.1,
+        common_share: float = 0.0,
+        time_constant_s: float = CORRELATION_TIME_S,
     ) -> None:
         if model not in ERROR_MODELS:
             raise ValueError(f"unknown error model {model!r}: known are {', '.join(ERROR_MODELS)}")
@@ -82,6 +109,12 @@ class GnssReceivers:
             raise ValueError("sigma_m must be one finite, not negative figure for each vehicle")
         if not (math.isfinite(interval_s) and interval_s > 0.0):
             raise ValueError(f"interval_s must be positive and finite, not {interval_s}")
+        if not 0.0 <= common_share <= 1.0:
+            raise ValueError(f"common_share must be between 0 and 1, not {common_share}")
+        if common_share and model == "white-radial":
+            raise ValueError("white-radial has no common share: its sum with another is not half-normal any more")
+        if not (math.isfinite(time_constant_s) and time_constant_s > 0.0):
+            raise ValueError(f"time_constant_s must be positive and finite, not {time_constant_s}")
         count = len(self._sigma_m)
         self.model = model
         self.interval_s = interval_s
@@ -89,10 +122,17 @@ class GnssReceivers:
         self._generators = [vehicle_generator(seed, Stream.GNSS, index) for index in range(count)]
         self._draws = np.empty((count, _BLOCK, _DRAWS))
         self._drawn = _BLOCK
-        self._keep = math.exp(-interval_s / CORRELATION_TIME_S)
+        self._common = vehicle_generator(seed, Stream.GNSS_COMMON, 0)
+        self._common_share = common_share
+        self._keep = math.exp(-interval_s / time_constant_s)
         self._since_report_s = 0.0
         self._unit_error = np.zeros((count, 3))
         self._outage_s = np.zeros(count)
+        self._claimed_m = self._sigma_m.copy()
+        self._jump_m = np.zeros((count, 3))
+        self._pull_mps = np.zeros((count, 2))
+        self._pulled_m = np.zeros((count, 2))
+        self._innovation_m = np.zeros(count)
         self.position_error_ned_m: FloatArray = np.zeros((count, 3))
         self.velocity_error_ned_mps: FloatArray = np.zeros((count, 3))
         self._report(first=True)
@@ -100,6 +140,8 @@ class GnssReceivers:
     def step(self, dt_s: float) -> None:
         """Let time pass; a new error appears whenever a report is due."""
         self._outage_s[self.fix_type == NO_FIX] += dt_s
+        self._pulled_m += self._pull_mps * dt_s
+        self._innovation_m *= math.exp(-dt_s / INNOVATION_S)
         self._since_report_s += dt_s
         while self._since_report_s >= self.interval_s - 1e-9:
             self._since_report_s -= self.interval_s
@@ -108,28 +150,68 @@ class GnssReceivers:
     @property
     def h_acc_m(self) -> FloatArray:
         """What the receiver says of its horizontal accuracy: one standard deviation per axis, shape (n,)."""
-        return np.maximum(self._sigma_m, LEAST_REPORTED_M) + self._drift_m()
+        return np.maximum(self._claimed_m, LEAST_REPORTED_M) + self._drift_m()
 
     @property
     def v_acc_m(self) -> FloatArray:
         """What the receiver says of its vertical accuracy: one standard deviation, shape (n,)."""
-        return np.maximum(VERTICAL_RATIO * self._sigma_m, LEAST_REPORTED_M) + self._drift_m()
+        return np.maximum(VERTICAL_RATIO * self._claimed_m, LEAST_REPORTED_M) + self._drift_m()
 
     @property
     def vel_acc_mps(self) -> FloatArray:
         """What the receiver says of its velocity accuracy: one standard deviation per axis, shape (n,)."""
-        return np.where(self._sigma_m > 0.0, VELOCITY_SIGMA_MPS, LEAST_REPORTED_M)
+        return np.where(self._claimed_m > 0.0, VELOCITY_SIGMA_MPS, LEAST_REPORTED_M)
 
     @property
     def bound_3sigma_m(self) -> FloatArray:
-        """Three standard deviations per horizontal axis, shape (n,); 0 where the position is exact."""
-        return 3.0 * (self._sigma_m + self._drift_m())
+        """Three standard deviations per horizontal axis as claimed, shape (n,); 0 where the position is exact."""
+        return 3.0 * (self._claimed_m + self._drift_m())
 
-    def set_sigma(self, index: int, sigma_m: float) -> None:
-        """Another accuracy for one vehicle from its next report on."""
-        if not (math.isfinite(sigma_m) and sigma_m >= 0.0):
-            raise ValueError(f"sigma_m must be finite and not negative, not {sigma_m}")
+    @property
+    def ekf_h_acc_m(self) -> FloatArray:
+        """What PX4's estimator says of its horizontal accuracy, shape (n,): less than its receiver does."""
+        return EKF_SHARE * np.maximum(self._claimed_m, LEAST_REPORTED_M) + self._drift_m()
+
+    @property
+    def innovation_ratio(self) -> FloatArray:
+        """Test ratio of the estimator's horizontal position, shape (n,): above one, the receiver contradicts it."""
+        gate_m = GATE_SIGMAS * np.maximum(self._claimed_m, 1.0)
+        return QUIET_RATIO + (self._innovation_m / gate_m) ** 2
+
+    def set_sigma(self, index: int, sigma_m: float, claimed_m: float | None = None) -> None:
+        """Another accuracy for one vehicle from its next report on, and what it claims (the truth unless given)."""
+        for figure in (sigma_m, sigma_m if claimed_m is None else claimed_m):
+            if not (math.isfinite(figure) and figure >= 0.0):
+                raise ValueError(f"sigma_m must be finite and not negative, not {figure}")
         self._sigma_m[index] = sigma_m
+        self._claimed_m[index] = sigma_m if claimed_m is None else claimed_m
+
+    def set_jump(self, index: int, offset_ned_m: npt.ArrayLike) -> None:
+        """Put one vehicle's reports off by so much; its receiver does not notice. Zero ends it."""
+        offset = np.asarray(offset_ned_m, dtype=np.float64)
+        if offset.shape != (3,) or not np.all(np.isfinite(offset)):
+            raise ValueError("offset_ned_m must be three finite figures")
+        self._innovation_m[index] = np.hypot(*(offset - self._jump_m[index])[:2])
+        self._jump_m[index] = offset
+
+    def set_pull(self, index: int, velocity_ne_mps: npt.ArrayLike) -> None:
+        """Pull one vehicle's reports off at so much a second, as a spoofer does: position and velocity agree."""
+        velocity = np.asarray(velocity_ne_mps, dtype=np.float64)
+        if velocity.shape != (2,) or not np.all(np.isfinite(velocity)):
+            raise ValueError("velocity_ne_mps must be two finite figures")
+        self._pull_mps[index] = velocity
+
+    def release(self, index: int) -> None:
+        """The spoofer is gone, and the reports are where they would be without it."""
+        self._innovation_m[index] = np.hypot(*self._pulled_m[index])
+        self._pull_mps[index] = self._pulled_m[index] = 0.0
+
+    def restore(self, index: int, sigma_m: float) -> None:
+        """A receiver as at first: no outage, no jump, no spoofer, and the truth about its accuracy."""
+        self.set_outage(index, False)
+        self.set_jump(index, np.zeros(3))
+        self.release(index)
+        self.set_sigma(index, sigma_m)
 
     def set_outage(self, index: int, lost: bool) -> None:
         """Take the fix from one vehicle, or give it back; meanwhile the reported position drifts north, ever faster."""
@@ -151,6 +233,9 @@ class GnssReceivers:
     def _report(self, *, first: bool) -> None:
         draws = self._next_draws()
         fresh = draws[:, :3]
+        if self._common_share:
+            common = self._common.standard_normal(3)
+            fresh = math.sqrt(1.0 - self._common_share) * fresh + math.sqrt(self._common_share) * common
         match self.model:
             case "white":
                 self._unit_error = fresh.copy()
@@ -169,5 +254,7 @@ class GnssReceivers:
                     self._unit_error = fresh.copy()
         axes = np.array([1.0, 1.0, VERTICAL_RATIO])
         drift = self._drift_m()[:, None] * np.array([1.0, 0.0, 0.0])
-        self.position_error_ned_m = self._unit_error * self._sigma_m[:, None] * axes + drift
+        self.position_error_ned_m = self._unit_error * self._sigma_m[:, None] * axes + drift + self._jump_m
+        self.position_error_ned_m[:, :2] += self._pulled_m
         self.velocity_error_ned_mps = np.where(self._sigma_m > 0.0, VELOCITY_SIGMA_MPS, 0.0)[:, None] * draws[:, 3:6]
+        self.velocity_error_ned_mps[:, :2] += self._pull_mps

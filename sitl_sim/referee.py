@@ -90,7 +90,7 @@ class Verdict:
     """The judgement of one flight.
 
     Args:
-        vehicles: Number of vehicles.
+        vehicles: Number of vehicles, without ghosts.
         arrived: How many arrived, and did not collide on their way down.
         macs: Mid-air collisions (pairs).
         obstacle_hits: Vehicles that flew into an obstacle.
@@ -156,6 +156,7 @@ class Referee:
         vehicles = scenario.vehicles
         count = len(vehicles)
         self._goal_ne_m = np.array([vehicle.goal_ned_m[:2] for vehicle in vehicles]).reshape(count, 2)
+        self._is_ghost = [vehicle.ghost for vehicle in vehicles]
         self._airframe_m = np.array([vehicle.airframe_m for vehicle in vehicles], dtype=np.float64)
         self._height_m = np.array([vehicle.airframe_height_m for vehicle in vehicles], dtype=np.float64)
         self._polygons = [np.array(obstacle.polygon_ne_m) for obstacle in scenario.obstacles]
@@ -329,7 +330,7 @@ class Referee:
 
     def verdict(self) -> Verdict:
         """The judgement so far."""
-        details = tuple(self._result(index) for index in range(len(self._before)))
+        details = tuple(self._result(index) for index in range(len(self._before)) if not self._is_ghost[index])
         times = sorted(
             d.arrival_time_s for d in details if d.outcome is Outcome.ARRIVED and d.arrival_time_s is not None
         )

@@ -19,11 +19,21 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ridlink.scenario import Scenario
+from ridlink.scenario import Event, Scenario, Wind
 from ridlink.separation.volumes import unmac_radius
-from sitl_sim.gnss import ErrorModel, GnssReceivers
-from sitl_sim.referee import Referee, Verdict
-from sitl_sim.vehicle import TICK_S, FleetDynamics, model_for_speed
+from sitl_sim.faults import Faults, Machinery
+from sitl_sim.gnss import CORRELATION_TIME_S, ErrorModel, GnssReceivers
+from sitl_sim.referee import ARRIVAL_RADIUS_M, Referee, Verdict
+from sitl_sim.vehicle import (
+    MEASURED,
+    TICK_S,
+    FleetBattery,
+    FleetDynamics,
+    FleetWind,
+    Ideal,
+    load_airframe,
+    model_for_speed,
+)
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -37,6 +47,11 @@ TOUCHDOWN_MPS = 0.7
 
 FLARE_HEIGHT_M = 10.0
 """Height at which a landing slows down, PX4's MPC_LAND_ALT1."""
+
+
+ROUTE_POINT_M = 2.0
+ROUTE_LEAD_S = 0.3
+"""A route's next leg begins this near to its point, or this long before it."""
 
 
 class VehicleState(IntEnum):
@@ -64,6 +79,9 @@ class World:
         airborne: True: everybody hovers at its start and the mission begins at once. False: everybody stands below its
             start until ``lift_off``; ``begin_mission`` says when the mission begins.
         arrival: "land": who has arrived comes down and stands. "leave": it is gone at once, as in the paper.
+        gnss_common_share: Share of the variance of position errors that all vehicles have in common.
+        gnss_time_constant_s: Correlation time of "gauss-markov".
+        airframe: Type of the vehicles of which the scenario says nothing; None: the one that was measured.
         pair_radius: uNMAC radii of all pairs now, shape (n, n); Eq. 8 with true sizes and bounds unless given.
 
     Raises:
@@ -80,6 +98,9 @@ class World:
         sigma_m: float = 3.5,
         airborne: bool = True,
         arrival: Literal["land", "leave"] = "land",
+        gnss_common_share: float = 0.0,
+        gnss_time_constant_s: float = CORRELATION_TIME_S,
+        airframe: str | None = None,
         pair_radius: Callable[[World], FloatArray] | None = None,
     ) -> None:
         vehicles = scenario.vehicles
@@ -88,16 +109,43 @@ class World:
         if len(autopilots) != count:
             raise ValueError(f"{len(autopilots)} autopilots for {count} vehicles")
         position = np.array([vehicle.start_ned_m for vehicle in vehicles]).reshape(count, 3)
+        self.is_ghost: BoolArray = np.array([vehicle.ghost for vehicle in vehicles], dtype=np.bool_)
         if not airborne:
-            position[:, 2] = 0.0
-        models = [model_for_speed(name, vehicle.speed_mps) for name, vehicle in zip(autopilots, vehicles, strict=True)]
+            position[~self.is_ghost, 2] = 0.0
+        types = [vehicle.airframe or airframe for vehicle in vehicles]
+        models = [
+            Ideal() if vehicle.ghost else model_for_speed(name, vehicle.speed_mps, kind)
+            for name, vehicle, kind in zip(autopilots, vehicles, types, strict=True)
+        ]
         sigmas = [sigma_m if vehicle.sigma_m is None else vehicle.sigma_m for vehicle in vehicles]
         self.scenario = scenario
         self.time_s = 0.0
-        self.receivers = GnssReceivers(gnss, sigmas, seed=seed, interval_s=scenario.interval_s)
+        self.receivers = GnssReceivers(
+            gnss,
+            sigmas,
+            seed=seed,
+            interval_s=scenario.interval_s,
+            common_share=gnss_common_share,
+            time_constant_s=gnss_time_constant_s,
+        )
         self.state: IntArray = np.full(
             count, VehicleState.AIRBORNE if airborne else VehicleState.GROUNDED, dtype=np.int64
         )
+        self.state[self.is_ghost] = VehicleState.AIRBORNE
+        self.battery = FleetBattery(
+            [load_airframe(kind or MEASURED[name]).battery for name, kind in zip(autopilots, types, strict=True)]
+        )
+        self.radio_on: BoolArray = np.ones(count, dtype=np.bool_)
+        self.link_on: BoolArray = ~self.is_ghost
+        self._seed = seed
+        self._wind = FleetWind(scenario.wind, count, seed=seed, tick_s=TICK_S)
+        self.faults = Faults(
+            Machinery(self.receivers, sigmas, self.battery, self.radio_on, self.link_on, self.land, self.set_wind),
+            scenario.events,
+        )
+        self._ghost_rows = np.flatnonzero(self.is_ghost)
+        self._ghost_goals = np.array([v.goal_ned_m for v in vehicles if v.ghost]).reshape(-1, 3)
+        self._routes: dict[int, list[FloatArray]] = {}
         self._dynamics = FleetDynamics(models, position)
         self._referee = Referee(scenario, position)
         self._pair_radius = pair_radius or eq8_pair_radius
@@ -188,13 +236,14 @@ class World:
 
     @property
     def on_air(self) -> BoolArray:
-        """Whose radio works, shape (n,): everybody's but of those who are gone; for ``Air.place_vehicles``."""
-        return np.asarray(self.state != VehicleState.GONE)
+        """Who can be heard and hears, shape (n,), for ``Air.place_vehicles``: not who is gone, nor any ghost, which is
+        only what somebody else sends."""
+        return np.asarray((self.state != VehicleState.GONE) & self.radio_on & ~self.is_ghost)
 
     @property
     def active(self) -> BoolArray:
         """Who flies and has not arrived yet, shape (n,)."""
-        return np.asarray((self.state == VehicleState.AIRBORNE) & ~self.arrived)
+        return np.asarray((self.state == VehicleState.AIRBORNE) & ~self.arrived & ~self.is_ghost)
 
     @property
     def mission_time_s(self) -> float:
@@ -206,7 +255,9 @@ class World:
         """Whether everybody has arrived or collided, or the scenario's time is up."""
         if self._mission_from_s is None:
             return False
-        return self.mission_time_s >= self.scenario.duration_s or bool(np.all(self.arrived | self._referee.removed))
+        return self.mission_time_s >= self.scenario.duration_s or bool(
+            np.all(self.arrived | self._referee.removed | self.is_ghost)
+        )
 
     # --- what the caller does -----------------------------------------------------------------------------------------
 
@@ -235,10 +286,17 @@ class World:
         self._command[index] = velocity
 
     def fly_straight(self, index: int) -> None:
-        """Send one vehicle straight on from its start to its goal at cruise speed, as one that avoids nobody flies."""
+        """Send one vehicle straight on from its start to its goal at cruise speed, as one that avoids nobody flies; on
+        the way through the points of its route, if it has any."""
         vehicle = self.scenario.vehicles[index]
-        way = np.array(vehicle.goal_ned_m) - np.array(vehicle.start_ned_m)
-        self.command_velocity(index, way * (vehicle.speed_mps / max(float(np.linalg.norm(way)), 1e-9)))
+        points = [np.array(point) for point in (*vehicle.route_ned_m, vehicle.goal_ned_m)]
+        self._fly_leg(index, np.array(vehicle.start_ned_m), points[0])
+        self._routes[index] = points
+
+    def _fly_leg(self, index: int, start: FloatArray, end: FloatArray) -> None:
+        way = end - start
+        speed_mps = self.scenario.vehicles[index].speed_mps
+        self.command_velocity(index, way * (speed_mps / max(float(np.linalg.norm(way)), 1e-9)))
 
     def lift_off(self, index: int) -> None:
         """GROUNDED to AIRBORNE; it climbs when commanded to."""
@@ -255,18 +313,51 @@ class World:
         """Mission time counts from now, and what was judged before is forgotten."""
         self._mission_from_s = self.time_s
         self._referee.begin()
+        for index in np.flatnonzero(self.is_ghost).tolist():
+            self.fly_straight(index)
+
+    def inject(self, event: Event) -> None:
+        """Let something go wrong now, whatever time the event states.
+
+        Raises:
+            ValueError: If there is no such vehicle.
+        """
+        self.faults.inject(event)
+
+    def set_wind(self, wind: Wind) -> None:
+        """Another wind from now on."""
+        self._wind = FleetWind(wind, len(self.state), seed=self._seed, tick_s=TICK_S)
 
     # --- one tick -----------------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
         in_air = self.in_air
-        self._dynamics.step(self._commands(), TICK_S, in_air)
+        if self._mission_from_s is not None:
+            self.faults.step(self.mission_time_s)
+        if self._routes:
+            self._follow_routes()
+        self._wind.step()
+        self._dynamics.step(self._commands(), TICK_S, in_air, self._wind.velocity_ne_mps)
         self._touch_ground(in_air)
+        self.battery.step(self.velocity_ned_mps, in_air, TICK_S)
+        self.state[(self.battery.remaining <= 0.0) & (self.state == VehicleState.AIRBORNE)] = VehicleState.LANDING
         self.receivers.step(TICK_S)
         self._ticks += 1
         self.time_s = self._ticks * TICK_S
         if self._mission_from_s is not None:
             self._judge(in_air)
+
+    def _follow_routes(self) -> None:
+        """Who has come to a point of its route flies to the next one."""
+        for index, points in list(self._routes.items()):
+            if len(points) == 1 or self.state[index] != VehicleState.AIRBORNE:
+                del self._routes[index]
+                continue
+            here = self.position_ned_m[index]
+            lead_m = max(ROUTE_POINT_M, ROUTE_LEAD_S * self.scenario.vehicles[index].speed_mps)
+            if float(np.linalg.norm(points[0] - here)) <= lead_m:
+                points.pop(0)
+                self._fly_leg(index, here, points[0])
 
     def _commands(self) -> FloatArray:
         landing = self.state == VehicleState.LANDING
@@ -285,6 +376,8 @@ class World:
         self.state[below & down] = VehicleState.GROUNDED
 
     def _judge(self, in_air: BoolArray) -> None:
+        self._end_ghosts()
+        in_air = in_air & ~self.is_ghost
         active = in_air & self.active
         position, reported = self.position_ned_m, self.reported_position_ned_m
         collided = self._referee.observe(self.mission_time_s, TICK_S, position, reported, in_air=in_air, active=active)
@@ -295,6 +388,13 @@ class World:
         self.state[collided] = VehicleState.GONE
         done = self.arrived & (self.state == VehicleState.AIRBORNE)
         self.state[done] = VehicleState.LANDING if self._arrival == "land" else VehicleState.GONE
+
+    def _end_ghosts(self) -> None:
+        """A ghost that has come to its goal is sent no longer."""
+        if len(self._ghost_rows):
+            gap = self.position_ned_m[self._ghost_rows] - self._ghost_goals
+            there = np.hypot(gap[:, 0], gap[:, 1]) <= ARRIVAL_RADIUS_M
+            self.state[self._ghost_rows[there]] = VehicleState.GONE
 
 
 def eq8_pair_radius(world: World) -> FloatArray:

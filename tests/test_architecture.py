@@ -64,6 +64,7 @@ SANS_IO = (
     "ridlink.observer",
     "sitl_sim.vehicle",
     "sitl_sim.gnss",
+    "sitl_sim.faults",
     "sitl_sim.fleet",
     "sitl_sim.referee",
     "sitl_sim.world",

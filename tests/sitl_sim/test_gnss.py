@@ -71,6 +71,40 @@ def test_memory_of_the_models() -> None:
     assert correlation("bias", 60.0) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("time_constant_s", [3.0, 10.0, 60.0])
+def test_autocorrelation_of_gauss_markov_is_its_time_constant(time_constant_s: float) -> None:
+    receivers = GnssReceivers("gauss-markov", [3.5] * 3000, seed=5, time_constant_s=time_constant_s, interval_s=1.0)
+    errors = record(receivers, 12)[:, :, 0]
+    for lag in (1, 5, 10):
+        correlation = np.corrcoef(errors[0], errors[lag])[0, 1]
+        assert correlation == pytest.approx(math.exp(-lag / time_constant_s), abs=0.06)
+
+
+def test_errors_are_normal() -> None:
+    """Quantiles of the standard normal distribution, of many vehicles after a while."""
+    receivers = GnssReceivers("gauss-markov", [2.0] * 8000, seed=9)
+    receivers.step(3.0)
+    unit = receivers.position_error_ned_m[:, 1] / 2.0
+    for share, quantile in ((0.025, -1.95996), (0.1587, -1.0), (0.5, 0.0), (0.8413, 1.0), (0.975, 1.95996)):
+        assert np.mean(unit < quantile) == pytest.approx(share, abs=0.012)
+
+
+@pytest.mark.parametrize("model", ["white", "gauss-markov", "bias"])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
+def test_common_share_is_the_correlation_of_neighbours_and_leaves_sigma_alone(model: ErrorModel, share: float) -> None:
+    pairs = []
+    for seed in range(400):
+        receivers = GnssReceivers(model, [5.0, 5.0], seed=seed, common_share=share)
+        receivers.step(0.5)
+        pairs.append(receivers.position_error_ned_m[:, :2].copy())
+    errors = np.array(pairs)
+    one, other = errors[:, 0].ravel(), errors[:, 1].ravel()
+    assert np.corrcoef(one, other)[0, 1] == pytest.approx(share, abs=0.1)
+    assert one.std() == pytest.approx(5.0, rel=0.08)
+    # what two neighbours see of each other is what they do not share
+    assert (one - other).std() == pytest.approx(5.0 * math.sqrt(2.0 * (1.0 - share)), rel=0.08)
+
+
 def test_errors_change_only_when_a_report_is_due_however_time_is_cut() -> None:
     fine, coarse = (GnssReceivers("white", [5.0], seed=2, interval_s=0.1) for _ in range(2))
     first = fine.position_error_ned_m.copy()
@@ -132,6 +166,22 @@ def test_sigma_of_one_vehicle_can_be_changed() -> None:
 def test_impossible_receivers_are_refused(model: ErrorModel, sigma_m: list[float], interval_s: float) -> None:
     with pytest.raises(ValueError):
         GnssReceivers(model, sigma_m, interval_s=interval_s)
+
+
+@pytest.mark.parametrize("bad", [{"common_share": 1.5}, {"time_constant_s": 0.0}])
+def test_impossible_figures_are_refused(bad: dict[str, float]) -> None:
+    with pytest.raises(ValueError):
+        GnssReceivers("white", [1.0], **bad)  # type: ignore[arg-type]
+
+
+def test_a_radial_error_has_nothing_in_common() -> None:
+    with pytest.raises(ValueError, match="half-normal"):
+        GnssReceivers("white-radial", [1.0], common_share=0.5)
+
+
+def test_the_estimator_claims_less_than_the_receiver() -> None:
+    """Measured on PX4: 0.29 m beside h_acc 0.9 m."""
+    assert GnssReceivers("bias", [0.9]).ekf_h_acc_m == pytest.approx([0.29], abs=0.01)
 
 
 def test_paper_fleet_has_the_printed_distributions() -> None:

@@ -1,0 +1,223 @@
+"""What goes wrong: who is hit by it, when it ends, and what the vehicle says meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ridlink.scenario import EVENTS, Event, Scenario, VehicleSpec, Wind, event_of
+from sitl_sim.vehicle import TICK_S
+from sitl_sim.world import VehicleState, World
+
+
+def event(what: str, vehicle: int = 1, at_s: float = 0.0, **figures: float) -> Event:
+    return event_of({"what": what, "vehicle": vehicle, **figures}, "test", at_s=at_s)
+
+
+def world_of(*events: Event, vehicles: int = 3, **details: Any) -> World:
+    """Vehicles that hover 100 m apart, with exact receivers."""
+    specs = [
+        VehicleSpec((100.0 * k, 0.0, -50.0), (100.0 * k, 500.0, -50.0), **({"sigma_m": 0.0} | details))
+        for k in range(vehicles)
+    ]
+    return World(Scenario("faulty", 600.0, tuple(specs), events=events), gnss="bias")
+
+
+def error_m(world: World, index: int = 0) -> Any:
+    return (world.reported_position_ned_m - world.position_ned_m)[index]
+
+
+def test_an_event_happens_when_it_is_due_to_whom_it_names_and_ends() -> None:
+    world = world_of(event("gnss-outage", 2, at_s=1.0, duration_s=2.0))
+    world.step(0.98)
+    assert world.fix_type.tolist() == [3, 3, 3]
+    world.step(0.06)
+    assert world.fix_type.tolist() == [3, 0, 3]
+    world.step(1.9)
+    assert world.fix_type.tolist() == [3, 0, 3]
+    world.step(0.2)
+    assert world.fix_type.tolist() == [3, 3, 3]
+
+
+def test_vehicle_0_is_everybody() -> None:
+    world = world_of()
+    world.inject(event("gnss-outage", 0))
+    assert world.fix_type.tolist() == [0, 0, 0]
+    world.inject(event("gnss-restore", 0))
+    assert world.fix_type.tolist() == [3, 3, 3]
+
+
+def test_events_wait_for_the_mission() -> None:
+    world = World(replace(world_of(event("gnss-outage", at_s=1.0)).scenario), airborne=False)
+    world.step(5.0)
+    assert world.fix_type[0] == 3
+    world.begin_mission()
+    world.step(1.1)
+    assert world.fix_type[0] == 0
+
+
+def test_a_jump_shows_in_the_reports_and_in_no_figure_of_the_receiver() -> None:
+    world = world_of(sigma_m=2.0)
+    before, claimed = error_m(world), world.h_acc_m[0]
+    world.inject(event("gnss-jump", north_m=30.0, east_m=-10.0, duration_s=3.0))
+    assert world.receivers.innovation_ratio[0] > 1.0  # only the estimator is surprised
+    world.step(0.1)
+    assert error_m(world) - before == pytest.approx([30.0, -10.0, 0.0])
+    assert (world.h_acc_m[0], world.fix_type[0], world.bound_3sigma_m[0]) == (claimed, 3, 6.0)
+    world.step(3.1)
+    assert error_m(world) == pytest.approx(before)
+
+
+def test_a_spoofer_pulls_position_and_velocity_off_together() -> None:
+    world = world_of()
+    world.inject(event("gnss-spoof", north_mps=2.0, duration_s=10.0))
+    world.step(5.0)
+    assert error_m(world)[0] == pytest.approx(10.0, abs=0.25)
+    assert world.reported_velocity_ned_mps[0, 0] - world.velocity_ned_mps[0, 0] == pytest.approx(2.0)
+    assert world.h_acc_m[0] == pytest.approx(0.001)
+    world.step(6.0)
+    assert error_m(world) == pytest.approx([0.0, 0.0, 0.0])
+
+
+def test_a_receiver_can_err_more_than_it_claims() -> None:
+    world = world_of(sigma_m=1.0)
+    world.inject(event("gnss-sigma", sigma_m=20.0, claimed_m=1.0))
+    assert world.h_acc_m[0] == 1.0
+    world.step(0.1)
+    assert np.linalg.norm(error_m(world)) > 5.0
+    world.inject(event("gnss-sigma", sigma_m=20.0))
+    assert world.h_acc_m[0] == 20.0
+    world.inject(event("gnss-restore"))
+    assert world.h_acc_m[0] == 1.0
+
+
+def test_the_last_event_of_a_kind_counts() -> None:
+    world = world_of()
+    world.step(0.1)
+    world.inject(event("gnss-outage", duration_s=1.0))
+    world.step(0.5)
+    world.inject(event("gnss-outage"))
+    world.step(5.0)
+    assert world.fix_type[0] == 0
+    world.inject(event("radio-off", duration_s=1.0))
+    world.inject(event("radio-on"))
+    assert world.radio_on[0]
+
+
+@pytest.mark.parametrize("what, flags", [("radio", "radio_on"), ("link", "link_on")])
+def test_radio_and_link_go_off_and_on(what: str, flags: str) -> None:
+    world = world_of()
+    world.inject(event(f"{what}-off", 2, duration_s=1.0))
+    assert getattr(world, flags).tolist() == [True, False, True]
+    world.step(1.1)
+    assert getattr(world, flags).all()
+    world.inject(event(f"{what}-off", 2))
+    world.inject(event(f"{what}-on", 2))
+    assert getattr(world, flags).all()
+
+
+def test_whose_radio_is_off_is_not_on_the_air() -> None:
+    world = world_of()
+    world.inject(event("radio-off", 3))
+    assert world.on_air.tolist() == [True, True, False]
+
+
+def test_who_has_an_empty_battery_comes_down() -> None:
+    world = world_of(event("battery", 1, at_s=1.0, remaining=0.0))
+    world.step(2.0)
+    assert [VehicleState(state).name for state in world.state] == ["LANDING", "AIRBORNE", "AIRBORNE"]
+    world.step(120.0)
+    assert world.position_ned_m[0, 2] == 0.0 and world.state[0] == VehicleState.GROUNDED
+
+
+def test_a_forced_landing_is_a_landing() -> None:
+    world = world_of()
+    world.inject(event("forced-landing", 2))
+    assert world.state[1] == VehicleState.LANDING
+
+
+def test_a_wind_that_rises_blows_everybody() -> None:
+    world = world_of()
+    for index in range(3):
+        world.command_velocity(index, np.zeros(3))
+    world.step(2.0)
+    still = world.position_ned_m.copy()
+    world.inject(event("wind", north_mps=4.0))
+    world.step(1.0)
+    assert np.all((world.position_ned_m - still)[:, 0] > 0.5)
+
+
+def test_who_does_not_exist_cannot_fail() -> None:
+    with pytest.raises(ValueError, match="no vehicle 9"):
+        world_of().inject(event("gnss-outage", 9))
+
+
+@pytest.mark.parametrize("what", list(EVENTS))
+def test_every_event_can_be_injected_and_the_world_flies_on(what: str) -> None:
+    needed = {name: 0.5 for name, figure in EVENTS[what].items() if figure.default is None}
+    world = world_of(sigma_m=3.0)
+    world.inject(event(what, **needed))
+    world.step(50 * TICK_S)
+    assert np.all(np.isfinite(world.reported_position_ned_m))
+
+
+# --- ghosts, routes, wind in a world ----------------------------------------------------------------------------------
+
+
+def test_a_ghost_flies_its_route_hits_nobody_and_is_not_counted() -> None:
+    hovering = VehicleSpec((0.0, 50.0, -50.0), (900.0, 0.0, -50.0))
+    ghost = VehicleSpec(
+        (0.0, 0.0, -50.0),
+        (50.0, 50.0, -50.0),
+        route_ned_m=((0.0, 50.0, -50.0),),
+        ghost=True,
+        cooperative=False,
+    )
+    world = World(Scenario("haunted", 600.0, (hovering, ghost)))
+    world.step(4.0)
+    assert world.position_ned_m[1] == pytest.approx([0.0, 40.0, -50.0], abs=0.5)
+    world.step(3.0)
+    assert world.position_ned_m[1, 0] > 10.0 and world.position_ned_m[1, 1] == pytest.approx(50.0, abs=4.0)
+    world.step(5.0)
+    assert world.state[1] == VehicleState.GONE
+    verdict = world.verdict()
+    assert (verdict.vehicles, verdict.macs) == (1, 0)
+    assert world.on_air.tolist() == [True, False] and world.link_on.tolist() == [True, False]
+
+
+def test_who_avoids_nobody_flies_through_the_points_of_its_route() -> None:
+    route = ((100.0, 0.0, -50.0), (100.0, 100.0, -50.0))
+    spec = VehicleSpec((0.0, 0.0, -50.0), (0.0, 100.0, -50.0), cooperative=False, route_ned_m=route, sigma_m=0.0)
+    world = World(Scenario("around", 600.0, (spec,)), autopilot="ideal")
+    world.fly_straight(0)
+    nearest = [1e9, 1e9]
+    while not world.finished:
+        world.step(TICK_S)
+        for k, point in enumerate(route):
+            nearest[k] = min(nearest[k], float(np.linalg.norm(world.position_ned_m[0] - point)))
+    assert max(nearest) < 4.0 and world.arrived[0]
+    assert world.mission_time_s == pytest.approx(30.0, abs=1.5)
+
+
+def test_the_same_seed_is_the_same_truth_however_time_is_cut() -> None:
+    scenario = Scenario(
+        "gusty",
+        600.0,
+        tuple(VehicleSpec((20.0 * k, 0.0, -50.0), (20.0 * k, 500.0, -50.0), cooperative=False) for k in range(5)),
+        events=(event("gnss-jump", 2, at_s=1.0, north_m=5.0),),
+        wind=Wind((3.0, 0.0), 1.0),
+    )
+
+    def flown(cuts: int, seed: int = 7) -> Any:
+        world = World(scenario, seed=seed, gnss_common_share=0.5)
+        for index in range(5):
+            world.fly_straight(index)
+        for _ in range(cuts):
+            world.step(4.0 / cuts)
+        return np.concatenate([world.position_ned_m, world.reported_position_ned_m])
+
+    assert np.array_equal(flown(200), flown(4))
+    assert not np.array_equal(flown(200), flown(200, seed=8))
