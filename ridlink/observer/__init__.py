@@ -8,7 +8,7 @@ encounters  who comes near whom: opened, followed, closed
 from __future__ import annotations
 
 from ridlink.observer.discs import pair_discs, rings
-from ridlink.observer.encounters import Encounter, EncounterLog, Phase
+from ridlink.observer.encounters import Encounter, EncounterLog, Phase, closing_times
 from ridlink.observer.sky import Aircraft, Scene, Sky
 
-__all__ = ["Aircraft", "Encounter", "EncounterLog", "Phase", "Scene", "Sky", "pair_discs", "rings"]
+__all__ = ["Aircraft", "Encounter", "EncounterLog", "Phase", "Scene", "Sky", "closing_times", "pair_discs", "rings"]

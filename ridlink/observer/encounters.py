@@ -107,6 +107,7 @@ class EncounterLog:
         self._horizon_s = horizon_s
         self._eta = eta
         self._before: Scene | None = None
+        self._index: dict[str, int] = {}
 
     def step(self, scene: Scene) -> list[tuple[Phase, Encounter]]:
         """What changed since the scene before: encounters that opened, go on, or have closed.
@@ -115,12 +116,13 @@ class EncounterLog:
             scene: Everybody, later than the scene before.
         """
         before, self._before = self._before, scene
+        index_before, self._index = self._index, {name: at for at, name in enumerate(scene.names)}
+        index = self._index
         changes: list[tuple[Phase, Encounter]] = []
-        index = {name: at for at, name in enumerate(scene.names)}
         radius = {
             definition: pair_discs(scene, definition, eta=self._eta) for definition in self._definitions
         }  # fmt: skip
-        entry = _entries(scene, radius[self.definition])
+        entry = closing_times(scene, radius[self.definition])
         for i, j in zip(*np.nonzero(np.triu(entry <= self._horizon_s, 1)), strict=True):
             pair = _ordered(scene.names[i], scene.names[j])
             if pair not in self.open:
@@ -131,7 +133,9 @@ class EncounterLog:
             if pair[0] in index and pair[1] in index:
                 i, j = index[pair[0]], index[pair[1]]
                 encounter.entry_in_s = float(entry[i, j])
-                self._follow(encounter, scene, before, (i, j), {kind: float(radius[kind][i, j]) for kind in radius})
+                was = None if before is None else (index_before.get(pair[0]), index_before.get(pair[1]))
+                needed = {kind: float(radius[kind][i, j]) for kind in radius}
+                self._follow(encounter, scene, before, (i, j), was, needed)
                 clear_s = scene.time_s - encounter.last_alert_s
                 patience_s = ABANDONED_AFTER_S if _closing(scene, i, j) else CLOSES_AFTER_S
                 if clear_s <= patience_s:
@@ -163,14 +167,14 @@ class EncounterLog:
         scene: Scene,
         before: Scene | None,
         at: tuple[int, int],
+        was_at: tuple[int | None, int | None] | None,
         radius_m: dict[Definition, float],
     ) -> None:
         i, j = at
         now = scene.position_ne_m[j] - scene.position_ne_m[i]
         distance, when = float(np.hypot(*now)), scene.time_s
         lasted_s = 0.0
-        if before is not None and encounter.pair[0] in before.names and encounter.pair[1] in before.names:
-            was_at = before.names.index(encounter.pair[0]), before.names.index(encounter.pair[1])
+        if before is not None and was_at is not None and was_at[0] is not None and was_at[1] is not None:
             was = before.position_ne_m[was_at[1]] - before.position_ne_m[was_at[0]]
             lasted_s = scene.time_s - before.time_s
             share, distance = _nearest_of_segment(was, now)
@@ -199,8 +203,16 @@ def _ordered(one: str, other: str) -> tuple[str, str]:
     return (one, other) if one <= other else (other, one)
 
 
-def _entries(scene: Scene, radius_m: FloatArray) -> FloatArray:
-    """Time until each pair enters its disc if both fly on [s], 0 inside, infinite if never, shape (n, n)."""
+def closing_times(scene: Scene, radius_m: FloatArray) -> FloatArray:
+    """Time until each pair enters its disc if both fly on [s].
+
+    Args:
+        scene: Everybody, n of them.
+        radius_m: Radii of the discs of the pairs, shape (n, n).
+
+    Returns:
+        0 inside, infinite if never or at safely different heights, shape (n, n).
+    """
     position, velocity = scene.position_ne_m, scene.velocity_ne_mps
     offset = position[None, :, :] - position[:, None, :]
     relative = velocity[None, :, :] - velocity[:, None, :]
