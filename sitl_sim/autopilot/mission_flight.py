@@ -37,7 +37,8 @@ class MissionFlight:
     """The mission of one vehicle.
 
     Args:
-        px4: ArduPilot keeps home as item 0 and begins with item 1.
+        px4: ArduPilot's item 0 is home, and it begins with item 1. An item 0 that is no placeholder for home is flown
+            here: a real one would lose it, and MAVSDK's mission plugin with it its first waypoint.
         parameters: For the height of a take-off that the mission does not have.
         speeds: Its speeds; DO_CHANGE_SPEED changes them.
         nose: Its heading.
@@ -67,16 +68,13 @@ class MissionFlight:
         self.current = 0
         self.reached: list[int] = []
         self.is_flown = False
+        self._first = 0
         self._begun = self._complete = self._held = False
         self._leg: Guidance | None = None
         self._until_s: float | None = None
         self._jumps: dict[int, int] = {}
 
     # --- the plan -----------------------------------------------------------------------------------------------------
-
-    @property
-    def _first(self) -> int:
-        return 0 if self._px4 else 1
 
     @property
     def exists(self) -> bool:
@@ -91,8 +89,10 @@ class MissionFlight:
 
     def load(self, items: Sequence[MissionItem]) -> None:
         """Fly these from the first on."""
-        if items and not self._px4:
+        begins_with_home = bool(items) and not self._px4 and _is_home(items[0])
+        if begins_with_home:
             items = [self._home_item(), *items[1:]]
+        self._first = int(begins_with_home)
         self.plan = tuple(items)
         self._rewind()
 
@@ -251,3 +251,8 @@ class MissionFlight:
             return estimate.north_m, estimate.east_m
         north, east, _ = ned_from_geodetic(*where, self._scenario_home.altitude_m, self._scenario_home).tolist()
         return north, east
+
+
+def _is_home(item: MissionItem) -> bool:
+    """Whether an item 0 stands for home, as clients of ArduPilot write it."""
+    return item.command == Item.WAYPOINT and (item.is_above_sea or item.latitude_longitude_deg is None)

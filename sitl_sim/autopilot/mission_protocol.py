@@ -3,7 +3,7 @@
 An upload replaces the mission when its last item has come and all were good; whatever goes wrong before leaves the old
 one in place. Only one peer uploads at a time. Reading needs no state: every item is answered for itself.
 
-ArduPilot keeps home as item 0, whatever was uploaded there.
+ArduPilot keeps home as item 0, see `mission_flight`.
 
 Source: https://mavlink.io/en/services/mission.html
 """

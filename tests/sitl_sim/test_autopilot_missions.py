@@ -66,7 +66,7 @@ def download(flight: Flight) -> list[Message]:
 
 def planned(flavour: str, items: list[Any]) -> list[Any]:
     """As clients write it: ArduPilot's item 0 is home."""
-    return items if flavour == "px4" else [item(), *items]
+    return items if flavour == "px4" else [at_once(WAYPOINT, frame=0), *items]
 
 
 def start(flight: Flight) -> int:
@@ -98,13 +98,14 @@ def holding(flavour: str) -> Flight:
 @pytest.mark.parametrize("name", ["MISSION_ITEM_INT", "MISSION_ITEM"])
 def test_what_was_written_is_read_back(flavour: str, name: str) -> None:
     flight = holding(flavour)
-    items = [item(), item(north=10.0, param2=1.5, param4=NAN), at_once(SPEED, param1=1.0, param2=3.0), item(LAND)]
+    home = item(frame=0)
+    items = [home, item(north=10.0, param2=1.5, param4=NAN), at_once(SPEED, param1=1.0, param2=3.0), item(LAND)]
     sent = items
     if name == "MISSION_ITEM":
         sent = [{**each, "x": each.get("x", 0) / 1e7, "y": each.get("y", 0) / 1e7} for each in items]
     assert upload(flight, sent, name) == MissionResult.ACCEPTED
     back = download(flight)
-    first = 0 if flavour == "px4" else 1  # item 0 of ArduPilot is home, whatever was written there
+    first = 0 if flavour == "px4" else 1  # item 0 of ArduPilot is home, wherever it was said to be
     for seq, (message, wanted) in enumerate(zip(back, items, strict=True)):
         assert (message.seq, message.command) == (seq, wanted["command"])
         if seq >= first:
@@ -286,6 +287,14 @@ def test_ardupilot_wants_a_takeoff_item_and_the_command_to_start() -> None:
     advance_until(flight, lambda: not flight.armed)
     assert reached(flight) == [1, 2]
     assert flight.command(ARM, 1) == FAILED  # AUTO is no mode to arm in
+
+
+def test_ardupilot_flies_an_item_0_that_is_not_home() -> None:
+    flight = holding("ardupilot")
+    assert upload(flight, [item(north=3.0), item(east=3.0)]) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    advance_until(flight, lambda: reached(flight) == [0, 1])
+    assert [message.frame for message in download(flight)] == [3, 3]
 
 
 def test_px4_arms_for_the_command_to_start() -> None:
