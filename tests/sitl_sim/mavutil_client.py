@@ -1,6 +1,7 @@
 """Clients of pymavlink's mavutil, run as a process of their own because its dialect is a matter of the whole process.
 
     python mavutil_client.py fly ardupilot 127.0.0.1:PORT    arm, take off, fly north at 3 m/s, land
+    python mavutil_client.py plan ardupilot 127.0.0.1:PORT   all parameters, a mission up and down, velocities by mask
     python mavutil_client.py listen 127.0.0.1:PORT SYSTEMS   hear LOCATIONs on the air until all system ids have spoken
 
 The last line on stdout is a JSON object with what was seen.
@@ -83,6 +84,66 @@ def fly(flavour: str, address: str) -> dict[str, Any]:
     }
 
 
+MASKS = ((0x0DC7, 1), (0x05C7, 1), (0x0FC7, 8))
+"""Velocity as ArduPilot's documents, its velocity with a yaw rate, and MAVProxy write it, with the frame."""
+
+
+def plan(flavour: str, address: str) -> dict[str, Any]:
+    """With a vehicle that hovers and obeys setpoints."""
+    link = connect(address, "ardupilotmega")
+    assert link.wait_heartbeat(timeout=PATIENCE_S) is not None
+    link.param_fetch_all()
+    names: set[str] = set()
+
+    def note(message: Any) -> bool:
+        names.add(message.param_id)
+        return len(names) == message.param_count
+
+    until(link, "PARAM_VALUE", note)
+    name = "RTL_ALT" if flavour == "ardupilot" else "RTL_RETURN_ALT"
+    link.param_set_send(name, 45)  # as REAL32, whatever the parameter is
+    value = until(link, "PARAM_VALUE", lambda message: message.param_id == name and message.param_value == 45)
+
+    moved = []
+    for mask, frame in MASKS:
+
+        def at_speed(speed: float, mask: int = mask, frame: int = frame) -> float:
+            def stream() -> None:
+                link.mav.set_position_target_local_ned_send(0, 1, 1, frame, mask, 0, 0, 0, speed, 0, 0, 0, 0, 0, 0, 0)
+
+            vx: float = until(link, "LOCAL_POSITION_NED", lambda message: abs(message.vx - speed) < 0.35, stream).vx
+            return vx
+
+        moved.append([mask, round(at_speed(2.0)), round(at_speed(0.0))])
+
+    items = [
+        (16, 0, 47.3977, 8.5456, 0.0),
+        (16, 3, 47.39771, 8.5456, 50.0),
+        (178, 2, 0, 0, 0),
+        (21, 3, 47.3977, 8.5456, 0),
+    ]
+    link.waypoint_count_send(len(items))
+    dialogue = ["MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"]
+    while True:
+        asked = link.recv_match(type=dialogue, blocking=True, timeout=PATIENCE_S)
+        if asked.get_type() == "MISSION_ACK":
+            break
+        command, in_frame, latitude, longitude, height = items[asked.seq]
+        place = round(latitude * 1e7), round(longitude * 1e7), height
+        link.mav.mission_item_int_send(1, 1, asked.seq, in_frame, command, 0, 1, 1, 2, 0, 0, *place)
+    result = asked.type
+    link.waypoint_request_list_send()
+    count = until(link, "MISSION_COUNT", lambda message: True).count
+    back = []
+    for seq in range(count):
+        link.mav.mission_request_int_send(1, 1, seq)
+        back.append(until(link, "MISSION_ITEM_INT", lambda _: True).command)
+    link.mav.mission_ack_send(1, 1, 0)
+    link.waypoint_clear_all_send()
+    cleared = until(link, "MISSION_ACK", lambda message: True).type
+    return {"parameters": len(names), "set": value.param_value, "moved": moved, "mission": [result, back, cleared]}
+
+
 def listen(address: str, systems: int) -> dict[str, Any]:
     link = connect(address, "common")
     heard: dict[int, list[int]] = {}
@@ -96,5 +157,8 @@ def listen(address: str, systems: int) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    seen = fly(sys.argv[2], sys.argv[3]) if sys.argv[1] == "fly" else listen(sys.argv[2], int(sys.argv[3]))
-    print(json.dumps(seen))
+    act, *arguments = sys.argv[1:]
+    if act == "listen":
+        print(json.dumps(listen(arguments[0], int(arguments[1]))))
+    else:
+        print(json.dumps({"fly": fly, "plan": plan}[act](*arguments)))

@@ -7,19 +7,33 @@ from pathlib import Path
 
 import pytest
 
+from ridlink.scenario import built_in
 from sitl_sim.server import FleetServer
-from tests.sitl_sim.test_server import fly_both_autopilots, run_client
+from tests.sitl_sim.test_server import fly, fly_both_autopilots, run_client
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("mavsdk") is None, reason="the extra mavsdk is not installed")
 
 CLIENT = Path(__file__).with_name("mavsdk_client.py")
 
 
-def test_mavsdk_arms_takes_off_flies_offboard_and_lands() -> None:
+def test_mavsdk_does_with_either_autopilot_all_that_it_can() -> None:
     async def act(server: FleetServer) -> None:
-        seen = await run_client(f"127.0.0.1:{server.ports.vehicles[0]}", client=CLIENT)
+        seen = await run_client("fly", f"127.0.0.1:{server.ports.vehicles[0]}", client=CLIENT)
         assert seen["home_deg"] == pytest.approx([47.39864, 8.545594], abs=1e-4)
-        assert seen["height_m"] > 1.5 and seen["speed_mps"] > 2.0 and seen["in_air"]
+        assert seen["height_m"] > 1.5 and seen["speed_mps"] > 1.8 and seen["in_air"]
+        assert seen["east_m"] == pytest.approx(3.0, abs=0.7) and seen["goto_m"] == pytest.approx(-3.0, abs=0.8)
+        count = 12 if server.config.autopilot == "ardupilot" else 14
+        assert seen["parameters"] == [45.5, 4321, count]
+        assert seen["mission"] == {"read_back": [0.0, 1.0, 2.0, 3.0, 4.0], "progress": [5, 5]}
         assert not server.autopilots[0].pilot.armed
 
     fly_both_autopilots(act)
+
+
+def test_twenty_vehicles_take_off_and_land_at_once() -> None:
+    async def act(server: FleetServer) -> None:
+        addresses = [f"127.0.0.1:{port}" for port in server.ports.vehicles]
+        assert (await run_client("many", *addresses, client=CLIENT))["landed"] == list(range(1, 21))
+
+    server = fly(built_in("circle8", 20), act, sigma_m=0.0)
+    assert not any(autopilot.pilot.armed for autopilot in server.autopilots)

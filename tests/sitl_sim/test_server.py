@@ -40,9 +40,9 @@ def fly(scenario: Scenario, act: Callable[[FleetServer], Awaitable[None]], **con
     return server
 
 
-def fly_both_autopilots(act: Callable[[FleetServer], Awaitable[None]]) -> None:
+def fly_both_autopilots(act: Callable[[FleetServer], Awaitable[None]], start: Start = Start.GROUND) -> None:
     """Run one vehicle of each autopilot at the same time: these flights take as long as flights take."""
-    configs = [FleetConfig(autopilot=flavour, sigma_m=0.0, **ANY_PORT) for flavour in ("px4", "ardupilot")]
+    configs = [FleetConfig(autopilot=flavour, sigma_m=0.0, start=start, **ANY_PORT) for flavour in ("px4", "ardupilot")]
 
     async def fly_them() -> None:
         await asyncio.gather(*(run(FleetServer(built_in("circle8", 1), config), act) for config in configs))
@@ -55,7 +55,7 @@ async def run(server: FleetServer, act: Callable[[FleetServer], Awaitable[None]]
     stop = asyncio.Event()
     flying = asyncio.create_task(server.run(stop))
     try:
-        await asyncio.wait_for(act(server), 30.0)
+        await asyncio.wait_for(act(server), 60.0)
     finally:
         stop.set()
         await flying
@@ -145,6 +145,17 @@ def test_mavutil_arms_takes_off_flies_and_lands() -> None:
         assert seen["packet_loss"] == 0
 
     fly_both_autopilots(act)
+
+
+def test_mavutil_fetches_parameters_obeys_its_masks_and_writes_missions() -> None:
+    async def act(server: FleetServer) -> None:
+        flavour = server.config.autopilot
+        seen = await run_client("plan", flavour, f"127.0.0.1:{server.ports.vehicles[0]}")
+        assert seen["parameters"] == (12 if flavour == "ardupilot" else 14) and seen["set"] == 45.0
+        assert seen["moved"] == [[0x0DC7, 2, 0], [0x05C7, 2, 0], [0x0FC7, 2, 0]]
+        assert seen["mission"] == [0, [16, 16, 178, 21], 0]
+
+    fly_both_autopilots(act, Start.AIRBORNE)
 
 
 def test_stock_listener_on_the_air_hears_every_vehicle() -> None:
