@@ -77,6 +77,7 @@ class Conditions:
         latitude_deg: Own latitude.
         since_last_step_s: Time since the last step.
         stalled: The watchdog saw the loop stand still.
+        warming: The kernels that decide are still being compiled or loaded.
         own_jumped: The own position jumped a moment ago: it is wrong, or it was.
         other_writer: Somebody else sends setpoints, and was there first or does not give way.
         has_goal: There is somewhere to go.
@@ -93,6 +94,7 @@ class Conditions:
     latitude_deg: float = 0.0
     since_last_step_s: float = 0.0
     stalled: bool = False
+    warming: bool = False
     own_jumped: bool = False
     other_writer: bool = False
     has_goal: bool = False
@@ -167,6 +169,8 @@ def _doubt(seen: Conditions, settings: FailsafeSettings) -> str:
         return "the loop paused"
     if not seen.own_state_age_s <= settings.hold_after_s:
         return "own state is stale"
+    if seen.warming:
+        return "kernels are being loaded"
     if seen.own_jumped:
         return "own position jumped"
     if not abs(seen.latitude_deg) <= settings.max_latitude_deg:

@@ -59,6 +59,7 @@ def test_nothing_engages_unasked() -> None:
         ({"since_last_step_s": 0.6}, "paused"),
         ({"stalled": True}, "paused"),
         ({"own_jumped": True}, "jumped"),
+        ({"warming": True}, "kernels"),
         ({"deciding_fails": True}, "decisions"),
     ],
 )
@@ -155,6 +156,7 @@ conditions = st.builds(
     latitude_deg=st.sampled_from([0.0, 86.0]),
     since_last_step_s=st.sampled_from([0.1, 0.6]),
     stalled=st.booleans(),
+    warming=st.booleans(),
     own_jumped=st.booleans(),
     other_writer=st.booleans(),
     has_goal=st.booleans(),
@@ -169,7 +171,14 @@ def test_decisions_are_streamed_only_to_an_armed_vehicle_in_its_mode(seen: list[
         before, rung = rung, advance(rung, step)
         if rung.stream is Stream.DECISION:
             assert step.armed and step.external_mode and step.own_state_age_s <= 1.0 and step.autopilot_heard_s <= 3.0
-            assert not (step.stalled or step.own_jumped or step.other_writer or step.rebooted or step.deciding_fails)
+            assert not (
+                step.stalled
+                or step.warming
+                or step.own_jumped
+                or step.other_writer
+                or step.rebooted
+                or step.deciding_fails
+            )
             assert before.state in (State.ENGAGED, State.HOLD)
         if rung.stream is Stream.ZERO:
             assert step.armed and step.autopilot_heard_s <= 3.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import json
 import os
 import queue
@@ -134,6 +135,16 @@ def avoid(config_file: str | None, replayed: str | None, print_config: bool, as_
         ridlink avoid --goal 47.39,8.54,100
         ridlink avoid --vehicle udpin:0.0.0.0:14540 --standby --config vehicle.toml --log flight.tlog
     """
+    gc.disable()  # until the daemon runs: nothing of what is imported now is garbage, and looking for it takes a sixth
+    try:
+        return _avoid(config_file, replayed, print_config, as_json, options)
+    finally:
+        gc.enable()
+
+
+def _avoid(
+    config_file: str | None, replayed: str | None, print_config: bool, as_json: bool, options: dict[str, Any]
+) -> int:
     from ridlink.daemon.config import FlatConfig, as_toml, daemon_config, overridden, read_config_file
 
     if replayed is not None:

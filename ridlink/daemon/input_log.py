@@ -5,7 +5,8 @@ was, and decisions depend on all three. This log does: MessagePack, one array a 
 
     ["ridlink-input", 1, configuration as TOML]
     ["v" | "a", now_s, utc_s or nil, address or nil, bytes]     a datagram of the vehicle link, of the air
-    ["s", now_s, hold]                                          a step; whether the loop stood still before it
+    ["s", now_s, hold, warm]                                    a step; whether the loop stood still before it, and
+                                                                whether decisions could be made
     ["t", seconds]                                              what it took to compute, which RIDLINK_STATUS tells
     ["e", now_s]                                                the end of the stream
     ["d", steps, hash]                                          of the decisions, see `decision_log`; last
@@ -67,10 +68,10 @@ class InputLog:
         """A datagram of the vehicle link ("v") or of the air ("a")."""
         self._put([link, now_s, utc_s, list(source) if isinstance(source, tuple) else source, data])
 
-    def step(self, now_s: float, hold: bool, output: StepOutput, reason: str) -> None:
+    def step(self, now_s: float, hold: bool, warm: bool, output: StepOutput, reason: str) -> None:
         """A step, and what came of it."""
         self.decisions.add(decision_line(output, reason))
-        self._put(["s", now_s, hold])
+        self._put(["s", now_s, hold, warm])
 
     def took(self, seconds: float) -> None:
         """What the last step took."""
@@ -154,7 +155,8 @@ def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None
                     engine.receive_vehicle(data, now_s, source=_source(source), utc_s=utc_s)
                 case ["a", now_s, utc_s, source, data]:
                     engine.receive_remote_id(data, _source(source), now_s, utc_s=utc_s)
-                case ["s", now_s, hold]:
+                case ["s", now_s, hold, warm]:
+                    engine.warm = warm
                     if hold:
                         engine.hold_next()
                     line = decision_line(engine.step(now_s), engine.rung.reason)

@@ -55,12 +55,13 @@ class AvoidDaemon:
         engine: The engine.
         vehicle_address: Local end of the vehicle link, once `run` has opened it.
         remote_id_address: Local end of the Remote ID link.
-        ready: Set once both links are open.
+        ready: Set once both links are open and decisions can be made.
     """
 
     def __init__(self, config: DaemonConfig, *, on_event: EventSink | None = None) -> None:
         self.config = config
         self.engine = Engine(config.engine)
+        self.engine.warm = False
         self.ready = asyncio.Event()
         self.vehicle_address: Address | None = None
         self.remote_id_address: Address | None = None
@@ -71,6 +72,7 @@ class AvoidDaemon:
         self._input_log: InputLog | None = None
         self._counters: Counter[str] = Counter()
         self._decision_ms = Spread()
+        self._decision_cpu_ms = Spread()
         self._gap_ms = Spread()
         self._last_setpoint_s: float | None = None
         self._announced: tuple[str, str] | None = None
@@ -92,10 +94,8 @@ class AvoidDaemon:
             OSError: If the recording cannot be opened.
             DecisionError: If decisions kept failing.
         """
-        await warm_up_unless(stop, self.config.engine.solver)
-        # What lives now lives for ever: no collection needs to walk through the compiled kernels and the dialect again.
-        gc.collect()
-        gc.freeze()
+        # The links first: a PX4 in OFFBOARD that lost us waits a second for zero velocity, the kernels take longer.
+        warm = asyncio.create_task(warm_up_unless(stop, self.config.engine.solver))
         try:
             self._vehicle = await open_link(self.config.vehicle, self._from_vehicle)
             self._air = await open_link(self.config.remote_id, self._from_air)
@@ -104,12 +104,12 @@ class AvoidDaemon:
             if self.config.input_log is not None:
                 self._input_log = InputLog(self.config.input_log, as_toml(self.config))
             self.vehicle_address, self.remote_id_address = self._vehicle.local_address, self._air.local_address
-            self.ready.set()
             try:
-                await self._keep_time(stop)
+                await self._keep_time(stop, warm)
             finally:
                 await self._end()
         finally:
+            warm.cancel()
             for link in (self._vehicle, self._air):
                 if link is not None:
                     link.close()
@@ -123,7 +123,17 @@ class AvoidDaemon:
 
     # --- time -----------------------------------------------------------------------------------------------------
 
-    async def _keep_time(self, stop: asyncio.Event) -> None:
+    async def _keep_time(self, stop: asyncio.Event, warm: asyncio.Task[None]) -> None:
+        while not warm.done() and not stop.is_set():
+            self._tick()
+            await asyncio.wait({warm}, timeout=self.config.period_s)
+        if warm.done():
+            warm.result()
+        self.engine.warm = True
+        # What lives now lives for ever: no collection needs to walk through the compiled kernels and the dialect again.
+        gc.freeze()
+        gc.enable()
+        self.ready.set()
         watchdog = Watchdog(self._stalled)
         watchdog.start()
         try:
@@ -155,7 +165,7 @@ class AvoidDaemon:
         self._stalls.append(stack)
 
     def _tick(self) -> None:
-        begin, now_s = time.perf_counter(), time.monotonic()
+        begin, begin_cpu_s, now_s = time.perf_counter(), time.thread_time(), time.monotonic()
         self._utc.check(now_s)
         hold, self._hold = self._hold, False
         if hold:
@@ -172,9 +182,10 @@ class AvoidDaemon:
         took = time.perf_counter() - begin
         self.engine.note_decision_time(took)
         self._decision_ms.add(took * 1e3)
+        self._decision_cpu_ms.add((time.thread_time() - begin_cpu_s) * 1e3)
         self._send(output)
         if self._input_log is not None:
-            self._input_log.step(now_s, hold, output, self.engine.rung.reason)
+            self._input_log.step(now_s, hold, self.engine.warm, output, self.engine.rung.reason)
             self._input_log.took(took)
         self._report(output)
 
@@ -291,6 +302,7 @@ class AvoidDaemon:
             setpoints=totals.setpoints,
             reports_received=totals.reports_received,
             decision_ms=self._decision_ms.summary(),
+            decision_cpu_ms=self._decision_cpu_ms.summary(),
             setpoint_gap_ms=self._gap_ms.summary(),
             rejects=self.rejects(),
             tracks=totals.tracks,

@@ -34,12 +34,14 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a flight came to. Times in milliseconds as `p50`, `p99` and `max`; `decision_log` is the hash of all
+    """What a flight came to. Times in milliseconds as `p50`, `p99` and `max`, by the wall and, where a machine
+    has others to serve, by the time that this thread was given; `decision_log` is the hash of all
     decisions where an input log was written."""
 
     setpoints: int
     reports_received: int
     decision_ms: dict[str, float]
+    decision_cpu_ms: dict[str, float]
     setpoint_gap_ms: dict[str, float]
     rejects: dict[str, int]
     tracks: int

@@ -57,6 +57,7 @@ class Engine:
         setpoints: The stream of setpoints.
         steering: What makes decisions.
         encoder: Who speaks: the system id of the vehicle, and the component of obstacle avoidance.
+        warm: Decisions can be made in time; while kernels are being compiled they cannot.
     """
 
     def __init__(self, config: EngineConfig) -> None:
@@ -91,6 +92,7 @@ class Engine:
         self._intake = Intake(allow_v1=config.allow_v1)
         self._announcer = Announcer()
         self._hold_next = False
+        self.warm = True
 
     # --- in -------------------------------------------------------------------------------------------------------
 
@@ -298,6 +300,7 @@ class Engine:
             latitude_deg=own.position.latitude_deg if own is not None else 0.0,
             since_last_step_s=since_last_s,
             stalled=self._hold_next,
+            warming=not self.warm,
             own_jumped=telemetry.jumped(now_s),
             other_writer=telemetry.other_writer.must_yield(now_s),
             has_goal=self.goal is not None,

@@ -240,6 +240,7 @@ def test_a_warm_up_that_fails_is_an_error(monkeypatch: pytest.MonkeyPatch) -> No
     async def test() -> None:
         monkeypatch.setattr("ridlink.daemon.warming.warm_up", lambda _: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            await AvoidDaemon(DaemonConfig()).run(asyncio.Event())
+            config = DaemonConfig(vehicle="udpin:127.0.0.1:0", remote_id="udpin:127.0.0.1:0")  # type: ignore[arg-type]
+            await AvoidDaemon(config).run(asyncio.Event())
 
     run(test)
