@@ -294,6 +294,14 @@ def test_f16_white_noise_and_hard_manoeuvres_are_no_jumps() -> None:
     assert telemetry.counters["own_position_jump"] == 0
 
 
+def test_f16_a_centimetre_is_no_jump_however_exact_the_receiver_says_it_is() -> None:
+    telemetry, autopilot = flying()
+    for tick in range(1, 20):
+        autopilot.receiver(0.1 * tick, h_acc=1)
+        autopilot.position(0.1 * tick, **shifted(0.3 * (tick % 2)))
+    assert telemetry.counters["own_position_jump"] == 0
+
+
 def test_f16_an_outage_is_no_jump() -> None:
     telemetry, autopilot = flying()
     autopilot.position(0.1, vx=1000)

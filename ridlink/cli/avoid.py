@@ -48,6 +48,24 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 )
 @click.option("--standby", is_flag=True, default=None, help="Do nothing until MAV_CMD_DO_REPOSITION names a goal.")
 @click.option(
+    "--guard",
+    is_flag=True,
+    default=None,
+    help="Watch while the autopilot flies its own plan; take over for a conflict, then hand back mode and mission.",
+)
+@click.option(
+    "--takeoff-aware",
+    is_flag=True,
+    default=None,
+    help="Never interrupt a climb-out, unless a mid-air collision is predicted.",
+)
+@click.option(
+    "--takeoff-height",
+    type=float,
+    metavar="M",
+    help="Of --takeoff-aware: a climb below this height over home is a climb-out.  [default: 20]",
+)
+@click.option(
     "--definition",
     metavar="NAME",
     help="What sizes the discs: snmac, remote-id, odid-accuracy, candidate1, candidate2 or chance.  "
@@ -129,10 +147,11 @@ def avoid(config_file: str | None, replayed: str | None, print_config: bool, as_
     """Keep one vehicle's distance: hear Remote ID, steer by velocity setpoints.
 
     Engages as soon as the vehicle is armed and in GUIDED or OFFBOARD, and ends when the pilot changes the mode. Never
-    arms, takes off or changes a mode itself. SIGTERM and Ctrl-C stop the vehicle and end the program.
+    arms, takes off or, without --guard, changes a mode itself. SIGTERM and Ctrl-C stop the vehicle and end the program.
 
     \b
         ridlink avoid --goal 47.39,8.54,100
+        ridlink avoid --guard --takeoff-aware
         ridlink avoid --vehicle udpin:0.0.0.0:14540 --standby --config vehicle.toml --log flight.tlog
     """
     gc.disable()  # until the daemon runs: nothing of what is imported now is garbage, and looking for it takes a sixth
@@ -154,8 +173,10 @@ def _avoid(
     if print_config:
         click.echo(as_toml(config), nl=False)
         return EXIT_DONE
-    if config.engine.goal is None and not config.engine.standby:
-        raise click.UsageError("where to? Give --goal LAT,LON[,ALT], or --standby to wait for MAV_CMD_DO_REPOSITION")
+    if config.engine.goal is None and not config.engine.standby and not config.engine.guard:
+        raise click.UsageError(
+            "where to? Give --goal LAT,LON[,ALT], or --standby to wait for MAV_CMD_DO_REPOSITION, or --guard to watch"
+        )
     return _fly(config, as_json)
 
 

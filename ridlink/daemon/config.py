@@ -117,6 +117,9 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     filter_positions: bool | None = None
     log: str | None = None
     input_log: str | None = None
+    guard: bool | None = None
+    takeoff_aware: bool | None = None
+    takeoff_height: float | None = None
     allow_v1: bool | None = None
     halfplane: dict[str, float] | None = None
     graded: dict[str, float] | None = None
@@ -255,6 +258,9 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
             vehicle_sysid=flat.vehicle_sysid,
             uas_id=flat.uas_id,
             filter_positions=or_default(flat.filter_positions, engine.filter_positions),
+            guard=or_default(flat.guard, engine.guard),
+            takeoff_aware=or_default(flat.takeoff_aware, engine.takeoff_aware),
+            takeoff_height_m=or_default(flat.takeoff_height, engine.takeoff_height_m),
             allow_v1=or_default(flat.allow_v1, engine.allow_v1),
         )
     except ConfigError:
@@ -306,6 +312,9 @@ def as_toml(config: DaemonConfig) -> str:
         f"max_height = {engine.max_height_m}",
         f"standby = {str(engine.standby).lower()}",
         f"filter_positions = {str(engine.filter_positions).lower()}",
+        f"guard = {str(engine.guard).lower()}",
+        f"takeoff_aware = {str(engine.takeoff_aware).lower()}",
+        f"takeoff_height = {engine.takeoff_height_m}",
         f"allow_v1 = {str(engine.allow_v1).lower()}",
     ]
     if engine.goal is not None:

@@ -75,7 +75,7 @@ class AvoidDaemon:
         self._decision_cpu_ms = Spread()
         self._gap_ms = Spread()
         self._last_setpoint_s: float | None = None
-        self._announced: tuple[str, str] | None = None
+        self._announced: tuple[str, str, str | None] | None = None
         self._recording_ended = False
         self._summary_due = Periodic(1.0)
         self._failed_in_a_row = 0
@@ -252,9 +252,10 @@ class AvoidDaemon:
             return
         record = output.decision
         state = (self.engine.rung.state.name.lower(), self.engine.rung.reason)
-        if state != self._announced:
-            self._announced = state
-            self._emit("state", state=state[0], reason=state[1])
+        guard = None if self.engine.guard is None else str(self.engine.guard.phase)
+        if (*state, guard) != self._announced:
+            self._announced = (*state, guard)
+            self._emit("state", state=state[0], reason=state[1], guard=guard)
         if self._recorder is not None and self._recorder.error is not None and not self._recording_ended:
             self._recording_ended = True
             self._emit("recording_ended", reason=_words(self._recorder.error))

@@ -10,6 +10,8 @@ from ridlink.mavlink.codec import Encoder, Message
 from ridlink.own_ship import AUTOPILOT_COMPONENT
 
 DO_REPOSITION = 192
+DO_PAUSE_CONTINUE = 193
+CONTINUE = 1.0
 SET_MESSAGE_INTERVAL = 511
 """MAV_CMD."""
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
@@ -66,16 +68,17 @@ def acknowledged(encoder: Encoder, message: Message, result: int, target_system:
     )
 
 
+def command(encoder: Encoder, number: int, parameters: tuple[float, ...], sysid: int) -> bytes:
+    """COMMAND_LONG (76) for the autopilot."""
+    fields = {f"param{at}": value for at, value in enumerate(parameters, start=1)}
+    return encoder.encode(
+        "COMMAND_LONG", command=number, target_system=sysid, target_component=AUTOPILOT_COMPONENT, **fields
+    )
+
+
 def message_requests(encoder: Encoder, sysid: int) -> list[bytes]:
     """What to ask of an autopilot that does not say where it is."""
     return [
-        encoder.encode(
-            "COMMAND_LONG",
-            command=SET_MESSAGE_INTERVAL,
-            target_system=sysid,
-            target_component=AUTOPILOT_COMPONENT,
-            param1=msgid,
-            param2=interval_us,
-        )
+        command(encoder, SET_MESSAGE_INTERVAL, (msgid, interval_us), sysid)
         for msgid, interval_us in WANTED_MESSAGES_US.items()
     ]

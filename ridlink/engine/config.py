@@ -59,6 +59,9 @@ class EngineConfig:
         vehicle_sysid: Only this autopilot; without it the first one heard.
         uas_id: Own identity in Remote ID; without it what BASIC_ID on the vehicle link says.
         filter_positions: Smooth reported positions, own and others'.
+        guard: Fly nothing while all is clear; take over from the autopilot's own plan for a conflict, and hand it back.
+        takeoff_aware: Never interrupt a climb-out, unless a mid-air collision is predicted.
+        takeoff_height_m: A climb below this height over home is a climb-out.
         allow_v1: Take MAVLink 1 frames as well, on both links.
     """
 
@@ -85,6 +88,9 @@ class EngineConfig:
     vehicle_sysid: int | None = None
     uas_id: str | None = None
     filter_positions: bool = True
+    guard: bool = False
+    takeoff_aware: bool = False
+    takeoff_height_m: float = 20.0
     allow_v1: bool = False
 
     @property
@@ -121,6 +127,10 @@ class EngineConfig:
                 f"min-height must not be negative and lie below max-height, got {self.min_height_m:g} and "
                 f"{self.max_height_m:g} m"
             )
+        if not 0.0 <= self.takeoff_height_m <= 1000.0:
+            raise ConfigError(f"takeoff-height must lie between 0 and 1000 m, got {self.takeoff_height_m:g}")
+        if self.guard and (self.goal is not None or self.standby):
+            raise ConfigError("guard flies the autopilot's own plan: leave out goal and standby")
         if self.vehicle_sysid is not None and not 1 <= self.vehicle_sysid <= 255:
             raise ConfigError(f"vehicle-sysid must be between 1 and 255, got {self.vehicle_sysid}")
         if self.uas_id is not None and not 1 <= len(self.uas_id.encode()) <= UAS_ID_LENGTH:

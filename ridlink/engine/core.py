@@ -16,17 +16,22 @@ from ridlink.engine.announce import AVOIDANCE_COMPONENT
 from ridlink.engine.announcer import Announcer
 from ridlink.engine.commands import (
     ACCEPTED,
+    CONTINUE,
     DENIED,
+    DO_PAUSE_CONTINUE,
     DO_REPOSITION,
     MOST_REPLIES,
     UNSUPPORTED,
     acknowledged,
+    command,
     repositioned,
 )
-from ridlink.engine.config import EngineConfig
+from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import DecisionRecord, EngineSummary, StepOutput
+from ridlink.engine.guard import Guard, Seen
 from ridlink.engine.intake import LOCATION, REMOTE_ID_IDS, REMOTE_ID_NAMES, VEHICLE_IDS, Intake
 from ridlink.engine.steering import Steering
+from ridlink.engine.takeoff import interruptible
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
 from ridlink.mavlink.codec import Encoder, Message
 from ridlink.mavlink.frames import Frame
@@ -42,6 +47,7 @@ from ridlink.separation.reference import (
 from ridlink.setpoint import STOP, SetpointStream, Velocity
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import TrafficPicture
+from ridlink.traffic.position_filter import moved
 from ridlink.traffic.snapshot import PictureSettings
 
 
@@ -57,6 +63,7 @@ class Engine:
         setpoints: The stream of setpoints.
         steering: What makes decisions.
         encoder: Who speaks: the system id of the vehicle, and the component of obstacle avoidance.
+        guard: Who takes over from the autopilot's own plan; None without `--guard`.
         warm: Decisions can be made in time; while kernels are being compiled they cannot.
     """
 
@@ -93,6 +100,8 @@ class Engine:
         self._announcer = Announcer()
         self._hold_next = False
         self.warm = True
+        self.guard = Guard() if config.guard else None
+        self._last_record: DecisionRecord | None = None
 
     # --- in -------------------------------------------------------------------------------------------------------
 
@@ -179,7 +188,11 @@ class Engine:
             self._counters["command_refused"] += 1
             return
         result = UNSUPPORTED
-        if message.command == DO_REPOSITION:
+        if message.command == DO_PAUSE_CONTINUE and self.guard is not None:
+            result = ACCEPTED if message.param1 == CONTINUE else DENIED
+            if result == ACCEPTED:
+                self.guard.engage()
+        elif message.command == DO_REPOSITION and self.guard is None:
             own = self.telemetry.state(now_s)
             goal = repositioned(message, None if own is None else own.home_altitude_m, self.config.failsafe)
             result = DENIED if goal is None else ACCEPTED
@@ -205,6 +218,7 @@ class Engine:
         self.picture.drop_silent(now_s)
         own = self.telemetry.state(now_s)
         before = self.rung.state
+        commands = [] if self.guard is None else self._watch(self.guard, own, now_s)
         self.rung = advance(self.rung, self._conditions(own, now_s, since_last), self.config.failsafe)
         self._hold_next = False
         record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
@@ -222,7 +236,8 @@ class Engine:
             record = replace(record, commanded_ned_mps=STOP)
         if self.rung.state is State.ENGAGED and before is not State.ENGAGED and before is not State.HOLD:
             self.steering.begin_leg()
-        output = StepOutput(record)
+        self._last_record = record
+        output = StepOutput(record, to_vehicle=commands)
         if record.commanded_ned_mps is not None:
             output.to_vehicle.append(self._setpoint(record.commanded_ned_mps, now_s))
             output.decision = replace(record, commanded_ned_mps=self.setpoints.velocity)
@@ -244,12 +259,48 @@ class Engine:
         )
         return output
 
+    def _watch(self, guard: Guard, own: OwnState | None, now_s: float) -> list[bytes]:
+        """Let the guard look; the commands that it wants to give."""
+        lock = self.telemetry.lock
+        if lock is None or own is None:
+            return []
+        wish = guard.step(self._seen_by_guard(own, now_s), now_s)
+        if wish.begin:
+            # Where its plan leads is where it flies; a kilometre on is further than any conflict lasts.
+            ahead = 1000.0 / max(own.speed_mps, 1.0)
+            north, east = (ahead * value for value in own.velocity_ned_mps[:2])
+            self.goal = Goal(*moved(own.position.latitude_deg, own.position.longitude_deg, north, east))
+            self.rung = request(Rung())
+        if wish.end:
+            self.rung = Rung(reason=f"guard: {guard.phase}")
+        return [command(self.encoder, number, parameters, lock.sysid) for number, parameters in wish.commands]
+
+    def _seen_by_guard(self, own: OwnState, now_s: float) -> Seen:
+        telemetry, last = self.telemetry, self._last_record
+        return Seen(
+            autopilot=telemetry.lock.autopilot if telemetry.lock is not None else 0,
+            custom_mode=telemetry.custom_mode,
+            flying=telemetry.armed and not telemetry.on_ground and telemetry.heard_s(now_s) <= 3.0,
+            interruptible=interruptible(self.config, telemetry, own, last),
+            conflict=last is not None and bool(last.conflicts),
+            clear=self.rung.state is State.ENGAGED and last is not None and not last.recovering,
+            mission_item=telemetry.mission_item,
+        )
+
     def stop(self, now_s: float) -> list[bytes]:
-        """Three zero setpoints for the end, 50 ms apart by their time stamps; none if nothing was being streamed."""
+        """Three zero setpoints for the end, 50 ms apart by their time stamps; none if nothing was being streamed.
+
+        A guard that has taken over hands back what it found.
+        """
         if self.rung.state not in (State.ENGAGED, State.HOLD):
             return []
         self.rung = Rung(State.STANDBY, False, Stream.NOTHING, "ended")
-        return [self._setpoint(STOP, now_s + 0.05 * k) for k in range(3)]
+        frames = [self._setpoint(STOP, now_s + 0.05 * k) for k in range(3)]
+        own, lock = self.telemetry.state(now_s), self.telemetry.lock
+        if self.guard is not None and own is not None and lock is not None:
+            wanted = self.guard.hand_back(self._seen_by_guard(own, now_s))
+            frames += [command(self.encoder, number, parameters, lock.sysid) for number, parameters in wanted]
+        return frames
 
     def note_decision_time(self, seconds: float) -> None:
         """How long the last step took to compute, for RIDLINK_STATUS; the engine itself reads no clock."""
@@ -294,7 +345,7 @@ class Engine:
             own_state_age_s=telemetry.age_s(now_s),
             armed=telemetry.armed,
             external_mode=telemetry.external_mode,
-            ready=telemetry.ready,
+            ready=interruptible(self.config, telemetry, own, self._last_record),
             wants_stream=telemetry.wants_stream,
             rebooted=telemetry.take_reboot(),
             latitude_deg=own.position.latitude_deg if own is not None else 0.0,

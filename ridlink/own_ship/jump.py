@@ -9,6 +9,9 @@ from __future__ import annotations
 BOUNDS = 2.0
 """Times the three-sigma bound: two white errors differ by more than one bound every few seconds, by two never."""
 
+LEAST_M = 1.0
+"""Positions come in steps of a centimetre and motion is not steady, however exact a receiver says it is."""
+
 DOUBT_S = 1.0
 DECAY_S = 10.0
 
@@ -34,7 +37,7 @@ class JumpWatch:
             travelled_m: What may have been flown since the last one.
             now_s: Monotonic time.
         """
-        if off_m <= BOUNDS * bound_m + travelled_m:
+        if off_m <= BOUNDS * max(bound_m, LEAST_M) + travelled_m:
             return False
         self._jump_m = max(off_m, self.error_m(now_s))
         self._at_s = now_s

@@ -67,6 +67,7 @@ class OwnShipTelemetry:
         armed: As its last heartbeat says.
         external_mode: GUIDED or OFFBOARD, as its last heartbeat says.
         custom_mode: The mode itself, in the numbers of the autopilot.
+        mission_item: Sequence number of the item that is flown; None before it is told.
         trust: What receiver and estimator say of themselves.
         other_writer: Whether somebody else steers as well.
         counters: `foreign_autopilot`, `own_position_unusable`, `own_position_untrusted`, `own_position_late`,
@@ -85,6 +86,7 @@ class OwnShipTelemetry:
     def _forget(self) -> None:
         self.armed = self.external_mode = False
         self.custom_mode = 0
+        self.mission_item: int | None = None
         self.trust = NavigationTrust()
         self.other_writer = OtherWriter()
         self._heartbeat_at_s = -math.inf
@@ -133,6 +135,8 @@ class OwnShipTelemetry:
             case "POSITION_TARGET_LOCAL_NED":
                 if self.external_mode:
                     self.other_writer.receive(message, now_s)
+            case "MISSION_CURRENT":
+                self.mission_item = message.seq
             case "EXTENDED_SYS_STATE":
                 self._landed_state = message.landed_state
 
@@ -242,6 +246,11 @@ class OwnShipTelemetry:
     def jumped(self, now_s: float) -> bool:
         """The own position jumped within the last second."""
         return self._jumps.doubtful(now_s)
+
+    @property
+    def on_ground(self) -> bool:
+        """It stands, as far as the autopilot tells."""
+        return self._landed_state == LANDED_ON_GROUND
 
     @property
     def ready(self) -> bool:

@@ -289,10 +289,10 @@ async def traffic(seconds: float) -> bool:
         rate = sent / (time.monotonic() - flight.begun_s)
         final = await flight.end()
     lost = 1.0 - final["reports_received"] / sent
-    figures = {"sent": sent, "rate with start [1/s]": rate, "lost [%]": 100.0 * lost,
-               "share of a core [%]": 100.0 * share, "tracks": final["tracks"], "memory growth [MB]": grown} | regular(final)  # fmt: skip
-    return judged("traffic", figures, {"lost [%]": ("<=", 0.1), "share of a core [%]": ("<=", 60.0),
-                                       "decision p99 [CPU ms]": ("<=", 10.0)})  # fmt: skip
+    figures = {"sent": sent, "rate with start [1/s]": rate, "lost [%]": 100.0 * lost}
+    figures |= {"share of a core [%]": 100.0 * share, "tracks": final["tracks"], "memory growth [MB]": grown}
+    limits = {"lost [%]": ("<=", 0.1), "share of a core [%]": ("<=", 60.0), "decision p99 [CPU ms]": ("<=", 10.0)}
+    return judged("traffic", figures | regular(final), limits)
 
 
 async def poison(seconds: float) -> bool:

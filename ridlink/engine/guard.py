@@ -1,0 +1,198 @@
+"""`--guard`: watch while the autopilot flies its own plan, take over for a conflict, hand back what was found.
+
+    WATCHING      nothing is sent but words. Only autonomous modes are taken over from, never a pilot's.
+    TAKING_OVER   a conflict is predicted: PX4 gets its stream first, then the mode is asked for until a heartbeat says
+                  it.
+    RESOLVING     in GUIDED or OFFBOARD; until the way has been free for the hysteresis.
+    HANDING_BACK  the mission item and the mode that were found are asked for until a heartbeat says so.
+    ENDED         somebody else changed the mode meanwhile. It is theirs until the operator engages the guard again, by
+                  MAV_CMD_DO_PAUSE_CONTINUE with 1 sent to this component.
+
+No acknowledgement counts: PX4 acknowledges twice, and only the second one may be the refusal. A guard is fed with what
+is seen and names what is to be asked for; it sends nothing itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from ridlink.own_ship import ARDUPILOT, PX4
+
+DO_SET_MODE, DO_SET_MISSION_CURRENT = 176, 224
+"""MAV_CMD."""
+CUSTOM_MODE_ENABLED = 1.0
+EXTERNAL_MODE = {PX4: 6 << 16, ARDUPILOT: 4}
+
+PX4_AUTO = 4
+AUTONOMOUS = {PX4: {(PX4_AUTO, 3), (PX4_AUTO, 4), (PX4_AUTO, 5)}, ARDUPILOT: {(3, 0), (6, 0)}}
+"""PX4: hold, mission, return. ArduPilot: AUTO, RTL."""
+
+STREAM_FIRST_S = 0.5
+"""PX4 accepts OFFBOARD after 100 ms of stream; lost datagrams are allowed for."""
+ASK_AGAIN_S = 0.5
+GIVE_UP_S = 5.0
+"""Without the mode; the conflict may still be there, and it is tried again."""
+
+
+class Phase(StrEnum):
+    """Where a guard stands."""
+
+    WATCHING = "watching"
+    TAKING_OVER = "taking over"
+    RESOLVING = "resolving"
+    HANDING_BACK = "handing back"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What is seen in this step.
+
+    Args:
+        autopilot: MAV_AUTOPILOT.
+        custom_mode: As the last heartbeat says.
+        flying: Armed, heard, off the ground.
+        interruptible: Not in a climb-out that must not be interrupted.
+        conflict: A disc is entered within the horizon if all fly on.
+        clear: The way has been free for the hysteresis.
+        mission_item: As MISSION_CURRENT says; None where it says nothing.
+    """
+
+    autopilot: int
+    custom_mode: int
+    flying: bool
+    interruptible: bool
+    conflict: bool
+    clear: bool
+    mission_item: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a guard wants in this step.
+
+    Attributes:
+        begin: Make the operator's request of avoidance: a conflict is to be resolved.
+        end: Let go of it.
+        commands: COMMAND_LONGs to the autopilot, number and parameters.
+    """
+
+    begin: bool = False
+    end: bool = False
+    commands: tuple[tuple[int, tuple[float, ...]], ...] = ()
+
+
+def is_autonomous(autopilot: int, custom_mode: int) -> bool:
+    """Whether the autopilot flies a plan of its own in this mode."""
+    return _parts(autopilot, custom_mode) in AUTONOMOUS.get(autopilot, set())
+
+
+def _parts(autopilot: int, custom_mode: int) -> tuple[int, int]:
+    return ((custom_mode >> 16) & 0xFF, custom_mode >> 24) if autopilot == PX4 else (custom_mode, 0)
+
+
+def mode_command(autopilot: int, custom_mode: int) -> tuple[int, tuple[float, ...]]:
+    """DO_SET_MODE to a custom mode."""
+    return DO_SET_MODE, (CUSTOM_MODE_ENABLED, *(float(part) for part in _parts(autopilot, custom_mode)))
+
+
+class Guard:
+    """One guard.
+
+    Attributes:
+        phase: Where it stands.
+        found_mode: What it will hand back.
+        takeovers: Conflicts that it took over for.
+    """
+
+    def __init__(self) -> None:
+        self.phase = Phase.WATCHING
+        self.found_mode = 0
+        self.takeovers = 0
+        self._found_item: int | None = None
+        self._since_s = self._asked_s = 0.0
+
+    def engage(self) -> None:
+        """The operator engages it again."""
+        if self.phase is Phase.ENDED:
+            self.phase = Phase.WATCHING
+
+    def step(self, seen: Seen, now_s: float) -> Wish:
+        """What it wants now.
+
+        Args:
+            seen: What is seen.
+            now_s: Monotonic time.
+        """
+        external = _same(seen.autopilot, seen.custom_mode, EXTERNAL_MODE[seen.autopilot])
+        match self.phase:
+            case Phase.WATCHING:
+                return self._watch(seen, now_s)
+            case Phase.TAKING_OVER:
+                return self._take_over(seen, now_s, external)
+            case Phase.RESOLVING | Phase.HANDING_BACK:
+                return self._resolve(seen, now_s, external)
+        return Wish()
+
+    def _watch(self, seen: Seen, now_s: float) -> Wish:
+        wanted = seen.conflict and seen.flying and seen.interruptible
+        if not wanted or not is_autonomous(seen.autopilot, seen.custom_mode):
+            return Wish()
+        self.found_mode, self._found_item = seen.custom_mode, seen.mission_item
+        self.takeovers += 1
+        self._go(Phase.TAKING_OVER, now_s)
+        return Wish(begin=True)
+
+    def _take_over(self, seen: Seen, now_s: float, external: bool) -> Wish:
+        if external:
+            self._go(Phase.RESOLVING, now_s)
+            return Wish()
+        if not _same(seen.autopilot, seen.custom_mode, self.found_mode) or not seen.flying:
+            self._go(Phase.ENDED if seen.flying else Phase.WATCHING, now_s)
+            return Wish(end=True)
+        if now_s - self._since_s > GIVE_UP_S:
+            self._go(Phase.WATCHING, now_s)
+            return Wish(end=True)
+        stream_first_s = STREAM_FIRST_S if seen.autopilot == PX4 else 0.0
+        if now_s - self._since_s < stream_first_s - 1e-6 or not self._ask(now_s):
+            return Wish()
+        return Wish(commands=(mode_command(seen.autopilot, EXTERNAL_MODE[seen.autopilot]),))
+
+    def _resolve(self, seen: Seen, now_s: float, external: bool) -> Wish:
+        if not external:
+            handed = self.phase is Phase.HANDING_BACK and _same(seen.autopilot, seen.custom_mode, self.found_mode)
+            self._go(Phase.WATCHING if handed else Phase.ENDED, now_s)
+            return Wish(end=True)
+        if not seen.clear:  # what was asked for may still come; whoever is handed back watches on
+            return Wish()
+        if self.phase is Phase.RESOLVING:
+            self._go(Phase.HANDING_BACK, now_s)
+        if not self._ask(now_s):
+            return Wish()
+        return Wish(commands=self.hand_back(seen))
+
+    def hand_back(self, seen: Seen) -> tuple[tuple[int, tuple[float, ...]], ...]:
+        """Commands that bring back what was found; none unless it was taken."""
+        if self.phase not in (Phase.RESOLVING, Phase.HANDING_BACK):
+            return ()
+        mode = mode_command(seen.autopilot, self.found_mode)
+        if self._found_item is None or seen.mission_item in (None, self._found_item):
+            return (mode,)
+        return (DO_SET_MISSION_CURRENT, (float(self._found_item),)), mode
+
+    def _ask(self, now_s: float) -> bool:
+        if now_s - self._asked_s < ASK_AGAIN_S - 1e-6:
+            return False
+        self._asked_s = now_s
+        return True
+
+    def _go(self, phase: Phase, now_s: float) -> None:
+        self.phase, self._since_s, self._asked_s = phase, now_s, now_s - 1.0
+
+
+def _same(autopilot: int, one: int, other: int) -> bool:
+    """Whether two custom modes are one; PX4's OFFBOARD has no sub mode, and some report one."""
+    if autopilot == PX4 and _parts(autopilot, other)[0] != PX4_AUTO:
+        return _parts(autopilot, one)[0] == _parts(autopilot, other)[0]
+    return one == other

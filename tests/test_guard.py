@@ -1,0 +1,264 @@
+"""`--guard` and `--takeoff-aware`: the engine beside an emulated autopilot that flies a mission, over encoded bytes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ridlink.engine import Engine, EngineConfig, Goal
+from ridlink.engine.guard import EXTERNAL_MODE, GIVE_UP_S, Guard, Phase, Seen, is_autonomous, mode_command
+from ridlink.errors import ConfigError
+from ridlink.own_ship import ARDUPILOT, PX4
+from ridlink.traffic.position_filter import moved
+from sitl_sim.autopilot import Start
+from tests.daemon.emulated import Emulated
+from tests.daemon.invariants import Observer
+from tests.sitl_sim import test_autopilot_missions as missions
+from tests.sitl_sim.flight import COMPANION, HOME, START_NED_M, Flight
+
+MISSION = {"px4": missions.PX4_MISSION, "ardupilot": missions.AUTO}
+both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+
+
+class Guarded(Flight):
+    """A vehicle in virtual time with a guard beside it."""
+
+    def __init__(self, flavour: str, *, begun: Start = Start.HOLDING, **options: Any) -> None:
+        super().__init__(flavour, begun, gnss="white")
+        self.engine = Engine(EngineConfig(guard=True, airframe_m=0.6, **options))
+        self.observer = Observer(may={511, 176, 224})
+        self.intruder: Emulated | None = None
+        self.nearest_m = math.inf
+        self.phases: list[Phase] = []
+
+    def _note(self, outgoing: Any) -> Any:
+        for datagram, address in outgoing:
+            if address == COMPANION:
+                self.engine.receive_vehicle(datagram, self.now_s, source=COMPANION)
+        return super()._note(outgoing)
+
+    @property
+    def guard(self) -> Guard:
+        assert self.engine.guard is not None
+        return self.engine.guard
+
+    def step(self) -> None:
+        """A tenth of a second of everything."""
+        self.advance(0.1)
+        if self.intruder is not None:
+            self.intruder.advance(0.1)
+            apart = self.intruder.position[:2] - self.world.position_ned_m[0, :2]
+            self.nearest_m = min(self.nearest_m, float(np.hypot(*apart)))
+            self.engine.receive_remote_id(intruding(self.intruder, self.now_s), "air", self.now_s)
+        for frame in self.engine.step(self.now_s).to_vehicle:
+            self.observer.steerable = True
+            self.observer.watch(frame)
+            super()._note(self.autopilot.receive(frame, COMPANION, self.now_s))
+        if not self.phases or self.phases[-1] is not self.guard.phase:
+            self.phases.append(self.guard.phase)
+
+    def until(self, what: Any, patience_s: float = 90.0) -> None:
+        for _ in range(round(10 * patience_s)):
+            if what():
+                return
+            self.step()
+        raise AssertionError(f"not within {patience_s} s: {self.guard.phase}, {self.engine.rung}, mode {self.mode}")
+
+    def settle(self) -> None:
+        """Until it flies north at the speed of its mission."""
+        before = [0.0]
+
+        def steady() -> bool:
+            before.append(self.velocity[0])
+            return before[-1] > 4.0 and abs(before[-1] - before[-2]) < 0.02
+
+        self.until(steady)
+
+
+def intruding(intruder: Emulated, now_s: float) -> bytes:
+    """Its Remote ID about the home of the emulator, which is not that of the other tests."""
+    north, east = (float(value) for value in intruder.position[:2])
+    latitude, longitude = moved(HOME.latitude_deg, HOME.longitude_deg, north, east)
+    return intruder.remote_id(now_s, latitude_deg=latitude, longitude_deg=longitude, altitude_geodetic_m=None)
+
+
+def on_a_mission(flavour: str, **options: Any) -> Guarded:
+    """A vehicle that flies 360 m north, and somebody who crosses its path."""
+    flight = Guarded(flavour, **options)
+    flight.advance(0.1)
+    plan = [missions.item(north=340.0), missions.item(north=360.0)]
+    assert missions.upload(flight, missions.planned(flavour, plan)) == 0
+    assert missions.start(flight) == 0
+    flight.settle()
+    return flight
+
+
+def cross(flight: Guarded) -> None:
+    """Somebody who is where the vehicle will be in twelve seconds."""
+    north, speed = float(flight.world.position_ned_m[0, 0]), flight.velocity[0]
+    flight.intruder = Emulated(9, ned_m=(north + 12.0 * speed, -72.0, -50.0))
+    flight.intruder.velocity[1] = 6.0
+
+
+@both
+def test_a_conflict_on_a_mission_is_resolved_and_mission_and_mode_are_handed_back(flavour: str) -> None:
+    flight = on_a_mission(flavour)
+    item = flight.last("MISSION_CURRENT").seq
+    assert flight.observer.setpoints == [], "nothing is flown while all is clear"
+    cross(flight)
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    assert flight.mode == EXTERNAL_MODE[PX4 if flavour == "px4" else ARDUPILOT]
+    assert flight.guard.found_mode == MISSION[flavour]
+    flight.until(lambda: flight.guard.phase is Phase.WATCHING)
+    assert flight.mode == MISSION[flavour]
+    assert flight.last("MISSION_CURRENT").seq == item
+    last = len(missions.planned(flavour, [0, 0])) - 1
+    flight.until(lambda: last in missions.reached(flight))
+    assert flight.nearest_m > 4.0, "airframes and the error that it states"
+    # The way from where it was handed back may lead through the conflict once more.
+    assert flight.guard.takeovers <= 2 and flight.guard.phase is Phase.WATCHING
+    once = [Phase.WATCHING, Phase.TAKING_OVER, Phase.RESOLVING, Phase.HANDING_BACK]
+    assert flight.phases == [*(once * flight.guard.takeovers), Phase.WATCHING]
+    assert flight.observer.setpoints[0].vx == 0.0
+
+
+@both
+def test_a_pilot_who_interrupts_has_it_until_the_operator_engages_again(flavour: str) -> None:
+    flight = on_a_mission(flavour)
+    cross(flight)
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    flight.step()
+    pilots = missions.PX4_HOLD if flavour == "px4" else missions.BRAKE
+    assert (flight.set_mode(4, 3) if flavour == "px4" else flight.set_mode(missions.BRAKE)) == 0
+    flight.until(lambda: flight.guard.phase is Phase.ENDED, 3.0)
+    sent = len(flight.observer.setpoints)
+    for _ in range(30):
+        flight.step()
+    assert len(flight.observer.setpoints) == sent
+    assert flight.mode == pilots
+    assert missions.start(flight) == 0
+    flight.intruder = None
+    cross_again(flight)
+    for _ in range(20):
+        flight.step()
+    assert flight.guard.phase is Phase.ENDED
+    flight.engine.receive_vehicle(
+        flight.client.encode("COMMAND_LONG", command=193, target_system=1, target_component=196, param1=1.0),
+        flight.now_s, source=COMPANION,
+    )  # fmt: skip
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+
+
+def cross_again(flight: Guarded) -> None:
+    flight.settle()
+    cross(flight)
+
+
+def test_a_clean_stop_in_the_middle_hands_back() -> None:
+    flight = on_a_mission("px4")
+    cross(flight)
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    flight.step()
+    for frame in flight.engine.stop(flight.now_s + 0.1):
+        flight.observer.watch(frame)
+        flight._note(flight.autopilot.receive(frame, COMPANION, flight.now_s))
+    flight.advance(1.5)
+    assert flight.mode == MISSION["px4"]
+    assert [message.vx for message in flight.observer.setpoints[-3:]] == [0.0] * 3
+
+
+@pytest.mark.parametrize(("off_m", "interrupts"), [(4.0, False), (0.0, True)])
+def test_a_climb_out_is_interrupted_for_a_mid_air_collision_only(off_m: float, interrupts: bool) -> None:
+    flight = Guarded("px4", begun=Start.GROUND, takeoff_aware=True, takeoff_height_m=30.0)
+    flight.advance(0.1)
+    plan = [missions.item(missions.TAKEOFF, height=60.0), missions.item(north=300.0, height=60.0)]
+    assert missions.upload(flight, plan) == 0
+    assert flight.command(missions.ARM, 1.0) == 0
+    assert missions.start(flight) == 0
+    flight.until(lambda: flight.height_m > 8.0)
+    flight.intruder = Emulated(9, ned_m=(START_NED_M[0] + off_m, -32.0, -20.0))
+    flight.intruder.velocity[1] = 8.0
+    conflicts = 0
+    for _ in range(30):
+        flight.step()
+        assert flight.engine._last_record is not None
+        conflicts += bool(flight.engine._last_record.conflicts)
+    assert conflicts > 5 and flight.height_m < 30.0
+    assert (flight.guard.takeovers > 0) is interrupts
+
+
+# --- the guard alone --------------------------------------------------------------------------------------------------
+
+CLEAR = Seen(PX4, missions.PX4_MISSION, True, True, False, True, 1)
+
+
+def seen(**fields: Any) -> Seen:
+    return replace(CLEAR, **fields)
+
+
+def taking_over(at_s: float = 0.0) -> Guard:
+    guard = Guard()
+    assert guard.step(seen(conflict=True), at_s).begin
+    return guard
+
+
+def test_only_autonomous_modes_are_taken_over_from() -> None:
+    assert is_autonomous(PX4, missions.PX4_MISSION) and is_autonomous(PX4, missions.PX4_RETURN)
+    assert is_autonomous(ARDUPILOT, 3) and not is_autonomous(ARDUPILOT, 5)
+    for mode in (3 << 16, 6 << 16, missions.PX4_HOLD | 1):
+        guard = Guard()
+        guard.step(seen(conflict=True, custom_mode=mode), 0.0)
+        assert (guard.phase is Phase.WATCHING) is (not is_autonomous(PX4, mode))
+    for hindrance in ({"flying": False}, {"interruptible": False}):
+        guard = Guard()
+        assert not guard.step(seen(conflict=True, **hindrance), 0.0).begin
+
+
+def test_the_mode_is_asked_for_after_the_stream_and_again_until_a_heartbeat_says_it() -> None:
+    guard = taking_over()
+    asked = [k for k in range(30) if guard.step(seen(conflict=True), 0.1 * k).commands]
+    assert asked[0] == 5 and asked[1:4] == [10, 15, 20]
+    assert mode_command(PX4, 6 << 16) == (176, (1.0, 6.0, 0.0))
+    guard.step(seen(conflict=True, custom_mode=6 << 16), 3.0)
+    assert guard.phase is Phase.RESOLVING
+
+
+def test_without_the_mode_it_gives_up_and_watches_on() -> None:
+    guard = taking_over()
+    assert guard.step(seen(conflict=True), GIVE_UP_S + 0.1).end
+    assert guard.phase is Phase.WATCHING
+
+
+@pytest.mark.parametrize(
+    ("fields", "phase"), [({"custom_mode": 3 << 16}, Phase.ENDED), ({"flying": False}, Phase.WATCHING)]
+)
+def test_whoever_changes_the_mode_before_us_has_it(fields: dict[str, Any], phase: Phase) -> None:
+    guard = taking_over()
+    assert guard.step(seen(conflict=True, **fields), 0.2).end
+    assert guard.phase is phase
+    guard.engage()
+    assert guard.phase is Phase.WATCHING
+
+
+def test_a_mission_item_that_moved_is_set_back_before_the_mode() -> None:
+    guard = taking_over()
+    guard.step(seen(custom_mode=6 << 16, clear=False), 1.0)
+    assert not guard.step(seen(custom_mode=6 << 16, clear=False, mission_item=2), 1.1).commands
+    wish = guard.step(seen(custom_mode=6 << 16, mission_item=2), 1.2)
+    assert [number for number, _ in wish.commands] == [224, 176]
+    assert guard.phase is Phase.HANDING_BACK
+    assert not guard.step(seen(custom_mode=6 << 16, clear=False), 1.3).commands
+    guard.step(seen(custom_mode=3 << 16), 1.5)
+    assert guard.phase is Phase.ENDED
+    assert guard.hand_back(seen()) == ()
+
+
+def test_a_guard_has_no_goal_of_its_own() -> None:
+    with pytest.raises(ConfigError, match="leave out goal"):
+        EngineConfig(guard=True, goal=Goal(47.0, 8.0))
+    with pytest.raises(ConfigError, match="takeoff-height"):
+        EngineConfig(takeoff_height_m=-1.0)
