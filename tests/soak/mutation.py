@@ -1,4 +1,4 @@
-"""Are the tests able to fail? ``python -m tests.soak.mutation [unprotected | mutants]`` (both unless said).
+"""Are the tests able to fail? ``python -m tests.soak.mutation [unprotected [FAULT...] | mutants]`` (both unless said).
 
     unprotected  takes each protection of `docs/faults.md` out, one at a time, and runs the tests that name the fault
     mutants      changes the last line of defence (failsafe, setpoint, watchers of own state and floods) operator by
@@ -103,12 +103,13 @@ def fails(where: Path, arguments: list[str]) -> bool:
     return done.returncode != 0
 
 
+OPPOSITES = ((ast.Lt, ast.GtE), (ast.LtE, ast.Gt), (ast.Eq, ast.NotEq), (ast.Is, ast.IsNot), (ast.In, ast.NotIn))
+COMPARED = {**dict(OPPOSITES), **{other: one for one, other in OPPOSITES}}
+COMPUTED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
+
+
 class Mutator(ast.NodeTransformer):
     """Makes the change of one number, and counts how many there are."""
-
-    OPPOSITES = ((ast.Lt, ast.GtE), (ast.LtE, ast.Gt), (ast.Eq, ast.NotEq), (ast.Is, ast.IsNot), (ast.In, ast.NotIn))
-    COMPARED = {**dict(OPPOSITES), **{other: one for one, other in OPPOSITES}}
-    COMPUTED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
 
     def __init__(self, wanted: int) -> None:
         self.wanted, self.count, self.line = wanted, 0, 0
@@ -122,14 +123,14 @@ class Mutator(ast.NodeTransformer):
 
     def visit_Compare(self, node: ast.Compare) -> ast.AST:
         self.generic_visit(node)
-        if type(node.ops[0]) in self.COMPARED and self._mine(node):
-            node.ops[0] = self.COMPARED[type(node.ops[0])]()
+        if type(node.ops[0]) in COMPARED and self._mine(node):
+            node.ops[0] = COMPARED[type(node.ops[0])]()
         return node
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         self.generic_visit(node)
-        if type(node.op) in self.COMPUTED and self._mine(node):
-            node.op = self.COMPUTED[type(node.op)]()
+        if type(node.op) in COMPUTED and self._mine(node):
+            node.op = COMPUTED[type(node.op)]()
         return node
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
@@ -165,9 +166,11 @@ def mutants(source: str) -> Iterator[tuple[int, str]]:
         number += 1
 
 
-def run_unprotected(where: Path) -> bool:
+def run_unprotected(where: Path, only: list[str]) -> bool:
     good = True
     for fault, name, old, new in UNPROTECTED:
+        if only and fault not in only:
+            continue
         path = where / name
         source = path.read_text()
         if source.count(old) < 1:
@@ -202,6 +205,7 @@ def run_mutants(where: Path) -> bool:
 
 def main() -> int:
     what = sys.argv[1:] or ["unprotected", "mutants"]
+    only = [name for name in what if name not in ("unprotected", "mutants")]
     good = True
     with tempfile.TemporaryDirectory() as folder:
         where = Path(folder)
@@ -209,7 +213,7 @@ def main() -> int:
             shutil.copytree(ROOT / package, where / package)
         shutil.copy(ROOT / "pyproject.toml", where)
         if "unprotected" in what:
-            good &= run_unprotected(where)
+            good &= run_unprotected(where, only)
         if "mutants" in what:
             good &= run_mutants(where)
     return 0 if good else 1
