@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
+from ridlink.failsafe import Conditions, FailsafeSettings, Rung, State, Stream, advance, request
 
 FLYING = Conditions(
     autopilot_heard_s=0.3,
@@ -185,3 +185,40 @@ def test_decisions_are_streamed_only_to_an_armed_vehicle_in_its_mode(seen: list[
             assert step.external_mode or (step.wants_stream and rung.requested)
         if not before.requested and before.state is not State.ENGAGED:
             assert rung.stream is Stream.NOTHING
+
+
+def test_what_is_not_told_is_neither_an_alarm_nor_a_permission() -> None:
+    told = Conditions()
+    assert (told.armed, told.external_mode, told.ready, told.has_goal, told.wants_stream) == (
+        False, False, True, False, False,
+    )  # fmt: skip
+    assert math.isinf(told.autopilot_heard_s) and math.isinf(told.own_state_age_s)
+    alarms = (told.rebooted, told.stalled, told.warming, told.own_jumped, told.other_writer, told.deciding_fails)
+    assert not any(alarms) and told.latitude_deg == 0.0 and told.since_last_step_s == 0.0
+    assert (Rung().state, Rung().requested, Rung().stream) == (State.STANDBY, False, Stream.NOTHING)
+
+
+def test_the_times_are_those_of_the_contract_and_the_states_those_of_the_dialect() -> None:
+    assert FailsafeSettings() == FailsafeSettings(3.0, 1.0, 5.0, 0.3, 85.0)
+    assert [int(state) for state in (State.STANDBY, State.ENGAGED, State.HOLD, State.STOPPED)] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("seen", "state"),
+    [
+        ({"autopilot_heard_s": 3.0}, State.ENGAGED),
+        ({"own_state_age_s": 1.0}, State.ENGAGED),
+        ({"own_state_age_s": 5.0}, State.HOLD),
+        ({"since_last_step_s": 0.3}, State.ENGAGED),
+        ({"latitude_deg": 85.0}, State.ENGAGED),
+        ({"latitude_deg": -85.0}, State.ENGAGED),
+    ],
+)
+def test_a_limit_itself_is_still_within(seen: dict[str, float], state: State) -> None:
+    assert climb(ENGAGED, replace(FLYING, **seen)).state is state
+
+
+def test_a_stopped_vehicle_that_is_asked_for_and_not_there_waits() -> None:
+    rung = climb(request(Rung(State.STOPPED)), replace(FLYING, autopilot_heard_s=9.0))
+    assert (rung.state, rung.requested) == (State.STANDBY, True)
+    assert climb(Rung(State.STOPPED, reason="lost"), FLYING).reason == "lost"

@@ -10,6 +10,7 @@ import pytest
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
+from ridlink.own_ship.jump import JumpWatch
 from ridlink.traffic.position_filter import moved, offset_m
 
 HERE = (47.3977, 8.5456)
@@ -292,6 +293,19 @@ def test_f16_white_noise_and_hard_manoeuvres_are_no_jumps() -> None:
         noise = 10.0 * math.sin(1e6 * math.sin(tick))
         autopilot.position(0.1 * tick, **shifted(north + noise), vx=round(100 * speed))
     assert telemetry.counters["own_position_jump"] == 0
+
+
+def test_f16_what_a_jump_is_and_how_long_it_counts() -> None:
+    watch = JumpWatch()
+    assert not watch.doubtful(0.0) and watch.error_m(0.0) == 0.0 and watch.count == 0
+    assert not watch.update(16.0, bound_m=3.0, travelled_m=10.0, now_s=1.0), "twice the bound, and the way"
+    assert watch.update(16.1, bound_m=3.0, travelled_m=10.0, now_s=1.0)
+    assert not watch.update(2.0, bound_m=0.0, travelled_m=0.0, now_s=1.5)
+    assert watch.doubtful(1.9) and not watch.doubtful(2.0)
+    assert [watch.error_m(t) for t in (1.0, 6.0, 11.0, 30.0)] == pytest.approx([16.1, 8.05, 0.0, 0.0])
+    assert watch.update(7.0, bound_m=3.0, travelled_m=0.0, now_s=2.0)
+    assert watch.error_m(2.0) == pytest.approx(16.1 * 0.9), "a smaller jump takes nothing back"
+    assert watch.count == 2
 
 
 def test_f16_a_centimetre_is_no_jump_however_exact_the_receiver_says_it_is() -> None:

@@ -113,3 +113,27 @@ def test_a_speed_limit_that_nothing_flies_is_refused() -> None:
     for field in ("horizontal_mps", "vertical_mps"):
         with pytest.raises(ValueError, match=f"{field} must be at most 100"):
             VelocityLimits(**{field: 101.0})
+
+
+def test_the_defaults_are_those_of_the_contract() -> None:
+    assert VelocityLimits() == VelocityLimits(15.0, 2.0, 5.0)
+    assert VelocityLimits(100.0, 100.0).horizontal_mps == 100.0
+
+
+def test_what_is_cut_is_counted_and_what_is_not_is_not() -> None:
+    for axis in range(3):
+        stream = SetpointStream(VelocityLimits(acceleration_mps2=1000.0))
+        wanted = [0.0, 0.0, 0.0]
+        wanted[axis] = 1.0
+        stream.next(Encoder(1, 196), (wanted[0], wanted[1], wanted[2]), 1000, 1, 1)
+        assert stream.counters["setpoint_limited"] == 0
+        wanted[axis] = 50.0
+        stream.next(Encoder(1, 196), (wanted[0], wanted[1], wanted[2]), 2000, 1, 1)
+        assert stream.counters["setpoint_limited"] == 1
+    assert stream.sent == 2
+
+
+def test_the_first_setpoint_may_leave_zero_by_the_slew_only() -> None:
+    stream = SetpointStream(VelocityLimits())
+    message = decoded(stream.next(Encoder(1, 196), (10.0, 0.0, 0.0), 100, 1, 1))
+    assert message.vx == pytest.approx(0.5, rel=1e-4)

@@ -15,9 +15,10 @@ from tests.traffic.test_picture import HERE, OWN, SETTINGS, picture, report, sti
 
 def test_doubt_decays_and_demands_no_more_than_silence() -> None:
     doubt = Doubt()
-    assert doubt.widening_m(0.0) == 0.0
+    assert doubt.widening_m(0.0) == 0.0 and MOST_M == 40.0
     doubt.add(20.0, 0.0)
     assert [doubt.widening_m(t) for t in (0.0, 5.0, 10.0, 11.0)] == pytest.approx([20.0, 10.0, 0.0, 0.0])
+    assert doubt.widening_m(-5.0) == 20.0, "never more than it was"
     doubt.add(5.0, 5.0)
     assert doubt.widening_m(5.0) == pytest.approx(10.0), "a smaller doubt takes nothing back"
     doubt.add(1e9, 6.0)
