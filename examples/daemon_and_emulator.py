@@ -32,7 +32,7 @@ async def main() -> None:
     await fleet.start()
     daemons = []
     for index, vehicle in enumerate(SCENARIO.vehicles):
-        latitude, longitude, altitude = geodetic_from_ned(vehicle.goal_ned_m, fleet.config.home)
+        latitude, longitude, altitude = geodetic_from_ned(vehicle.goal_ned_m, fleet.home)
         config = DaemonConfig(
             vehicle=parse_link_url(f"udpout:127.0.0.1:{fleet.ports.vehicles[index]}"),
             remote_id=parse_link_url(f"udpout:127.0.0.1:{fleet.ports.air}"),

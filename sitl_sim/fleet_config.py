@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic
+from ridlink.scenario import Scenario
 from sitl_sim.autopilot import FLAVOURS, Start
-from sitl_sim.gnss import ERROR_MODELS, ErrorModel
+from sitl_sim.gnss import CORRELATION_TIME_S, ERROR_MODELS, ErrorModel
+from sitl_sim.vehicle import load_airframe
 
 HOST = "127.0.0.1"
 
@@ -26,11 +28,14 @@ class FleetConfig:
             paper.
         gnss: How sigma becomes an error; the default wanders as real receivers do.
         sigma_m: One standard deviation per axis, for vehicles of which the scenario says nothing.
+        gnss_common_share: Share of the variance of position errors that all vehicles have in common.
+        gnss_time_constant_s: Correlation time of "gauss-markov".
+        airframe: Type of the vehicles of which the scenario says nothing; None: the one that was measured.
         start: How the fleet begins.
         remote_id: Whether vehicles broadcast by themselves; False leaves it to their daemons.
         technology: Way of broadcasting, see ``ridlink.technologies``.
         range_m, loss: Radio range and share lost; None: the technology's.
-        home: Where the scenario's origin lies.
+        home: Where the scenario's origin lies; None: where the scenario says, else `DEFAULT_HOME`.
         vehicle_port: Port of the first vehicle; 0: the kernel chooses all of them.
         companion_port: Where the first vehicle sends its telemetry unasked; 0: nowhere.
         air_port: Port of the air; 0: the kernel chooses.
@@ -43,12 +48,15 @@ class FleetConfig:
     autopilot: str = "px4"
     gnss: ErrorModel = "gauss-markov"
     sigma_m: float = 3.5
+    gnss_common_share: float = 0.0
+    gnss_time_constant_s: float = CORRELATION_TIME_S
+    airframe: str | None = None
     start: Start = Start.GROUND
     remote_id: bool = True
     technology: str = "ideal"
     range_m: float | None = None
     loss: float | None = None
-    home: Geodetic = DEFAULT_HOME
+    home: Geodetic | None = None
     vehicle_port: int = 14580
     companion_port: int = 14540
     air_port: int = 14650
@@ -62,9 +70,23 @@ class FleetConfig:
             raise ConfigError(f"the seed must not be negative, not {self.seed}")
         if not (math.isfinite(self.sigma_m) and self.sigma_m >= 0.0):
             raise ConfigError(f"sigma must be finite and not negative, not {self.sigma_m}")
-        home = self.home
+        if not 0.0 <= self.gnss_common_share <= 1.0:
+            raise ConfigError(f"the common share must be between 0 and 1, not {self.gnss_common_share}")
+        if self.gnss_common_share and self.gnss == "white-radial":
+            raise ConfigError("white-radial errors have no common share; use white")
+        if not (math.isfinite(self.gnss_time_constant_s) and self.gnss_time_constant_s > 0.0):
+            raise ConfigError(f"the time constant must be positive and finite, not {self.gnss_time_constant_s}")
+        if self.airframe is not None:
+            load_airframe(self.airframe).model(self.autopilot)
+        home = self.home or DEFAULT_HOME
         if not (abs(home.latitude_deg) <= 90.0 and abs(home.longitude_deg) <= 180.0 and math.isfinite(home.altitude_m)):
             raise ConfigError(f"no such home: {home.latitude_deg}, {home.longitude_deg}, {home.altitude_m}")
+
+    def home_of(self, scenario: Scenario) -> Geodetic:
+        """Where the origin of a scenario lies."""
+        if self.home is not None:
+            return self.home
+        return DEFAULT_HOME if scenario.home_deg_m is None else Geodetic(*scenario.home_deg_m)
 
     def check_ports(self, vehicles: int) -> None:
         """Every port is somebody's alone.

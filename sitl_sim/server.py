@@ -85,10 +85,14 @@ class FleetServer:
             sigma_m=config.sigma_m,
             airborne=config.start is not Start.GROUND,
             arrival="leave" if config.autopilot == "ideal" else "land",
+            gnss_common_share=config.gnss_common_share,
+            gnss_time_constant_s=config.gnss_time_constant_s,
+            airframe=config.airframe,
             pair_radius=pair_radius,
         )
-        self.air = Air(config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=config.home)
-        self._navigation = FleetNavigation(self.world, config.home)
+        self.home = config.home_of(scenario)
+        self.air = Air(config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=self.home)
+        self._navigation = FleetNavigation(self.world, self.home)
         self.autopilots = [
             Autopilot(
                 self.world,
@@ -116,11 +120,12 @@ class FleetServer:
 
     def _broadcaster(self, autopilot: Autopilot, utc_clock: Callable[[], float]) -> Broadcaster:
         generator = vehicle_generator(self.config.seed, Stream.PHASE, autopilot.system_id - 1)
+        spec = self.scenario.vehicles[autopilot.system_id - 1]
         return Broadcaster(
             autopilot.system_id,
-            self.scenario.vehicles[autopilot.system_id - 1],
+            spec,
             autopilot.telemetry.home,
-            interval_s=max(self.scenario.interval_s, self.air.technology.period_s),
+            interval_s=max(spec.interval_s or self.scenario.interval_s, self.air.technology.period_s),
             utc_clock=utc_clock,
             phase=float(generator.random()),
         )
@@ -214,7 +219,7 @@ class FleetServer:
     def _serve(self, now_s: float) -> None:
         """Let everybody say what is due."""
         self._navigation.refresh()
-        self.air.place_vehicles(self.world.position_ned_m, self.world.state != VehicleState.GONE)
+        self.air.place_vehicles(self.world.position_ned_m, self.world.on_air)
         for index, autopilot in enumerate(self.autopilots):
             try:
                 self._send(index, autopilot.tick(now_s))
@@ -230,9 +235,14 @@ class FleetServer:
         self._deliver()
 
     def _broadcast(self, index: int, autopilot: Autopilot, now_s: float) -> None:
+        spec = self.scenario.vehicles[index]
+        if spec.silent or not self.world.radio_on[index]:
+            return
+        # a ghost is not there: its signal comes from wherever its transmitter is
+        sent_from = (spec.transmitter_ned_m or self.world.position_ned_m[index]) if spec.ghost else None
         command = autopilot.pilot.command_ned_mps if autopilot.is_avoiding else None
         for datagram in self._broadcasters[index].tick(self._navigation[index], command, now_s):
-            self.air.broadcast(autopilot.system_id, None, datagram, now_s)
+            self.air.broadcast(autopilot.system_id, sent_from, datagram, now_s)
 
     def _watch_for_mission(self, now_s: float) -> None:
         cooperative = [a for a, v in zip(self.autopilots, self.scenario.vehicles, strict=True) if v.cooperative]

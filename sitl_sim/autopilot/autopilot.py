@@ -154,6 +154,8 @@ class Autopilot:
         if navigation.state is VehicleState.GONE:
             return []  # a wreck is silent
         self.pilot.update(navigation, now_s)
+        if not navigation.link_on:
+            return []
         if self._companion is not None and self._companion not in self._links:
             self._open_link(self._companion, math.inf)
         self._payloads.clear()
@@ -208,7 +210,8 @@ class Autopilot:
     def receive(self, datagram: bytes, address: Address, now_s: float) -> Outgoing:
         """Take a datagram from a peer, and give the answers to it; never raises, whatever the bytes."""
         self._now_s = max(self._now_s, now_s)
-        if self._navigation[self._index].state is VehicleState.GONE:
+        navigation = self._navigation[self._index]
+        if navigation.state is VehicleState.GONE or not navigation.link_on:
             return []
         frames: list[bytes] = []
         link: Link | None = None

@@ -38,6 +38,7 @@ class MavCommand(IntEnum):
     MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
     GET_HOME_POSITION = 410
+    INJECT_FAILURE = 420
     SET_MESSAGE_INTERVAL = 511
     REQUEST_MESSAGE = 512
     REQUEST_PROTOCOL_VERSION = 519
@@ -116,6 +117,7 @@ class Commands:
             MavCommand.DO_PAUSE_CONTINUE: self._pause_or_continue,
             MavCommand.DO_SET_MISSION_CURRENT: self._set_mission_current,
             MavCommand.MISSION_START: self._start_mission,
+            MavCommand.INJECT_FAILURE: self._inject_failure,
             MavCommand.COMPONENT_ARM_DISARM: lambda command, now_s: orders.arm(command[1] is not None, now_s),
         }
         if not flavour.is_px4:
@@ -137,6 +139,12 @@ class Commands:
         if mode is None:
             return self._orders.refuse(f"mode refused: there is no {int(number)}/{int(sub)}", Result.DENIED)
         return self._orders.set_mode(mode, now_s)
+
+    def _inject_failure(self, command: Command, now_s: float) -> Result:
+        unit, kind = int(command[1] or 0), int(command[2] or 0)
+        if not self._pilot.fail(unit, kind):
+            return self._orders.refuse(f"failure refused: none like {unit}/{kind}", Result.UNSUPPORTED)
+        return Result.ACCEPTED
 
     def _take_off(self, command: Command, now_s: float) -> Result:
         altitude_m = command.altitude_m

@@ -30,6 +30,12 @@ class Navigation:
     vel_acc_mps: float
     bound_3sigma_m: float
     fix_type: int
+    ekf_h_acc_m: float
+    innovation_ratio: float
+    battery_remaining: float
+    battery_v: float
+    battery_a: float
+    link_on: bool
     state: VehicleState
 
     @property
@@ -70,6 +76,12 @@ class FleetNavigation:
             world.vel_acc_mps.tolist(),
             world.bound_3sigma_m.tolist(),
             world.fix_type.tolist(),
+            world.receivers.ekf_h_acc_m.tolist(),
+            world.receivers.innovation_ratio.tolist(),
+            world.battery.remaining.tolist(),
+            world.battery.voltage_v.tolist(),
+            world.battery.current_a.tolist(),
+            world.link_on.tolist(),
             map(VehicleState, world.state.tolist()),
             strict=True,
         )

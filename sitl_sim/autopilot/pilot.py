@@ -18,6 +18,7 @@ from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import Message
 from ridlink.scenario import VehicleSpec
 from sitl_sim.autopilot.failsafes import Failsafe, Failsafes
+from sitl_sim.autopilot.failures import failure_event
 from sitl_sim.autopilot.guidance import (
     STILL,
     Accelerate,
@@ -231,6 +232,13 @@ class Pilot:
         elif state is VehicleState.AIRBORNE and self._sets_out and isinstance(self.guidance, Velocity):
             self._world.fly_straight(self._index)
             self.guidance = None
+
+    def fail(self, unit: int, kind: int) -> bool:
+        """Let something of this vehicle fail (FAILURE_UNIT, FAILURE_TYPE); whether it can."""
+        event = failure_event(unit, kind, self._index + 1)
+        if event is not None:
+            self._world.inject(event)
+        return event is not None
 
     def _follow_world(self) -> None:
         """Notice what happened to the vehicle: touched the ground, or told to land because it has arrived."""

@@ -144,27 +144,30 @@ class Telemetry:
         }
 
     def _sys_status(self) -> Fields:
-        healthy = _SENSORS if self._pilot.navigation.fix_type >= FIX_3D else _SENSORS & ~(_GPS_SENSOR | _PREARM_CHECK)
+        navigation = self._pilot.navigation
+        healthy = _SENSORS if navigation.fix_type >= FIX_3D else _SENSORS & ~(_GPS_SENSOR | _PREARM_CHECK)
         return {
             "onboard_control_sensors_present": _SENSORS,
             "onboard_control_sensors_enabled": _SENSORS,
             "onboard_control_sensors_health": healthy,
             "load": 150,
-            "voltage_battery": 16200,
-            "current_battery": 1000,
-            "battery_remaining": 100,
+            "voltage_battery": round(navigation.battery_v * 1e3),
+            "current_battery": _centiamperes(navigation.battery_a),
+            "battery_remaining": round(navigation.battery_remaining * 100.0),
         }
 
     def _battery_status(self) -> Fields:
+        navigation = self._pilot.navigation
         return {
             "type": 1,
             "temperature": _INT16_MAX,
-            "voltages": (4050, 4050, 4050, 4050, *(_UINT16_UNKNOWN,) * 6),
-            "current_battery": 1000,
+            # the first entry is the whole battery where cells are not measured one by one
+            "voltages": (round(navigation.battery_v * 1e3), *(_UINT16_UNKNOWN,) * 9),
+            "current_battery": _centiamperes(navigation.battery_a),
             "current_consumed": -1,
             "energy_consumed": -1,
-            "battery_remaining": 100,
-            "charge_state": 1,
+            "battery_remaining": round(navigation.battery_remaining * 100.0),
+            "charge_state": _charge_state(navigation.battery_remaining),
         }
 
     def _system_time(self) -> Fields:
@@ -288,12 +291,12 @@ class Telemetry:
             "time_usec": self._boot_us,
             "flags": flags,
             "vel_ratio": 0.05,
-            "pos_horiz_ratio": 0.05,
+            "pos_horiz_ratio": navigation.innovation_ratio,
             "pos_vert_ratio": 0.05,
             "mag_ratio": 0.05,
             "hagl_ratio": math.nan,
             "tas_ratio": math.nan,
-            "pos_horiz_accuracy": navigation.h_acc_m,
+            "pos_horiz_accuracy": navigation.ekf_h_acc_m,
             "pos_vert_accuracy": navigation.v_acc_m,
         }
 
@@ -390,6 +393,15 @@ def _position(latitude_deg: float, longitude_deg: float, latitude_name: str, lon
 
 def _cos_sin(angle_rad: float) -> tuple[float, float]:
     return math.cos(angle_rad), math.sin(angle_rad)
+
+
+def _centiamperes(current_a: float) -> int:
+    return min(round(current_a * 100.0), _INT16_MAX)
+
+
+def _charge_state(remaining: float) -> int:
+    """MAV_BATTERY_CHARGE_STATE at PX4's thresholds (BAT_LOW_THR, BAT_CRIT_THR, BAT_EMERGEN_THR)."""
+    return next((state for share, state in ((0.05, 4), (0.07, 3), (0.15, 2)) if remaining < share), 1)
 
 
 def _cdeg(angle_rad: float) -> int:

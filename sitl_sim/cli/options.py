@@ -97,7 +97,7 @@ def fleet_config(fleet: dict[str, Any], start: Start, **ports_and_more: Any) -> 
         ConfigError: If a figure is out of range.
     """
     from ridlink.geodesy import Geodetic
-    from sitl_sim.fleet_config import DEFAULT_HOME, FleetConfig
+    from sitl_sim.fleet_config import FleetConfig
 
     return FleetConfig(
         seed=fleet["seed"],
@@ -108,6 +108,6 @@ def fleet_config(fleet: dict[str, Any], start: Start, **ports_and_more: Any) -> 
         technology=fleet["technology"],
         range_m=fleet["range_m"],
         loss=fleet["loss"],
-        home=DEFAULT_HOME if fleet["home"] is None else Geodetic(*fleet["home"]),
+        home=None if fleet["home"] is None else Geodetic(*fleet["home"]),
         **ports_and_more,
     )

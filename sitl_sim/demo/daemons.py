@@ -70,12 +70,13 @@ def assignments(
     if ideal:
         graded, rotation = GradedSettings.g2(), RotationSettings.paper()
         halfplane = replace(halfplane, response_time_s=0.0, smoothing=1.0, arrival_deceleration_mps2=float("inf"))
-    obstacles = tuple(_in_degrees(obstacle.polygon_ne_m, fleet.home) for obstacle in scenario.obstacles)
+    home = fleet.home_of(scenario)
+    obstacles = tuple(_in_degrees(obstacle.polygon_ne_m, home) for obstacle in scenario.obstacles)
     assigned = []
     for index, vehicle in enumerate(scenario.vehicles):
         if not vehicle.cooperative:
             continue
-        latitude, longitude, altitude = geodetic_from_ned(vehicle.goal_ned_m, fleet.home)
+        latitude, longitude, altitude = geodetic_from_ned(vehicle.goal_ned_m, home)
         engine = EngineConfig(
             goal=Goal(float(latitude), float(longitude), float(altitude)),
             definition=definition,

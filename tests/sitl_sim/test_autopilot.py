@@ -176,7 +176,7 @@ def test_receiver_tells_its_accuracy_in_millimetres(sigma_m: float, h_acc: int, 
     gps = flight.last("GPS_RAW_INT")
     assert (gps.h_acc, gps.v_acc, gps.vel_acc, gps.fix_type) == (h_acc, v_acc, vel_acc, 3)
     assert gps.alt_ellipsoid == gps.alt
-    assert flight.last("ESTIMATOR_STATUS").pos_horiz_accuracy == pytest.approx(h_acc / 1e3)
+    assert flight.last("ESTIMATOR_STATUS").pos_horiz_accuracy == pytest.approx(0.32 * h_acc / 1e3)
 
 
 @both

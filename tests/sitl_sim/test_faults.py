@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from ridlink.scenario import EVENTS, Event, Scenario, VehicleSpec, Wind, event_of
+from sitl_sim.autopilot import Start
 from sitl_sim.vehicle import TICK_S
 from sitl_sim.world import VehicleState, World
+from tests.sitl_sim.flight import Flight, one_vehicle
 
 
 def event(what: str, vehicle: int = 1, at_s: float = 0.0, **figures: float) -> Event:
@@ -221,3 +223,68 @@ def test_the_same_seed_is_the_same_truth_however_time_is_cut() -> None:
 
     assert np.array_equal(flown(200), flown(4))
     assert not np.array_equal(flown(200), flown(200, seed=8))
+
+
+# --- what clients see and can do --------------------------------------------------------------------------------------
+
+
+def flown(flavour: str = "px4", seconds: float = 5.0) -> Flight:
+    flight = Flight(flavour, Start.AIRBORNE)
+    flight.advance(seconds)
+    return flight
+
+
+@pytest.mark.parametrize(
+    "unit, kind, seen",
+    [
+        (4, 1, lambda world: world.fix_type[0] == 0),
+        (4, 4, lambda world: world.reported_position_ned_m[0, 0] - world.position_ned_m[0, 0] > 45.0),
+        (100, 1, lambda world: world.battery.remaining[0] == 0.0),
+        (101, 1, lambda world: world.state[0] == VehicleState.LANDING),
+        (105, 1, lambda world: not world.link_on[0]),
+    ],
+)
+def test_a_client_can_let_things_fail(unit: int, kind: int, seen: Any) -> None:
+    flight = flown(seconds=0.5)
+    assert flight.command(420, unit, kind) == 0
+    flight.advance(0.2)
+    assert seen(flight.world)
+
+
+def test_a_failure_that_does_not_exist_is_unsupported() -> None:
+    flight = flown(seconds=0.5)
+    assert flight.command(420, 3, 2) == 3
+
+
+def test_the_battery_drains_in_what_the_vehicle_says() -> None:
+    flight = flown(seconds=40.0)
+    status = flight.last("BATTERY_STATUS")
+    assert 90 <= status.battery_remaining < 100 and status.charge_state == 1
+    assert 12_000 < status.voltages[0] < 16_800 and flight.last("SYS_STATUS").current_battery > 100
+    flight.world.inject(event("battery", remaining=0.04))
+    flight.advance(1.5)
+    assert flight.last("BATTERY_STATUS").charge_state == 4
+    assert flight.last("SYS_STATUS").battery_remaining == 4
+
+
+def test_who_has_no_link_is_silent_and_deaf() -> None:
+    flight = flown(seconds=1.0)
+    flight.world.inject(event("link-off", duration_s=5.0))
+    flight.advance(0.1)
+    count = len(flight.messages("HEARTBEAT"))
+    flight.advance(3.0)
+    assert len(flight.messages("HEARTBEAT")) == count
+    flight.advance(3.0)
+    assert len(flight.messages("HEARTBEAT")) > count
+
+
+def test_estimator_of_px4_claims_less_and_is_surprised_by_a_jump() -> None:
+    flight = Flight("px4", Start.AIRBORNE, scenario=one_vehicle(sigma_m=0.9))
+    flight.advance(2.0)
+    status = flight.last("ESTIMATOR_STATUS")
+    assert status.pos_horiz_accuracy == pytest.approx(0.29, abs=0.01)
+    assert flight.last("GPS_RAW_INT").h_acc == 900
+    flight.world.inject(event("gnss-jump", north_m=40.0))
+    flight.advance(1.1)
+    assert flight.last("ESTIMATOR_STATUS").pos_horiz_ratio > 1.0
+    assert flight.last("GPS_RAW_INT").h_acc == 900
