@@ -62,18 +62,21 @@ class _Subscriber:
 
 @dataclass(slots=True)
 class _Receivers:
-    """The subscribers as columns, rebuilt when one comes or goes."""
+    """The subscribers that hear what is in range as columns, the observers apart; rebuilt when one comes or goes."""
 
     addresses: list[Address]
     rows: dict[Address, int]
     system_id: IntArray
     heard_s: FloatArray
+    observers: dict[Address, _Subscriber]
 
     @classmethod
     def of(cls, subscribers: dict[Address, _Subscriber]) -> _Receivers:
-        system_id = np.array([subscriber.system_id for subscriber in subscribers.values()], dtype=np.int64)
-        heard_s = np.array([subscriber.heard_s for subscriber in subscribers.values()])
-        return cls(list(subscribers), {address: row for row, address in enumerate(subscribers)}, system_id, heard_s)
+        observers = {at: each for at, each in subscribers.items() if each.system_id == OBSERVER_SYSTEM_ID}
+        others = {at: each for at, each in subscribers.items() if at not in observers}
+        system_id = np.array([subscriber.system_id for subscriber in others.values()], dtype=np.int64)
+        heard_s = np.array([subscriber.heard_s for subscriber in others.values()])
+        return cls(list(others), {address: row for row, address in enumerate(others)}, system_id, heard_s, observers)
 
 
 class Air:
@@ -150,7 +153,7 @@ class Air:
         known = self._subscribers.get(address)
         if known is not None and known.system_id == system_id:
             known.heard_s = now_s
-            if self._receivers is not None:
+            if self._receivers is not None and address in self._receivers.rows:
                 self._receivers.heard_s[self._receivers.rows[address]] = now_s
             return
         if known is None and len(self._subscribers) >= MAX_SUBSCRIBERS:
@@ -260,39 +263,55 @@ class Air:
         self._sends[sender] += 1
         if position is not None:
             self._sent_from[sender] = now_s, position
-        receivers, where = self._listening()
-        if not receivers.addresses:
-            return
-        observing = receivers.system_id == OBSERVER_SYSTEM_ID
+        receivers = self._listening()
+        observers = tuple(
+            to
+            for to, observer in receivers.observers.items()
+            if to != address and observer.system_id != sender and now_s - observer.heard_s <= SUBSCRIPTION_S
+        )
+        if observers and self._has_room(len(observers)):
+            self._push(now_s, payload, observers)
+        if position is None:
+            self.counters["no_position"] += 1
+        elif receivers.addresses:
+            self._spread_in_range(sender, address, position, payload, now_s)
+
+    def _spread_in_range(
+        self, sender: int, address: Address | None, position: FloatArray, payload: bytes, now_s: float
+    ) -> None:
+        receivers, where = self._listening(), self._places()
         listening = (receivers.system_id != sender) & (now_s - receivers.heard_s <= SUBSCRIPTION_S)
         if address is not None and address in receivers.rows:
             listening[receivers.rows[address]] = False
-        latency_s = np.zeros(len(observing))
-        if position is None:
-            self.counters["no_position"] += 1
-            listening &= observing
-        else:
-            gap = where - position
-            distance_m = np.sqrt(np.einsum("ij,ij->i", gap, gap))
-            distance_m[np.isinf(distance_m)] = 0.0
-            in_range = observing | (distance_m <= self.range_m)
-            self.counters["out_of_range"] += int(np.count_nonzero(listening & ~in_range))
-            listening &= in_range
-            # both figures are drawn whatever the loss: another loss leaves the latencies of what arrives alone
-            arrives, late = reception_chances(self._seed, sender, self._sends[sender], receivers.system_id)
-            lost = listening & ~observing & (arrives >= self._arriving_share(distance_m, now_s))
-            self.counters["lost"] += int(np.count_nonzero(lost))
-            listening &= ~lost
-            shortest, longest = self.technology.latency_s
-            latency_s = np.where(observing, 0.0, shortest + late * (longest - shortest))
-        self._send_off(payload, np.flatnonzero(listening), latency_s, receivers.addresses, now_s)
+        gap = where - position
+        distance_m = np.sqrt(np.einsum("ij,ij->i", gap, gap))
+        distance_m[np.isinf(distance_m)] = 0.0
+        heard = listening & (distance_m <= self.range_m)
+        self.counters["out_of_range"] += int(np.count_nonzero(listening)) - int(np.count_nonzero(heard))
+        # both figures are drawn whatever the loss: another loss leaves the latencies of what arrives alone
+        arrives, late = reception_chances(self._seed, sender, self._sends[sender], receivers.system_id)
+        kept = heard & (arrives < self._arriving_share(distance_m, now_s))
+        rows = np.flatnonzero(kept)
+        self.counters["lost"] += int(np.count_nonzero(heard)) - len(rows)
+        if not self._has_room(len(rows)):
+            return
+        shortest, longest = self.technology.latency_s
+        if longest == 0.0:
+            self._push(now_s, payload, tuple(receivers.addresses[row] for row in rows.tolist()))
+            return
+        arrival_s = now_s + shortest + late[rows] * (longest - shortest)
+        for row, at_s in zip(rows.tolist(), arrival_s.tolist(), strict=True):
+            self._push(at_s, payload, (receivers.addresses[row],))
 
-    def _listening(self) -> tuple[_Receivers, FloatArray]:
-        """The receivers, and where they are, shape (m, 3): NaN off the air, infinite where nobody knows."""
+    def _listening(self) -> _Receivers:
         if self._receivers is None:
             self._receivers = _Receivers.of(self._subscribers)
             self._where = self._crowd = None
-        receivers = self._receivers
+        return self._receivers
+
+    def _places(self) -> FloatArray:
+        """Where the receivers are, shape (m, 3): NaN off the air, infinite where nobody knows."""
+        receivers = self._listening()
         if self._where is None:
             where = np.full((len(receivers.addresses), 3), np.nan)
             placed = (receivers.system_id >= 1) & (receivers.system_id <= len(self._placed))
@@ -301,7 +320,7 @@ class Air:
                 own = self._reported.get((receivers.addresses[row], int(receivers.system_id[row])))
                 where[row] = math.inf if own is None else own
             self._where = where
-        return receivers, self._where
+        return self._where
 
     def _arriving_share(self, distance_m: FloatArray, now_s: float) -> FloatArray | float:
         """Share of this broadcast's receptions that neither fade nor collide, shape (m,)."""
@@ -318,26 +337,19 @@ class Air:
             patience_s = SENDING_PERIODS * max(self.technology.period_s, 1.0)
             self._sent_from = {key: sent for key, sent in self._sent_from.items() if now_s - sent[0] <= patience_s}
             senders = np.array([position for _, position in self._sent_from.values()]).reshape(-1, 3)
-            _, where = self._listening()
-            gap = np.linalg.norm(where[:, None] - senders[None, :], axis=2)
+            gap = np.linalg.norm(self._places()[:, None] - senders[None, :], axis=2)
             self._crowd = np.maximum(np.count_nonzero(gap <= self.range_m, axis=1) - 1.0, 0.0)
             self._crowd_s = now_s
         return self._crowd
 
-    def _send_off(
-        self, payload: bytes, rows: IntArray, latency_s: FloatArray, addresses: list[Address], now_s: float
-    ) -> None:
-        room = MAX_UNDELIVERED - self._waiting
-        if len(rows) > room:
-            self.counters["overflow"] += len(rows) - room
-            rows = rows[:room]
-        self.counters["delivered"] += len(rows)
-        self._waiting += len(rows)
-        at_once = tuple(addresses[row] for row in rows[latency_s[rows] == 0.0].tolist())
-        if at_once:
-            self._push(now_s, payload, at_once)
-        for row in rows[latency_s[rows] > 0.0].tolist():
-            self._push(now_s + float(latency_s[row]), payload, (addresses[row],))
+    def _has_room(self, count: int) -> bool:
+        """Whether so many more may be under way; they count as if they were."""
+        if self._waiting + count > MAX_UNDELIVERED:
+            self.counters["overflow"] += count
+            return False
+        self._waiting += count
+        self.counters["delivered"] += count
+        return count > 0
 
     def _push(self, at_s: float, payload: bytes, addresses: tuple[Address, ...]) -> None:
         self._sent += 1

@@ -36,6 +36,9 @@ Address = tuple[str, int]
 MAX_CATCH_UP_S = 0.25
 """Longest time flown in one go after a stall; for what is beyond, the vehicles stood still."""
 
+VEHICLES_AT_ONCE = 40
+"""Vehicles served in one go."""
+
 MIN_DELIVERY_S = 0.005
 """Broadcasts under way are delivered in batches no closer than this."""
 
@@ -198,7 +201,29 @@ class FleetServer:
         now_s = self._loop.time()
         try:
             self._fly(now_s)
-            self._serve(now_s)
+            self._navigation.refresh()
+            self.air.place_vehicles(self.world.position_ned_m, self.world.on_air)
+        except Exception:
+            self._note_failure("tick")
+        self._serve(0, now_s)
+
+    def _serve(self, first: int, now_s: float) -> None:
+        """Let some vehicles say what is due, then let the loop breathe before the next ones: datagrams that have come
+        meanwhile do not wait for a whole fleet."""
+        assert self._loop is not None
+        after = first + VEHICLES_AT_ONCE
+        for index, autopilot in enumerate(self.autopilots[first:after], start=first):
+            try:
+                self._send(index, autopilot.tick(now_s))
+                if self.config.remote_id:
+                    self._broadcast(index, autopilot, now_s)
+            except Exception:
+                self._note_failure(f"vehicle {autopilot.system_id}")
+        if after < len(self.autopilots):
+            self._tick_handle = self._loop.call_soon(self._serve, after, now_s)  # type: ignore[assignment]
+            return
+        try:
+            self._end_tick(now_s)
         except Exception:
             self._note_failure("tick")
         self._tick_handle = self._loop.call_at(self._flown_until_s + TICK_S, self._on_tick)
@@ -216,17 +241,7 @@ class FleetServer:
             self.counters["tick"] += 1
             self.world.step(TICK_S)
 
-    def _serve(self, now_s: float) -> None:
-        """Let everybody say what is due."""
-        self._navigation.refresh()
-        self.air.place_vehicles(self.world.position_ned_m, self.world.on_air)
-        for index, autopilot in enumerate(self.autopilots):
-            try:
-                self._send(index, autopilot.tick(now_s))
-                if self.config.remote_id:
-                    self._broadcast(index, autopilot, now_s)
-            except Exception:
-                self._note_failure(f"vehicle {autopilot.system_id}")
+    def _end_tick(self, now_s: float) -> None:
         if not self.mission_begun and self.config.start is Start.GROUND:
             self._watch_for_mission(now_s)
         if now_s - self._expired_s >= 1.0:

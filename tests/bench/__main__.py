@@ -21,7 +21,7 @@ from ridlink.avoidance.solver import HalfplaneSolver, warm_up
 from ridlink.avoidance.types import OwnShip, Traffic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, FrameParser, parse_datagram
-from tests.bench import avoidance, decode, response
+from tests.bench import avoidance, decode, fleet, response
 from tests.bench.measure import ROUNDS, interleaved
 
 FRAMES = 20_000
@@ -156,10 +156,19 @@ def main() -> int:
     batch_rows = avoidance.report()
     capture_rows = decode.report()
     response_rows = response.report((output.parent if output else _made(Path("build"))) / "step_responses.png")
+    fleet_rows = fleet.report()
     if output:
         output.write_text(
             json.dumps(
-                {"wire": wire_rows, "decisions": decision_rows, **batch_rows, **capture_rows, **response_rows}, indent=1
+                {
+                    "wire": wire_rows,
+                    "decisions": decision_rows,
+                    **batch_rows,
+                    **capture_rows,
+                    **response_rows,
+                    **fleet_rows,
+                },
+                indent=1,
             )
             + "\n"
         )
