@@ -34,6 +34,12 @@ FLYING = Navigation(
     vel_acc_mps=0.1,
     bound_3sigma_m=10.501,
     fix_type=3,
+    ekf_h_acc_m=1.1,
+    innovation_ratio=0.05,
+    battery_remaining=0.9,
+    battery_v=15.8,
+    battery_a=10.0,
+    link_on=True,
     state=VehicleState.AIRBORNE,
 )
 SPEC = VehicleSpec((0.0, 0.0, -50.0), (100.0, 0.0, -50.0), airframe_m=0.601)
