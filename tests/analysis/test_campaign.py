@@ -1,17 +1,21 @@
 """Verdicts on a campaign: by a stated tolerance, and never without a reason."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
 from ridlink.analysis.campaign import FlownCell, Verdict, judge_cells
+from ridlink.campaign.plan import Cell
 from ridlink.campaign.statistics import clopper_pearson
 
 
 def flown(definition, median_s, macs=0, scenario="circle8", solver="rotation", snmac_s=7.0):
     times = median_s + np.linspace(-0.1, 0.1, 80)
+    cell = Cell(scenario, definition, "white-radial", solver, "ideal", sigma_m=10.0, interval_s=0.1, loss=0.0)
     row = {
-        "scenario": scenario, "definition": definition, "gnss": "white-radial", "solver": solver, "runs": 10,
-        "flights": 80, "macs": macs, "mac_rate": macs / 80, "mac_rate_ci95": clopper_pearson(macs, 80),
+        **asdict(cell), "runs": 10, "flights": 80,
+        "macs": macs, "mac_rate": macs / 80, "mac_rate_ci95": clopper_pearson(macs, 80),
         "median_s": median_s, "median_ci95": (median_s, median_s), "ratio_to_snmac": median_s / snmac_s,
     }  # fmt: skip
     return FlownCell(row, times, np.repeat(np.arange(10), 8), 1)
