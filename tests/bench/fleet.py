@@ -75,11 +75,11 @@ async def fly(count: int, seconds: float = SECONDS) -> dict[str, Any]:
             next_s = loop.time() + PROBE_S
             loop.call_at(next_s, probe, next_s)
 
-    await asyncio.sleep(1.0)
+    await _fly_for(1.0, flying)
     late.clear()
     begun, used = time.monotonic(), time.process_time()
     probe(loop.time())
-    await asyncio.sleep(seconds)
+    await _fly_for(seconds, flying)
     used, taken = time.process_time() - used, time.monotonic() - begun
     resident_mb = int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
     stop.set()
@@ -95,6 +95,14 @@ async def fly(count: int, seconds: float = SECONDS) -> dict[str, Any]:
         "late_p99_ms": float(np.percentile(late, 99)) * 1e3,
         "slipped_ms": server.counters["slipped_ms"],
     }
+
+
+async def _fly_for(seconds: float, flying: asyncio.Task[None]) -> None:
+    """Let the fleet fly; what ends it early is raised here, and not measured."""
+    await asyncio.wait([flying], timeout=seconds)
+    if flying.done():
+        flying.result()
+        raise RuntimeError("the fleet stopped while it was measured")
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ It stands in for no measured response; what matters here are the bytes and the o
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 from collections.abc import Callable
 from typing import Any
@@ -25,6 +26,9 @@ GEOID_M = 47.0
 OFFBOARD, POSITION_MODE = 6 << 16, 3 << 16
 GUIDED, LOITER = 4, 5
 PATIENCE_S = 8.0
+PERIOD_S = 0.02
+"""Between two of the vehicle's words, as PX4's onboard link has it."""
+
 
 __all__ = ["GUIDED", "HOME", "LOITER", "OFFBOARD", "PATIENCE_S", "POSITION_MODE", "Emulated", "LoopbackVehicle",
            "Observer", "at", "messages"]  # fmt: skip
@@ -149,6 +153,7 @@ class LoopbackVehicle:
         self._second_link: Link | None = None
         self._link: Link | None = None
         self._changed = asyncio.Event()
+        self._ended = asyncio.Event()
         self._failure: BaseException | None = None
 
     async def __aenter__(self) -> LoopbackVehicle:
@@ -157,7 +162,8 @@ class LoopbackVehicle:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        self._task.cancel()
+        self._ended.set()
+        await self._task
         for link in (self._link, self._second_link):
             if link is not None:
                 link.close()
@@ -190,15 +196,19 @@ class LoopbackVehicle:
             self._second_link.send(data)
 
     async def _speak(self) -> None:
-        self.began_s = asyncio.get_running_loop().time()
-        while True:
-            now_s = max(asyncio.get_running_loop().time() - self.began_s, 0.0)
+        loop = asyncio.get_running_loop()
+        self.began_s = loop.time()
+        while not self._ended.is_set():
+            now_s = max(loop.time() - self.began_s, 0.0)
             if not self.silent:
                 self.send(self.vehicle.heartbeat())
                 if not self.frozen:
                     self.send(self.vehicle.position_messages(now_s) + self.vehicle.target_message(now_s))
-            self.vehicle.advance(0.02)
-            await asyncio.sleep(0.02)
+            self.vehicle.advance(PERIOD_S)
+            # No grid: the clock of an autopilot drifts against that of the daemon.
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(PERIOD_S):
+                    await self._ended.wait()
 
     def setpoints(self) -> list[Message]:
         return self.vehicle.observer.setpoints
