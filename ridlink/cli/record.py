@@ -22,12 +22,6 @@ if TYPE_CHECKING:
     from ridlink.links import Link, LinkUrl
 
 TICK_S = 1.0
-GROUND_STATION_SYSID = 255
-MISSION_PLANNER_COMPID = 190
-MAV_TYPE_GCS = 6
-MAV_AUTOPILOT_INVALID = 8
-MAV_STATE_ACTIVE = 4
-MAVLINK_VERSION = 3
 
 
 @click.command()
@@ -93,18 +87,15 @@ async def _until(
     """Each second: say that we are there, show where we are."""
     import asyncio
 
-    from ridlink.mavlink.codec import Encoder
+    from ridlink.mavlink.ground_station import ground_station, heartbeat
 
     loop = asyncio.get_running_loop()
-    encoder = Encoder(GROUND_STATION_SYSID, MISSION_PLANNER_COMPID)
+    encoder = ground_station()
     ends_s = math.inf if duration is None else started_s + duration
     on_terminal = sys.stderr.isatty()
     while recorder.error is None and not stop.is_set() and loop.time() < ends_s:
         if speaks:
-            link.send(encoder.encode(
-                "HEARTBEAT", type=MAV_TYPE_GCS, autopilot=MAV_AUTOPILOT_INVALID, system_status=MAV_STATE_ACTIVE,
-                mavlink_version=MAVLINK_VERSION,
-            ))  # fmt: skip
+            link.send(heartbeat(encoder))
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stop.wait(), min(TICK_S, max(0.0, ends_s - loop.time())))
         if on_terminal:

@@ -12,13 +12,11 @@ from ridlink.doctor.parameters import EXPECTED, parameter_value
 from ridlink.links import Address, Link, LinkUrl, open_link
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.ground_station import HEARTBEAT_EVERY_S, MAV_AUTOPILOT_INVALID, ground_station, heartbeat
 from ridlink.own_ship import ARDUPILOT, AUTOPILOT_COMPONENT, FIX_3D, PX4
 
 LISTEN_S = 4.0
-HEARTBEAT_EVERY_S = 1.0
 ASKED_EVERY_S = 0.3
-GROUND_STATION_SYSID, GROUND_STATION_COMPID = 255, 190
-MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE, MAVLINK_VERSION = 6, 8, 4, 3
 AUTOPILOTS = {ARDUPILOT: "ArduPilot", PX4: "PX4"}
 
 
@@ -81,21 +79,13 @@ async def listen(url: LinkUrl, *, asks: bool, for_s: float = LISTEN_S) -> Listen
     link = await open_link(url, heard.receive)
     loop = asyncio.get_running_loop()
     ends_s = loop.time() + for_s
-    encoder = Encoder(GROUND_STATION_SYSID, GROUND_STATION_COMPID)
+    encoder = ground_station()
     heartbeat_due_s = -math.inf
     try:
         while loop.time() < ends_s:
             if loop.time() >= heartbeat_due_s:
                 heartbeat_due_s = loop.time() + HEARTBEAT_EVERY_S
-                link.send(
-                    encoder.encode(
-                        "HEARTBEAT",
-                        type=MAV_TYPE_GCS,
-                        autopilot=MAV_AUTOPILOT_INVALID,
-                        system_status=MAV_STATE_ACTIVE,
-                        mavlink_version=MAVLINK_VERSION,
-                    )
-                )
+                link.send(heartbeat(encoder))
             if asks and _ask(link, encoder, heard) == 0 and "GLOBAL_POSITION_INT" in heard.latest:
                 break
             await asyncio.sleep(ASKED_EVERY_S)

@@ -17,8 +17,9 @@ from collections.abc import Callable
 
 from ridlink.errors import ConfigError, LinkError, MissingExtraError
 from ridlink.links import Link, LinkUrl, Scheme, open_link
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
+from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.ground_station import HEARTBEAT_EVERY_S, ground_station, heartbeat
 from ridlink.mqtt.broker_url import BrokerUrl
 from ridlink.mqtt.feed import Feed
 from ridlink.mqtt.outbox import Outbox
@@ -38,10 +39,6 @@ BACK_OFF_S = (1.0, 30.0)
 ANSWER_S = 10.0
 AT_ONCE = 32
 """Messages on their way at the same time; more would only wait in the library, where nothing newer replaces them."""
-
-HEARTBEAT_EVERY_S = 1.0
-OBSERVER_SYSID, OBSERVER_COMPID = 255, 190
-MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE, MAVLINK_VERSION = 6, 8, 4, 3
 
 
 LIBRARY_LOG = logging.getLogger("ridlink.mqtt.library")
@@ -142,21 +139,13 @@ class Bridge:
                 self.counters["refused"] += 1
 
     async def _keep_time(self, link: Link) -> None:
-        encoder = Encoder(OBSERVER_SYSID, OBSERVER_COMPID)
+        encoder = ground_station()
         due_s = heartbeat_due_s = time.monotonic()
         while True:
             now_s = time.monotonic()
             if self._source.scheme is Scheme.UDPOUT and now_s >= heartbeat_due_s:
                 heartbeat_due_s = now_s + HEARTBEAT_EVERY_S
-                link.send(
-                    encoder.encode(
-                        "HEARTBEAT",
-                        type=MAV_TYPE_GCS,
-                        autopilot=MAV_AUTOPILOT_INVALID,
-                        system_status=MAV_STATE_ACTIVE,
-                        mavlink_version=MAVLINK_VERSION,
-                    )
-                )
+                link.send(heartbeat(encoder))
             for message in self._publisher.step(now_s, time.time()):
                 self.outbox.put(message)
             if len(self.outbox):

@@ -12,19 +12,15 @@ from collections.abc import Callable, Sequence
 
 from ridlink.errors import LinkError
 from ridlink.links import Link, open_link
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
+from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.ground_station import HEARTBEAT_EVERY_S, ground_station, heartbeat
 
-GROUND_STATION_SYSID = 255
-GROUND_STATION_COMPID = 190
-MAV_TYPE_GCS = 6
-MAV_AUTOPILOT_INVALID = 8
 MAV_AUTOPILOT_ARDUPILOTMEGA = 3
 MAV_CMD_DO_SET_MODE = 176
 ARDUCOPTER_GUIDED = 4
 PX4_OFFBOARD = 6
 RETRY_S = 0.25
-HEARTBEAT_S = 1.0
 
 Hear = Callable[[bytes], None]
 
@@ -42,7 +38,7 @@ class Conductor:
         self._vehicle_ports = vehicle_ports
         self._air_port = air_port
         self._hear = hear
-        self._encoder = Encoder(GROUND_STATION_SYSID, GROUND_STATION_COMPID)
+        self._encoder = ground_station()
         self._links: list[Link] = []
         self._ardupilot: set[int] = set()
         self._external: set[int] = set()
@@ -107,12 +103,12 @@ class Conductor:
         return take
 
     def _see_heartbeat(self, frame: Frame) -> None:
-        heartbeat = decode_message(frame)
-        if heartbeat.autopilot == MAV_AUTOPILOT_ARDUPILOTMEGA:
+        said = decode_message(frame)
+        if said.autopilot == MAV_AUTOPILOT_ARDUPILOTMEGA:
             self._ardupilot.add(frame.sysid)
-            external = heartbeat.custom_mode == ARDUCOPTER_GUIDED
+            external = said.custom_mode == ARDUCOPTER_GUIDED
         else:
-            external = (heartbeat.custom_mode >> 16) & 0xFF == PX4_OFFBOARD
+            external = (said.custom_mode >> 16) & 0xFF == PX4_OFFBOARD
         if external:
             self._external.add(frame.sysid)
             self._changed.set()
@@ -120,13 +116,5 @@ class Conductor:
     async def _say_hello(self) -> None:
         while True:
             for link in self._links:
-                link.send(
-                    self._encoder.encode(
-                        "HEARTBEAT",
-                        type=MAV_TYPE_GCS,
-                        autopilot=MAV_AUTOPILOT_INVALID,
-                        system_status=4,
-                        mavlink_version=3,
-                    )
-                )
-            await asyncio.sleep(HEARTBEAT_S)
+                link.send(heartbeat(self._encoder))
+            await asyncio.sleep(HEARTBEAT_EVERY_S)
