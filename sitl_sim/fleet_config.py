@@ -14,6 +14,8 @@ from sitl_sim.vehicle import load_airframe
 
 HOST = "127.0.0.1"
 
+MAX_SPEEDUP = 100.0
+
 DEFAULT_HOME = Geodetic(47.397742, 8.545594, 488.0)
 """Where PX4's own simulations take off."""
 
@@ -35,6 +37,9 @@ class FleetConfig:
         remote_id: Whether vehicles broadcast by themselves; False leaves it to their daemons.
         technology: Way of broadcasting, see ``ridlink.technologies``.
         range_m, loss: Radio range and share lost; None: the technology's.
+        rid_on_bus: Whether a receiver on board of each vehicle delivers Remote ID on the vehicle's own bus.
+        ground_station: Where the traffic around vehicle 1 is shown, a connection string; None: nowhere.
+        speedup: Seconds of the fleet in a real one; 0: lockstep, `FleetServer.advance` lets time go on.
         home: Where the scenario's origin lies; None: where the scenario says, else `DEFAULT_HOME`.
         vehicle_port: Port of the first vehicle; 0: the kernel chooses all of them.
         companion_port: Where the first vehicle sends its telemetry unasked; 0: nowhere.
@@ -56,6 +61,9 @@ class FleetConfig:
     technology: str = "ideal"
     range_m: float | None = None
     loss: float | None = None
+    rid_on_bus: bool = False
+    ground_station: str | None = None
+    speedup: float = 1.0
     home: Geodetic | None = None
     vehicle_port: int = 14580
     companion_port: int = 14540
@@ -76,6 +84,8 @@ class FleetConfig:
             raise ConfigError("white-radial errors have no common share; use white")
         if not (math.isfinite(self.gnss_time_constant_s) and self.gnss_time_constant_s > 0.0):
             raise ConfigError(f"the time constant must be positive and finite, not {self.gnss_time_constant_s}")
+        if not (math.isfinite(self.speedup) and 0.0 <= self.speedup <= MAX_SPEEDUP):
+            raise ConfigError(f"the speedup must be between 0 and {MAX_SPEEDUP:g}, not {self.speedup}")
         if self.airframe is not None:
             load_airframe(self.airframe).model(self.autopilot)
         home = self.home or DEFAULT_HOME

@@ -16,6 +16,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,9 @@ from ridlink.links import Link, open_link
 from ridlink.scenario import Scenario
 from sitl_sim.autopilot import Autopilot, FleetNavigation, Outgoing, Start
 from sitl_sim.broadcast import Broadcaster
+from sitl_sim.bus import BusReceiver
+from sitl_sim.clock import FleetClock
+from sitl_sim.display import TrafficDisplay
 from sitl_sim.fleet import Stream, vehicle_generator
 from sitl_sim.fleet_config import HOST, FleetConfig, FleetPorts
 from sitl_sim.radio import Air
@@ -50,6 +54,13 @@ ERROR_LOG_S = 1.0
 """Shortest time between two log lines about failures."""
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class BusAddress:
+    """A receiver on board, among the addresses of the air's subscribers."""
+
+    index: int
 
 
 class FleetServer:
@@ -94,6 +105,11 @@ class FleetServer:
             pair_radius=pair_radius,
         )
         self.home = config.home_of(scenario)
+        self.clock = FleetClock(time.monotonic, utc_clock, config.speedup)
+        utc_clock = self.clock.utc_s
+        self._buses = [BusReceiver(k + 1) for k in range(len(scenario.vehicles))] if config.rid_on_bus else []
+        self._display = TrafficDisplay()
+        self._display_link: Link | None = None
         self.air = Air(config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=self.home)
         self._navigation = FleetNavigation(self.world, self.home)
         self.autopilots = [
@@ -148,6 +164,8 @@ class FleetServer:
                 port = config.vehicle_port + index if config.vehicle_port else 0
                 self._vehicle_links.append(await _listen(port, self._vehicle_handler(index)))
             self._air_link = await _listen(config.air_port, self._on_air_datagram)
+            if config.ground_station is not None:
+                self._display_link = await open_link(config.ground_station, lambda _, __: None)
         except LinkError:
             await self.close()
             raise
@@ -164,10 +182,11 @@ class FleetServer:
         """Fly in real time until `stop` is set."""
         if self._loop is None:
             raise RuntimeError("the fleet has not been started")
-        self._flown_until_s = self._loop.time()
+        self._flown_until_s = self.clock.now_s()
         if self.config.start is Start.AIRBORNE or not any(v.cooperative for v in self.scenario.vehicles):
             self.begin_mission()
-        self._tick_handle = self._loop.call_soon(self._on_tick)  # type: ignore[assignment]
+        if not self.clock.is_lockstep:
+            self._tick_handle = self._loop.call_soon(self._on_tick)  # type: ignore[assignment]
         try:
             await stop.wait()
         finally:
@@ -180,8 +199,9 @@ class FleetServer:
         """Release all ports."""
         for link in self._vehicle_links:
             link.close()
-        if self._air_link is not None:
-            self._air_link.close()
+        for other in (self._air_link, self._display_link):
+            if other is not None:
+                other.close()
 
     def begin_mission(self) -> None:
         """Mission time counts from now, and those who avoid nobody set out.
@@ -198,7 +218,7 @@ class FleetServer:
 
     def _on_tick(self) -> None:
         assert self._loop is not None
-        now_s = self._loop.time()
+        now_s = self.clock.now_s()
         try:
             self._fly(now_s)
             self._navigation.refresh()
@@ -212,13 +232,7 @@ class FleetServer:
         meanwhile do not wait for a whole fleet."""
         assert self._loop is not None
         after = first + VEHICLES_AT_ONCE
-        for index, autopilot in enumerate(self.autopilots[first:after], start=first):
-            try:
-                self._send(index, autopilot.tick(now_s))
-                if self.config.remote_id:
-                    self._broadcast(index, autopilot, now_s)
-            except Exception:
-                self._note_failure(f"vehicle {autopilot.system_id}")
+        self._serve_some(range(first, min(after, len(self.autopilots))), now_s)
         if after < len(self.autopilots):
             self._tick_handle = self._loop.call_soon(self._serve, after, now_s)  # type: ignore[assignment]
             return
@@ -226,7 +240,36 @@ class FleetServer:
             self._end_tick(now_s)
         except Exception:
             self._note_failure("tick")
-        self._tick_handle = self._loop.call_at(self._flown_until_s + TICK_S, self._on_tick)
+        if not self.clock.is_lockstep:
+            next_s = self.clock.real_of(self._flown_until_s + TICK_S)
+            self._tick_handle = self._loop.call_at(next_s, self._on_tick)
+
+    def _serve_some(self, rows: range, now_s: float) -> None:
+        for index in rows:
+            autopilot = self.autopilots[index]
+            try:
+                self._send(index, autopilot.tick(now_s))
+                if self.config.remote_id:
+                    self._broadcast(index, autopilot, now_s)
+            except Exception:
+                self._note_failure(f"vehicle {autopilot.system_id}")
+
+    def advance(self, seconds: float) -> None:
+        """In lockstep (`speedup` 0): let time go on by so much, tick by tick, and send what is due.
+
+        Raises:
+            RuntimeError: If time goes on by itself.
+        """
+        if not self.clock.is_lockstep:
+            raise RuntimeError("the fleet's time goes on by itself; lockstep is speedup 0")
+        for _ in range(round(seconds / TICK_S)):
+            self.clock.advance(TICK_S)
+            now_s = self.clock.now_s()
+            self._fly(now_s)
+            self._navigation.refresh()
+            self.air.place_vehicles(self.world.position_ned_m, self.world.on_air)
+            self._serve_some(range(len(self.autopilots)), now_s)
+            self._end_tick(now_s)
 
     def _fly(self, now_s: float) -> None:
         """Step the world up to now, in whole ticks."""
@@ -246,7 +289,12 @@ class FleetServer:
             self._watch_for_mission(now_s)
         if now_s - self._expired_s >= 1.0:
             self._expired_s = now_s
+            for index in range(len(self._buses)):
+                self.air.subscribe(BusAddress(index), index + 1, now_s)
             self.air.expire(now_s)
+            if self._display_link is not None:
+                for frame in self._display.frames([self._navigation[k] for k in range(len(self.autopilots))]):
+                    self._display_link.send(frame)
         self._deliver()
 
     def _broadcast(self, index: int, autopilot: Autopilot, now_s: float) -> None:
@@ -276,7 +324,7 @@ class FleetServer:
         def take(datagram: bytes, address: Address) -> None:
             assert self._loop is not None
             try:
-                self._send(index, autopilot.receive(datagram, address, self._loop.time()))
+                self._send(index, autopilot.receive(datagram, address, self.clock.now_s()))
             except Exception:
                 self._note_failure(f"vehicle {autopilot.system_id}")
 
@@ -285,7 +333,7 @@ class FleetServer:
     def _on_air_datagram(self, datagram: bytes, address: Address) -> None:
         assert self._loop is not None
         try:
-            self.air.receive(datagram, address, self._loop.time())
+            self.air.receive(datagram, address, self.clock.now_s())
             self._deliver()
         except Exception:
             self._note_failure("air")
@@ -294,7 +342,10 @@ class FleetServer:
         """Hand over what has arrived by now, and come back when the next broadcast arrives."""
         assert self._loop is not None and self._air_link is not None
         heard: dict[Any, bytes] = {}
-        for broadcast, address in self.air.due(self._loop.time()):
+        for broadcast, address in self.air.due(self.clock.now_s()):
+            if isinstance(address, BusAddress):
+                self.autopilots[address.index].relay(b"".join(self._buses[address.index].deliver(broadcast)))
+                continue
             joined = heard.get(address, b"") + broadcast
             if len(joined) > MAX_AIR_DATAGRAM and address in heard:
                 self._air_link.send(heard[address], address)  # type: ignore[arg-type]
@@ -302,10 +353,10 @@ class FleetServer:
             heard[address] = joined
         for address, datagram in heard.items():
             self._air_link.send(datagram, address)
-        next_s = self.air.next_due_s()
+        next_s = None if self.clock.is_lockstep else self.air.next_due_s()
         if next_s is not None and self._delivery_handle is None and self._tick_handle is not None:
             self._delivery_handle = self._loop.call_at(
-                max(next_s, self._loop.time() + MIN_DELIVERY_S), self._on_delivery
+                max(self.clock.real_of(next_s), self._loop.time() + MIN_DELIVERY_S), self._on_delivery
             )
 
     def _on_delivery(self) -> None:

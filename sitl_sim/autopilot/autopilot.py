@@ -234,7 +234,10 @@ class Autopilot:
 
     def relay(self, datagram: bytes) -> None:
         """Put frames of another component of this vehicle on all its links, with the next tick."""
-        self._passed_on.append((None, datagram))
+        if len(self._passed_on) >= MAX_PASSED_ON:
+            self.counters["not_passed_on"] += 1
+        else:
+            self._passed_on.append((None, datagram))
 
     def _pass_on(self, message: Message, frame: Frame, source: Address) -> None:
         """To the other links, unless it is for this autopilot alone."""

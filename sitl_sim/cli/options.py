@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from sitl_sim.fleet_config import FleetConfig
 
 AUTOPILOTS = ("px4", "ardupilot", "ideal")
+ACCURACY_CLASSES = {"zero-age": 1.9, "all-ages": 3.5, "any-age": 4.85, "worst-case": 10.0}
+"""GPS standards of Table II by their short names: one sigma per axis [m]."""
+
 GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
 TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink", "flarm", "lora")
 
@@ -26,6 +29,15 @@ class Finite(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
         return number
+
+
+class Sigma(Finite):
+    """Metres, or the name of one of the accuracy classes of the paper's Table II."""
+
+    name = "M|CLASS"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        return super().convert(ACCURACY_CLASSES.get(value, value), param, ctx)
 
 
 class Home(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
@@ -46,8 +58,8 @@ class Home(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
 
 
 _OPTIONS = (
-    click.option("--scenario", default="circle8", show_default=True, metavar="NAME|FILE.toml",
-                 help="circle8, square24, head-on, crossing, overtake, or a file."),
+    click.option("--scenario", default="circle8", show_default=True, metavar="NAME|FILE",
+                 help="circle8, square24, head-on, crossing, overtake, or a file: TOML, or GeoJSON tracks."),
     click.option("-n", "--vehicles", "count", type=click.IntRange(0, 250), metavar="N",
                  help="Number of vehicles.  [default: the scenario's]"),
     click.option("--seed", type=click.IntRange(0), default=1, show_default=True),
@@ -57,8 +69,15 @@ _OPTIONS = (
                  metavar="M/S", help="Cruise speed of vehicles of which the scenario says nothing."),
     click.option("--gnss", type=click.Choice(GNSS_MODELS), default="gauss-markov", show_default=True,
                  help="How sigma becomes a position error."),
-    click.option("--sigma", "sigma_m", type=Finite(0.0, 1000.0), default=3.5, show_default=True, metavar="M",
-                 help="Standard deviation per axis, for vehicles of which the scenario says nothing; 0 = exact."),
+    click.option("--sigma", "sigma_m", type=Sigma(0.0, 1000.0), default=3.5, show_default=True, metavar="M|CLASS",
+                 help="Standard deviation per axis, for vehicles of which the scenario says nothing; 0 = exact; or "
+                 f"one of the paper's classes: {', '.join(ACCURACY_CLASSES)}."),
+    click.option("--gnss-common", type=Finite(0.0, 1.0), default=0.0, show_default=True, metavar="SHARE",
+                 help="Share of the variance of position errors that all vehicles have in common."),
+    click.option("--gnss-time", "gnss_time_s", type=Finite(0.0, 1e6, min_open=True), default=10.0, show_default=True,
+                 metavar="S", help="Correlation time of gauss-markov."),
+    click.option("--airframe", metavar="TYPE|FILE.toml",
+                 help="Type of the vehicles of which the scenario says nothing.  [default: the one that was measured]"),
     click.option("--interval", "interval_s", type=Finite(0.02, 10.0), metavar="S",
                  help="Time between two Remote ID updates.  [default: the scenario's, 0.1]"),
     click.option("--technology", type=click.Choice(TECHNOLOGIES), default="ideal", show_default=True,
@@ -69,8 +88,8 @@ _OPTIONS = (
     click.option("--home", type=Home(), help="Where the scenario's origin lies.  [default: 47.397742,8.545594,488]"),
 )  # fmt: skip
 
-_NAMES = ("scenario", "count", "seed", "autopilot", "speed_mps", "gnss", "sigma_m", "interval_s", "technology",
-          "loss", "range_m", "home")  # fmt: skip
+_NAMES = ("scenario", "count", "seed", "autopilot", "speed_mps", "gnss", "sigma_m", "gnss_common", "gnss_time_s",
+          "airframe", "interval_s", "technology", "loss", "range_m", "home")  # fmt: skip
 
 
 def fleet_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -104,6 +123,9 @@ def fleet_config(fleet: dict[str, Any], start: Start, **ports_and_more: Any) -> 
         autopilot=fleet["autopilot"],
         gnss=fleet["gnss"],
         sigma_m=fleet["sigma_m"],
+        gnss_common_share=fleet["gnss_common"],
+        gnss_time_constant_s=fleet["gnss_time_s"],
+        airframe=fleet["airframe"],
         start=start,
         technology=fleet["technology"],
         range_m=fleet["range_m"],

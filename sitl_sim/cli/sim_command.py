@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from sitl_sim.server import FleetServer
 
 REPORT_S = 1.0
+LONGEST_LINE = 65536
 
 
 @click.command(short_help="Emulate a fleet that MAVSDK, mavutil and MAVProxy take for real.")
@@ -50,6 +51,19 @@ REPORT_S = 1.0
     metavar="PORT",
     help="Port of the broadcast medium; 0 = any.",
 )
+@click.option("--rid-on-bus", is_flag=True, help="Each vehicle's bus carries the Remote ID it hears (component 236).")
+@click.option("--gcs", metavar="URL", help="Show the ten vehicles nearest to vehicle 1 there, as in udpout:HOST:14550.")
+@click.option(
+    "--speedup",
+    type=Finite(0.0, 100.0, min_open=True),
+    default=1.0,
+    show_default=True,
+    metavar="X",
+    help="Fly so many times as fast, for clients that follow SYSTEM_TIME.",
+)
+@click.option("--stdin", "from_stdin", is_flag=True, help="Faults from stdin, one JSON object a line.")
+@click.option("--list", "lists", is_flag=True, help="List scenarios, airframes, technologies and faults, and end.")
+@click.option("--explain", is_flag=True, help="Print what the scenario contains, and end.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a second on stdout, and the verdict at the end.")
 def sim(
     fleet: dict[str, Any],
@@ -59,6 +73,12 @@ def sim(
     vehicle_port: int,
     companion_port: int,
     air_port: int,
+    rid_on_bus: bool,
+    gcs: str | None,
+    speedup: float,
+    from_stdin: bool,
+    lists: bool,
+    explain: bool,
     as_json: bool,
 ) -> int:
     """Emulate a fleet that MAVSDK, mavutil and MAVProxy take for real.
@@ -72,6 +92,8 @@ def sim(
       ridlink sim -n 1
       ridlink sim --scenario head-on --airborne --autopilot ardupilot
       ridlink sim -n 0                    # the air alone, for your own vehicles
+      ridlink sim --scenario tracks.geojson --explain
+      echo '{"vehicle":1,"what":"gnss-outage","duration_s":10}' | ridlink sim --airborne --stdin
     """
     import asyncio
     import logging
@@ -79,9 +101,13 @@ def sim(
 
     from ridlink.scenario import resolve_scenario
     from sitl_sim.autopilot import Start
+    from sitl_sim.cli import explained
     from sitl_sim.server import FleetServer
 
     logging.basicConfig(format="ridlink sim: %(message)s", level=logging.WARNING)
+    if lists:
+        click.echo(explained.everything())
+        return 0
     chosen = resolve_scenario(fleet["scenario"], fleet["count"], speed_mps=fleet["speed_mps"])
     if fleet["interval_s"] is not None:
         chosen = replace(chosen, interval_s=fleet["interval_s"])
@@ -92,11 +118,17 @@ def sim(
         vehicle_port=vehicle_port,
         companion_port=companion_port,
         air_port=air_port,
+        rid_on_bus=rid_on_bus,
+        ground_station=gcs,
+        speedup=speedup,
     )
-    return asyncio.run(_run(FleetServer(chosen, config), duration_s, as_json))
+    if explain:
+        click.echo(explained.scenario_text(chosen, config))
+        return 0
+    return asyncio.run(_run(FleetServer(chosen, config), duration_s, as_json, from_stdin))
 
 
-async def _run(server: FleetServer, duration_s: float | None, as_json: bool) -> int:
+async def _run(server: FleetServer, duration_s: float | None, as_json: bool, from_stdin: bool) -> int:
     """Fly until time is up or a signal comes; a second signal ends the process at once."""
     import asyncio
     import json
@@ -119,7 +151,9 @@ async def _run(server: FleetServer, duration_s: float | None, as_json: bool) -> 
         loop.add_signal_handler(number, stop_gently, number)
     click.echo(_greeting(server), err=True)
     if duration_s is not None:
-        loop.call_later(duration_s, stop.set)
+        loop.call_later(duration_s / server.config.speedup, stop.set)
+    if from_stdin:
+        await _read_faults(server)
     flying = asyncio.create_task(server.run(stop))
     try:
         while not stop.is_set():
@@ -135,6 +169,40 @@ async def _run(server: FleetServer, duration_s: float | None, as_json: bool) -> 
         await server.close()
     click.echo(json.dumps(_verdict(server), separators=(",", ":")) if as_json else _verdict_line(server))
     return 0
+
+
+async def _read_faults(server: FleetServer) -> None:
+    """Inject what comes on stdin, one JSON object a line; a wrong line is told and forgotten."""
+    import asyncio
+    import json
+    import sys
+
+    from ridlink.errors import ConfigError
+    from ridlink.scenario import event_of
+
+    def take(line: bytes) -> None:
+        try:
+            values = json.loads(line)
+            if not isinstance(values, dict):
+                raise ConfigError('stdin: must be an object, as in {"vehicle":1,"what":"gnss-outage"}')
+            server.world.inject(event_of(values, "stdin", at_s=0.0))
+        except ValueError as error:
+            click.echo(f"ridlink sim: {error}", err=True)
+
+    class Lines(asyncio.Protocol):
+        def __init__(self) -> None:
+            self._rest = b""
+
+        def data_received(self, data: bytes) -> None:
+            *lines, self._rest = (self._rest + data).split(b"\n")
+            for line in lines:
+                if line.strip():
+                    take(line)
+            if len(self._rest) > LONGEST_LINE:
+                self._rest = b""
+                click.echo("ridlink sim: stdin: a line without an end was dropped", err=True)
+
+    await asyncio.get_running_loop().connect_read_pipe(Lines, sys.stdin)
 
 
 def _greeting(server: FleetServer) -> str:

@@ -16,10 +16,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from ridlink.scenario import EVENTS
 from ridlink.technologies import TECHNOLOGIES
 from sitl_sim.cli import sim
 from sitl_sim.gnss import ERROR_MODELS
-from sitl_sim.vehicle import AUTOPILOTS
+from sitl_sim.vehicle import AIRFRAMES, AUTOPILOTS
 
 ANY_PORT = ["--vehicle-port", "0", "--companion-port", "0", "--air-port", "0"]
 
@@ -159,5 +160,95 @@ def test_help_is_light_and_names_every_documented_option() -> None:
     assert done.stdout.strip() == "[]"
     text = CliRunner().invoke(sim, ["--help"]).output
     options = "--scenario -n --seed --autopilot --speed --airborne --gnss --sigma --interval --technology --loss"
-    for option in (*options.split(), "--range", "--home", "--duration", "--no-rid", "--json"):
+    for option in (
+        *options.split(),
+        "--gcs",
+        "--list",
+        "--explain",
+        "--stdin",
+        "--speedup",
+        "--rid-on-bus",
+        "--airframe",
+        "--range",
+        "--home",
+        "--duration",
+        "--no-rid",
+        "--json",
+    ):
         assert option in text
+
+
+def test_list_names_everything_there_is_to_choose() -> None:
+    done = ridlink_sim("--list")
+    assert done.returncode == 0 and done.stderr == ""
+    for name in (*TECHNOLOGIES, *AIRFRAMES, *EVENTS, "circle8", "worst-case"):
+        assert f"\n  {name}" in done.stdout
+
+
+def test_explain_prints_the_scenario_and_flies_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'name = "mine"\nduration_s = 60.0\n[wind]\nvelocity_ne_mps = [3.0, 4.0]\n'
+        "[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [100, 0, -50]\nsilent = true\n"
+        "[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [0, 100, -50]\nghost = true\n"
+        '[[event]]\nat_s = 5.0\nvehicle = 1\nwhat = "gnss-outage"\n'
+    )
+    done = ridlink_sim("--scenario", str(path), "--explain", "--airframe", "category1", "--sigma", "worst-case")
+    assert done.returncode == 0, done.stderr
+    text = done.stdout
+    assert "mine: 2 vehicles" in text and "wind 5 m/s" in text
+    assert (
+        "vehicle 1: (0, 0, -50) to (100, 0, -50), 100 m at 10 m/s" in text and "sigma 10 m; category1; silent" in text
+    )
+    assert "a ghost" in text and "5 s: gnss-outage, vehicle 1: duration_s 0" in text
+
+
+@pytest.mark.parametrize(
+    "arguments, told",
+    [
+        (["--airframe", "zeppelin"], "unknown airframe 'zeppelin'"),
+        (["--airframe", "ardupilot-quad"], "has no [feedback]"),
+        (["--gnss", "white-radial", "--gnss-common", "0.5"], "no common share"),
+        (["--sigma", "best-ever"], "best-ever"),
+        (["--gcs", "udp:127.0.0.1:14550"], "udpout:127.0.0.1:14550"),
+    ],
+)
+def test_wrong_choices_are_refused_in_one_line(arguments: list[str], told: str) -> None:
+    done = ridlink_sim("-n", "1", *ANY_PORT, "--duration", "1", *arguments)
+    assert done.returncode == 2, done.stderr
+    assert told in done.stderr and "Traceback" not in done.stderr
+
+
+def test_faults_come_from_stdin_and_wrong_lines_are_told() -> None:
+    lines = [
+        '{"vehicle":1,"what":"forced-landing"}',
+        '{"vehicle":1,"what":"magic"}',
+        "[]",
+        "{",
+        '{"vehicle":9,"what":"radio-off"}',
+    ]
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "ridlink",
+            "sim",
+            "-n",
+            "1",
+            *ANY_PORT,
+            "--airborne",
+            "--duration",
+            "2.5",
+            "--stdin",
+            "--json",
+        ],
+        input="\n".join(lines) + "\n",
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    seen = [json.loads(line) for line in done.stdout.splitlines()]
+    assert seen[0]["vehicles"][0]["state"] == "landing"
+    for told in ("what must be one of", "must be an object", "no vehicle 9"):
+        assert told in done.stderr

@@ -8,6 +8,7 @@ import logging
 import socket
 import sys
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -399,3 +400,102 @@ def test_garbage_on_every_port_changes_nothing() -> None:
         await observer.one("OPEN_DRONE_ID_LOCATION")
 
     fly(two_apart(100.0), act)
+
+
+# --- time, ground stations, buses, ghosts -----------------------------------------------------------------------------
+
+
+def test_a_fleet_flies_ten_times_as_fast_and_says_so_in_system_time() -> None:
+    async def act(server: FleetServer) -> None:
+        client = await Client.open(server.ports.vehicles[0])
+        begun = asyncio.get_running_loop().time()
+        first = await client.one("SYSTEM_TIME")
+        last = await client.one("SYSTEM_TIME", lambda m: m.time_boot_ms - first.time_boot_ms >= 5_000)
+        assert asyncio.get_running_loop().time() - begun < 4.5
+        assert last.time_unix_usec - first.time_unix_usec == pytest.approx(
+            1e3 * (last.time_boot_ms - first.time_boot_ms), abs=3e5
+        )
+
+    fly(built_in("circle8", 1), act, start=Start.AIRBORNE, speedup=10.0)
+
+
+def test_in_lockstep_two_fleets_of_one_seed_say_the_same_bytes() -> None:
+    def said(seed: int) -> list[bytes]:
+        heard: list[bytes] = []
+        config = FleetConfig(start=Start.AIRBORNE, speedup=0.0, seed=seed, **ANY_PORT)
+        server = FleetServer(two_apart(50.0), config, utc_clock=lambda: 1e9)
+
+        def keep(datagram: bytes, _: object = None) -> None:
+            heard.append(datagram)
+
+        async def act(server: FleetServer) -> None:
+            hello = Encoder(255, 190).encode("HEARTBEAT", type=6)
+            for link, autopilot in zip(server._vehicle_links, server.autopilots, strict=True):
+                autopilot.receive(hello, ("127.0.0.1", 9), server.clock.now_s())
+                link.send = keep  # type: ignore[method-assign]
+            server.advance(3.0)
+            assert server.world.time_s == pytest.approx(3.0)
+
+        asyncio.run(run(server, act))
+        return heard
+
+    once = said(1)
+    assert len(once) > 40 and once == said(1)
+    assert once != said(2)
+
+
+def test_a_fleet_in_real_time_is_not_advanced_by_hand() -> None:
+    with pytest.raises(RuntimeError, match="lockstep"):
+        FleetServer(built_in("circle8", 1), FleetConfig(**ANY_PORT)).advance(1.0)
+
+
+def test_a_ground_station_is_shown_the_traffic_around_vehicle_1() -> None:
+    async def act(server: FleetServer) -> None:
+        await asyncio.wait_for(shown.wait(), PATIENCE_S)
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:
+        ground.bind(("127.0.0.1", 0))
+        ground.setblocking(False)
+        shown = asyncio.Event()
+        seen: list[Any] = []
+
+        def read() -> None:
+            for frame in parse_datagram(ground.recv(2048), CRC_EXTRAS):
+                assert isinstance(frame, Frame)
+                seen.append((frame.sysid, frame.compid, decode_message(frame).name))
+                if seen[-1][2] == "ADSB_VEHICLE":
+                    shown.set()
+
+        async def listen(server: FleetServer) -> None:
+            asyncio.get_running_loop().add_reader(ground, read)
+            await act(server)
+            asyncio.get_running_loop().remove_reader(ground)
+
+        fly(two_apart(50.0), listen, start=Start.AIRBORNE, ground_station=f"udpout:127.0.0.1:{ground.getsockname()[1]}")
+    assert (1, 156, "ADSB_VEHICLE") in seen
+
+
+def test_a_vehicle_hears_the_others_on_its_own_bus() -> None:
+    async def act(server: FleetServer) -> None:
+        client = await Client.open(server.ports.vehicles[0])
+        message = await client.one("OPEN_DRONE_ID_LOCATION", lambda m: any(m.id_or_mac))
+        assert message.id_or_mac[5] == 2
+
+    fly(two_apart(50.0), act, start=Start.AIRBORNE, rid_on_bus=True)
+
+
+def test_a_ghost_is_heard_around_its_transmitter_and_a_silent_vehicle_nowhere() -> None:
+    real, silent = two_apart(50.0).vehicles
+    far = (9000.0, 0.0, -50.0)
+    ghost = replace(real, start_ned_m=far, ghost=True, cooperative=False, transmitter_ned_m=(0.0, 30.0, 0.0))
+    scenario = Scenario("haunted", 60.0, (real, replace(silent, silent=True), ghost))
+
+    async def act(server: FleetServer) -> None:
+        daemon = await Client.open(server.ports.air, 1, 196)
+        await daemon.until(lambda heard: [m for _, m in heard if m.name == "OPEN_DRONE_ID_LOCATION"][15:])
+        assert {source for source, _ in daemon.heard} == {3}
+        mute = await Client.open(server.ports.vehicles[2])
+        await daemon.until(lambda heard: len(heard) > 60)
+        assert mute.heard == []
+
+    fly(scenario, act, start=Start.AIRBORNE)

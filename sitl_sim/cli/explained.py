@@ -1,0 +1,75 @@
+"""Text for ``ridlink sim --list`` and ``--explain``."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from ridlink.scenario import BUILT_IN, EVENTS, Scenario, VehicleSpec
+from ridlink.technologies import TECHNOLOGIES
+from sitl_sim.cli.options import ACCURACY_CLASSES
+from sitl_sim.fleet_config import FleetConfig
+from sitl_sim.vehicle import AIRFRAMES, MEASURED, load_airframe
+
+
+def everything() -> str:
+    """What there is to choose from."""
+    lines = ["scenarios (--scenario):"]
+    lines += [f"  {name:16}{(make.__doc__ or '').strip()}" for name, make in BUILT_IN.items()]
+    lines += ["", "airframes (--airframe, or airframe of a vehicle):"]
+    lines += [f"  {name:16}{load_airframe(name).title}" for name in AIRFRAMES]
+    lines += ["", "accuracy classes (--sigma), one sigma per axis:"]
+    lines += [f"  {name:16}{sigma_m:g} m" for name, sigma_m in ACCURACY_CLASSES.items()]
+    lines += ["", "technologies (--technology):"]
+    for name, each in TECHNOLOGIES.items():
+        lines.append(f"  {name:16}every {each.period_s:g} s, {each.range_m:g} m, {each.loss:.0%} lost close by")
+    lines += ["", "faults ([[event]] of a scenario file, or a line on stdin):"]
+    for what, figures in EVENTS.items():
+        told = [name if figure.default is None else f"[{name}]" for name, figure in figures.items()]
+        lines.append(f"  {what:16}{' '.join(told)}".rstrip())
+    return "\n".join(lines)
+
+
+def scenario_text(scenario: Scenario, config: FleetConfig) -> str:
+    """What a scenario contains, and how it would be flown."""
+    home = config.home_of(scenario)
+    wind = scenario.wind
+    speed_mps = math.hypot(*wind.velocity_ne_mps)
+    lines = [
+        f"{scenario.name}: {len(scenario.vehicles)} vehicles, at most {scenario.duration_s:g} s, "
+        f"Remote ID every {scenario.interval_s:g} s",
+        f"home {home.latitude_deg:.6f}, {home.longitude_deg:.6f}, {home.altitude_m:g} m; autopilot {config.autopilot}; "
+        f"gnss {config.gnss}; technology {config.technology}; seed {config.seed}",
+    ]
+    if speed_mps or wind.gust_sigma_mps:
+        lines.append(f"wind {speed_mps:g} m/s, gusts of {wind.gust_sigma_mps:g} m/s")
+    for number, vehicle in enumerate(scenario.vehicles, start=1):
+        lines.append(f"  vehicle {number}: {_vehicle_text(vehicle, config)}")
+    for number, obstacle in enumerate(scenario.obstacles, start=1):
+        corners = " ".join(f"({north:g}, {east:g})" for north, east in obstacle.polygon_ne_m)
+        lines.append(f"  obstacle {number}: {corners}")
+    for event in scenario.events:
+        whom = f"vehicle {event.vehicle}" if event.vehicle else "everybody"
+        figures = ", ".join(f"{name} {value:g}" for name, value in event.figures.items())
+        lines.append(f"  {event.at_s:g} s: {event.what}, {whom}{': ' if figures else ''}{figures}")
+    return "\n".join(lines)
+
+
+def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig) -> str:
+    way = (vehicle.start_ned_m, *vehicle.route_ned_m, vehicle.goal_ned_m)
+    length_m = sum(math.dist(*leg) for leg in pairwise(way))
+    sigma_m = config.sigma_m if vehicle.sigma_m is None else vehicle.sigma_m
+    start, goal = ("(" + ", ".join(f"{x:g}" for x in point) + ")" for point in (way[0], way[-1]))
+    text = f"{start} to {goal}, {length_m:.0f} m at {vehicle.speed_mps:g} m/s; {vehicle.airframe_m:g} m wide, "
+    text += f"sigma {sigma_m:g} m"
+    if vehicle.ghost:
+        return f"{text}; a ghost"
+    text += f"; {vehicle.airframe or config.airframe or MEASURED[config.autopilot]}"
+    habits = {
+        f"{len(way) - 2} points on its way": bool(vehicle.route_ned_m),
+        "avoids nobody": not vehicle.cooperative,
+        "stock Remote ID": not vehicle.extended,
+        "silent": vehicle.silent,
+        f"every {vehicle.interval_s} s": vehicle.interval_s is not None,
+    }
+    return "; ".join([text, *(habit for habit, has in habits.items() if has)])
