@@ -135,6 +135,6 @@ def _number(row: dict[str, Any], what: str, least: float, most: float) -> float 
     """A finite number of the row within its range; None if there is none."""
     for name in NAMES[what]:
         value = row.get(name)
-        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-            return float(value) if least <= value <= most else None
+        if isinstance(value, int | float) and not isinstance(value, bool) and -math.inf < value < math.inf:
+            return float(value) if least <= value <= most else None  # an integer of any length compares, not converts
     return None

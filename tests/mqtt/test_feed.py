@@ -65,6 +65,7 @@ def test_names_of_other_tools_are_understood_but_an_altitude_above_an_unknown_re
         (b'{"id": "a", "lat": 91, "lon": 1}', "without_position"),
         (b'{"id": "a", "lat": "47", "lon": 1}', "without_position"),
         (b'{"id": "a", "lat": true, "lon": 1}', "without_position"),
+        (b'{"id": "a", "lat": 1, "lon": 1' + b"0" * 400 + b"}", "without_position"),  # an integer that is no float
     ],
 )
 def test_what_is_no_aircraft_is_counted(payload: bytes, cause: str) -> None:
@@ -73,8 +74,9 @@ def test_what_is_no_aircraft_is_counted(payload: bytes, cause: str) -> None:
     assert feed.counters[cause] >= 1 and not feed.counters["aircraft"]
 
 
+numbers = st.floats() | st.integers(-(10**400), 10**400)
 values = st.recursive(
-    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=30),
+    st.none() | st.booleans() | numbers | st.text(max_size=30),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=6,
 )
@@ -82,7 +84,12 @@ keys = st.sampled_from(["id", "lat", "lon", "speed", "track", "age_s", "vspeed",
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.dictionaries(keys, values, max_size=9) | values | st.binary(max_size=60))
+@given(
+    st.dictionaries(keys, values, max_size=9)
+    | st.fixed_dictionaries({"id": st.text(min_size=1), "lat": numbers, "lon": numbers}, optional={"age_s": numbers})
+    | values
+    | st.binary(max_size=60)
+)
 def test_nothing_in_a_feed_raises(payload: Any) -> None:
     raw = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
     sky_of(raw)
