@@ -72,8 +72,9 @@ class Publisher:
         self._states_due_s = -math.inf
         self._encounters_due_s = -math.inf
         self._known: dict[int, str] = {}
-        self._violating: set[tuple[str, str]] = set()
-        self._updated_s: dict[tuple[str, str], float] = {}
+        self._violating: set[tuple[int, int]] = set()
+        self._updated_s: dict[tuple[int, int], float] = {}
+        self._called: dict[tuple[int, int], tuple[str, str]] = {}
         self._origin_told = False
 
     def receive(self, frame: Frame, now_s: float) -> None:
@@ -158,27 +159,40 @@ class Publisher:
     def _meetings(self, scene: Scene, utc_s: float) -> list[Outgoing]:
         out = []
         for phase, encounter in self._encounters.step(scene):
-            pair = encounter.pair
-            told_s = self._updated_s.get(pair, -math.inf)
+            key, pair = encounter.numbers, encounter.pair
+            called = self._called.setdefault(key, pair)
+            if called != pair:  # an identity was heard: the topic is another one from now on
+                self._called[key] = pair
+                out.append(self._meeting(Phase.CLOSE, encounter, called, scene.time_s, utc_s))
+                phase = Phase.OPEN if phase is Phase.UPDATE else phase
+            told_s = self._updated_s.get(key, -math.inf)
             if phase is not Phase.UPDATE or scene.time_s - told_s >= 1.0 / self._settings.rate_hz:
-                self._updated_s[pair] = scene.time_s
-                payload = self._encounter_payload(phase, encounter, scene.time_s, utc_s)
-                out.append(Outgoing(self._settings.topics.encounter(pair), msgspec.json.encode(payload), 1))
+                self._updated_s[key] = scene.time_s
+                out.append(self._meeting(phase, encounter, pair, scene.time_s, utc_s))
             if phase is Phase.CLOSE:
-                self._updated_s.pop(pair, None)
-                self._violating.discard(pair)
-            elif encounter.entry_in_s == 0.0 and pair not in self._violating:
-                self._violating.add(pair)
+                self._updated_s.pop(key, None)
+                self._called.pop(key, None)
+                self._violating.discard(key)
+            elif encounter.entry_in_s == 0.0 and key not in self._violating:
+                self._violating.add(key)
                 out.append(self._alert(encounter, scene.time_s, utc_s))
         return out
 
-    def _encounter_payload(self, phase: Phase, encounter: Encounter, now_s: float, utc_s: float) -> dict[str, Any]:
+    def _meeting(
+        self, phase: Phase, encounter: Encounter, pair: tuple[str, str], now_s: float, utc_s: float
+    ) -> Outgoing:
+        payload = self._encounter_payload(phase, encounter, pair, now_s, utc_s)
+        return Outgoing(self._settings.topics.encounter(pair), msgspec.json.encode(payload), 1)
+
+    def _encounter_payload(
+        self, phase: Phase, encounter: Encounter, pair: tuple[str, str], now_s: float, utc_s: float
+    ) -> dict[str, Any]:
         definition = self._settings.definition
         return {
             "schema": SCHEMA,
             "t": round(utc_s, 3),
             "phase": str(phase),
-            "uas": list(encounter.pair),
+            "uas": list(pair),
             "definition": str(definition),
             "opened_t": round(utc_s - (now_s - encounter.opened_s), 3),
             "closest_t": _rounded(utc_s - (now_s - encounter.closest_s), 3),

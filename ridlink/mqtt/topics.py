@@ -54,5 +54,5 @@ class Topics:
         return f"{self.root}/uas/{level(name)}/availability"
 
     def encounter(self, pair: tuple[str, str]) -> str:
-        """How two aircraft meet."""
-        return f"{self.root}/encounter/{level(pair[0])}~{level(pair[1])}"
+        """How two aircraft meet; the same topic, whoever is named first."""
+        return f"{self.root}/encounter/{'~'.join(level(name) for name in sorted(pair))}"

@@ -44,16 +44,22 @@ class Encounter:
     """A pair that comes near each other.
 
     Attributes:
-        pair: Names of the two, in order.
+        pair: Names of the two, in order; the latest, if an identity was heard meanwhile.
         opened_s, closed_s: When; the latter None while it goes on.
         closest_s, closest_m: Time and distance of the closest approach so far, between centres.
         margin_m: Least distance less the radius of the disc, by definition.
         inside_s: Time spent inside the disc, by definition [s].
         airframes_m: Distance of centres at which the airframes would touch.
         manoeuvre_mps: How much each of the two changed its velocity until the closest approach.
+        closest_errors_m: Reported error bounds of the two at the closest approach, NaN where unknown.
+        closest_above_m: How much higher the second flew there, NaN if that is unknown.
         entry_in_s: Time until the disc is entered if both fly on, 0 inside, infinite if never; of the last step.
+        distance_m, required_m: Distance, and radius of the disc by definition; of the last step in which both were
+            heard, which is at `seen_s`.
+        mistaken: One of the two turned out to be somebody else, heard over another way: there was no such encounter.
     """
 
+    numbers: tuple[int, int]
     pair: tuple[str, str]
     opened_s: float
     airframes_m: float
@@ -63,7 +69,13 @@ class Encounter:
     margin_m: dict[Definition, float] = field(default_factory=dict)
     inside_s: dict[Definition, float] = field(default_factory=dict)
     manoeuvre_mps: tuple[float, float] = (0.0, 0.0)
+    closest_errors_m: tuple[float, float] = (math.nan, math.nan)
+    closest_above_m: float = math.nan
     entry_in_s: float = math.inf
+    distance_m: float = math.nan
+    required_m: dict[Definition, float] = field(default_factory=dict)
+    seen_s: float = math.nan
+    mistaken: bool = False
     last_alert_s: float = math.nan
     opening_velocities: tuple[FloatArray, FloatArray] | None = None
 
@@ -87,10 +99,11 @@ class EncounterLog:
         definition: Whose discs open encounters.
         also: Definitions whose margins are kept beside.
         horizon_s: How far ahead an entry counts.
+        gone_after_s: Silence of one of a pair that ends its encounter, which then ended when both were last heard.
         eta: Of ``chance`` only.
 
     Attributes:
-        open: Encounters that go on, by pair.
+        open: Encounters that go on, by the numbers of the pair.
     """
 
     def __init__(
@@ -99,15 +112,17 @@ class EncounterLog:
         *,
         also: Sequence[Definition] = (),
         horizon_s: float = HORIZON_S,
+        gone_after_s: float = 0.0,
         eta: float = DEFAULT_ETA,
     ) -> None:
-        self.open: dict[tuple[str, str], Encounter] = {}
+        self.open: dict[tuple[int, int], Encounter] = {}
         self.definition = definition
         self._definitions = tuple(dict.fromkeys((definition, *also)))
         self._horizon_s = horizon_s
+        self._gone_after_s = gone_after_s
         self._eta = eta
         self._before: Scene | None = None
-        self._index: dict[str, int] = {}
+        self._index: dict[int, int] = {}
 
     def step(self, scene: Scene) -> list[tuple[Phase, Encounter]]:
         """What changed since the scene before: encounters that opened, go on, or have closed.
@@ -116,49 +131,56 @@ class EncounterLog:
             scene: Everybody, later than the scene before.
         """
         before, self._before = self._before, scene
-        index_before, self._index = self._index, {name: at for at, name in enumerate(scene.names)}
+        index_before, self._index = self._index, {number: at for at, number in enumerate(scene.numbers)}
         index = self._index
         changes: list[tuple[Phase, Encounter]] = []
         radius = {
             definition: pair_discs(scene, definition, eta=self._eta) for definition in self._definitions
         }  # fmt: skip
+        apart = scene.apart()
         entry = closing_times(scene, radius[self.definition])
         for i, j in zip(*np.nonzero(np.triu(entry <= self._horizon_s, 1)), strict=True):
-            pair = _ordered(scene.names[i], scene.names[j])
-            if pair not in self.open:
-                self.open[pair] = self._opened(pair, scene, index)
-                changes.append((Phase.OPEN, self.open[pair]))
-            self.open[pair].last_alert_s = scene.time_s
-        for pair, encounter in list(self.open.items()):
-            if pair[0] in index and pair[1] in index:
-                i, j = index[pair[0]], index[pair[1]]
+            key = _ordered(scene.numbers[i], scene.numbers[j])
+            if key not in self.open:
+                self.open[key] = self._opened(key, scene, index)
+                changes.append((Phase.OPEN, self.open[key]))
+            self.open[key].last_alert_s = scene.time_s
+        for key, encounter in list(self.open.items()):
+            if key[0] in index and key[1] in index:
+                i, j = index[key[0]], index[key[1]]
+                encounter.pair = scene.names[i], scene.names[j]
                 encounter.entry_in_s = float(entry[i, j])
-                was = None if before is None else (index_before.get(pair[0]), index_before.get(pair[1]))
-                needed = {kind: float(radius[kind][i, j]) for kind in radius}
-                self._follow(encounter, scene, before, (i, j), was, needed)
+                was = None if before is None else (index_before.get(key[0]), index_before.get(key[1]))
+                encounter.required_m = {kind: float(radius[kind][i, j]) for kind in radius}
+                self._follow(encounter, scene, before, (i, j), was, apart=bool(apart[i, j]))
                 clear_s = scene.time_s - encounter.last_alert_s
                 patience_s = ABANDONED_AFTER_S if _closing(scene, i, j) else CLOSES_AFTER_S
                 if clear_s <= patience_s:
                     if encounter.opened_s < scene.time_s:
                         changes.append((Phase.UPDATE, encounter))
                     continue
-            changes.append((Phase.CLOSE, self._closed(pair, scene.time_s)))
+            elif not scene.merged.isdisjoint(key):
+                encounter.mistaken = True
+            elif scene.time_s - encounter.seen_s <= self._gone_after_s:
+                continue
+            changes.append((Phase.CLOSE, self._closed(key)))
         return changes
 
     def close(self) -> Iterator[Encounter]:
         """Close what is still open; the end of a recording."""
-        for pair in list(self.open):
-            yield self._closed(pair, self._before.time_s if self._before is not None else math.nan)
+        for key in list(self.open):
+            yield self._closed(key)
 
-    def _opened(self, pair: tuple[str, str], scene: Scene, index: dict[str, int]) -> Encounter:
-        i, j = index[pair[0]], index[pair[1]]
+    def _opened(self, key: tuple[int, int], scene: Scene, index: dict[int, int]) -> Encounter:
+        i, j = index[key[0]], index[key[1]]
         airframes = bounded_airframe(scene.airframe_m[[i, j]])
         velocities = scene.velocity_ne_mps[i].copy(), scene.velocity_ne_mps[j].copy()
-        return Encounter(pair, scene.time_s, float(airframes.sum() / 2.0), opening_velocities=velocities)
+        pair = scene.names[i], scene.names[j]
+        return Encounter(key, pair, scene.time_s, float(airframes.sum() / 2.0), opening_velocities=velocities)
 
-    def _closed(self, pair: tuple[str, str], now_s: float) -> Encounter:
-        encounter = self.open.pop(pair)
-        encounter.closed_s = now_s
+    def _closed(self, key: tuple[int, int]) -> Encounter:
+        encounter = self.open.pop(key)
+        encounter.closed_s = encounter.seen_s
         return encounter
 
     def _follow(
@@ -168,11 +190,15 @@ class EncounterLog:
         before: Scene | None,
         at: tuple[int, int],
         was_at: tuple[int | None, int | None] | None,
-        radius_m: dict[Definition, float],
+        *,
+        apart: bool,
     ) -> None:
         i, j = at
         now = scene.position_ne_m[j] - scene.position_ne_m[i]
         distance, when = float(np.hypot(*now)), scene.time_s
+        encounter.distance_m, encounter.seen_s = distance, scene.time_s
+        if apart:  # they pass above each other
+            return
         lasted_s = 0.0
         if before is not None and was_at is not None and was_at[0] is not None and was_at[1] is not None:
             was = before.position_ne_m[was_at[1]] - before.position_ne_m[was_at[0]]
@@ -181,13 +207,15 @@ class EncounterLog:
             when = before.time_s + share * lasted_s
         if distance < encounter.closest_m:
             encounter.closest_m, encounter.closest_s = distance, when
+            encounter.closest_errors_m = float(scene.error_bound_m[i]), float(scene.error_bound_m[j])
+            encounter.closest_above_m = float(scene.altitude_m[j] - scene.altitude_m[i])
             if encounter.opening_velocities is not None:
                 first, second = encounter.opening_velocities
                 encounter.manoeuvre_mps = (
                     float(np.hypot(*(scene.velocity_ne_mps[i] - first))),
                     float(np.hypot(*(scene.velocity_ne_mps[j] - second))),
                 )
-        for definition, radius in radius_m.items():
+        for definition, radius in encounter.required_m.items():
             margin = distance - radius
             encounter.margin_m[definition] = min(margin, encounter.margin_m.get(definition, math.inf))
             inside = lasted_s if margin < 0.0 else 0.0
@@ -199,7 +227,7 @@ def _closing(scene: Scene, i: int, j: int) -> bool:
     return float(offset @ (scene.velocity_ne_mps[j] - scene.velocity_ne_mps[i])) < 0.0
 
 
-def _ordered(one: str, other: str) -> tuple[str, str]:
+def _ordered(one: int, other: int) -> tuple[int, int]:
     return (one, other) if one <= other else (other, one)
 
 

@@ -8,6 +8,7 @@ without bound, and names are inert.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +38,10 @@ STATUS_ON_GROUND = 1
 SAME_AIRCRAFT_M = 50.0
 """Two senders with one identity that are so near each other are one aircraft, heard directly and relayed."""
 
+SAME_INSTANT_S = 0.051
+"""Half a step of the time in a 25-byte message, and what a float loses of it."""
+
+MERGED_KEPT = 256
 VERTICAL_HORIZON_S = 8.0
 
 
@@ -45,6 +50,7 @@ class Aircraft:
     """One aircraft.
 
     Attributes:
+        number: Its own for as long as it is in the air, whatever it is called.
         name: Its identity, else system and component id, with everything but printable ASCII as ``\\xNN``; unique.
         report: Its last report with a position.
         north_m, east_m: Position in that report, about the origin.
@@ -53,6 +59,7 @@ class Aircraft:
         reports: How many there were.
     """
 
+    number: int
     name: str
     report: RemoteIdReport
     north_m: float
@@ -80,7 +87,8 @@ class Scene:
 
     Attributes:
         time_s: The instant, on the caller's clock.
-        names: Who.
+        numbers: Who; an aircraft keeps its number.
+        names: What they are called now; an aircraft is called anew when its identity is heard.
         position_ne_m: Where they are now, if they flew on as reported, shape (n, 2).
         velocity_ne_mps: Reported velocities, zero where unknown, shape (n, 2).
         speed_mps: Horizontal speeds, shape (n,).
@@ -93,9 +101,11 @@ class Scene:
         climb_mps: Climb rates, shape (n,).
         vertical_error_m: Three sigma, shape (n,).
         airframe_height_m: Vertical extents, shape (n,).
+        merged: Numbers of those who turned out to be somebody else, heard over another way.
     """
 
     time_s: float
+    numbers: tuple[int, ...]
     names: tuple[str, ...]
     position_ne_m: FloatArray
     velocity_ne_mps: FloatArray
@@ -109,6 +119,7 @@ class Scene:
     climb_mps: FloatArray
     vertical_error_m: FloatArray
     airframe_height_m: FloatArray
+    merged: frozenset[int] = frozenset()
 
     def __len__(self) -> int:
         return len(self.names)
@@ -156,6 +167,8 @@ class Sky:
         self._max_aircraft = max_aircraft
         self._assembler = ReportAssembler(max_aircraft)
         self._same_as: dict[SourceKey, SourceKey] = {}
+        self._met = 0
+        self._merged: deque[int] = deque(maxlen=MERGED_KEPT)
 
     def receive(self, frame: Frame, now_s: float) -> Aircraft | None:
         """Take a frame; the aircraft that it moved or completed, if any.
@@ -178,9 +191,18 @@ class Sky:
         gone = [key for key, one in self.aircraft.items() if now_s - one.last_heard_s > self._forget_after_s]
         return [self._remove(key) for key in gone]
 
-    def at(self, now_s: float) -> Scene:
-        """Everybody who is in the air, where they are now."""
-        flying = [one for one in self.aircraft.values() if not one.on_ground]
+    def at(self, now_s: float, *, missed: float = math.inf) -> Scene:
+        """Everybody who is in the air, where they are now.
+
+        Args:
+            now_s: The instant.
+            missed: Who was silent for more than so many of its own intervals is left out.
+        """
+        flying = [
+            one
+            for one in self.aircraft.values()
+            if not one.on_ground and now_s - one.last_heard_s <= missed * max(one.interval_s, DEFAULT_INTERVAL_S)
+        ]
         age = np.array([max(0.0, now_s - one.last_heard_s) for one in flying], np.float64)
         position = np.array([(one.north_m, one.east_m) for one in flying], np.float64).reshape(-1, 2)
         velocity = np.array([one.velocity_ne_mps for one in flying], np.float64).reshape(-1, 2)
@@ -191,6 +213,7 @@ class Sky:
 
         return Scene(
             time_s=now_s,
+            numbers=tuple(one.number for one in flying),
             names=tuple(one.name for one in flying),
             position_ne_m=position + velocity * age[:, None],
             velocity_ne_mps=velocity,
@@ -204,6 +227,7 @@ class Sky:
             climb_mps=column("climb_mps"),
             vertical_error_m=column("vertical_error_m"),
             airframe_height_m=column("airframe_height_m"),
+            merged=frozenset(self._merged),
         )
 
     def _take(self, report: RemoteIdReport, now_s: float) -> Aircraft | None:
@@ -223,22 +247,25 @@ class Sky:
         if known is None:
             return self._meet(report, north_m, east_m, now_s)
         if report.received_at_s > known.report.received_at_s:
-            if (
-                report.timestamp_s is not None
-                and report.timestamp_s == known.report.timestamp_s
-                and not report.extended
-            ):
-                return None  # the same instant again, from a repeating sender or over another way
-            gap_s = now_s - known.last_heard_s
-            if 0.0 < gap_s <= SLOWEST_INTERVAL_S:
-                known.interval_s += 0.3 * (gap_s - known.interval_s)
-            known.last_heard_s = now_s
-            known.reports += 1
+            if _is_repeated(report, known.report):  # by its sender, or over another way
+                if known.report.extended or not report.extended:
+                    return None
+                report = replace(report, received_at_s=known.report.received_at_s)
+            else:
+                gap_s = now_s - known.last_heard_s
+                if 0.0 < gap_s <= SLOWEST_INTERVAL_S:
+                    known.interval_s += 0.3 * (gap_s - known.interval_s)
+                known.last_heard_s = now_s
+                known.reports += 1
         if report.uas_id is None and known.report.uas_id is not None:  # its relay was told, it was not
             report = replace(report, uas_id=known.report.uas_id)
         renamed = report.uas_id != known.report.uas_id
         known.report, known.north_m, known.east_m = report, north_m, east_m
         if renamed:
+            twin = self._twin(report, north_m, east_m, besides=known)
+            if twin is not None:
+                self._merge(key, twin)
+                return self.aircraft[twin]
             known.name = self._new_name(report, besides=known)
         return known
 
@@ -246,7 +273,8 @@ class Sky:
         if len(self.aircraft) >= self._max_aircraft:
             self._remove(min(self.aircraft, key=lambda key: self.aircraft[key].last_heard_s))
         interval_s = report.update_interval_s or DEFAULT_INTERVAL_S
-        new = Aircraft(self._new_name(report), report, north_m, east_m, interval_s, now_s, now_s)
+        self._met += 1
+        new = Aircraft(self._met, self._new_name(report), report, north_m, east_m, interval_s, now_s, now_s)
         self.aircraft[report.key] = new
         return new
 
@@ -254,13 +282,24 @@ class Sky:
         self._same_as = {alias: of for alias, of in self._same_as.items() if of != key}
         return self.aircraft.pop(key)
 
-    def _twin(self, report: RemoteIdReport, north_m: float, east_m: float) -> SourceKey | None:
+    def _merge(self, key: SourceKey, into: SourceKey) -> None:
+        self._merged.append(self.aircraft[key].number)
+        self._same_as = {alias: into if of == key else of for alias, of in self._same_as.items()} | {key: into}
+        del self.aircraft[key]
+
+    def _twin(
+        self, report: RemoteIdReport, north_m: float, east_m: float, besides: Aircraft | None = None
+    ) -> SourceKey | None:
         """The source under which the same aircraft is known already."""
-        if report.uas_id is None:
-            return None
         for key, one in self.aircraft.items():
-            near = math.hypot(one.north_m - north_m, one.east_m - east_m) <= SAME_AIRCRAFT_M
-            if one.report.uas_id == report.uas_id and near:
+            if one is besides:
+                continue
+            if report.uas_id is None or one.report.uas_id is None:
+                is_same = _is_repeated(report, one.report)
+            else:
+                near = math.hypot(one.north_m - north_m, one.east_m - east_m) <= SAME_AIRCRAFT_M
+                is_same = near and one.report.uas_id == report.uas_id
+            if is_same:
                 return key
         return None
 
@@ -278,6 +317,16 @@ class Sky:
             candidate for candidate in (f"{name}#{number}" for number in range(2, len(taken) + 3))
             if candidate not in taken
         )  # fmt: skip
+
+
+def _is_repeated(report: RemoteIdReport, other: RemoteIdReport) -> bool:
+    """Both say the same of the same instant; 25-byte messages round their time."""
+    return (
+        report.timestamp_s is not None
+        and other.timestamp_s is not None
+        and abs(report.timestamp_s - other.timestamp_s) <= SAME_INSTANT_S
+        and (report.latitude_deg, report.longitude_deg) == (other.latitude_deg, other.longitude_deg)
+    )
 
 
 REMOTE_ID_IDS = frozenset(

@@ -70,6 +70,14 @@ def test_an_encounter_opens_is_followed_and_closes_and_a_disc_entered_is_one_ale
     assert alert["kind"] == "disc_entered" and alert["uas"] == ["ALPHA", "BRA/VO#"]
 
 
+def test_an_encounter_goes_on_under_the_identity_that_is_heard_late() -> None:
+    messages = published([replace(ONE, identity_from_s=2.0), TWO], 20.0)
+    before = [one["phase"] for one in of(messages, TOPICS.encounter(("1/1", "BRA/VO#")))]
+    after = [one["phase"] for one in of(messages, TOPICS.encounter(("BRA/VO#", "ALPHA")))]
+    assert (before[0], before[-1]) == ("open", "close") == (after[0], after[-1])
+    assert before.count("close") == after.count("open") == 1
+
+
 def test_who_comes_and_goes_is_retained_availability() -> None:
     publisher = Publisher(PublisherSettings(TOPICS))
     for time_s, frame in frames([ONE], 0.3):

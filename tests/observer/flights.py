@@ -25,6 +25,7 @@ class Flyer:
         start_ne_m: Where it is at time 0.
         velocity_ne_mps: How it flies.
         identity: Its BASIC_ID, None for none.
+        identity_from_s: When it begins to say so.
         extended: It sends RIDLINK_SEPARATION.
         altitude_m: Above the ellipsoid.
     """
@@ -33,6 +34,7 @@ class Flyer:
     start_ne_m: tuple[float, float]
     velocity_ne_mps: tuple[float, float]
     identity: bytes | None = None
+    identity_from_s: float = 0.0
     extended: bool = True
     altitude_m: float = 550.0
     airframe_m: float = 0.6
@@ -53,7 +55,7 @@ class Flyer:
         latitude, longitude, _ = geodetic_from_ned((north, east, 0.0), HOME)
         vn, ve = self.velocity(time_s)
         said: list[RemoteIdMessage] = []
-        if self.identity is not None:
+        if self.identity is not None and time_s >= self.identity_from_s:
             said.append(BasicId(id_type=1, ua_type=2, uas_id=self.identity, id_or_mac=self.id_or_mac))
         said.append(
             Location(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from ridlink.observer import Encounter, EncounterLog, Phase, Sky
+from ridlink.remote_id.messages import Location, RemoteIdMessage
 from ridlink.separation.definitions import Definition
 from tests.observer.flights import HOME, Flyer, frames
 
@@ -64,6 +65,17 @@ class Turning(Flyer):
         return (self.velocity_ne_mps[0], 3.0 if time_s >= 10.0 else 0.0)
 
 
+class Climbing(Flyer):
+    """Says after five seconds that it flies 200 m higher."""
+
+    def messages(self, time_s: float) -> list[RemoteIdMessage]:
+        above_m = 200.0 if time_s >= 5.0 else 0.0
+        return [
+            replace(said, altitude_geodetic_m=self.altitude_m + above_m) if isinstance(said, Location) else said
+            for said in super().messages(time_s)
+        ]
+
+
 def test_who_turned_is_named_and_the_approach_is_followed_to_its_end() -> None:
     turning = Turning(2, (200.0, 6.0), (-10.0, 0.0), b"BRAVO")
     log = EncounterLog()
@@ -75,6 +87,43 @@ def test_who_turned_is_named_and_the_approach_is_followed_to_its_end() -> None:
 
 def test_known_heights_apart_are_no_encounter() -> None:
     assert not watched([NORTHBOUND, replace(SOUTHBOUND, altitude_m=700.0)], 30.0, EncounterLog())
+
+
+def test_an_identity_that_is_heard_late_does_not_end_an_encounter() -> None:
+    late = replace(NORTHBOUND, identity_from_s=3.0)
+    changes = watched([late, SOUTHBOUND], 40.0, EncounterLog())
+    assert [phase for _, phase, _ in changes if phase is not Phase.UPDATE] == [Phase.OPEN, Phase.CLOSE]
+    assert changes[-1][2].pair == ("ALPHA", "BRAVO")
+
+
+def test_an_aircraft_that_turns_out_to_be_another_met_nobody() -> None:
+    shadow = replace(NORTHBOUND, sysid=200, start_ne_m=(-201.0, 0.0), identity_from_s=3.0)
+    changes = watched([NORTHBOUND, shadow, SOUTHBOUND], 40.0, EncounterLog())
+    closed = [one for _, phase, one in changes if phase is Phase.CLOSE]
+    assert [one.pair for one in closed if not one.mistaken] == [("ALPHA", "BRAVO")]
+    assert len(closed) == 3, "with itself, and the same encounter twice"
+
+
+def test_whoever_climbs_out_of_the_way_is_not_met_below() -> None:
+    climbing = Climbing(2, (200.0, 6.0), (-10.0, 0.0), b"BRAVO")
+    log = EncounterLog()
+    changes = watched([NORTHBOUND, climbing], 40.0, log)
+    [closed] = [one for _, phase, one in changes if phase is Phase.CLOSE]
+    assert closed.closest_m > 100.0 and not closed.collided
+
+
+def test_silence_shorter_than_allowed_is_bridged_and_not_counted_as_encounter() -> None:
+    log = EncounterLog(gone_after_s=5.0)
+    sky = Sky(origin=HOME)
+    phases = []
+    for step, (time_s, frame) in enumerate(frames([NORTHBOUND, SOUTHBOUND], 20.0)):
+        if not 8.0 < time_s < 11.0:
+            sky.receive(frame, time_s)
+        if step % 6 == 5:
+            phases += [phase for phase, _ in log.step(sky.at(time_s, missed=3.0))]
+    assert [phase for phase in phases if phase is not Phase.UPDATE] == [Phase.OPEN]
+    [encounter] = log.close()
+    assert encounter.closed_s == pytest.approx(19.9)
 
 
 def test_parallel_flight_outside_the_discs_is_no_encounter() -> None:

@@ -63,6 +63,40 @@ def test_one_aircraft_heard_directly_and_relayed_is_one() -> None:
     assert [one.name for one in sky.aircraft.values()] == ["ALPHA"]
 
 
+def test_a_relay_that_says_the_same_of_the_same_instant_is_no_second_aircraft() -> None:
+    anonymous = replace(ONE, identity=None)
+    relayed = replace(anonymous, sysid=200, id_or_mac=b"relay".ljust(20, b"\0"))
+    sky = seen([anonymous, relayed], 2.0)
+    assert [one.name for one in sky.aircraft.values()] == ["1/1"]
+    assert sky.at(2.0).interval_s == pytest.approx([0.1], abs=0.01), "heard twice is not twice as often"
+
+
+def test_a_late_repetition_does_not_move_an_aircraft_in_time() -> None:
+    sky = Sky(origin=HOME)
+    for time_s, frame in frames([ONE], 2.0):
+        sky.receive(frame, time_s)
+    again = [frame for time_s, frame in frames([ONE], 2.0) if time_s == 1.9]
+    for frame in again:
+        sky.receive(frame, 2.4)
+    assert sky.at(2.4).age_s == pytest.approx([0.5])
+
+
+def test_two_that_turn_out_to_be_one_are_merged_into_the_first() -> None:
+    late = replace(ONE, sysid=200, identity_from_s=1.0, id_or_mac=b"relay".ljust(20, b"\0"))
+    behind = replace(late, start_ne_m=(-1.0, 0.0))
+    assert len(seen([ONE, behind], 0.9).aircraft) == 2
+    sky = seen([ONE, behind], 2.0)
+    assert [(one.name, one.number) for one in sky.aircraft.values()] == [("ALPHA", 1)]
+    assert sky.at(2.0).merged == {2}
+
+
+def test_who_missed_reports_can_be_left_out() -> None:
+    sky = seen([ONE], 1.0)
+    assert len(sky.at(1.1, missed=3.0)) == 1
+    assert len(sky.at(1.5, missed=3.0)) == 0
+    assert len(sky.at(1.5)) == 1
+
+
 def test_two_aircraft_with_one_identity_stay_two() -> None:
     twin = replace(TWO, identity=b"ALPHA")
     assert sorted(one.name for one in seen([ONE, twin], 1.0).aircraft.values()) == ["ALPHA", "ALPHA#2"]
