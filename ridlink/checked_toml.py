@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import reprlib
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ from ridlink.errors import ConfigError
 
 LARGEST = 1e6
 """Metres, seconds or metres a second: beyond this the local tangent plane, and common sense, end."""
+
+
+UNREADABLE = "cannot be read: an integer of thousands of digits, or brackets nested too deeply"
+"""What a parser of the standard library gives up at without a word of its own format."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,11 +112,12 @@ class CheckedTable:
         return tuple(self._finite(key, part) for part in value)
 
     def _finite(self, key: str, value: object) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise self.error(key, f"must be a finite number, not {value!r}")
-        if abs(value) > LARGEST:
-            raise self.error(key, f"must be at most {LARGEST:g} in size, not {value:g}")
-        return float(value)
+        number = finite_number(value)
+        if number is None:
+            raise self.error(key, f"must be a finite number, not {reprlib.repr(value)}")
+        if abs(number) > LARGEST:
+            raise self.error(key, f"must be at most {LARGEST:g} in size, not {number:g}")
+        return number
 
     def tables(self, key: str, *, needed: bool = True) -> Iterator[CheckedTable]:
         """The tables of an array of tables, in order."""
@@ -144,8 +150,32 @@ def read_toml(path: str | Path) -> CheckedTable:
         text = Path(path).read_bytes().decode("utf-8")
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not UTF-8 text: {error.reason}") from error
+    return CheckedTable(TomlSource(str(path), text), parse_toml(text, str(path)), "", 0)
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """A TOML document.
+
+    Args:
+        text: The document.
+        where: Whence it comes, for the error text.
+
+    Raises:
+        ConfigError: If it is none.
+    """
     try:
-        document = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: is not TOML: {' '.join(str(error).split())}") from error
-    return CheckedTable(TomlSource(str(path), text), document, "", 0)
+        raise ConfigError(f"{where}: is not TOML: {' '.join(str(error).split())}") from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{where}: {UNREADABLE}") from error
+
+
+def finite_number(value: object) -> float | None:
+    """The value as a float; None if it is no number, not finite, or an integer that no float can hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not -math.inf < value < math.inf:
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return None

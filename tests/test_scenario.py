@@ -117,6 +117,17 @@ def test_a_mistake_is_named_in_one_line(write: Write, right: str, wrong: str, me
     assert "\n" not in text
 
 
+@pytest.mark.parametrize("suffix", ["toml", "geojson"])
+@pytest.mark.parametrize("value", ["9" * 5000, "[" * 100_000], ids=["5,000 digits", "brackets without end"])
+def test_what_no_parser_can_hold_is_refused_in_one_line(tmp_path: Path, suffix: str, value: str) -> None:
+    path = tmp_path / f"scenario.{suffix}"
+    path.write_text(f"x = {value}" if suffix == "toml" else value)
+    with pytest.raises(ConfigError) as refused:
+        resolve_scenario(str(path))
+    assert f"scenario.{suffix}" in str(refused.value)
+    assert len(str(refused.value)) < 200 and "\n" not in str(refused.value)
+
+
 def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "scenario.toml"
     path.write_bytes(b"\xff\xfe\x00")
@@ -371,6 +382,9 @@ def test_tracks_become_vehicles_that_fly_them(geojson: Callable[..., str]) -> No
         (track([8.0, 47.0], [8.001, 47.0], speed_mps=-1), "feature 1: speed_mps must be greater than 0"),
         (track([8.0, 47.0], [8.001, 47.0], times=[1]), "times must be seconds, one for each of 2 points"),
         (track([8.0, 47.0], [8.001, 47.0], times=[1, 1]), "times must rise"),
+        (track([8.0, 47.0], [10**400, 47.0]), "is not a finite number"),
+        (track([8.0, 47.0], [8.001, 47.0], times=[1, 10**400]), "times must be seconds"),
+        (track([8.0, 47.0], [8.001, 47.0], sigma_m=10**400), "sigma_m must be a finite number"),
         ({"type": "Feature"}, "has no feature with a LineString"),
     ],
 )

@@ -22,7 +22,6 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
@@ -33,6 +32,7 @@ import msgspec
 
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings, SolverKind
+from ridlink.checked_toml import parse_toml
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
 from ridlink.links import LinkUrl, parse_link_url
@@ -183,10 +183,7 @@ def read_config_text(text: str, where: str) -> FlatConfig:
     Raises:
         ConfigError: As `read_config_file`.
     """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{where}: is not TOML: {' '.join(str(error).split())}") from error
+    document = parse_toml(text, where)
     known = [item.name for item in msgspec.structs.fields(FlatConfig)]
     _refuse_unknown(document, known, where, text)
     for table_name, settings in SOLVER_TABLES.items():

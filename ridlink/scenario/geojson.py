@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import json
 import math
+import reprlib
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from ridlink.checked_toml import CheckedTable, TomlSource
+from ridlink.checked_toml import UNREADABLE, CheckedTable, TomlSource, finite_number
 from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic, ned_from_geodetic
 from ridlink.scenario.model import DEFAULT_AIRFRAME_M, DEFAULT_SPEED_MPS, Point3, Scenario, VehicleSpec
@@ -50,6 +51,8 @@ def load_tracks(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Sc
         raise ConfigError(f"{name}: is not UTF-8 text: {error.reason}") from error
     except json.JSONDecodeError as error:
         raise ConfigError(f"{name}:{error.lineno}: is not JSON: {error.msg}") from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{name}: {UNREADABLE}") from error
     features = document.get("features") if isinstance(document, dict) else None
     if not isinstance(features, list):
         raise ConfigError(f"{name}: is not a GeoJSON FeatureCollection")
@@ -99,13 +102,16 @@ class _Track:
             raise ConfigError(
                 f"{self._where}: coordinates: a point is [longitude, latitude, altitude], not {position!r}"
             )
+        numbers: list[float] = []
         for value in position:
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise ConfigError(f"{self._where}: coordinates: {value!r} is not a finite number")
-        longitude, latitude = float(position[0]), float(position[1])
+            number = finite_number(value)
+            if number is None:
+                raise ConfigError(f"{self._where}: coordinates: {reprlib.repr(value)} is not a finite number")
+            numbers.append(number)
+        longitude, latitude = numbers[:2]
         if not (abs(longitude) <= 180.0 and abs(latitude) <= 90.0):
             raise ConfigError(f"{self._where}: coordinates: {position!r} is no place on Earth (longitude comes first)")
-        return longitude, latitude, float(position[2]) if len(position) > 2 else None
+        return longitude, latitude, numbers[2] if len(numbers) > 2 else None
 
     def vehicle(self, home: Geodetic, speed_mps: float) -> VehicleSpec:
         """The vehicle that flies it."""
@@ -141,7 +147,7 @@ class _Track:
         if not self._table.has("times"):
             return None
         times = self._table.take("times")
-        numbers = isinstance(times, list) and all(isinstance(t, int | float) and math.isfinite(t) for t in times)
+        numbers = isinstance(times, list) and all(finite_number(t) is not None for t in times)
         if not numbers or len(times) != len(self.points):
             raise ConfigError(f"{self._where}: times must be seconds, one for each of {len(self.points)} points")
         if not times[-1] > times[0]:

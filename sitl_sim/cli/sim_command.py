@@ -186,7 +186,7 @@ async def _read_faults(server: FleetServer) -> None:
             if not isinstance(values, dict):
                 raise ConfigError('stdin: must be an object, as in {"vehicle":1,"what":"gnss-outage"}')
             server.world.inject(event_of(values, "stdin", at_s=0.0))
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             click.echo(f"ridlink sim: {error}", err=True)
 
     class Lines(asyncio.Protocol):

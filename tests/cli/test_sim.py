@@ -225,6 +225,7 @@ def test_faults_come_from_stdin_and_wrong_lines_are_told() -> None:
         '{"vehicle":1,"what":"magic"}',
         "[]",
         "{",
+        "[" * 60_000,
         '{"vehicle":9,"what":"radio-off"}',
     ]
     done = subprocess.run(
