@@ -2,13 +2,16 @@
 
 sky         messages -> aircraft, and all of them at one instant as arrays
 discs       what each pair needs between it under a definition, and each vehicle's share of it
+pairs       how far apart all pairs are, and when they will be too near
 encounters  who comes near whom: opened, followed, closed
 """
 
 from __future__ import annotations
 
 from ridlink.observer.discs import pair_discs, rings
-from ridlink.observer.encounters import Encounter, EncounterLog, Phase, closing_times
+from ridlink.observer.encounters import Encounter, EncounterLog, Phase
+from ridlink.observer.pairs import Pairs, closing_times, pairs_of
 from ridlink.observer.sky import Aircraft, Scene, Sky
 
-__all__ = ["Aircraft", "Encounter", "EncounterLog", "Phase", "Scene", "Sky", "closing_times", "pair_discs", "rings"]
+__all__ = ["Aircraft", "Encounter", "EncounterLog", "Pairs", "Phase", "Scene", "Sky", "closing_times",
+           "pair_discs", "pairs_of", "rings"]  # fmt: skip

@@ -15,6 +15,7 @@ from enum import StrEnum
 import numpy as np
 
 from ridlink.observer.discs import pair_discs
+from ridlink.observer.pairs import Pairs, pairs_of
 from ridlink.observer.sky import FloatArray, Scene
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, bounded_airframe
@@ -23,9 +24,6 @@ HORIZON_S = 30.0
 CLOSES_AFTER_S = 3.0
 ABANDONED_AFTER_S = 60.0
 """A pair that still comes nearer so long after its way was clear, as in a slow overtaking, is no encounter any more."""
-
-CONSIDERED_M = 2000.0
-"""Pairs further apart than this are none."""
 
 MOVED_MPS = 1.0
 """Who changed its velocity by more than this between the opening and the closest approach has manoeuvred."""
@@ -124,21 +122,22 @@ class EncounterLog:
         self._before: Scene | None = None
         self._index: dict[int, int] = {}
 
-    def step(self, scene: Scene) -> list[tuple[Phase, Encounter]]:
+    def step(self, scene: Scene, pairs: Pairs | None = None) -> list[tuple[Phase, Encounter]]:
         """What changed since the scene before: encounters that opened, go on, or have closed.
 
         Args:
             scene: Everybody, later than the scene before.
+            pairs: Its pairs under the definition of this log, if they are known already.
         """
         before, self._before = self._before, scene
         index_before, self._index = self._index, {number: at for at, number in enumerate(scene.numbers)}
         index = self._index
         changes: list[tuple[Phase, Encounter]] = []
+        pairs = pairs_of(scene, self.definition, eta=self._eta) if pairs is None else pairs
         radius = {
-            definition: pair_discs(scene, definition, eta=self._eta) for definition in self._definitions
-        }  # fmt: skip
-        apart = scene.apart()
-        entry = closing_times(scene, radius[self.definition])
+            definition: pair_discs(scene, definition, eta=self._eta) for definition in self._definitions[1:]
+        } | {self.definition: pairs.radius_m}  # fmt: skip
+        apart, entry = pairs.apart, pairs.entry_s
         for i, j in zip(*np.nonzero(np.triu(entry <= self._horizon_s, 1)), strict=True):
             key = _ordered(scene.numbers[i], scene.numbers[j])
             if key not in self.open:
@@ -229,31 +228,6 @@ def _closing(scene: Scene, i: int, j: int) -> bool:
 
 def _ordered(one: int, other: int) -> tuple[int, int]:
     return (one, other) if one <= other else (other, one)
-
-
-def closing_times(scene: Scene, radius_m: FloatArray) -> FloatArray:
-    """Time until each pair enters its disc if both fly on [s].
-
-    Args:
-        scene: Everybody, n of them.
-        radius_m: Radii of the discs of the pairs, shape (n, n).
-
-    Returns:
-        0 inside, infinite if never or at safely different heights, shape (n, n).
-    """
-    position, velocity = scene.position_ne_m, scene.velocity_ne_mps
-    offset = position[None, :, :] - position[:, None, :]
-    relative = velocity[None, :, :] - velocity[:, None, :]
-    square = (relative**2).sum(axis=-1)
-    closing = -(offset * relative).sum(axis=-1)
-    beyond = (offset**2).sum(axis=-1) - radius_m**2
-    root = closing**2 - square * beyond
-    enters = (closing > 0.0) & (root > 0.0) & (square > 1e-12)
-    # (closing - sqrt(root)) / square, in the form that does not cancel.
-    divisor = np.where(enters, closing + np.sqrt(np.maximum(root, 0.0)), 1.0)
-    entry = np.where(beyond < 0.0, 0.0, np.where(enters, beyond / divisor, np.inf))
-    excluded = scene.apart() | (beyond + radius_m**2 > CONSIDERED_M**2)
-    return np.asarray(np.where(excluded, np.inf, entry))
 
 
 def _nearest_of_segment(start: FloatArray, end: FloatArray) -> tuple[float, float]:

@@ -43,6 +43,7 @@ SAME_INSTANT_S = 0.051
 
 MERGED_KEPT = 256
 VERTICAL_HORIZON_S = 8.0
+UNKNOWN = (math.nan, math.nan, math.nan)
 
 
 @dataclass(slots=True, eq=False)
@@ -101,6 +102,8 @@ class Scene:
         climb_mps: Climb rates, shape (n,).
         vertical_error_m: Three sigma, shape (n,).
         airframe_height_m: Vertical extents, shape (n,).
+        command_ne_mps: Velocities that they say they command to their autopilots, shape (n, 2).
+        avoiding: Who says that it takes its half of every avoidance, shape (n,).
         merged: Numbers of those who turned out to be somebody else, heard over another way.
     """
 
@@ -119,6 +122,8 @@ class Scene:
     climb_mps: FloatArray
     vertical_error_m: FloatArray
     airframe_height_m: FloatArray
+    command_ne_mps: FloatArray
+    avoiding: BoolArray
     merged: frozenset[int] = frozenset()
 
     def __len__(self) -> int:
@@ -206,6 +211,7 @@ class Sky:
         age = np.array([max(0.0, now_s - one.last_heard_s) for one in flying], np.float64)
         position = np.array([(one.north_m, one.east_m) for one in flying], np.float64).reshape(-1, 2)
         velocity = np.array([one.velocity_ne_mps for one in flying], np.float64).reshape(-1, 2)
+        command = [one.report.commanded_ned_mps or UNKNOWN for one in flying]
 
         def column(name: str) -> FloatArray:
             values = [getattr(one.report, name) for one in flying]
@@ -227,6 +233,8 @@ class Sky:
             climb_mps=column("climb_mps"),
             vertical_error_m=column("vertical_error_m"),
             airframe_height_m=column("airframe_height_m"),
+            command_ne_mps=np.array(command, np.float64).reshape(-1, 3)[:, :2],
+            avoiding=np.array([one.report.avoiding for one in flying], np.bool_),
             merged=frozenset(self._merged),
         )
 
