@@ -5,7 +5,6 @@ Nothing is tuned towards a printed figure. Seconds and shares within 0 and 1.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ridlink.campaign.plan import Cell
-from ridlink.campaign.statistics import Interval, Medians, bootstrap_medians, percentile_interval
+from ridlink.campaign.statistics import Difference, Flights, Interval, paired_difference
 
 TOLERANCE = 0.1
 """Relative difference up to which a time is reproduced: the paper prints neither the size of its scenes nor the mean
@@ -43,6 +42,7 @@ NOT_REPRODUCIBLE = {
 
 ONE_RATE = "one rate is printed for both scenes; it depends on how strongly vehicles prefer the right, which is not"
 SCALE = "neither the size of the scene nor the mean speed of the fleet is printed, and every time follows from them"
+RATIO = "more than the interval and the tolerance allow"
 AS_IN_THE_PAPER = {
     "gnss": "white-radial", "solver": "rotation", "dynamics": "ideal", "sigma_m": 10.0, "interval_s": 0.1, "loss": 0.0,
 }  # fmt: skip
@@ -57,6 +57,21 @@ DEFINITION_NAMES = {
     "chance": "chance",
     "none": "no avoidance",
 }
+
+
+USUAL = {"dynamics": "ideal", "sigma_m": 10.0, "interval_s": 0.1, "loss": 0.0}
+WORDS = {"dynamics": "{}", "sigma_m": "sigma {:g} m", "interval_s": "every {:g} s", "loss": "{:.0%} lost"}
+"""What is usual goes without saying."""
+
+
+def world_words(figures: dict[str, Any]) -> str:
+    """What is unusual about a world, in words."""
+    return ", ".join(words.format(figures[name]) for name, words in WORDS.items() if figures[name] != USUAL[name])
+
+
+def setting_words(definition: str, solver: str) -> str:
+    """A definition and a solver as tables name them."""
+    return f"{DEFINITION_NAMES.get(definition, definition)}, {solver}"
 
 
 class Verdict(StrEnum):
@@ -89,24 +104,27 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class FlownCell:
-    """A row of the campaign's table with the times behind it.
+    """A row of the campaign's table with the flights behind it.
 
     Attributes:
         row: As `ridlink campaign run` gives it.
-        times_s: Times of the flights without a collision, shape (n,).
-        run: To which run each belongs, counted from 0, shape (n,).
+        flights: What was flown.
         seed: Seed of the campaign.
     """
 
     row: dict[str, Any]
-    times_s: NDArray[np.float64]
-    run: NDArray[np.int64]
+    flights: Flights
     seed: int
 
     @property
     def key(self) -> tuple[Any, ...]:
         """What cells have in common that differ in their definition only."""
         return tuple(self.row[item.name] for item in fields(Cell) if item.name != "definition")
+
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Times of the flights without a collision, shape (n,)."""
+        return self.flights.time_s[~self.flights.collided]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,16 +133,14 @@ class JudgedCell:
 
     Attributes:
         row: As `ridlink campaign run` gives it.
-        slower_s: Median less that under sNMAC; None without sNMAC.
-        slower_ci95: Interval of it, from the same resampled runs under both.
+        beside_snmac: The cell less the one under sNMAC, run by run; None without sNMAC, and for it.
         median: Median time.
         ratio: Ratio of the median to that under sNMAC.
         mac_rate: Share of vehicles in a collision.
     """
 
     row: dict[str, Any]
-    slower_s: float | None
-    slower_ci95: Interval | None
+    beside_snmac: Difference | None
     median: Judged
     ratio: Judged
     mac_rate: Judged
@@ -141,30 +157,23 @@ def judge_cells(cells: Sequence[FlownCell], *, as_printed: bool) -> list[JudgedC
         cells: A complete campaign.
         as_printed: The campaign is the paper's; cells with its errors and its solver are compared with it.
     """
-    medians = [bootstrap_medians(cell.times_s, cell.run, cell.row["runs"], cell.seed) for cell in cells]
-    snmac = {
-        cell.key: found for cell, found in zip(cells, medians, strict=True) if cell.row["definition"] == "snmac"
-    }  # fmt: skip
-    return [
-        _judge(cell, found, snmac.get(cell.key), as_printed) for cell, found in zip(cells, medians, strict=True)
-    ]  # fmt: skip
+    snmac = {cell.key: cell for cell in cells if cell.row["definition"] == "snmac"}
+    return [_judge(cell, snmac.get(cell.key), as_printed) for cell in cells]
 
 
-def _judge(cell: FlownCell, medians: Medians, snmac: Medians | None, as_printed: bool) -> JudgedCell:
+def _judge(cell: FlownCell, snmac: FlownCell | None, as_printed: bool) -> JudgedCell:
     row = cell.row
     is_the_papers = as_printed and all(row[name] == value for name, value in AS_IN_THE_PAPER.items())
     printed = PRINTED.get(row["scenario"], {}) if is_the_papers else {}
     seconds, ratio, rate = printed.get(row["definition"], (None, None, None))
-    slower, slower_ci95, ratio_ci95 = None, None, None
-    if snmac is not None and row["definition"] != "snmac" and math.isfinite(medians.median - snmac.median):
-        slower = medians.median - snmac.median
-        slower_ci95 = percentile_interval(medians.resampled - snmac.resampled)
-        ratio_ci95 = percentile_interval(medians.resampled / snmac.resampled)
+    beside = None
+    if snmac is not None and snmac is not cell:
+        beside = paired_difference(cell.flights, snmac.flights, cell.seed)
     never = NOT_REPRODUCIBLE.get((row["scenario"], row["definition"]), "")
     return JudgedCell(
-        row, slower, slower_ci95,
+        row, beside,
         _compared(seconds, row["median_s"], row["median_ci95"], never, SCALE),
-        _compared(ratio, row["ratio_to_snmac"], ratio_ci95, never, "more than the interval and the tolerance allow"),
+        _compared(ratio, row["ratio_to_snmac"], beside and beside.median_ratio_ci95, never, RATIO),
         _compared_rate(rate, row["mac_rate"], row["mac_rate_ci95"]),
     )  # fmt: skip
 

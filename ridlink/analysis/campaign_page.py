@@ -7,29 +7,32 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from ridlink.analysis.campaign import DEFINITION_NAMES, TOLERANCE, Judged, JudgedCell, Verdict
+from ridlink.analysis.campaign import DEFINITION_NAMES, TOLERANCE, Judged, JudgedCell, Verdict, world_words
+from ridlink.campaign.statistics import Difference
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 76rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
 th, td { padding: .3rem .7rem; text-align: right; border-bottom: 1px solid #ddd; vertical-align: top }
 th:first-child, td:first-child, th:nth-child(2), td:nth-child(2), td.why { text-align: left }
-small { color: #555; display: block } img { max-width: 100%; height: auto }
+small { color: #555; display: block; white-space: nowrap } img { max-width: 100%; height: auto }
 .reproduced { color: #00603f } .differs { color: #8a4b00 } .not-reproducible { color: #a3261a }
 """
 ALTERNATIVES = {
     "mission-times": "Box plots of the mission times under each definition",
     "collisions": "Share of flights in a collision under each definition, with intervals",
     "time-against-safety": "Median mission time against the upper bound of the collided flights",
+    "sensitivity": "Median mission time and share of flights in a collision as one condition varies",
 }
 
 
-def report_page(title: str, cells: Sequence[JudgedCell], figures: Mapping[str, Path]) -> str:
+def report_page(title: str, cells: Sequence[JudgedCell], tables: Sequence[str], figures: Mapping[str, Path]) -> str:
     """The page.
 
     Args:
         title: Of the page.
         cells: Its rows.
+        tables: More tables, as HTML; they stand between the rows and the figures.
         figures: SVG files by name; they are taken into the page.
     """
     flights = sum(cell.row["flights"] for cell in cells)
@@ -50,34 +53,52 @@ def report_page(title: str, cells: Sequence[JudgedCell], figures: Mapping[str, P
             "printed figure. The paper counts 72,000 flights; 500 runs of 4 definitions with 8 and 24 vehicles are "
             "64,000.</p>"
         )
-    parts += [_table(cells), *(_figure(name, file) for name, file in figures.items())]
+    parts.append(_table(cells))
     if is_compared:
         parts.append(_reasons(cells))
+    parts += [*tables, *(_figure(name, file) for name, file in figures.items())]
     return "\n".join([*parts, "</body></html>\n"])
 
 
 def _table(cells: Sequence[JudgedCell]) -> str:
-    heads = ("scenario, errors, solver", "definition", "flights", "collided", "collided, share", "median s",
+    heads: tuple[str, ...] = ("scenario, errors, solver", "definition", "flights", "collided", "collided, share", "median s",
              "slower than sNMAC by s", "ratio to sNMAC", "nearest m", "unfinished", "infeasible")  # fmt: skip
+    shows_risk = any(cell.row["risk_ratio"] is not None for cell in cells)
+    if shows_risk:
+        heads += ("risk, none avoiding = 1",)
     lines = ["<table><thead><tr>", *(f"<th>{head}</th>" for head in heads), "</tr></thead><tbody>"]
     for cell in cells:
         row = cell.row
         nearest = row["min_separation_m"]
-        columns = (
-            escape(f"{row['scenario']}, {row['gnss']}, {row['solver']}"),
+        columns: tuple[str, ...] = (
+            escape(", ".join(filter(None, (row["scenario"], row["gnss"], row["solver"], world_words(row))))),
             DEFINITION_NAMES[row["definition"]],
             f"{row['flights']:,}",
             f"{row['macs']}",
             _rate(cell.mac_rate, row["macs"], row["flights"]),
             _number(cell.median, 1),
-            "-" if cell.slower_s is None else f"{cell.slower_s:.1f}{_interval(cell.slower_ci95, 1)}",
+            _slower(cell.beside_snmac),
             _number(cell.ratio, 2),
             "-" if nearest is None else f"{nearest:.1f}",
             f"{row['unfinished']}",
             f"{row['infeasible_share']:.1%}",
         )
+        if shows_risk:
+            columns += (_risk(row["risk_ratio"], row["risk_ratio_ci95"]),)
         lines.append("<tr>" + "".join(f"<td>{column}</td>" for column in columns) + "</tr>")
     return "\n".join([*lines, "</tbody></table>"])
+
+
+def _risk(ratio: float | None, interval: Sequence[float] | None) -> str:
+    if ratio is None:
+        return "-"
+    return f"{ratio:.2g}" + ("" if interval is None else f"<small>{interval[0]:.2g} to {interval[1]:.2g}</small>")
+
+
+def _slower(found: Difference | None) -> str:
+    if found is None or found.median_s is None:
+        return "-"
+    return f"{found.median_s:.1f}{_interval(found.median_ci95, 1)}"
 
 
 def _number(judged: Judged, digits: int) -> str:
@@ -107,7 +128,8 @@ def _interval(interval: Sequence[float] | None, digits: int) -> str:
 
 def _figure(name: str, file: Path) -> str:
     drawn = base64.b64encode(file.read_bytes()).decode()
-    return f'<p><img alt="{ALTERNATIVES[name]}" src="data:image/svg+xml;base64,{drawn}"></p>'
+    shown = next(words for kind, words in ALTERNATIVES.items() if name.startswith(kind))
+    return f'<p><img alt="{shown}" src="data:image/svg+xml;base64,{drawn}"></p>'
 
 
 def _reasons(cells: Sequence[JudgedCell]) -> str:

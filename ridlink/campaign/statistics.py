@@ -5,6 +5,7 @@ Runs are independent of each other, the flights of one run are not: whatever is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -108,11 +109,11 @@ def bootstrap_medians(values: FloatArray, run: NDArray[np.int64], runs: int, see
     return Medians(float(np.median(values)), medians)
 
 
-def bootstrap_totals(counts: NDArray[np.int64], seed: int) -> FloatArray:
+def bootstrap_totals(counts: NDArray[np.int64] | FloatArray, seed: int) -> FloatArray:
     """Totals of campaigns resampled from the same runs, shape (RESAMPLES,).
 
     Args:
-        counts: What was counted in each run, shape (runs,).
+        counts: What was counted, or summed up, in each run, shape (runs,).
         seed: Seed of the resampling; equal ones resample the same runs as `bootstrap_medians` does.
     """
     totals = np.empty(RESAMPLES)
@@ -164,38 +165,104 @@ class Difference:
         median_ci95: Bootstrap interval of it, the same runs resampled in both.
         median_ratio: Ratio of the medians.
         median_ratio_ci95: Interval of it.
+        mean_s: Flight by flight, mean time less that of the other; flights without a collision in either.
+        mean_ci95: Bootstrap interval of it.
         mac_rate: Share in a collision less that of the other.
         mac_rate_ci95: Interval of it.
+        more_runs: Runs with more vehicles in a collision than the same runs of the other.
+        fewer_runs: Runs with fewer.
+        p_value: Two-sided exact sign test of these two: how often chance alone would part them so, or further.
     """
 
     median_s: float | None
     median_ci95: Interval | None
     median_ratio: float | None
     median_ratio_ci95: Interval | None
+    mean_s: float | None
+    mean_ci95: Interval | None
     mac_rate: float
-    mac_rate_ci95: Interval | None
+    mac_rate_ci95: Interval
+    more_runs: int
+    fewer_runs: int
+    p_value: float
 
 
-def paired_difference(
-    medians: Medians, collided: NDArray[np.bool_], other_medians: Medians, other_collided: NDArray[np.bool_], seed: int
-) -> Difference:
+@dataclass(frozen=True, slots=True)
+class Flights:
+    """Flights of one cell: R runs of N vehicles.
+
+    Attributes:
+        time_s: Mission times, the cut-off for those that did not arrive, shape (R, N).
+        collided: Who collided; its time does not count, shape (R, N).
+        medians: Median of the times, resampled with the seed of the comparison.
+    """
+
+    time_s: FloatArray
+    collided: NDArray[np.bool_]
+    medians: Medians
+
+
+def paired_difference(one: Flights, other: Flights, seed: int) -> Difference:
     """One cell against another, run by run.
 
+    Where no run differs, every resampled difference is zero and says nothing: there the interval is the bound that zero
+    of so many flights have, to either side.
+
     Args:
-        medians: Mission times of the one, resampled with that seed.
-        collided: Who collided in it, shape (runs, vehicles).
-        other_medians: The same of the other.
-        other_collided: The same of the other.
+        one: Flights of the one.
+        other: The same runs and vehicles under something else.
         seed: Seed of the resampling.
+
+    Raises:
+        ValueError: If they are not the same number of runs and vehicles.
     """
-    comparable = np.isfinite(medians.median) and np.isfinite(other_medians.median)
-    extra = collided.sum(axis=1) - other_collided.sum(axis=1)
-    resampled = bootstrap_totals(extra, seed) / collided.size
+    if one.collided.shape != other.collided.shape:
+        raise ValueError(f"runs and vehicles must be the same, got {one.collided.shape} and {other.collided.shape}")
+    ours, theirs = one.medians, other.medians
+    comparable = np.isfinite(ours.median) and np.isfinite(theirs.median)
+    mean, mean_ci95 = _paired_mean(one, other, seed)
+    extra = one.collided.sum(axis=1) - other.collided.sum(axis=1)
+    more, fewer = int((extra > 0).sum()), int((extra < 0).sum())
+    flights = one.collided.size
+    mac_rate_ci95 = percentile_interval(bootstrap_totals(extra, seed) / flights)
+    if not more + fewer or mac_rate_ci95 is None:
+        high = clopper_pearson(0, flights)[1]
+        mac_rate_ci95 = (-high, high)
     return Difference(
-        medians.median - other_medians.median if comparable else None,
-        percentile_interval(medians.resampled - other_medians.resampled) if comparable else None,
-        medians.median / other_medians.median if comparable else None,
-        percentile_interval(medians.resampled / other_medians.resampled) if comparable else None,
-        float(extra.sum() / collided.size),
-        percentile_interval(resampled),
+        ours.median - theirs.median if comparable else None,
+        percentile_interval(ours.resampled - theirs.resampled) if comparable else None,
+        ours.median / theirs.median if comparable else None,
+        percentile_interval(ours.resampled / theirs.resampled) if comparable else None,
+        mean, mean_ci95, float(extra.sum() / flights), mac_rate_ci95, more, fewer, sign_test(more, fewer),
+    )  # fmt: skip
+
+
+def _paired_mean(one: Flights, other: Flights, seed: int) -> tuple[float | None, Interval | None]:
+    """Mean difference of the flights that did not collide in either, and its bootstrap interval."""
+    both = ~one.collided & ~other.collided
+    if not both.any():
+        return None, None
+    extra = np.where(both, one.time_s - other.time_s, 0.0).sum(axis=1)
+    count = both.sum(axis=1)
+    with np.errstate(invalid="ignore"):
+        resampled = bootstrap_totals(extra, seed) / bootstrap_totals(count, seed)
+    return float(extra.sum() / count.sum()), percentile_interval(resampled)
+
+
+def sign_test(more: int, fewer: int) -> float:
+    """Two-sided exact probability of such a split, or one further from the middle, if both sides are equally likely.
+
+    Source: the sign test; with yes and no for more and fewer it is McNemar's test in its exact form.
+
+    Raises:
+        ValueError: If a count is negative.
+    """
+    if more < 0 or fewer < 0:
+        raise ValueError(f"counts must not be negative, got {more} and {fewer}")
+    trials = more + fewer
+    half = math.log(0.5) * trials
+    tail = math.fsum(
+        math.exp(half + math.lgamma(trials + 1) - math.lgamma(k + 1) - math.lgamma(trials - k + 1))
+        for k in range(min(more, fewer) + 1)
     )
+    return min(1.0, 2.0 * tail)

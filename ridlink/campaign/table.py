@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ridlink.campaign.plan import BASELINE, Plan
-from ridlink.campaign.statistics import Interval, Medians, bootstrap_medians, clopper_pearson, risk_ratio
+from ridlink.campaign.statistics import Flights, Interval, Medians, bootstrap_medians, clopper_pearson, risk_ratio
 from ridlink.campaign.worlds import Outcomes
 from ridlink.separation.definitions import Definition
 
@@ -82,7 +82,7 @@ class Row:
 
 def table_rows(cells: Sequence[tuple[Plan, Outcomes]]) -> list[Row]:
     """Rows of all cells, in their order."""
-    medians = {plan.cell: mission_medians(plan, outcomes) for plan, outcomes in cells}
+    medians = {plan.cell: flights_of(outcomes, plan.seed).medians for plan, outcomes in cells}
     flown = {plan.cell: outcomes for plan, outcomes in cells}
     rows = []
     for plan, outcomes in cells:
@@ -92,10 +92,13 @@ def table_rows(cells: Sequence[tuple[Plan, Outcomes]]) -> list[Row]:
     return rows
 
 
-def mission_medians(plan: Plan, outcomes: Outcomes) -> Medians:
-    """Median mission time of a cell, and those of resampled campaigns; the same runs in every cell of a campaign."""
-    run = np.broadcast_to(np.arange(len(outcomes.run))[:, None], outcomes.collided.shape)[~outcomes.collided]
-    return bootstrap_medians(outcomes.mission_s, run, len(outcomes.run), plan.seed)
+def flights_of(outcomes: Outcomes, seed: int) -> Flights:
+    """Flights of a cell, their median resampled with the seed of the campaign: the same runs in every cell of it."""
+    time_s = np.minimum(outcomes.arrival_s, outcomes.duration_s)
+    counted = ~outcomes.collided
+    run = np.broadcast_to(np.arange(len(outcomes.run))[:, None], counted.shape)
+    medians = bootstrap_medians(time_s[counted], run[counted], len(outcomes.run), seed)
+    return Flights(time_s, outcomes.collided, medians)
 
 
 def _row(plan: Plan, outcomes: Outcomes, medians: Medians, snmac: Medians | None, nobody: Outcomes | None) -> Row:

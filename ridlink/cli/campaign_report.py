@@ -13,31 +13,44 @@ import click
 def report(folder: Path) -> None:
     """Write into the folder of a campaign what came out of it, beside what the paper prints.
 
-    report.json and report.html hold the table with a verdict for every printed figure; the page asks for nothing
-    outside of itself. The pictures are PNG and SVG (extra: ridlink[plot]).
+    report.json and report.html hold the table with a verdict for every printed figure, and every cell against the
+    paper's Candidates, run by run; the page asks for nothing outside of itself. The pictures are PNG and SVG (extra:
+    ridlink[plot]).
     """
-    import numpy as np
-
     from ridlink.analysis.campaign import FlownCell, judge_cells
     from ridlink.analysis.campaign_figures import draw_campaign
     from ridlink.analysis.campaign_page import report_page
+    from ridlink.analysis.campaign_pairs_page import dominance_table, pairs_table, pooled_table
+    from ridlink.analysis.pairs import against_lossless, against_points, dominance, pooled
+    from ridlink.campaign.table import flights_of
     from ridlink.campaign_runner.folder import read_campaign
 
     configuration, read = read_campaign(folder)
-    flown = []
-    for row, outcomes in read:
-        run = np.broadcast_to(np.arange(len(outcomes.run))[:, None], outcomes.collided.shape)[~outcomes.collided]
-        flown.append(FlownCell(row, outcomes.mission_s, run, configuration["seed"]))
+    seed = configuration["seed"]
+    flown = [FlownCell(row, flights_of(outcomes, seed), seed) for row, outcomes in read]
     is_the_papers = configuration["preset"] == "paper" and 10.0 in configuration["sigma_m"]
     judged = judge_cells(flown, as_printed=is_the_papers)
+    points, lossless, together = against_points(flown), against_lossless(flown), pooled(flown)
+    above = dominance(points)
+    tables = (
+        pooled_table(together), dominance_table(above), pairs_table("Against the paper's Candidates", points),
+        pairs_table("What lost reports cost", lossless),
+    )  # fmt: skip
     figures = draw_campaign(flown, judged, folder)
     title = "The paper's simulation, flown again" if is_the_papers else "Campaign"
     drawn = {name: next(file for file in files if file.suffix == ".svg") for name, files in figures.items()}
-    document = {"configuration": configuration, "cells": [cell.as_dict() for cell in judged]}
+    document = {
+        "configuration": configuration,
+        "cells": [cell.as_dict() for cell in judged],
+        "pooled": [each.as_dict() for each in together],
+        "dominance": [each.as_dict() for each in above],
+        "against_candidates": [pair.as_dict() for pair in points],
+        "against_lossless": [pair.as_dict() for pair in lossless],
+    }
     written = [file for files in figures.values() for file in files]
     for name, text in (
         ("report.json", json.dumps(document, indent=1)),
-        ("report.html", report_page(title, judged, drawn)),
+        ("report.html", report_page(title, judged, tables, drawn)),
     ):
         (folder / name).write_text(text)
         written.append(folder / name)

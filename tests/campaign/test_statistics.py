@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from ridlink.campaign.statistics import bootstrap_medians, clopper_pearson, percentile_interval
+from ridlink.campaign.statistics import (
+    Flights,
+    bootstrap_medians,
+    clopper_pearson,
+    paired_difference,
+    percentile_interval,
+    sign_test,
+)
 
 
 @pytest.mark.parametrize(
@@ -66,3 +73,83 @@ def test_where_nobody_flew_there_is_no_median():
     assert np.isnan(nothing.median)
     assert nothing.interval is None
     assert percentile_interval(np.array([np.nan, 2.0, 2.0])) == (2.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("more", "fewer", "p_value"),
+    [
+        (0, 0, 1.0),
+        (3, 3, 1.0),
+        (0, 5, 0.0625),
+        (3, 12, 0.03515625),
+        (12, 3, 0.03515625),
+        (0, 1, 1.0),
+        (1, 9, 0.021484375),
+    ],
+)
+def test_the_sign_test_as_tabulated(more, fewer, p_value):
+    """Binomial tails with one half, both sides."""
+    assert sign_test(more, fewer) == pytest.approx(p_value, rel=1e-12)
+
+
+def test_a_sign_test_of_thousands_of_runs_stays_a_probability():
+    assert 0.0 < sign_test(900, 1100) < 1e-4
+    assert sign_test(0, 5000) == 0.0
+    with pytest.raises(ValueError, match="-1"):
+        sign_test(-1, 2)
+
+
+def flights(time_s, collided, seed=1):
+    run = np.broadcast_to(np.arange(len(time_s))[:, None], time_s.shape)
+    return Flights(time_s, collided, bootstrap_medians(time_s[~collided], run[~collided], len(time_s), seed))
+
+
+def test_pairs_of_runs_show_what_unpaired_ones_hide():
+    """Runs differ by ten seconds, the two cells by a tenth: each median is vague, their difference is sure."""
+    random = np.random.default_rng(7)
+    time_s = random.normal(30.0, 10.0, (60, 1)) + random.normal(0.0, 0.5, (60, 8))
+    nobody = np.zeros((60, 8), bool)
+    slower, faster = flights(time_s + 0.1, nobody), flights(time_s, nobody)
+    found = paired_difference(slower, faster, 1)
+    low, high = faster.medians.interval
+    assert high - low > 2.0
+    assert found.median_s == pytest.approx(0.1)
+    assert found.median_ci95 == pytest.approx((0.1, 0.1))
+    assert found.mean_s == pytest.approx(0.1)
+    assert found.mean_ci95 == pytest.approx((0.1, 0.1))
+
+
+def test_flights_that_collided_in_either_are_in_no_mean():
+    time_s = np.full((4, 2), 10.0)
+    ours, theirs = np.zeros((4, 2), bool), np.zeros((4, 2), bool)
+    ours[0], theirs[1] = True, True
+    late = time_s.copy()
+    late[:2] = 99.0
+    found = paired_difference(flights(late, ours), flights(time_s, theirs), 1)
+    assert found.mean_s == 0.0
+    assert (found.more_runs, found.fewer_runs, found.p_value, found.mac_rate) == (1, 1, 1.0, 0.0)
+    low, high = found.mac_rate_ci95
+    assert low < 0.0 < high
+
+
+def test_where_no_run_differs_the_bound_is_that_of_zero():
+    """Every resampled difference of nothing is nothing; that does not make it sure."""
+    time_s, nobody = np.full((50, 8), 10.0), np.zeros((50, 8), bool)
+    found = paired_difference(flights(time_s, nobody), flights(time_s, nobody), 1)
+    high = clopper_pearson(0, 400)[1]
+    assert found.mac_rate_ci95 == (-high, high)
+    assert found.p_value == 1.0
+
+
+def test_cells_of_different_runs_cannot_be_paired():
+    time_s, nobody = np.full((4, 2), 10.0), np.zeros((4, 2), bool)
+    one, other = flights(time_s, nobody), flights(time_s[:3], nobody[:3])
+    with pytest.raises(ValueError, match=r"\(4, 2\) and \(3, 2\)"):
+        paired_difference(one, other, 1)
+
+
+def test_where_everybody_collided_nothing_is_compared():
+    time_s, nobody = np.full((4, 2), 10.0), np.zeros((4, 2), bool)
+    found = paired_difference(flights(time_s, ~nobody), flights(time_s, nobody), 1)
+    assert (found.median_s, found.median_ratio, found.mean_s, found.mean_ci95) == (None, None, None, None)
+    assert (found.mac_rate, found.more_runs) == (1.0, 4)

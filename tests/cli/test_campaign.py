@@ -391,12 +391,39 @@ def test_a_report_beside_the_paper(whole: Path, tmp_path: Path) -> None:
     assert cells["candidate2"]["ratio"]["verdict"] == "not reproducible"
     assert "3.7 m" in cells["candidate2"]["ratio"]["why"]
     assert cells["candidate1"]["ratio"]["verdict"] == "reproduced"
-    low, high = cells["candidate1"]["slower_ci95"]
-    assert 0.5 < low <= cells["candidate1"]["slower_s"] <= high < 3.0
+    beside = cells["candidate1"]["beside_snmac"]
+    low, high = beside["median_ci95"]
+    assert 0.5 < low <= beside["median_s"] <= high < 3.0
+    assert beside["fewer_runs"] > 10 * beside["more_runs"]
+    assert beside["p_value"] < 1e-6
     page = (folder / "report.html").read_text()
+    assert "Against the paper's Candidates" in page
     assert page.count("<img") == page.count('src="data:image/svg+xml;base64,') == 3
     assert "http" not in page and "<script" not in page and "url(" not in page
     assert "0 of 1,600<small>below 2.3e-03</small>" in page
+
+
+def test_a_report_draws_what_varies_and_tells_what_losses_cost(tmp_path: Path, ridlink: Ridlink) -> None:
+    pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
+    folder = tmp_path / "varied"
+    code, _, err = ridlink(
+        "--scenario", "head-on,crossing", "--definition", "candidate2,none", "--sigma", "3.5,10", "--loss", "0,0.3",
+        "--solver", "rotation", "--runs", 3, "--jobs", 1, "-o", folder,
+    )  # fmt: skip
+    assert code == 0, err
+    assert CliRunner().invoke(cli, ["campaign", "report", str(folder)]).exit_code == 0
+    drawn = {file.stem for file in folder.glob("*.svg")}
+    assert "time-against-safety-sigma3.5-loss0.3" in drawn
+    assert {f"sensitivity-to-{what}" for what in ("sigma-head-on-loss0", "loss-crossing-sigma10")} <= drawn
+    document = json.loads((folder / "report.json").read_text())
+    lossless = [pair for pair in document["against_lossless"] if pair["cell"]["definition"] == "candidate2"]
+    assert {(pair["cell"]["loss"], pair["against"]["loss"]) for pair in lossless} == {(0.3, 0.0)}
+    assert len(lossless) == 4
+    assert all(set(pair) >= {"time_verdict", "mac_verdict", "macs", "macs_against"} for pair in lossless)
+    page = (folder / "report.html").read_text()
+    assert "What lost reports cost" in page
+    assert "risk, none avoiding = 1" in page
+    assert "Collided flights, head-on and crossing together" in page
 
 
 def test_a_report_needs_a_complete_campaign(whole: Path, tmp_path: Path) -> None:

@@ -1,0 +1,75 @@
+"""How the figures of a campaign are laid out: which cells share a figure, which a panel, and what is called how."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ridlink.analysis.campaign import DEFINITION_NAMES, world_words
+from ridlink.analysis.figures import COLOURS, GREY, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WORLD = ("dynamics", "sigma_m", "interval_s", "loss")
+PANEL = ("scenario", "gnss")
+
+COLOUR_OF = dict(zip(DEFINITION_NAMES, (*COLOURS, GREY), strict=True))
+MARKER_OF = {"rotation": "o", "halfplane": "s", "graded": "^", "g2": "^", "k": "D", "k2": "v"}
+
+Row = dict[str, Any]
+Panels = dict[tuple[Any, ...], list[int]]
+
+
+def grouped(rows: Sequence[Row], names: Sequence[str], numbers: Sequence[int] | None = None) -> list[list[int]]:
+    """Numbers of rows that have these columns in common, in their order; of some rows, or of all."""
+    found: dict[tuple[Any, ...], list[int]] = {}
+    for k in range(len(rows)) if numbers is None else numbers:
+        found.setdefault(tuple(rows[k][name] for name in names), []).append(k)
+    return list(found.values())
+
+
+def panels_of(rows: Sequence[Row], numbers: Sequence[int]) -> Panels:
+    """Numbers of rows by scenario and kind of error."""
+    return {tuple(rows[group[0]][name] for name in PANEL): group for group in grouped(rows, PANEL, numbers)}
+
+
+def name_of(
+    what: str, rows: Sequence[Row], numbers: Sequence[int], groups: Sequence[Sequence[int]], names: Sequence[str]
+) -> str:
+    """Name of a figure of one group: what it shows, and by which columns the groups differ."""
+    parts = [what]
+    for name in names:
+        if len({rows[group[0]][name] for group in groups}) > 1:
+            value = rows[numbers[0]][name]
+            parts.append(
+                str(value) if isinstance(value, str) else f"{name.removesuffix('_m').removesuffix('_s')}{value:g}"
+            )
+    return "-".join(parts)
+
+
+def title_of(what: str, row: Row, names: Sequence[str]) -> str:
+    """Title of a figure: what it shows, and under which conditions."""
+    words = [f"solver {row['solver']}"] if "solver" in names else []
+    world = world_words(row)
+    return " - ".join([what, ", ".join([*words, *([world] if world else [])])]).removesuffix(" - ")
+
+
+def panel_grid(panels: Panels, height_in: float, *, below_in: float = 0.0) -> tuple[Figure, list[Axes]]:
+    """One panel a scenario and kind of error: scenarios side by side, or in rows where there are several kinds."""
+    scenarios, kinds = ({key[k]: None for key in panels} for k in (0, 1))
+    is_table = len(kinds) > 1 and len(panels) == len(scenarios) * len(kinds)
+    across = len(kinds) if is_table else min(len(panels), 2)
+    down = -(-len(panels) // across)
+    figure = new_figure((4.6 if across < 3 else 3.9) * across + 0.4, height_in * down + 0.4 + below_in)
+    every = list(np.ravel(figure.subplots(down, across, squeeze=False)))
+    for axes in every[len(panels) :]:
+        axes.set_visible(False)
+    ordered = [(s, k) for s in scenarios for k in kinds] if is_table else list(panels)
+    by_key = dict(zip(ordered, every, strict=False))
+    for key in panels:
+        by_key[key].set_title(", ".join(map(str, key)), fontsize=9.5)
+    return figure, [by_key[key] for key in panels]

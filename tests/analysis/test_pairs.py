@@ -1,0 +1,56 @@
+"""Cells against each other: which are comparable at all, and what is said about them."""
+
+import pytest
+
+from ridlink.analysis.pairs import against_lossless, against_points, dominance, pooled
+from tests.analysis.test_campaign import flown
+
+
+def test_every_cell_meets_the_papers_points_of_its_own_world():
+    cells = [
+        flown("candidate1", 8.2), flown("candidate2", 8.0, macs=4),
+        flown("candidate2", 7.9, solver="g2"), flown("candidate2", 7.0, solver="g2", gnss="bias"),
+    ]  # fmt: skip
+    pairs = against_points(cells)
+    assert [(pair.cell.solver, pair.against.definition) for pair in pairs] == [
+        ("rotation", "candidate2"), ("rotation", "candidate1"), ("g2", "candidate1"), ("g2", "candidate2"),
+    ]  # fmt: skip
+    assert all(pair.cell.gnss == pair.against.gnss for pair in pairs)
+    assert [pair.difference.median_s for pair in pairs] == pytest.approx([0.2, -0.2, -0.3, -0.1])
+    assert [pair.time_verdict for pair in pairs] == ["slower", "faster", "faster", "faster"]
+    assert [(pair.macs, pair.macs_against) for pair in pairs] == [(0, 4), (4, 0), (0, 0), (0, 4)]
+
+
+def test_a_setting_dominates_where_it_is_no_worse_in_any_cell():
+    def cells(ours_s, ours_macs):
+        return [
+            flown("candidate2", 8.0, macs=2, scenario="circle8"),
+            flown("candidate2", 8.0, macs=2, scenario="square24"),
+            flown("candidate2", 7.9, macs=0, scenario="circle8", solver="g2"),
+            flown("candidate2", ours_s, macs=ours_macs, scenario="square24", solver="g2"),
+        ]  # fmt: skip
+
+    for ours_s, macs, expected in ((8.0, 2, (2, 2, True)), (8.1, 0, (1, 2, False)), (7.0, 3, (2, 1, False))):
+        (found,) = dominance(against_points(cells(ours_s, macs)))
+        assert (found.setting, found.against, found.cells) == (("candidate2", "g2"), ("candidate2", "rotation"), 2)
+        assert (found.no_slower, found.no_more_macs, found.dominates) == expected
+        assert found.slower == (ours_s > 8.0)
+
+
+def test_losses_are_compared_with_the_same_cell_without():
+    cells = [flown("chance", 8.0, loss=0.0), flown("chance", 8.4, macs=60, loss=0.3), flown("snmac", 7.0, loss=0.3)]
+    (pair,) = against_lossless(cells)
+    assert (pair.cell.loss, pair.against.loss) == (0.3, 0.0)
+    assert pair.difference.median_ratio == pytest.approx(1.05)
+    assert (pair.difference.more_runs, pair.mac_verdict) == (8, "more")
+    assert not pair.has_no_more_macs
+
+
+def test_flights_of_all_scenes_are_counted_and_not_claimed():
+    cells = [flown("chance", 8.0, scenario="circle8"), flown("chance", 20.0, scenario="square24")]
+    (nobody,) = pooled(cells)
+    assert (nobody.flights, nobody.macs) == (160, 0)
+    assert nobody.said == "0 of 160, so below 2.3e-02 at 95 %"
+    (some,) = pooled([cells[0], flown("chance", 20.0, macs=2, scenario="square24")])
+    assert some.said == "2 of 160, so 1.5e-03 to 4.4e-02 at 95 %"
+    assert pooled(cells[:1]) == []
