@@ -61,8 +61,10 @@ def report_page(title: str, cells: Sequence[JudgedCell], tables: Sequence[str], 
 
 
 def _table(cells: Sequence[JudgedCell]) -> str:
-    heads: tuple[str, ...] = ("scenario, errors, solver", "definition", "flights", "collided", "collided, share", "median s",
-             "slower than sNMAC by s", "ratio to sNMAC", "nearest m", "unfinished", "infeasible")  # fmt: skip
+    heads: tuple[str, ...] = (
+        "scenario, errors, solver", "definition", "flights", "collided", "collided, share", "median s",
+        "slower than sNMAC by s", "ratio to sNMAC", "nearest m", "unfinished", "infeasible",
+    )  # fmt: skip
     shows_risk = any(cell.row["risk_ratio"] is not None for cell in cells)
     if shows_risk:
         heads += ("risk, none avoiding = 1",)
