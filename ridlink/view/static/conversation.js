@@ -1,0 +1,142 @@
+// What the server says, and what becomes of it: the greeting, instants, the curve, encounters, the health of the link.
+
+import { label, say } from "./format.js";
+import { pack } from "./picture.js";
+import { Socket } from "./socket.js";
+
+const NOBODY = {
+  demo: "The demo is starting …", air: "Nobody is heard yet on the air.", link: "Nobody is heard yet on this link.",
+  file: "Nobody is in the air at this instant.",
+};
+const AGAIN_MS = 1000;
+
+const find = (id) => document.getElementById(id);
+
+export class Conversation {
+  #pushed = null; // the greeting and whether pushes were asked for since
+
+  constructor(page) {
+    this.page = page;
+    const address = new URL("ws/v1", location.href);
+    address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+    address.search = "";
+    this.socket = new Socket(address.href, (message) => this.receive(message), (state) => this.#connection(state));
+  }
+
+  send(request) { return this.socket.send(request); }
+
+  askSeries() {
+    const { clock } = this.page;
+    this.send({ series: [clock.t0, clock.t1] });
+  }
+
+  // Whether the server shall push; told when it changes.
+  follow(following) {
+    const { hello } = this.page;
+    if (!hello || (this.#pushed?.hello === hello && this.#pushed.following === following)) return;
+    if (this.send({ follow: following })) this.#pushed = { hello, following };
+  }
+
+  receive(message) {
+    const { page } = this;
+    const current = message.definition === page.definition;
+    switch (message.type) {
+      case "hello": return this.#greet(message);
+      case "instant": return this.#take(message);
+      case "instants": return this.#takeMany(message);
+      case "series":
+        if (current) page.strip.replace(message);
+        if (current && message.complete === false) setTimeout(() => this.askSeries(), AGAIN_MS);
+        return undefined;
+      case "encounters":
+        if (current) page.encounters.replace(message.encounters);
+        if (current) page.strip.mark(page.encounters.list);
+        return undefined;
+      case "health":
+        this.#extent(message);
+        return page.link.draw(message);
+      case "error": return console.warn("ridlink:", message.message);
+      default: return undefined;
+    }
+  }
+
+  #connection(state) {
+    if (state !== "open") this.page.link.state(state);
+  }
+
+  // A source begins, or begins anew.
+  #greet(hello) {
+    const { page } = this, again = page.hello !== null;
+    page.hello = hello;
+    for (const each of [page.history, page.strip]) each.clear();
+    page.loader.forget();
+    page.clock.reset();
+    this.#extent(hello);
+    const wanted = again ? page.definition : page.asked.definition;
+    page.definition = hello.definitions.some((each) => each.name === wanted) ? wanted : hello.definition;
+    page.definitions.show(hello.definitions, page.definition);
+    if (!again) page.selected = page.asked.vehicle;
+    page.chooses &&= page.selected === null;
+    page.loader.look(page.definition, page.selected);
+    const { obstacles = [], goals = {} } = hello;
+    Object.assign(page.plan.scene, { obstacles, goals, selected: page.selected });
+    page.plan.invalidate();
+    say(find("title"), label(hello.title ?? "", 60));
+    document.title = `${label(hello.title ?? "", 40)} – ridlink`;
+    for (const entry of document.querySelectorAll("[data-truth]")) entry.hidden = !hello.truth;
+    say(find("plan-empty"), NOBODY[hello.source] ?? NOBODY.link);
+    this.send({ definition: page.definition });
+    if (page.selected !== null) this.send({ select: page.selected });
+    this.askSeries();
+    this.#begin(again);
+  }
+
+  // Where the address says, else live, else from the beginning.
+  #begin(again) {
+    const { clock, asked, live } = this.page;
+    if (again && !clock.following) clock.seek(clock.t);
+    else if (!again && asked.t !== null) clock.seek(asked.t);
+    else if (live) clock.follow();
+    else {
+      clock.seek(clock.t0);
+      clock.play(1);
+    }
+    this.follow(clock.following);
+  }
+
+  #take(message) {
+    const { page } = this;
+    this.#extent(message);
+    const picture = pack(message, message.definition);
+    this.#keep(picture);
+    if (!page.clock.following) return;
+    page.clock.arrived(picture.t, performance.now());
+    if (picture.definition !== page.definition) return;
+    page.strip.append(picture.t, picture.nearest);
+    if (page.strip.overfull) this.askSeries();
+  }
+
+  #takeMany(message) {
+    const { page } = this;
+    for (const instant of message.instants) this.#keep(pack(instant, message.definition));
+    const stretch = page.loader.answered(message);
+    if (stretch) page.history.purge(stretch.from, stretch.to, page.definition);
+    page.changes += 1;
+  }
+
+  #keep(picture) {
+    const { history, clock, loader } = this.page;
+    if (history.add(picture, clock.t)) loader.forgetBeyond(history.first, history.last);
+    this.page.dirty = true;
+  }
+
+  #extent({ t0, t1, live }) {
+    const { page } = this;
+    page.clock.extent(t0, t1);
+    if (typeof live !== "boolean") return;
+    const ended = page.live && !live;
+    page.live = live;
+    if (ended && page.clock.following) page.clock.pause();
+    page.link.state(live ? "live" : page.hello?.source === "file" ? "recorded" : "ended");
+  }
+}

@@ -1,0 +1,91 @@
+// The table of encounters: who came near whom, when, how near; click to jump.
+
+import { clockTime, KIND, label, mark, metres, nearness, say, signedMetres } from "./format.js";
+
+export class Encounters {
+  #rows = new Map();
+  #list = [];
+  #sort = "t";
+  #chosen = null;
+
+  // onPick(encounter) when somebody chooses one.
+  constructor(onPick) {
+    this.body = document.getElementById("encounters");
+    this.onPick = onPick;
+    for (const button of document.querySelectorAll("[data-sort]")) {
+      button.addEventListener("click", () => {
+        this.#sort = button.dataset.sort;
+        this.#show();
+      });
+    }
+    this.#show();
+  }
+
+  get list() { return this.#list; }
+
+  replace(encounters) {
+    this.#list = encounters.filter((each) => Array.isArray(each.pair) && each.pair.length === 2);
+    this.#show();
+  }
+
+  choose(id) {
+    this.#chosen = id;
+    for (const [key, row] of this.#rows) row.setAttribute("aria-selected", String(key === id));
+  }
+
+  // The next closest approach after t, or the one before; null if there is none.
+  beside(t, direction) {
+    const times = this.#list.filter((each) => (each.closest_t - t) * direction > 0.05);
+    times.sort((a, b) => (a.closest_t - b.closest_t) * direction);
+    return times[0] ?? null;
+  }
+
+  #show() {
+    const sorted = [...this.#list].sort(this.#sort === "t"
+      ? (a, b) => b.closest_t - a.closest_t || b.id - a.id
+      : (a, b) => a.margin_m - b.margin_m);
+    const rows = new Map();
+    for (const each of sorted) rows.set(each.id, this.#fill(this.#rows.get(each.id) ?? this.#row(), each));
+    this.#rows = rows;
+    const wanted = [...rows.values()];
+    if (wanted.length !== this.body.children.length || wanted.some((row, i) => this.body.children[i] !== row)) {
+      this.body.replaceChildren(...wanted);
+    }
+    document.getElementById("no-encounters").hidden = sorted.length > 0;
+    say(document.getElementById("count-encounters"), String(sorted.length));
+    for (const button of document.querySelectorAll("[data-sort]")) {
+      mark(button, "active", String(button.dataset.sort === this.#sort));
+    }
+  }
+
+  #row() {
+    const row = document.createElement("tr");
+    row.tabIndex = 0;
+    for (let i = 0; i < 4; i += 1) {
+      const cell = document.createElement("td");
+      if (i) cell.className = "num";
+      row.append(cell);
+    }
+    const pick = () => this.onPick(this.#list.find((each) => String(each.id) === row.dataset.id));
+    row.addEventListener("click", pick);
+    row.addEventListener("keydown", (event) => { if (event.key === "Enter") pick(); });
+    return row;
+  }
+
+  #fill(row, each) {
+    const [pair, when, closest, spare] = row.cells;
+    mark(row, "id", String(each.id));
+    mark(row, "open", String(each.closed === null));
+    row.setAttribute("aria-selected", String(each.id === this.#chosen));
+    say(pair, each.pair.map((name) => label(name, 12)).join(" · "));
+    const moved = each.moved?.length ? `; ${each.moved.map((name) => label(name, 40)).join(" and ")} manoeuvred` : "";
+    const title = `${each.pair.map((name) => label(name, 40)).join(" and ")}${each.collided ? ": collided" : ""}${moved}`;
+    if (row.title !== title) row.title = title;
+    say(when, clockTime(each.closest_t));
+    say(closest, metres(each.closest_m));
+    say(spare, each.collided ? "collided" : signedMetres(each.margin_m));
+    const kind = each.collided ? "inside" : nearness(each.closest_m, each.closest_m - each.margin_m);
+    mark(spare, "kind", KIND[kind]);
+    return row;
+  }
+}

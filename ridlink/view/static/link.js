@@ -1,0 +1,59 @@
+// Health of the link: what comes in, what was refused, who else looks.
+
+import { fixed, mark, say } from "./format.js";
+
+const STATES = {
+  connecting: "connecting", live: "live", recorded: "recording", ended: "ended", lost: "connection lost, trying again",
+  full: "too many viewers, trying again",
+};
+
+export class LinkHealth {
+  constructor() {
+    this.list = document.getElementById("health");
+    this.dot = document.getElementById("link-dot");
+    this.pill = document.getElementById("state");
+    this.rows = new Map();
+  }
+
+  state(state) {
+    say(this.pill, STATES[state]);
+    mark(this.pill, "state", state === "full" ? "lost" : state);
+    if (state === "lost" || state === "full") mark(this.dot, "kind", "alarm");
+  }
+
+  draw(health) {
+    const rejects = Object.entries(health.rejects ?? {}).filter(([, count]) => count > 0);
+    const refused = rejects.reduce((sum, [, count]) => sum + count, 0);
+    const rows = [
+      ["Frames", `${fixed(health.frames_per_s, 0)} a second`],
+      ["Vehicles", fixed(health.vehicles, 0)],
+      ["Behind", `${fixed(health.lag_ms, 0)} ms`],
+      ["Viewers", fixed(health.clients, 0)],
+      ["Not shown", fixed(health.dropped, 0)],
+      ["Refused", fixed(refused, 0)],
+      ...rejects.slice(0, 20).map(([cause, count]) => [cause, fixed(count, 0)]),
+    ];
+    const wanted = new Set(rows.map(([name]) => name));
+    for (const [name, row] of this.rows) {
+      if (wanted.has(name)) continue;
+      row.remove();
+      this.rows.delete(name);
+    }
+    for (const [name, value] of rows) say(this.#row(name).lastChild, value);
+    mark(this.dot, "kind", health.lag_ms > 500 ? "warn" : "good");
+  }
+
+  #row(name) {
+    let row = this.rows.get(name);
+    if (!row) {
+      row = document.createElement("div");
+      const term = document.createElement("dt"), value = document.createElement("dd");
+      term.textContent = name;
+      row.className = "wide";
+      row.append(term, value);
+      this.list.append(row);
+      this.rows.set(name, row);
+    }
+    return row;
+  }
+}

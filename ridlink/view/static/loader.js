@@ -1,0 +1,85 @@
+// Fetches the stretch of history that is looked at, and the one that is looked at next.
+
+const PATIENCE_MS = 6000;
+const DRAGGED_PAST_MS = 150;
+const MOST_INSTANTS = 300;
+const MOST_ROWS = 9000; // of one request
+
+export class Loader {
+  #id = 0;
+  #waiting = null;
+  #have = new Map(); // what is looked at, step, number of the stretch -> complete until
+
+  // send(request) is false if nobody takes it.
+  constructor(send) {
+    this.send = send;
+  }
+
+  // What is looked at: definition and selected vehicle. What was fetched for another one does not count.
+  look(definition, selected) {
+    this.key = JSON.stringify([definition, selected]);
+  }
+
+  forget() {
+    this.#have.clear();
+    this.#waiting = null;
+  }
+
+  // Only [from, to] is still remembered.
+  forgetBeyond(from, to) {
+    for (const [key, stretch] of this.#have) {
+      if (stretch.from < from || stretch.to > to) this.#have.delete(key);
+    }
+  }
+
+  // Called at every frame while somebody looks at the past.
+  want(clock, vehicles, step, now) {
+    const pace = Math.abs(clock.rate);
+    const coarse = step * Math.max(1, Math.ceil(pace / 4));
+    const instants = Math.max(30, Math.min(MOST_INSTANTS, Math.floor(MOST_ROWS / Math.max(1, vehicles))));
+    const length = coarse * instants;
+    const here = Math.floor(clock.t / length);
+    const ahead = clock.rate < 0 ? here - 1 : here + 1;
+    const trail = clock.t - here * length < length / 2 ? here - 1 : null;
+    for (const number of [here, ahead, trail]) {
+      if (number === null || (number !== here && number * length > clock.t1)) continue;
+      if ((number + 1) * length < clock.t0) continue;
+      if (this.#complete(number, length, coarse, clock)) continue;
+      if (this.#busy(number === here, clock.t, now)) return;
+      this.#ask(number, length, coarse, clock, now);
+      return;
+    }
+  }
+
+  // An answer; the stretch that is now complete, or null.
+  answered(message) {
+    const waiting = this.#waiting;
+    if (!waiting || message.id !== waiting.id || message.done === false) return null;
+    this.#waiting = null;
+    this.#have.set(waiting.key, waiting);
+    return waiting;
+  }
+
+  #complete(number, length, step, clock) {
+    const known = this.#have.get(`${this.key} ${step.toFixed(3)} ${number}`);
+    if (!known) return false;
+    return known.to >= (number + 1) * length - step || known.to >= clock.t1 - 1;
+  }
+
+  #busy(urgent, t, now) {
+    const waiting = this.#waiting;
+    if (!waiting) return false;
+    const since = now - waiting.since;
+    if (since > PATIENCE_MS) return false;
+    const useful = waiting.look === this.key && t >= waiting.from && t <= waiting.to;
+    return !(urgent && !useful && since > DRAGGED_PAST_MS);
+  }
+
+  #ask(number, length, step, clock, now) {
+    const from = Math.max(clock.t0, number * length), to = Math.min(clock.t1, (number + 1) * length);
+    this.#id += 1;
+    if (!this.send({ window: [from, to], id: this.#id, step })) return;
+    const key = `${this.key} ${step.toFixed(3)} ${number}`;
+    this.#waiting = { id: this.#id, key, look: this.key, from, to, since: now };
+  }
+}

@@ -1,0 +1,149 @@
+// The plan: Leaflet carries pan and zoom in metres (x east, y north), two canvases carry the picture.
+
+import * as L from "./vendor/leaflet.js";
+import { drawGround } from "./ground.js";
+import { E, FIELDS, N } from "./picture.js";
+import { drawTraffic } from "./traffic.js";
+
+const MARGIN_PX = 56;
+const SMALLEST_M = 60;
+const NEAR_PX = 22;
+
+export class Plan {
+  #map;
+  #ground;
+  #traffic;
+  #fitted = false;
+  #touched = false;
+  #refitAt = 0;
+  #stale = true;
+
+  // onPick(name) when somebody clicks a vehicle.
+  constructor(element, palette, onPick) {
+    this.element = element;
+    this.palette = palette;
+    this.scene = { obstacles: [], goals: {}, selected: null };
+    this.#map = L.map(element, {
+      crs: L.CRS.Simple, attributionControl: false, zoomControl: false, keyboard: false, zoomAnimation: false,
+      fadeAnimation: false, zoomSnap: 0, zoomDelta: 0.5, wheelPxPerZoomLevel: 140, wheelDebounceTime: 10,
+      minZoom: -8, maxZoom: 6, center: [0, 0], zoom: 0, bounceAtZoomLimits: false, doubleClickZoom: true,
+    });
+    L.control.scale({ imperial: false, maxWidth: 120, position: "bottomright" }).addTo(this.#map);
+    this.#ground = canvasIn(element, "ground");
+    this.#traffic = canvasIn(element, "traffic");
+    this.#map.on("move zoom resize", () => { this.#stale = true; });
+    this.#map.on("mousedown touchstart wheel", () => { this.#touched = true; });
+    element.addEventListener("wheel", () => { this.#touched = true; }, { passive: true });
+    this.#map.on("click", (event) => {
+      const name = this.#hit(event.containerPoint);
+      if (name !== null) onPick(name);
+    });
+    new ResizeObserver(() => this.#map.invalidateSize({ pan: false })).observe(element);
+  }
+
+  invalidate() { this.#stale = true; }
+
+  get stale() { return this.#stale; }
+
+  zoom(steps) {
+    this.#touched = true;
+    this.#map.setZoom(this.#map.getZoom() + steps);
+  }
+
+  // Show everybody, with their goals and obstacles.
+  fit(frame) {
+    this.#touched = false;
+    const bounds = this.#bounds(frame);
+    if (!bounds) return;
+    this.#map.fitBounds(bounds, { padding: [MARGIN_PX, MARGIN_PX], animate: false });
+    this.#fitted = true;
+  }
+
+  // Bring a point into view if it is outside.
+  reveal(north, east) {
+    const at = L.latLng(north, east);
+    if (!this.#map.getBounds().pad(-0.1).contains(at)) this.#map.panTo(at, { animate: false });
+  }
+
+  draw(frame, trails, labels, now) {
+    this.frame = frame;
+    if (!this.#fitted && frame.count) this.fit(frame);
+    else if (!this.#touched && now - this.#refitAt > 1000) this.#keepEverybody(frame, now);
+    const view = this.#view();
+    if (this.#stale) {
+      drawGround(prepare(this.#ground, view), view, this.scene, this.palette);
+      this.#stale = false;
+    }
+    labels.place(frame, view, this.scene.selected, now);
+    drawTraffic(prepare(this.#traffic, view), view, { frame, trails, labels, ...this.scene }, this.palette);
+  }
+
+  #view() {
+    const origin = this.#map.latLngToContainerPoint([0, 0]), size = this.#map.getSize();
+    const scale = 2 ** this.#map.getZoom(); // pixels in a metre
+    return {
+      width: size.x, height: size.y, scale,
+      x: (east) => origin.x + east * scale,
+      y: (north) => origin.y - north * scale,
+      north: (y) => (origin.y - y) / scale,
+      east: (x) => (x - origin.x) / scale,
+    };
+  }
+
+  #bounds(frame) {
+    const points = [];
+    for (let i = 0; i < frame.count; i += 1) points.push([frame.value(i, N), frame.value(i, E)]);
+    points.push(...Object.values(this.scene.goals), ...this.scene.obstacles.flat());
+    const known = points.filter(([north, east]) => Number.isFinite(north) && Number.isFinite(east));
+    if (!known.length) return null;
+    const bounds = L.latLngBounds(known);
+    const centre = bounds.getCenter(), half = SMALLEST_M / 2;
+    return bounds.extend([centre.lat - half, centre.lng - half]).extend([centre.lat + half, centre.lng + half]);
+  }
+
+  // As long as nobody has moved the plan, it follows those who fly out of it.
+  #keepEverybody(frame, now) {
+    this.#refitAt = now;
+    const shown = this.#map.getBounds();
+    for (let a = 0; a < frame.count * FIELDS; a += FIELDS) {
+      if (!shown.contains([frame.values[a + N], frame.values[a + E]])) {
+        this.fit(frame);
+        return;
+      }
+    }
+  }
+
+  #hit(point) {
+    const { frame } = this, view = this.#view();
+    let best = null, nearest = NEAR_PX;
+    for (let i = 0; frame && i < frame.count; i += 1) {
+      const distance = Math.hypot(view.x(frame.value(i, E)) - point.x, view.y(frame.value(i, N)) - point.y);
+      if (distance < nearest) [best, nearest] = [frame.names[i], distance];
+    }
+    return best;
+  }
+}
+
+function canvasIn(element, name) {
+  const canvas = document.createElement("canvas");
+  canvas.className = `plan-canvas ${name}`;
+  canvas.setAttribute("aria-hidden", "true");
+  element.append(canvas);
+  return canvas;
+}
+
+// The canvas in the size of the view, cleared, in CSS pixels.
+export function prepare(canvas, { width, height }) {
+  const ratio = Math.min(2, devicePixelRatio || 1);
+  const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
+  if (canvas.width !== w || canvas.height !== h) {
+    canvas.width = w;
+    canvas.height = h;
+    canvas.style.width = `${width}px`;
+    canvas.style.height = `${height}px`;
+  }
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  return context;
+}
