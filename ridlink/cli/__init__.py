@@ -38,6 +38,7 @@ COMMANDS = {
     "mqtt": "ridlink.cli.mqtt:mqtt",
     "record": "ridlink.cli.record:record",
     "replay": "ridlink.cli.replay:replay",
+    "report": "ridlink.cli.report:report",
 }
 """Sub-commands of this package, as ``module:attribute``."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-import time
 from typing import TYPE_CHECKING, BinaryIO
 
 import click
@@ -12,6 +11,7 @@ import click
 from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS, decode_export
 from ridlink.cli.options import capture_kind
 from ridlink.cli.output import whole_output
+from ridlink.cli.progress import Progress
 
 if TYPE_CHECKING:
     from ridlink.captures import Capture
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from ridlink.captures.statistics import Statistics
 
 BATCH_BYTES = 64 * 1024
-PROGRESS_AFTER_S = 1.0
-PROGRESS_EVERY_S = 0.2
 
 
 @click.command()
@@ -133,7 +131,7 @@ class _Lines:
 
         self.large_files_as_blocks = output_format == "jsonl" and not stats
         self.statistics = statistics
-        self.progress = _Progress(out is not sys.stdout.buffer or stats or not sys.stdout.isatty())
+        self.progress = Progress(out is not sys.stdout.buffer or stats or not sys.stdout.isatty())
         self._line_of = json_line if output_format == "jsonl" else table_line
         self._selection = selection
         self._frames = frames
@@ -238,32 +236,3 @@ def _wanted_names(types: str | None) -> frozenset[str] | None:
     if not wanted:
         raise click.BadParameter("names no message", param_hint="'--types'")
     return frozenset(wanted)
-
-
-class _Progress:
-    """A line on standard error, if that is a terminal and the work takes more than a second."""
-
-    CHECK_EVERY = 4096
-
-    def __init__(self, screen_is_free: bool) -> None:
-        self._active = screen_is_free and sys.stderr.isatty()
-        self._next_s = time.monotonic() + PROGRESS_AFTER_S
-        self._shown = False
-        self._records = 0
-
-    def tick(self, capture: Capture | BlockReader, records: int = 1) -> None:
-        """So many records more."""
-        self._records += records
-        if not self._active or (records == 1 and self._records % self.CHECK_EVERY) or time.monotonic() < self._next_s:
-            return
-        self._next_s = time.monotonic() + PROGRESS_EVERY_S
-        self._shown = True
-        share = f"{capture.position / capture.size:4.0%}  " if capture.size else ""
-        sys.stderr.write(f"\r{share}{self._records:,} messages\x1b[K")
-        sys.stderr.flush()
-
-    def clear(self) -> None:
-        """Take the line away."""
-        if self._shown:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()

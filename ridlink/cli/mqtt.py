@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
+from ridlink.cli.options import definition_of
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.errors import ConfigError
 
@@ -70,14 +71,8 @@ def mqtt(
     from ridlink.links import parse_link_url
     from ridlink.mqtt import Publisher, PublisherSettings, Topics, parse_broker_url
     from ridlink.mqtt.bridge import Bridge
-    from ridlink.separation.definitions import Definition
 
-    try:
-        sized_by = Definition(definition)
-    except ValueError:
-        raise click.BadParameter(
-            f"{definition!r} is none of {', '.join(Definition)}", param_hint="--definition"
-        ) from None
+    sized_by = definition_of(definition)
     if (feed is None) != (relay is None):
         raise click.UsageError("--in and --relay belong together: from where on the broker, and to which link")
     topics = Topics(site, prefix)

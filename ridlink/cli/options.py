@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from ridlink.separation.definitions import Definition
 
 
 def capture_kind(what: str) -> Callable[[Any], Any]:
@@ -34,3 +37,17 @@ def above_zero(_: click.Context, __: click.Parameter, value: float | None) -> fl
     if value is not None and not 0.0 < value < math.inf:
         raise click.BadParameter("must be a number above 0")
     return value
+
+
+def definition_of(text: str, option: str = "--definition") -> Definition:
+    """The separation definition of a name.
+
+    Raises:
+        click.BadParameter: If there is none; the text lists those that there are.
+    """
+    from ridlink.separation.definitions import Definition
+
+    try:
+        return Definition(text.strip())
+    except ValueError:
+        raise click.BadParameter(f"{text.strip()!r} is none of {', '.join(Definition)}", param_hint=option) from None

@@ -1,8 +1,8 @@
 """Who comes near whom: encounters of pairs, opened while they are still to come, followed, and closed.
 
 An encounter of a definition opens when a pair is inside its disc, or would enter it within the horizon if both flew on.
-It closes when neither was so for a while and the two fly apart, or one of them is gone. Between two instants everybody
-flies straight, and the closest approach is taken on that line.
+It closes when neither was so for a while and the two have flown apart as long, or one of them is gone. Between two
+instants everybody flies straight, and the closest approach is taken on that line.
 """
 
 from __future__ import annotations
@@ -75,6 +75,7 @@ class Encounter:
     seen_s: float = math.nan
     mistaken: bool = False
     last_alert_s: float = math.nan
+    last_closing_s: float = -math.inf
     opening_velocities: tuple[FloatArray, FloatArray] | None = None
 
     @property
@@ -153,8 +154,10 @@ class EncounterLog:
                 encounter.required_m = {kind: float(radius[kind][i, j]) for kind in radius}
                 self._follow(encounter, scene, before, (i, j), was, apart=bool(apart[i, j]))
                 clear_s = scene.time_s - encounter.last_alert_s
-                patience_s = ABANDONED_AFTER_S if _closing(scene, i, j) else CLOSES_AFTER_S
-                if clear_s <= patience_s:
+                if _closing(scene, i, j):
+                    encounter.last_closing_s = scene.time_s
+                parting_s = scene.time_s - max(encounter.last_alert_s, encounter.last_closing_s)
+                if clear_s <= ABANDONED_AFTER_S and parting_s <= CLOSES_AFTER_S:
                     if encounter.opened_s < scene.time_s:
                         changes.append((Phase.UPDATE, encounter))
                     continue

@@ -156,6 +156,7 @@ class Sky:
         aircraft: By source.
         rejects: Messages and fields that were not taken, by cause.
         origin: None until a position was heard.
+        met: How many there were so far; who turned out to be somebody else is not counted.
     """
 
     def __init__(
@@ -168,11 +169,12 @@ class Sky:
         self.aircraft: dict[SourceKey, Aircraft] = {}
         self.rejects = Rejects()
         self.origin = origin
+        self.met = 0
         self._forget_after_s = forget_after_s
         self._max_aircraft = max_aircraft
         self._assembler = ReportAssembler(max_aircraft)
         self._same_as: dict[SourceKey, SourceKey] = {}
-        self._met = 0
+        self._last_number = 0
         self._merged: deque[int] = deque(maxlen=MERGED_KEPT)
 
     def receive(self, frame: Frame, now_s: float) -> Aircraft | None:
@@ -196,17 +198,20 @@ class Sky:
         gone = [key for key, one in self.aircraft.items() if now_s - one.last_heard_s > self._forget_after_s]
         return [self._remove(key) for key in gone]
 
-    def at(self, now_s: float, *, missed: float = math.inf) -> Scene:
+    def at(self, now_s: float, *, missed: float = math.inf, settled_s: float = 0.0) -> Scene:
         """Everybody who is in the air, where they are now.
 
         Args:
             now_s: The instant.
             missed: Who was silent for more than so many of its own intervals is left out.
+            settled_s: So is who is heard for less long, and has not told its error; it may be about to.
         """
         flying = [
             one
             for one in self.aircraft.values()
-            if not one.on_ground and now_s - one.last_heard_s <= missed * max(one.interval_s, DEFAULT_INTERVAL_S)
+            if not one.on_ground
+            and now_s - one.last_heard_s <= missed * max(one.interval_s, DEFAULT_INTERVAL_S)
+            and (one.report.extended or now_s - one.first_heard_s >= settled_s)
         ]
         age = np.array([max(0.0, now_s - one.last_heard_s) for one in flying], np.float64)
         position = np.array([(one.north_m, one.east_m) for one in flying], np.float64).reshape(-1, 2)
@@ -281,8 +286,9 @@ class Sky:
         if len(self.aircraft) >= self._max_aircraft:
             self._remove(min(self.aircraft, key=lambda key: self.aircraft[key].last_heard_s))
         interval_s = report.update_interval_s or DEFAULT_INTERVAL_S
-        self._met += 1
-        new = Aircraft(self._met, self._new_name(report), report, north_m, east_m, interval_s, now_s, now_s)
+        self.met += 1
+        self._last_number += 1
+        new = Aircraft(self._last_number, self._new_name(report), report, north_m, east_m, interval_s, now_s, now_s)
         self.aircraft[report.key] = new
         return new
 
@@ -292,6 +298,7 @@ class Sky:
 
     def _merge(self, key: SourceKey, into: SourceKey) -> None:
         self._merged.append(self.aircraft[key].number)
+        self.met -= 1
         self._same_as = {alias: into if of == key else of for alias, of in self._same_as.items()} | {key: into}
         del self.aircraft[key]
 

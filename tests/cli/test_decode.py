@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import io
 import json
 import os
@@ -18,11 +17,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ridlink.captures import open_capture
+from ridlink.cli import progress
 from ridlink.cli.decode import decode
 from ridlink.mavlink.codec import Encoder
 from tests.captures.conftest import START_US, flight, tlog_bytes
 
-decode_module = importlib.import_module("ridlink.cli.decode")  # the attribute of the package is the command
 REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
 
 
@@ -124,16 +123,16 @@ def test_progress_is_shown_on_a_terminal_and_taken_away(log: Path, monkeypatch: 
     def shown(screen_is_free: bool) -> str:
         terminal = Terminal()
         monkeypatch.setattr("sys.stderr", terminal)
-        progress = decode_module._Progress(screen_is_free)
+        line = progress.Progress(screen_is_free)
         with open_capture(log) as capture:
             assert len(list(capture)) == 9
-            for _ in range(progress.CHECK_EVERY):
-                progress.tick(capture)
-        progress.clear()
+            for _ in range(line.CHECK_EVERY):
+                line.tick(capture)
+        line.clear()
         return terminal.getvalue()
 
     assert shown(True) == ""  # not before a second has passed
-    monkeypatch.setattr(decode_module, "PROGRESS_AFTER_S", 0.0)
+    monkeypatch.setattr(progress, "PROGRESS_AFTER_S", 0.0)
     assert shown(False) == ""
     assert shown(True) == "\r100%  4,096 messages\x1b[K\r\x1b[K"
 

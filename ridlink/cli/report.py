@@ -1,0 +1,104 @@
+"""``ridlink report``: who met whom in recorded traffic, as JSON lines and as a page."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ridlink.cli import EXIT_DONE, EXIT_IO
+from ridlink.cli.options import capture_kind, definition_of
+from ridlink.cli.output import whole_output
+from ridlink.cli.reviewing import open_sources, tell_of_sources, walk_through
+
+ROWS = 500
+
+
+@click.command(short_help="Who met whom in recorded traffic: JSON lines, and a page with pictures.")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@capture_kind("Format of the files; auto tells it by content and suffix.")
+@click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="Whose discs count.")
+@click.option("-o", "--output", metavar="F.jsonl", help="Write the lines there instead of to standard output.")
+@click.option("--html", metavar="F.html", help="Where the page goes.  [default: NAME-report.html, here]")
+@click.option("--no-html", is_flag=True, help="No page.")
+@click.option(
+    "--pictures", type=click.IntRange(0, ROWS), default=40, show_default=True, metavar="N",
+    help="So many encounters, those of the least margin, are drawn.",
+)  # fmt: skip
+def report(
+    files: tuple[str, ...],
+    kind: str,
+    definition: str,
+    output: str | None,
+    html: str | None,
+    no_html: bool,
+    pictures: int,
+) -> int:
+    """Find every encounter in recordings (tlog, pcap, pcapng): who, when, how near, with what margin under each
+    definition, and who moved. One JSON object a line, and one HTML page with a plan and a distance plot for each.
+
+    \b
+    ridlink report flight.tlog                        lines to the screen, flight-report.html here
+    ridlink report a.tlog b.tlog --no-html -o e.jsonl     the logs of several vehicles of one flight
+
+    Everything is as reported: nothing in a recording says where a vehicle truly was.
+    """
+    import msgspec
+
+    from ridlink.review import Report
+    from ridlink.review.page import Summary, report_page, summary_line
+
+    sized_by = definition_of(definition)
+    if no_html and html is not None:
+        raise click.UsageError("--html and --no-html exclude each other")
+    page = None if no_html else Path(html or _page_name(files[0]))
+    if page is not None:
+        _check_folder(page)
+    sources, absent = open_sources(files, kind)
+    with whole_output(output) as out:
+
+        def write(row: dict[str, Any]) -> None:
+            out.write(msgspec.json.encode(row) + b"\n")
+
+        watched = Report(sized_by, write, keep=0 if page is None else ROWS, traced=pictures > 0)
+        walk = walk_through(sources, [watched])
+    summary = Summary(
+        names=[source.name for source in sources],
+        begun_s=None if walk.begun_us is None else walk.begun_us / 1e6,
+        ended_s=None if walk.ended_us is None else walk.ended_us / 1e6,
+        aircraft=walk.aircraft,
+        encounters=watched.encounters,
+        definition=sized_by,
+        closest=watched.closest,
+    )
+    click.echo(f"ridlink: {summary_line(summary)}", err=True)
+    if page is not None:
+        _write_page(page, report_page(summary, watched.worst(), drawn=pictures))
+    return EXIT_IO if tell_of_sources(sources) or absent else EXIT_DONE
+
+
+def _write_page(page: Path, text: str) -> None:
+    with whole_output(str(page)) as out:
+        out.write(text.encode())
+    click.echo(f"ridlink: {page}: the page", err=True)
+
+
+def _page_name(file: str) -> str:
+    return "report.html" if file == "-" else f"{Path(file).stem}-report.html"
+
+
+def _check_folder(page: Path) -> None:
+    """What cannot be written is said before an hour of reading.
+
+    Raises:
+        OSError: If the folder is not there or not writable.
+    """
+    if page.is_dir():
+        raise OSError(errno.EISDIR, "is a folder; --html names a file", str(page))
+    if not page.parent.is_dir():
+        raise OSError(errno.ENOENT, f"there is no folder {page.parent}", str(page))
+    if not os.access(page.parent, os.W_OK):
+        raise OSError(errno.EACCES, "cannot be written; --html names another place, --no-html none", str(page))

@@ -1,0 +1,16 @@
+"""Recorded traffic, looked at afterwards: who met whom, and what other definitions would have said.
+
+source    the Remote ID of recordings, in the order of time
+walk      frames to scenes, on the recording's own clock
+approach  how near every pair came between two scenes
+report    encounters as rows, and the worst of them with all that is drawn
+traces    tracks and distances of an encounter in bounded memory
+drawing, pictures, page
+          the report as one HTML page
+"""
+
+from ridlink.review.report import Report
+from ridlink.review.source import Source, together
+from ridlink.review.walk import Walk
+
+__all__ = ["Report", "Source", "Walk", "together"]

@@ -1,0 +1,136 @@
+"""The Remote ID of recordings, in the order of time.
+
+Everything else in a file is passed over, in compiled loops where the file is large. Several files, such as the logs of
+several vehicles of one flight, become one stream; what more than one of them holds is taken once.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ridlink.captures import Capture, CaptureKind, Rejects, open_capture
+from ridlink.captures.fast import tables
+from ridlink.captures.fast.blocks import BlockReader
+from ridlink.captures.reader import STDIN
+from ridlink.errors import CaptureError
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.observer.sky import REMOTE_ID_IDS
+
+LARGE_BYTES = 2_000_000
+"""From here on compiled loops are faster than they are loaded."""
+
+TIMELESS = (CaptureKind.MAVLINK, CaptureKind.HEX)
+NO_TIME = 2**64 - 1
+REMEMBERED = 8192
+SAME_FRAME_US = 5_000_000
+
+Timed = tuple[int, Frame]
+
+
+class Source:
+    """One recording; iterate once.
+
+    Args:
+        path: File, or ``-`` for standard input.
+        kind: Format, as `ridlink.captures.open_capture` takes it.
+
+    Attributes:
+        name: As it is shown.
+        size, position: Bytes in all, None where that is not known, and bytes read.
+        rejects: Damage by cause.
+        error: What ended the reading before the end of the file.
+        on_progress: Called with the source and a number of frames more, those of a block where the file is large.
+
+    Raises:
+        CaptureError: If it is no capture that is read, or one without times.
+        OSError: If it cannot be read.
+    """
+
+    def __init__(self, path: str, kind: str = "auto") -> None:
+        self.error: CaptureError | OSError | None = None
+        self._reader = _open(path, kind)
+        self.name = self._reader.name
+        self.size = self._reader.size
+        self.on_progress: Callable[[Source, int], None] = lambda source, frames: None
+        if self._reader.kind in TIMELESS:
+            if isinstance(self._reader, Capture):
+                self._reader.close()
+            raise CaptureError(
+                f"{self.name} has no times ({self._reader.kind}), and encounters need them: tlog, pcap and pcapng do"
+            )
+
+    @property
+    def position(self) -> int:
+        """Bytes read."""
+        return self._reader.position
+
+    @property
+    def rejects(self) -> Rejects:
+        """Damage by cause."""
+        return self._reader.rejects
+
+    def __iter__(self) -> Iterator[Timed]:
+        """Frames about Remote ID, with microseconds since 1970; one without a time has that of the one before."""
+        last_us = 0
+        try:
+            for time_us, frame in self._frames():
+                last_us = last_us if time_us is None else time_us
+                if last_us and frame is not None:
+                    yield last_us, frame
+        except (CaptureError, OSError) as error:
+            self.error = error
+
+    def _frames(self) -> Iterator[tuple[int | None, Frame | None]]:
+        if isinstance(self._reader, BlockReader):
+            return _of_blocks(self._reader, self._progress)
+        return _of_records(self._reader, self._progress)
+
+    def _progress(self, frames: int) -> None:
+        self.on_progress(self, frames)
+
+
+def together(sources: Sequence[Source]) -> Iterator[Timed]:
+    """Frames of all sources in the order of time; the same bytes again within five seconds are passed over."""
+    merged = iter(sources[0]) if len(sources) == 1 else heapq.merge(*sources, key=lambda timed: timed[0])
+    heard: OrderedDict[bytes, int] = OrderedDict()
+    for time_us, frame in merged:
+        last_us = heard.get(frame.raw)
+        if last_us is not None and abs(time_us - last_us) < SAME_FRAME_US:
+            continue
+        heard[frame.raw] = time_us
+        heard.move_to_end(frame.raw)
+        if len(heard) > REMEMBERED:
+            heard.popitem(last=False)
+        yield time_us, frame
+
+
+def _open(path: str, kind: str) -> Capture | BlockReader:
+    if path != STDIN and Path(path).is_file() and Path(path).stat().st_size >= LARGE_BYTES:
+        return BlockReader(path, kind)
+    return open_capture(path, kind)
+
+
+def _of_records(capture: Capture, progress: Callable[[int], None]) -> Iterator[tuple[int | None, Frame | None]]:
+    with capture:
+        for time_us, frame, _ in capture:
+            progress(1)
+            yield time_us, frame if frame.msgid in REMOTE_ID_IDS else None
+
+
+def _of_blocks(reader: BlockReader, progress: Callable[[int], None]) -> Iterator[tuple[int | None, Frame | None]]:
+    wanted = np.array(
+        [layout.spec is not None and layout.spec.msgid in REMOTE_ID_IDS for layout in tables.layouts()], np.bool_
+    )
+    for block in reader:
+        progress(block.count)
+        times = block.times.tolist()
+        for entry in np.flatnonzero(wanted[block.slots]).tolist():
+            [frame] = parse_datagram(block.frame(entry), CRC_EXTRAS, limit=1)
+            if isinstance(frame, Frame):
+                yield None if times[entry] == NO_TIME else times[entry], frame

@@ -1,0 +1,102 @@
+"""From recorded frames to scenes: the sky as it was known at every tenth of a second of the recording's own time.
+
+Nothing is asked of a clock. Where time goes back, as in logs that were put one behind the other, a new recording
+begins; where nobody is heard, no scenes are made. Who fell silent is left out as soon as it missed three of its
+reports: where it went is not known. So is, for its first second, who has told no error yet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Protocol
+
+from ridlink.mavlink.frames import Frame
+from ridlink.observer import Scene, Sky
+from ridlink.review.source import Timed
+
+GRID_US = 100_000
+BACK_US = 5_000_000
+"""Times that go back by less are the disorder of a log."""
+
+MISSED_REPORTS = 3.0
+SETTLED_S = 1.0
+
+
+class Watcher(Protocol):
+    """Who looks at the scenes."""
+
+    def step(self, scene: Scene) -> None:
+        """The next scene, a tenth of a second later or more."""
+
+    def end(self) -> None:
+        """The recording is over; another one may follow, with other aircraft under the same numbers."""
+
+
+class Walk:
+    """Walks through recordings.
+
+    Args:
+        watchers: Who looks.
+
+    Attributes:
+        sky: Who is in the air.
+        begun_us, ended_us: Time of the first and of the last frame, microseconds since 1970; None before the first.
+        scenes: How many there were with anybody in them.
+        aircraft: How many there were.
+    """
+
+    def __init__(self, watchers: Sequence[Watcher]) -> None:
+        self.sky = Sky()
+        self.begun_us: int | None = None
+        self.ended_us: int | None = None
+        self.scenes = 0
+        self._before = 0
+        self._watchers = watchers
+        self._now_us = 0
+        self._due_us: int | None = None
+
+    @property
+    def aircraft(self) -> int:
+        """How many there were in all recordings."""
+        return self._before + self.sky.met
+
+    def through(self, frames: Iterable[Timed]) -> None:
+        """Everything to its end."""
+        for time_us, frame in frames:
+            self.receive(time_us, frame)
+        self.end()
+
+    def receive(self, time_us: int, frame: Frame) -> None:
+        """The next frame, with microseconds since 1970."""
+        if time_us < self._now_us - BACK_US:
+            self.end()
+        self._now_us = max(self._now_us, time_us)
+        self.begun_us = self._now_us if self.begun_us is None else min(self.begun_us, self._now_us)
+        self.ended_us = self._now_us if self.ended_us is None else max(self.ended_us, self._now_us)
+        if self._due_us is None:
+            self._due_us = self._now_us
+        while self._due_us < self._now_us:
+            self._due_us = self._due_us + GRID_US if self._look(self._due_us) else self._now_us
+        self.sky.receive(frame, self._now_us / 1e6)
+
+    def end(self) -> None:
+        """The recording is over."""
+        if self._due_us is not None:
+            self._look(max(self._due_us, self._now_us))
+            for watcher in self._watchers:
+                watcher.end()
+        self._before += self.sky.met
+        self.sky = Sky(origin=self.sky.origin)
+        self._now_us, self._due_us = 0, None
+
+    def _look(self, time_us: int) -> bool:
+        """Make a scene; False if there is nobody any more, of whom another scene could tell."""
+        if not self.sky.aircraft:
+            return False
+        now_s = time_us / 1e6
+        self.sky.forget_silent(now_s)
+        scene = self.sky.at(now_s, missed=MISSED_REPORTS, settled_s=SETTLED_S)
+        self.scenes += 1
+        for watcher in self._watchers:
+            watcher.step(scene)
+        return True

@@ -1,0 +1,107 @@
+"""``ridlink report`` as its users run it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from ridlink.cli import main
+from ridlink.cli.report import report
+from tests.captures.conftest import tlog_bytes
+from tests.cli.test_decode import ridlink
+from tests.review.recordings import NORTHBOUND, SOUTHBOUND, recorded, records
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "logs").mkdir()
+    return recorded(tmp_path / "logs" / "flight.tlog", [NORTHBOUND, SOUTHBOUND], 40.0)
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(report, [str(argument) for argument in arguments], standalone_mode=False)
+
+
+def test_lines_on_standard_output_and_a_page_beside(log: Path, tmp_path: Path) -> None:
+    done = run(log)
+    [row] = [json.loads(line, parse_constant=pytest.fail) for line in done.stdout.splitlines()]
+    assert row["uas"] == ["ALPHA", "BRAVO"]
+    assert (tmp_path / "flight-report.html").read_text().startswith("<!doctype html>")
+    assert "2 aircraft, 1 encounters under candidate2" in done.stderr and "flight-report.html" in done.stderr
+    assert done.return_value == 0
+
+
+def test_files_instead(log: Path, tmp_path: Path) -> None:
+    done = run(log, "-o", tmp_path / "e.jsonl", "--html", tmp_path / "p.html", "--definition", "snmac")
+    assert done.stdout == "" and done.return_value == 0
+    assert json.loads((tmp_path / "e.jsonl").read_text())["definition"] == "snmac"
+    assert {path.name for path in tmp_path.iterdir()} == {"logs", "e.jsonl", "p.html"}
+    run(log, "--no-html", "-o", tmp_path / "e.jsonl")
+    assert {path.name for path in tmp_path.iterdir()} == {"logs", "e.jsonl", "p.html"}
+
+
+def test_standard_input_is_read(log: Path, tmp_path: Path) -> None:
+    with log.open("rb") as stream:
+        done = ridlink("report", "-", "--no-html", stdin=stream, cwd=tmp_path)
+    assert len(done.stdout.splitlines()) == 1 and done.returncode == 0
+
+
+def test_what_could_be_read_of_a_broken_file_is_reported(log: Path, tmp_path: Path) -> None:
+    data = bytearray(log.read_bytes())
+    data[5000:5100] = bytes(100)
+    log.write_bytes(data[:-7])
+    done = run(log, "--no-html")
+    assert len(done.stdout.splitlines()) == 1 and "damaged: " in done.stderr
+
+
+def test_other_files_are_done_when_one_is_none(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "no.txt").write_text("nothing of the kind\n" * 100)
+    done = run(tmp_path / "no.txt", log, tmp_path / "absent.tlog", "--no-html")
+    assert len(done.stdout.splitlines()) == 1 and done.return_value == 3
+    assert "no.txt is no capture" in done.stderr and "absent.tlog" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "what"),
+    [
+        (["{text}"], 3, "no.txt is no capture that ridlink reads"),
+        (["absent.tlog"], 3, "absent.tlog"),
+        (["{raw}"], 3, "has no times"),
+        (["{log}", "--definition", "candidate3"], 2, "none of snmac, remote-id"),
+        (["{log}", "--html", "nowhere/p.html"], 3, "there is no folder nowhere"),
+        (["{log}", "--html", "p.html", "--no-html"], 2, "exclude each other"),
+        (["-", "-"], 2, "only once"),
+        ([], 2, "FILE"),
+    ],
+)
+def test_errors_are_one_line(
+    log: Path,
+    arguments: list[str],
+    code: int,
+    what: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("no.txt").write_text("nothing of the kind\n" * 100)
+    Path("f.mavlink").write_bytes(b"".join(frame for _, frame in records([NORTHBOUND], 1.0)))
+    names = {"{text}": "no.txt", "{raw}": "f.mavlink", "{log}": str(log)}
+    monkeypatch.setattr(sys, "argv", ["ridlink", "report", *(names.get(word, word) for word in arguments)])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    out, err = capsys.readouterr()
+    assert stop.value.code == code and what in err
+    assert len(err.splitlines()) == 1 and out == ""
+
+
+def test_a_log_without_remote_id_is_an_empty_report(tmp_path: Path) -> None:
+    from tests.captures.conftest import flight
+
+    path = tmp_path / "f.tlog"
+    path.write_bytes(tlog_bytes(flight(30)[::3]))
+    done = run(path, "--no-html")
+    assert done.stdout == "" and done.return_value == 0 and "no Remote ID was heard" in done.stderr
