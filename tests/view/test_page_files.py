@@ -39,10 +39,28 @@ def elements() -> list[tuple[str, dict[str, str | None]]]:
     return parser.found
 
 
-def test_scripts_are_valid_modules() -> None:
+def node_or_skip(least: tuple[int, int]) -> str:
     node = shutil.which("node")
     if node is None:
         pytest.skip("needs node: apt-get install nodejs")
+    version = subprocess.run([node, "--version"], capture_output=True, text=True, check=True).stdout.strip()
+    major, minor = map(int, version.lstrip("v").split(".")[:2])
+    if (major, minor) < least:
+        pytest.skip(f"needs node {least[0]}.{least[1]}, this is {version}")
+    return node
+
+
+def test_what_the_modules_compute() -> None:
+    """History, clock, loader, interpolation, addresses and names, by ``page.test.mjs`` in node's own test runner."""
+    node = node_or_skip((20, 19))  # from here on it takes .js files for modules if they are some
+    done = subprocess.run(
+        [node, "--test", str(Path(__file__).with_name("page.test.mjs"))], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_scripts_are_valid_modules() -> None:
+    node = node_or_skip((18, 0))
     # One process: a module that only names the others would fetch them, so each is compiled from its text.
     program = (
         "import fs from 'node:fs'; import vm from 'node:vm';"

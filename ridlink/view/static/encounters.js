@@ -77,7 +77,7 @@ export class Encounters {
     mark(row, "id", String(each.id));
     mark(row, "open", String(each.closed === null));
     row.setAttribute("aria-selected", String(each.id === this.#chosen));
-    say(pair, each.pair.map((name) => label(name, 12)).join(" · "));
+    say(pair, each.pair.map((name) => label(name, 9)).join(" · "));
     const moved = each.moved?.length ? `; ${each.moved.map((name) => label(name, 40)).join(" and ")} manoeuvred` : "";
     const title = `${each.pair.map((name) => label(name, 40)).join(" and ")}${each.collided ? ": collided" : ""}${moved}`;
     if (row.title !== title) row.title = title;

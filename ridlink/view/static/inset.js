@@ -14,9 +14,9 @@ export function drawInset(canvas, space, current, palette) {
   const fastest = Math.max(1, space?.max_speed ?? 0, Math.hypot(...(current ?? [0, 0])), ...extents(space));
   const scale = (Math.min(width, height) / 2 - 14) / (fastest * 1.04);
   const at = ([north, east]) => [width / 2 + east * scale, height / 2 - north * scale];
-  rings(context, at, scale, fastest, width, palette);
+  const taken = rings(context, at, scale, fastest, width, palette);
   if (space) {
-    planes(context, space.planes ?? [], at, { width, height, scale }, palette);
+    planes(context, space.planes ?? [], at, { width, height, scale, taken }, palette);
     limits(context, space, at, scale, palette);
   }
   const now = space?.v ?? current;
@@ -29,6 +29,7 @@ function extents(space) {
   return [space?.preferred, space?.chosen].filter(Boolean).map((velocity) => Math.hypot(...velocity));
 }
 
+// Circles of equal speed; where their figures stand.
 function rings(context, at, scale, fastest, width, palette) {
   const step = [1, 2, 5, 10, 20, 50, 100].find((each) => fastest / each <= 3.5) ?? 200;
   const [x, y] = at([0, 0]);
@@ -47,14 +48,17 @@ function rings(context, at, scale, fastest, width, palette) {
   context.moveTo(x, 0);
   context.lineTo(x, 2 * y);
   context.stroke();
+  const written = [];
   for (let speed = step; speed <= fastest; speed += step) {
-    const more = speed + step > fastest;
-    context.fillText(more ? `${speed} m/s` : `${speed}`, x + 3, y - speed * scale + 7);
+    const last = speed + step > fastest;
+    context.fillText(last ? `${speed} m/s` : `${speed}`, x + 4, y - speed * scale + 8);
+    written.push([x + 14, y - speed * scale + 8]);
   }
+  return written;
 }
 
 // normal . v >= offset is admissible: the other side of each line is shaded, as one area, so that shades do not add up.
-function planes(context, list, at, { width, height, scale }, palette) {
+function planes(context, list, at, { width, height, scale, taken }, palette) {
   const far = 4 * (width + height) / scale;
   const edges = list.map(([north, east, offset, name]) => {
     const size = Math.hypot(north, east) || 1;
@@ -81,21 +85,22 @@ function planes(context, list, at, { width, height, scale }, palette) {
     context.lineTo(...at([foot[0] + far * along[0], foot[1] + far * along[1]]));
   }
   context.stroke();
-  names(context, edges, at, width, height, palette);
+  names(context, edges, at, { width, height, taken }, palette);
 }
 
 // Whose constraint a line is, where the line is nearest the middle and there is room.
-function names(context, edges, at, width, height, palette) {
-  const taken = [];
+function names(context, edges, at, { width, height, taken }, palette) {
+  let shown = 0;
   context.textBaseline = "middle";
   context.textAlign = "center";
   for (const { n, foot, name } of edges) {
-    if (taken.length >= MOST_NAMES) break;
+    if (shown >= MOST_NAMES) break;
     const [fx, fy] = at(foot);
     const x = fx - 14 * n[1], y = fy + 14 * n[0];
     if (x < 24 || y < 10 || x > width - 24 || y > height - 10) continue;
     if (taken.some(([tx, ty]) => Math.abs(tx - x) < 52 && Math.abs(ty - y) < 13)) continue;
     taken.push([x, y]);
+    shown += 1;
     const text = label(String(name ?? ""), 12);
     context.lineWidth = 3;
     context.strokeStyle = palette.ground;
@@ -135,6 +140,7 @@ function arrow(context, [x, y], [tx, ty], palette) {
     context.lineTo(tx - 7 * ux + 4 * uy, ty - 7 * uy - 4 * ux);
   }
   context.stroke();
+  if (long <= 6) mark(context, [tx, ty], palette.vehicle, true);
 }
 
 function mark(context, [x, y], colour, filled) {

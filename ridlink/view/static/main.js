@@ -22,6 +22,7 @@ import { Transport } from "./transport.js";
 import { readUrl, UrlKeeper } from "./url.js";
 import { Vehicles } from "./vehicles.js";
 
+const TRANSPORT_EVERY_MS = 40;
 const FIGURES_EVERY_MS = 100;
 const TABLES_EVERY_MS = 400;
 
@@ -36,6 +37,7 @@ class Page {
   asked = readUrl();
   dirty = true;
   changes = 0;
+  transportAt = 0;
   figuresAt = 0;
   tablesAt = 0;
 
@@ -164,7 +166,10 @@ class Page {
       }
     }
     this.strip.draw(clock, now);
-    this.transport.draw(this.strip.range, this.live, this.hello.utc0 ?? null);
+    if (now - this.transportAt > TRANSPORT_EVERY_MS) {
+      this.transportAt = now;
+      this.transport.draw(this.strip.range, this.live, this.hello.utc0 ?? null);
+    }
     if (now - this.figuresAt > FIGURES_EVERY_MS) this.figures(now);
     if (now - this.tablesAt > TABLES_EVERY_MS) this.tables(now);
   }

@@ -4,6 +4,7 @@ const NAMES = [
   "ground", "panel", "line", "edge", "text", "muted", "accent", "good", "warn", "alarm", "grid", "grid-strong",
   "grid-text", "vehicle", "stranger", "stale", "ring-airframe", "ring-error", "ring-displacement", "ring-edge", "trail",
   "truth", "velocity", "goal", "obstacle", "obstacle-edge", "clear", "near", "inside", "forbidden", "forbidden-edge",
+  "strip-shade",
 ];
 const KEPT_AS = "ridlink-theme";
 

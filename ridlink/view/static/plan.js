@@ -55,7 +55,10 @@ export class Plan {
     this.#touched = false;
     const bounds = this.#bounds(frame);
     if (!bounds) return;
-    this.#map.fitBounds(bounds, { padding: [MARGIN_PX, MARGIN_PX], animate: false });
+    const { width } = this.element.getBoundingClientRect(), legend = document.getElementById("legend");
+    const covered = legend.open && width > 3 * legend.offsetWidth ? legend.offsetWidth : 0;
+    const paddingTopLeft = [covered + MARGIN_PX, MARGIN_PX], paddingBottomRight = [MARGIN_PX, MARGIN_PX];
+    this.#map.fitBounds(bounds, { paddingTopLeft, paddingBottomRight, animate: false });
     this.#fitted = true;
   }
 

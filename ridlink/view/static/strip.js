@@ -82,7 +82,7 @@ export class Strip {
   restyle() {
     this.#plot?.destroy();
     const { palette } = this;
-    const axis = { stroke: palette.grid_text, font: `10.5px ${palette.font}`, ticks: { show: false } };
+    const axis = { stroke: palette.grid_text, font: `11px ${palette.font}`, ticks: { show: false } };
     const options = {
       width: Math.max(100, this.element.clientWidth), height: Math.max(60, this.element.clientHeight),
       padding: [8, RIGHT_PX, 0, 0],
@@ -120,15 +120,18 @@ export class Strip {
   // Where the discs of a pair overlapped.
   #shade(plot) {
     const [times, nearest, required] = this.#data;
-    const { top, height } = plot.bbox;
-    plot.ctx.fillStyle = this.palette.forbidden;
+    const { ctx: context } = plot;
+    context.fillStyle = this.palette.strip_shade;
+    const x = (i) => plot.valToPos(times[i], "x", true), y = (metres) => plot.valToPos(metres, "y", true);
     let from = null;
     for (let i = 0; i <= times.length; i += 1) {
       const inside = i < times.length && nearest[i] !== null && nearest[i] < required[i];
-      if (inside && from === null) from = times[i];
-      if (!inside && from !== null) {
-        const x = plot.valToPos(from, "x", true), to = plot.valToPos(times[Math.min(i, times.length - 1)], "x", true);
-        plot.ctx.fillRect(x, top, Math.max(2, to - x), height);
+      if (inside) from ??= i;
+      else if (from !== null) {
+        context.beginPath();
+        for (let k = from; k < i; k += 1) context.lineTo(x(k), y(nearest[k]));
+        for (let k = i - 1; k >= from; k -= 1) context.lineTo(x(k), y(required[k]));
+        context.fill();
         from = null;
       }
     }
@@ -141,6 +144,7 @@ export class Strip {
     context.beginPath();
     context.rect(left - 6 * ratio, top - 6 * ratio, width + 12 * ratio, height + 8 * ratio);
     context.clip();
+    context.setLineDash([]);
     context.lineWidth = 1.5 * ratio;
     for (const each of this.#marks) {
       const x = plot.valToPos(each.closest_t, "x", true);

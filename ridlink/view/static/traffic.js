@@ -7,7 +7,9 @@ import {
 
 const TURN = 2 * Math.PI;
 const ARROW_S = 2; // an arrow ends where its vehicle is so much later
+const FAR_PX_PER_M = 1, HIDDEN_PX = 5; // seen from afar, a true position that its dart covers is left out
 const MANY_PAIRS = 30; // with more of them, harmless pairs are shown of the selected vehicle alone
+const MANY_INSIDE = 10; // with more of them, those of others are fainter
 
 export function drawTraffic(context, view, scene, palette) {
   const { frame } = scene;
@@ -78,7 +80,7 @@ function trails(context, view, scene, chosen, palette) {
   const { frame } = scene;
   context.strokeStyle = palette.trail;
   context.lineJoin = "round";
-  for (const [third, alpha] of [[0, 0.16], [1, 0.34], [2, 0.6]]) {
+  for (const [third, alpha] of [[0, 0.2], [1, 0.42], [2, 0.75]]) {
     context.globalAlpha = alpha;
     context.lineWidth = 1.25;
     context.beginPath();
@@ -101,25 +103,33 @@ function trails(context, view, scene, chosen, palette) {
 
 function pairs(context, view, frame, chosen, palette) {
   const { pairs: list, values } = frame;
-  const many = list.length / 5 > MANY_PAIRS;
+  const groups = { clear: [], near: [], inside: [], own: [] };
+  for (let at = 0; at < list.length; at += 5) {
+    const i = list[at], j = list[at + 1], kind = nearness(list[at + 2], list[at + 3]);
+    if (i >= frame.count || j >= frame.count) continue;
+    const own = i === chosen || j === chosen;
+    if (kind === "clear" && !own && list.length / 5 > MANY_PAIRS) continue;
+    groups[kind === "inside" && own ? "own" : kind].push(i * FIELDS, j * FIELDS);
+  }
+  const crowded = groups.inside.length / 2 > MANY_INSIDE;
   const styles = {
-    clear: [palette.clear, 1.25, [1.5, 5]], near: [palette.near, 1.75, [7, 5]], inside: [palette.inside, 3, []],
+    clear: [palette.clear, 1.25, [1.5, 5], 1], near: [palette.near, 1.75, [7, 5], 1],
+    inside: [palette.inside, crowded ? 1.25 : 2.5, [], crowded ? 0.4 : 1], own: [palette.inside, 2.5, [], 1],
   };
-  for (const kind of ["clear", "near", "inside"]) {
-    const [colour, width, dash] = styles[kind];
+  for (const [kind, ends] of Object.entries(groups)) {
+    const [colour, width, dash, alpha] = styles[kind];
     context.strokeStyle = colour;
     context.lineWidth = width;
+    context.globalAlpha = alpha;
     context.setLineDash(dash);
     context.beginPath();
-    for (let at = 0; at < list.length; at += 5) {
-      const [i, j] = [list[at], list[at + 1]];
-      if (nearness(list[at + 2], list[at + 3]) !== kind || i >= frame.count || j >= frame.count) continue;
-      if (kind === "clear" && many && i !== chosen && j !== chosen) continue;
-      context.moveTo(view.x(values[i * FIELDS + E]), view.y(values[i * FIELDS + N]));
-      context.lineTo(view.x(values[j * FIELDS + E]), view.y(values[j * FIELDS + N]));
+    for (let k = 0; k < ends.length; k += 2) {
+      context.moveTo(view.x(values[ends[k] + E]), view.y(values[ends[k] + N]));
+      context.lineTo(view.x(values[ends[k + 1] + E]), view.y(values[ends[k + 1] + N]));
     }
     context.stroke();
   }
+  context.globalAlpha = 1;
   context.setLineDash([]);
 }
 
@@ -146,17 +156,19 @@ function selection(context, view, scene, chosen, palette) {
 }
 
 function truths(context, view, frame, palette) {
-  const { values } = frame;
+  const { values } = frame, far = view.scale < FAR_PX_PER_M;
   context.strokeStyle = palette.truth;
   context.lineWidth = 1.5;
   context.beginPath();
   for (let at = 0; at < frame.count * FIELDS; at += FIELDS) {
     const x = view.x(values[at + TRUE_E]), y = view.y(values[at + TRUE_N]);
     if (!Number.isFinite(x) || outside(view, x, y, 10)) continue;
+    const rx = view.x(values[at + E]), ry = view.y(values[at + N]);
+    if (far && Math.hypot(rx - x, ry - y) < HIDDEN_PX) continue;
     context.moveTo(x + 4.5, y);
     context.arc(x, y, 4.5, 0, TURN);
     context.moveTo(x, y);
-    context.lineTo(view.x(values[at + E]), view.y(values[at + N]));
+    context.lineTo(rx, ry);
   }
   context.stroke();
 }

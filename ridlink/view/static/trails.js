@@ -2,7 +2,7 @@
 
 import { E, FIELDS, N } from "./picture.js";
 
-const LENGTH_S = 15;
+const LENGTH_S = 20;
 const STEP_S = 0.5;
 const BROKEN_S = 3;
 
