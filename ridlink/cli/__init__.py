@@ -30,6 +30,7 @@ COMMANDS = {
     "analyze": "ridlink.cli.analyze:analyze",
     "avoid": "ridlink.cli.avoid:avoid",
     "campaign": "ridlink.cli.campaign:campaign",
+    "capacity": "ridlink.cli.capacity:capacity",
     "decode": "ridlink.cli.decode:decode",
     "dialect": "ridlink.cli.dialect:dialect",
     "doctor": "ridlink.cli.doctor:doctor",

@@ -1,0 +1,57 @@
+"""``ridlink capacity``: its rows, and what is refused in one line."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from ridlink.cli import cli, main
+
+
+def test_rows_hold_formula_and_simulation_side_by_side() -> None:
+    few = ["capacity", "--definition", "candidate2,chance", "--sigma", "3.5,10", "--worlds", "20"]
+    done = CliRunner().invoke(cli, [*few, "--json"])
+    assert done.exit_code == 0, done.output
+    document = json.loads(done.stdout)
+    rows = document["rows"]
+    assert [(row["definition"], row["sigma_m"]) for row in rows] == [
+        ("candidate2", 3.5), ("chance", 3.5), ("candidate2", 10.0), ("chance", 10.0),
+    ]  # fmt: skip
+    for row in rows:
+        low, high = row["simulated_ci95"]
+        assert low <= row["simulated_per_flight_hour"] <= high
+        assert row["conflicts_per_km2_hour"] == pytest.approx(row["conflicts_per_flight_hour"] / 2.0)
+        assert row["capacity_per_km2"] == pytest.approx(1.0 / row["conflicts_per_flight_hour"])
+    assert rows[2]["radius_m"] == pytest.approx(3.8 + 60.0 + 0.2 * 15.6, abs=0.2)
+    assert CliRunner().invoke(cli, [*few, "--json"]).stdout == done.stdout
+    table = CliRunner().invoke(cli, few).stdout.splitlines()
+    assert len(table) == 2 + len(rows)
+    assert "capacity/km2" in table[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--category", "5"], "'5' is not known; known are 1, 2, 3, 4"),
+        (["--definition", "none"], "'none' is not known"),
+        (["--density", "0"], "0.0 is not in the range"),
+        (["--density", "nan"], "'nan' is not"),
+        (["--sigma", "-1"], "-1.0 is not in the range"),
+        (["--interval", "0"], "0.0 is not in the range"),
+        (["--definition", "remote-id", "--density", "500"], "500 vehicles in a square kilometre do not fit 90.6 m"),
+        (["--worlds", "1"], "1 is not in the range"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    arguments: list[str], text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["ridlink", "capacity", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    out, err = capsys.readouterr()
+    assert (end.value.code, out) == (2, "")
+    assert text in err
+    assert len(err.splitlines()) == 1
