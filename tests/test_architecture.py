@@ -67,6 +67,7 @@ SANS_IO = (
     "ridlink.review.approach",
     "ridlink.review.traces",
     "ridlink.review.report",
+    "ridlink.review.whatif",
     "sitl_sim.vehicle",
     "sitl_sim.gnss",
     "sitl_sim.faults",

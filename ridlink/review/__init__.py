@@ -7,6 +7,7 @@ report    encounters as rows, and the worst of them with all that is drawn
 traces    tracks and distances of an encounter in bounded memory
 drawing, pictures, page
           the report as one HTML page
+whatif    what other definitions would have said
 """
 
 from ridlink.review.report import Report

@@ -9,8 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ridlink.observer import Encounter, EncounterLog, Phase, Scene
 from ridlink.observer.sky import FORGET_AFTER_S
 from ridlink.review.approach import nearest_since
@@ -138,7 +136,7 @@ class Report:
         if len(scene) < 2:
             return
         approach = nearest_since(before, scene)
-        i, j = np.unravel_index(int(approach.distance_m.argmin()), approach.distance_m.shape)
+        i, j = divmod(int(approach.distance_m.argmin()), len(scene))
         distance_m = float(approach.distance_m[i, j])
         if math.isfinite(distance_m) and (self.closest is None or distance_m < self.closest.distance_m):
             errors = float(scene.error_bound_m[i]), float(scene.error_bound_m[j])

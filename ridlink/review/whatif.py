@@ -1,0 +1,224 @@
+"""What other definitions would have said of the same traffic: alerts, how long, how near, and collisions unannounced.
+
+An alert of a definition begins when a pair is inside its disc, or would enter it within a time if both flew on; it is
+over when neither was so for three seconds. A MAC is a pair nearer than its reported airframes allow, by reported
+positions; it is unannounced if no alert of the pair had begun at an earlier instant. Everything counts once a pair.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.observer import Scene, closing_times, pair_discs
+from ridlink.observer.encounters import CLOSES_AFTER_S
+from ridlink.observer.sky import BoolArray, FloatArray
+from ridlink.review.approach import Approach, nearest_since
+from ridlink.separation.chance import DEFAULT_ETA
+from ridlink.separation.definitions import Definition, bounded_airframe
+
+AHEAD_S = HalfplaneSettings().horizon_s
+"""As far ahead as the solver of the daemon looks."""
+
+FOLDED_AFTER_S = 30.0
+FOLD_EVERY = 100
+
+Pair = tuple[int, int]
+
+
+@dataclass(slots=True)
+class _Ledger:
+    """What one definition said of one pair."""
+
+    names: tuple[str, str]
+    seen_s: float
+    alerts: int = 0
+    alert_s: float = 0.0
+    entered: int = 0
+    macs: int = 0
+    unannounced: int = 0
+    warning_s: float = math.inf
+    margin_m: float = math.inf
+    margin_at_s: float = math.nan
+    begun_s: float = math.nan
+    last_s: float = -math.inf
+    is_inside: bool = False
+
+
+@dataclass(slots=True)
+class Judgement:
+    """What one definition would have said.
+
+    Attributes:
+        definition: Which.
+        alerts: How many, and `alert_s` how long in all [s].
+        entered: Of them, those in which the disc was entered.
+        macs: How many there were, and `unannounced` of them those without an alert before.
+        warning_s: Least time from an alert to its MAC, infinite if there was none [s].
+        margin_m: Least distance less the radius of the disc, infinite if there never were two [m].
+        pair, margin_at_s: Whose that was, and when; seconds since 1970.
+    """
+
+    definition: Definition
+    alerts: int = 0
+    alert_s: float = 0.0
+    entered: int = 0
+    macs: int = 0
+    unannounced: int = 0
+    warning_s: float = math.inf
+    margin_m: float = math.inf
+    pair: tuple[str, str] = ("", "")
+    margin_at_s: float = math.nan
+    open: dict[Pair, _Ledger] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As an object of JSON; unknown is None."""
+        has_pair = math.isfinite(self.margin_m)
+        return {
+            "definition": str(self.definition),
+            "alerts": self.alerts,
+            "alert_s": round(self.alert_s, 1),
+            "entered": self.entered,
+            "least_margin_m": round(self.margin_m, 2) if has_pair else None,
+            "least_margin_t": round(self.margin_at_s, 3) if has_pair else None,
+            "least_margin_uas": list(self.pair) if has_pair else None,
+            "macs": self.macs,
+            "macs_without_alert": self.unannounced,
+            "least_warning_s": round(self.warning_s, 1) if math.isfinite(self.warning_s) else None,
+        }
+
+    def _fold(self, keys: Iterable[Pair]) -> None:
+        for key in keys:
+            one = self.open.pop(key)
+            self.alerts += one.alerts
+            self.alert_s += one.alert_s
+            self.entered += one.entered
+            self.macs += one.macs
+            self.unannounced += one.unannounced
+            self.warning_s = min(self.warning_s, one.warning_s)
+            if one.margin_m < self.margin_m:
+                self.margin_m, self.margin_at_s, self.pair = one.margin_m, one.margin_at_s, one.names
+
+
+class WhatIf:
+    """Watches scenes, and judges them under several definitions.
+
+    Args:
+        definitions: Which.
+        ahead_s: How far ahead an entry is alerted.
+        eta: Of ``chance`` only.
+
+    Attributes:
+        judgements: One for each definition, complete at the end of the recording.
+    """
+
+    def __init__(
+        self, definitions: Sequence[Definition], *, ahead_s: float = AHEAD_S, eta: float = DEFAULT_ETA
+    ) -> None:
+        self.judgements = [Judgement(definition) for definition in dict.fromkeys(definitions)]
+        self._ahead_s = ahead_s
+        self._eta = eta
+        self._begin()
+
+    def _begin(self) -> None:
+        self._before: Scene | None = None
+        self._collided: dict[Pair, float] = {}
+        self._steps = 0
+
+    def step(self, scene: Scene) -> None:
+        """The next scene."""
+        before, self._before = self._before, scene
+        self._steps += 1
+        if self._steps % FOLD_EVERY == 0 or scene.merged:
+            self._tidy(scene)
+        if len(scene) < 2:
+            return
+        approach = nearest_since(before, scene)
+        macs = self._new_macs(scene, approach)
+        for judgement in self.judgements:
+            radius = pair_discs(scene, judgement.definition, eta=self._eta)
+            self._judge(judgement, scene, approach, radius, macs)
+
+    def end(self) -> None:
+        """The recording is over."""
+        for judgement in self.judgements:
+            judgement._fold(list(judgement.open))
+        self._begin()
+
+    def _new_macs(self, scene: Scene, approach: Approach) -> set[tuple[int, int]]:
+        """Places of pairs that touch now and did not for a while."""
+        size = bounded_airframe(scene.airframe_m)
+        touching = approach.distance_m < (size[:, None] + size[None, :]) / 2.0
+        new = set()
+        for i, j in _pairs(touching):
+            key = _key(scene, i, j)
+            if scene.time_s - self._collided.get(key, -math.inf) > CLOSES_AFTER_S:
+                new.add((i, j))
+            self._collided[key] = scene.time_s
+        return new
+
+    def _judge(
+        self,
+        judgement: Judgement,
+        scene: Scene,
+        approach: Approach,
+        radius_m: FloatArray,
+        macs: set[tuple[int, int]],
+    ) -> None:
+        margin = approach.distance_m - radius_m
+        inside = margin < 0.0
+        alerting = inside | (closing_times(scene, radius_m) <= self._ahead_s)
+        for i, j in macs:
+            one = self._ledger(judgement, scene, i, j)
+            at_s = float(approach.time_s[i, j])
+            announced = at_s - one.last_s <= CLOSES_AFTER_S and one.begun_s < at_s
+            one.macs += 1
+            one.unannounced += not announced
+            if announced:
+                one.warning_s = min(one.warning_s, at_s - one.begun_s)
+        for i, j in _pairs(alerting):
+            one = self._ledger(judgement, scene, i, j)
+            if scene.time_s - one.last_s > CLOSES_AFTER_S:
+                one.alerts, one.begun_s, one.is_inside = one.alerts + 1, scene.time_s, False
+            one.last_s = scene.time_s
+            one.alert_s += float(approach.lasted_s[i, j])
+            if inside[i, j] and not one.is_inside:
+                one.entered, one.is_inside = one.entered + 1, True
+            if margin[i, j] < one.margin_m:
+                one.margin_m, one.margin_at_s = float(margin[i, j]), float(approach.time_s[i, j])
+        others = np.where(alerting, np.inf, margin)
+        i, j = divmod(int(others.argmin()), len(scene))
+        if others[i, j] < judgement.margin_m:
+            judgement.margin_m, judgement.margin_at_s = float(others[i, j]), float(approach.time_s[i, j])
+            judgement.pair = scene.names[i], scene.names[j]
+
+    def _ledger(self, judgement: Judgement, scene: Scene, i: int, j: int) -> _Ledger:
+        key, names = _key(scene, i, j), (scene.names[i], scene.names[j])
+        one = judgement.open.setdefault(key, _Ledger(names, scene.time_s))
+        one.names, one.seen_s = names, scene.time_s
+        return one
+
+    def _tidy(self, scene: Scene) -> None:
+        """Take back what was said of those who turned out to be somebody else, and add up what is long over."""
+        for judgement in self.judgements:
+            for key in [key for key in judgement.open if not scene.merged.isdisjoint(key)]:
+                del judgement.open[key]
+            judgement._fold([key for key, one in judgement.open.items() if scene.time_s - one.seen_s > FOLDED_AFTER_S])
+        self._collided = {
+            key: last_s for key, last_s in self._collided.items() if scene.time_s - last_s <= CLOSES_AFTER_S
+        }
+
+
+def _pairs(which: BoolArray) -> list[tuple[int, int]]:
+    places = np.nonzero(np.triu(which, 1))
+    return list(zip(places[0].tolist(), places[1].tolist(), strict=True))
+
+
+def _key(scene: Scene, i: int, j: int) -> Pair:
+    one, other = scene.numbers[i], scene.numbers[j]
+    return (one, other) if one < other else (other, one)
