@@ -141,3 +141,28 @@ def test_vendored_libraries_are_those_that_notice_names(name: str) -> None:
     library = name.split(".")[0]
     assert (STATIC / "vendor" / f"{library}.LICENSE.txt").is_file()
     assert f"vendor/{library}.LICENSE.txt" in (STATIC.parents[2] / "NOTICE").read_text()
+
+
+def luminance(colour: str) -> float:
+    channels = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    lighter, darker = sorted((luminance(one), luminance(other)), reverse=True)
+    return (lighter + 0.05) / (darker + 0.05)
+
+
+@pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
+def test_text_can_be_read(theme: int) -> None:
+    """4.5 to 1 for text and 3 to 1 for what is drawn, as WCAG 2.1 has it at level AA."""
+    found = re.findall(r"--([\w-]+): light-dark\((#\w{6}), (#\w{6})\);", (STATIC / "base.css").read_text())
+    colours = {name: pair[theme] for name, *pair in found}
+    for text in ("text", "muted", "accent", "good", "warn", "alarm"):
+        for ground in ("panel", "raised", "ground"):
+            assert contrast(colours[text], colours[ground]) >= 4.5, (text, ground)
+    assert contrast(colours["on-accent"], colours["accent"]) >= 4.5
+    assert contrast(colours["grid-text"], colours["ground"]) >= 4.5
+    for drawn in ("vehicle", "stranger", "stale", "truth", "trail", "velocity", "goal", "clear", "near", "inside"):
+        assert contrast(colours[drawn], colours["ground"]) >= 3.0, drawn

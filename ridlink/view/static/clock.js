@@ -75,9 +75,10 @@ export class Clock {
     this.onChange();
   }
 
-  // Time goes on by what has passed since the last call; `live` says whether the end of the recording runs away.
-  tick(now, live) {
-    const passed = this.#now === null ? 0 : Math.min(0.25, (now - this.#now) / 1000);
+  // Time goes on by what has passed since the last call. `live` says whether the end of the recording runs away, `waits`
+  // that what is to be shown has not come yet: then a player stands still.
+  tick(now, live, waits = false) {
+    const passed = this.#now === null || (waits && !this.following) ? 0 : Math.min(0.25, (now - this.#now) / 1000);
     this.#now = now;
     if (this.following) {
       this.#chase(passed);

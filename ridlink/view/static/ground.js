@@ -43,7 +43,7 @@ function figures(context, view, step, palette) {
   context.textAlign = "center";
   context.textBaseline = "top";
   for (let east = Math.ceil(view.east(0) / step) * step; view.x(east) < view.width - 60; east += step) {
-    if (view.x(east) > 50) context.fillText(text(east), view.x(east), 6);
+    if (view.x(east) > 70) context.fillText(text(east), view.x(east), 6);
   }
   context.fillText("E m →", view.width - 72, 6);
   context.textAlign = "left";

@@ -51,6 +51,8 @@ export class Loader {
     }
   }
 
+  get waiting() { return this.#waiting !== null; }
+
   // An answer; the stretch that is now complete, or null.
   answered(message) {
     const waiting = this.#waiting;

@@ -36,6 +36,7 @@ class Page {
   chooses = true; // until somebody deselects, the page selects a vehicle itself
   asked = readUrl();
   dirty = true;
+  known = false; // whether the history holds the instant of the clock
   changes = 0;
   transportAt = 0;
   figuresAt = 0;
@@ -154,12 +155,12 @@ class Page {
     requestAnimationFrame((next) => this.tick(next));
     if (!this.hello) return;
     const { clock, frame, plan } = this, before = clock.t;
-    clock.tick(now, this.live);
+    clock.tick(now, this.live, !this.known && this.loader.waiting);
     if (!clock.following) this.loader.want(clock, frame.count, this.hello.step_s ?? 0.1, now);
     if (clock.t !== before || this.dirty || plan.stale || frame.growing) {
-      const known = frame.at(this.history, clock.t, now);
-      this.dirty = !known;
-      if (known) {
+      this.known = frame.at(this.history, clock.t, now);
+      this.dirty = !this.known;
+      if (this.known || plan.stale) {
         this.trails.update(this.history, clock.t, this.changes);
         plan.draw(frame, this.trails, this.labels, now);
         this.reveal();
@@ -190,6 +191,7 @@ class Page {
       this.chooses = false;
     }
     find("plan-empty").hidden = frame.count > 0;
+    mark(find("clock"), "loading", String(!this.known && this.loader.waiting));
     const [distance, required] = frame.nearest ?? [NaN, NaN];
     const kind = frame.nearest ? KIND[nearness(distance, required)] : "";
     say(find("nearest"), metres(distance));

@@ -3,7 +3,7 @@
 import uPlot from "./vendor/uplot.js";
 import { clockTime } from "./format.js";
 
-const AXIS_PX = 46, RIGHT_PX = 8;
+const AXIS_PX = 46, RIGHT_PX = 16;
 const SNAP_PX = 7;
 const SHORTEST_S = 10;
 const MOST_POINTS = 6000;
@@ -73,6 +73,7 @@ export class Strip {
         this.#plot.setScale("x", { min: range[0], max: range[1] });
         this.#plot.setScale("y", { min: 0, max: this.#ceiling() });
       });
+      this.#plot.redraw();
     }
     const x = this.#plot.valToPos(clock.t, "x");
     this.playhead.style.transform = `translateX(${Math.max(0, x).toFixed(1)}px)`;

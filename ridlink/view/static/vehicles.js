@@ -34,6 +34,7 @@ export class Vehicles {
       for (const { row, name } of this.#rows) row.setAttribute("aria-selected", String(name === selected));
     }
     if (this.panel.hidden) return;
+    mark(this.body, "shown", frame.t.toFixed(2));
     const { scrollTop, clientHeight } = this.panel;
     const first = Math.max(0, Math.floor(scrollTop / ROW_PX) - 2);
     for (const { row, name } of this.#rows.slice(first, first + Math.ceil(clientHeight / ROW_PX) + 4)) {
