@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 
+from ridlink.avoidance.contact import contact_half_planes
 from ridlink.avoidance.encounter import EPSILON, half_plane, lean, passing_side, rule_side, time_to_entry
 from ridlink.avoidance.kernel import copy_lanes, kernel, larger, norm, smaller
 from ridlink.avoidance.programme import BOUND, EXCESS, N_1, N_2, measure, nearest_admissible
@@ -65,7 +66,8 @@ from ridlink.avoidance.rows import RESULT_COLUMNS as RESULT_COLUMNS
 (
     HORIZON, RESPONSE, BARRIER, BARRIER_SHARE, SMOOTHING, RIGHT_TURN, START_TURN, AGE_ACCELERATION, BUFFER_SHARE,
     ARRIVAL, HEAD_ON_COSINE, HEAD_ON_SPEED, OBSTACLE_HORIZON, OBSTACLE_DECELERATION, OBSTACLE_RESPONSE, ROUTE_MARGIN,
-) = range(16)  # fmt: skip
+    CONTACT_STEP,
+) = range(17)  # fmt: skip
 
 TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
@@ -130,10 +132,10 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
 
 
 @kernel(forceinline=True)
-def obstacle_half_planes(own, vertex, start, settings, lines, normal):  # type: ignore[no-untyped-def]
-    """One hard half-plane for each convex piece that could matter, and some that forbid nothing up to a multiple of
-    LANES; returns their number without those, and True while too near an obstacle."""
-    used = 0
+def obstacle_half_planes(own, vertex, start, settings, lines, hard, normal):  # type: ignore[no-untyped-def]
+    """One hard half-plane for each convex piece that could matter, from column `hard` of `lines` on, and some that
+    forbid nothing up to a multiple of LANES; returns the column after those, and True while too near an obstacle."""
+    used = hard
     inside = False
     limit = own[LIMIT]
     for piece in range(len(start) - 1):
@@ -155,7 +157,7 @@ def obstacle_half_planes(own, vertex, start, settings, lines, normal):  # type: 
         used += 1
     for k in range(used, -(-used // LANES) * LANES):
         lines[N_1, k], lines[N_2, k], lines[BOUND, k] = 0.0, 0.0, -math.inf
-    return used, inside
+    return -(-used // LANES) * LANES, inside
 
 
 @kernel(forceinline=True)
@@ -289,7 +291,7 @@ def name_binding(lines, hard, first, last, ends, slack_mps, result):  # type: ig
 
     Args:
         lines: Half-planes, measured at that velocity.
-        hard: Number of hard ones.
+        hard: Index of the first one of an obstacle.
         first: Index of the first one of a neighbour.
         last: Index after the last one.
         ends: Half-planes for each neighbour.
@@ -303,7 +305,7 @@ def name_binding(lines, hard, first, last, ends, slack_mps, result):  # type: ig
         return
     excess = lines[EXCESS]
     touching = -(max(slack_mps, 0.0) + TOUCHING_MPS)
-    for k in range(hard):
+    for k in range(hard, first):
         if excess[k] >= touching:
             result[R_OBSTACLE] = 1.0
     named = place = 0
@@ -335,7 +337,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
         hull_start: Where each hull begins in it, with the end.
         route: Memory of the way round obstacles.
         settings: Constants, `HalfplaneSettings.as_vector`.
-        lines: Scratch, `new_lines(pieces, 2 LANES count)`.
+        lines: Scratch, `new_lines(pieces, 2 LANES count, LANES count)`.
         chosen: Scratch, `new_choice` of the same.
         work: Scratch, another.
         ring: Scratch for routes, shape (`ring_size`, 2).
@@ -348,12 +350,15 @@ def avoid_one(  # type: ignore[no-untyped-def]
     preferred = result[R_PREFERRED : R_PREFERRED + 2]
     pair = result[R_VELOCITY : R_VELOCITY + 2]
     route = preferred_velocity(own, hulls, hull_start, route, settings, ring, pair, preferred)
-    hard, near_obstacle = obstacle_half_planes(own, pieces, piece_start, settings, lines, pair)
-    first = -(-hard // LANES) * LANES
+    # First room for firm half-planes, filled from the end, then the hard ones, then the soft ones.
+    begin = hard = LANES * count
+    first, near_obstacle = obstacle_half_planes(own, pieces, piece_start, settings, lines, hard, pair)
     used, right, left, start, margin, violation = neighbour_half_planes(
         own, neighbours, count, range_m, preferred, settings, lines, first
     )
     overlapped = near_obstacle or margin < 0.0
+    if settings[CONTACT_STEP] > 0.0 and margin < 2.0 * limit * settings[CONTACT_STEP]:
+        begin = contact_half_planes(own, neighbours, count, settings[CONTACT_STEP], lines, hard)
 
     # Starting and stalled are the same to the speed; both turns together would lead away from the goal.
     if start > 0.0:
@@ -367,12 +372,12 @@ def avoid_one(  # type: ignore[no-untyped-def]
         preferred[0], preferred[1] = preferred[0] * limit / speed, preferred[1] * limit / speed
 
     x = result[R_VELOCITY : R_VELOCITY + 2]
-    feasible = nearest_admissible(lines, hard, first, used, limit, preferred, chosen, work, x)
+    feasible = nearest_admissible(lines, begin, hard, first, used, limit, preferred, chosen, work, x)
     speed = norm(x[0], x[1])
     if speed > limit:
         x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
 
-    slack = -measure(lines, 0, used, x[0], x[1])
+    slack = -measure(lines, begin, used, x[0], x[1])
     name_binding(lines, hard, first, used, 2 if settings[RESPONSE] > 0.0 else 1, slack, result)
     moved = norm(x[0] - preferred[0], x[1] - preferred[1]) > TOUCHING_MPS
     result[R_STATUS] = FREE
@@ -391,5 +396,5 @@ def avoid_one(  # type: ignore[no-untyped-def]
     pair = work[len(work) - 1]
     pair[0] = own[COMMAND] + blend * (x[0] - own[COMMAND])
     pair[1] = own[COMMAND + 1] + blend * (x[1] - own[COMMAND + 1])
-    nearest_admissible(lines, hard, hard, hard, limit, pair, chosen, work, result[R_COMMAND : R_COMMAND + 2])
+    nearest_admissible(lines, begin, hard, first, first, limit, pair, chosen, work, result[R_COMMAND : R_COMMAND + 2])
     return route

@@ -138,13 +138,14 @@ def nearest(lines, first, last, limit_mps, preferred, chosen, point):  # type: i
 
 
 @kernel
-def least_excess(lines, hard, first, last, limit_mps, chosen, work, point):  # type: ignore[no-untyped-def]
-    """Make the largest excess over half-planes `first..last-1` as small as possible, the `hard` first ones staying met.
+def least_excess(lines, hard, met, first, last, limit_mps, chosen, work, point):  # type: ignore[no-untyped-def]
+    """Make the largest excess over half-planes `first..last-1` as small as possible while others stay met.
 
     Args:
         lines: Half-planes, shape (4, m).
-        hard: Number of hard half-planes, which are the first ones; they must be met by `point`.
-        first: Index of the first soft one.
+        hard: Index of the first of those that stay met; `point` must meet them.
+        met: Index after the last one of them.
+        first: Index of the first one whose excess counts.
         last: Index after the last one.
         limit_mps: Radius of the disc.
         chosen: Scratch, shape (m + 2, 3).
@@ -156,15 +157,18 @@ def least_excess(lines, hard, first, last, limit_mps, chosen, work, point):  # t
     """
     excess = 0.0
     aim = work[len(work) - 2]
-    for k in range(hard):
-        work[k, 0], work[k, 1], work[k, 2] = lines[N_1, k], lines[N_2, k], lines[BOUND, k]
+    kept = 0
+    for k in range(hard, met):
+        if lines[BOUND, k] > -math.inf:
+            work[kept, 0], work[kept, 1], work[kept, 2] = lines[N_1, k], lines[N_2, k], lines[BOUND, k]
+            kept += 1
     for place in range(last - first):
         worst = measure(lines, first, last, point[0], point[1])
         if worst <= excess + EPSILON:
             break
         choose(lines, first, worst, chosen, place)
         n_1, n_2, d = chosen[place, 0], chosen[place, 1], chosen[place, 2]
-        used = hard
+        used = kept
         for j in range(place):
             # One chosen earlier may be exceeded, but by no more than this one: d_j - n_j.x <= d_i - n_i.x.
             e_1, e_2 = chosen[j, 0] - n_1, chosen[j, 1] - n_2
@@ -183,17 +187,30 @@ def least_excess(lines, hard, first, last, limit_mps, chosen, work, point):  # t
     return excess
 
 
-@kernel
-def nearest_admissible(lines, hard, first, last, limit_mps, preferred, chosen, work, point):  # type: ignore[no-untyped-def]
-    """Velocity nearest `preferred` within all half-planes and the disc, or the one that exceeds the soft ones least.
+@kernel(forceinline=True)
+def move_back(lines, first, last, excess):  # type: ignore[no-untyped-def]
+    """Move half-planes `first..last-1` back by so much, and by what rounding takes."""
+    for k in range(first, last):
+        lines[BOUND, k] -= excess + 1e3 * EPSILON
 
-    Where the hard half-planes contradict each other, all of them are moved back by their least possible excess first.
+
+@kernel
+def nearest_admissible(  # type: ignore[no-untyped-def]
+    lines, begin, hard, first, last, limit_mps, preferred, chosen, work, point
+):
+    """Velocity nearest `preferred` within all half-planes and the disc, or the one that exceeds the least of them
+    least.
+
+    There are three ranks: soft half-planes are exceeded, as little as can be, before firm ones are, and those before
+    hard ones. Firm or hard ones that contradict each other, or those above them, are all moved back by their least
+    possible excess first.
 
     Args:
-        lines: Half-planes, shape (4, m): `hard` hard ones, some that everything meets up to `first`, soft ones up to
-            `last`. Hard ones may be moved back.
-        hard: Number of hard half-planes.
-        first: Index of the first soft one.
+        lines: Half-planes, shape (4, m): from `begin` firm ones, from `hard` hard ones, from `first` soft ones. All but
+            the soft ones may be moved back.
+        begin: Index of the first firm one.
+        hard: Index of the first hard one, after the last firm one.
+        first: Index of the first soft one, after the last hard one.
         last: Index after the last one.
         limit_mps: Radius of the disc.
         preferred: Preferred velocity, shape (2,).
@@ -204,16 +221,19 @@ def nearest_admissible(lines, hard, first, last, limit_mps, preferred, chosen, w
     Returns:
         True if every half-plane is met as it was given.
     """
-    if nearest(lines, 0, last, limit_mps, preferred, chosen, point):
+    if nearest(lines, begin, last, limit_mps, preferred, chosen, point):
         return True
-    if not nearest(lines, 0, hard, limit_mps, preferred, chosen, point):
-        excess = least_excess(lines, 0, 0, hard, limit_mps, chosen, work, point)
-        for k in range(hard):
-            lines[BOUND, k] -= excess + 1e3 * EPSILON
-        if nearest(lines, 0, last, limit_mps, preferred, chosen, point):
+    if not nearest(lines, begin, first, limit_mps, preferred, chosen, point):
+        if not nearest(lines, hard, first, limit_mps, preferred, chosen, point):
+            move_back(lines, hard, first, least_excess(lines, hard, hard, hard, first, limit_mps, chosen, work, point))
+            nearest(lines, hard, first, limit_mps, preferred, chosen, point)
+        if begin < hard:
+            excess = least_excess(lines, hard, first, begin, hard, limit_mps, chosen, work, point)
+            move_back(lines, begin, hard, excess)
+        if nearest(lines, begin, last, limit_mps, preferred, chosen, point):
             return False
-        nearest(lines, 0, hard, limit_mps, preferred, chosen, point)
-    least_excess(lines, hard, first, last, limit_mps, chosen, work, point)
+        nearest(lines, begin, first, limit_mps, preferred, chosen, point)
+    least_excess(lines, begin, first, first, last, limit_mps, chosen, work, point)
     return False
 
 
@@ -222,9 +242,9 @@ def padded(count: int) -> int:
     return -(-count // LANES) * LANES
 
 
-def new_lines(hard: int, soft: int) -> np.ndarray:
+def new_lines(hard: int, soft: int, firm: int = 0) -> np.ndarray:
     """Room for so many half-planes, shape (4, m), none of which forbids anything."""
-    lines = np.zeros((4, padded(hard) + padded(soft)))
+    lines = np.zeros((4, padded(firm) + padded(hard) + padded(soft)))
     lines[BOUND] = -np.inf
     return lines
 

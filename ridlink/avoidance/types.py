@@ -52,6 +52,10 @@ class HalfplaneSettings:
         obstacle_response_s: Delay before braking begins.
         route_margin_m: A route round an obstacle passes its clearance by so much more, so that the half-plane of the
             obstacle does not slow the vehicle down on it.
+        contact_step_s: Time from one decision to the next. Discs without a part for errors are then never entered,
+            nor entered further, where all that are near avoid too and obey at once: each keeps to its half of what
+            separates the discs before anything else that neighbours ask of it, and standing still always does. 0, the
+            default, is off: a vehicle that answers late cannot promise it.
     """
 
     horizon_s: float = 8.0
@@ -70,6 +74,7 @@ class HalfplaneSettings:
     obstacle_deceleration_mps2: float = 2.0
     obstacle_response_s: float = 0.6
     route_margin_m: float = 3.0
+    contact_step_s: float = 0.0
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -82,7 +87,7 @@ class HalfplaneSettings:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
         for name in (
             "response_time_s", "barrier_gain_per_s", "age_acceleration_mps2", "buffer_share", "head_on_speed_mps",
-            "obstacle_response_s", "route_margin_m",
+            "obstacle_response_s", "route_margin_m", "contact_step_s",
         ):  # fmt: skip
             if getattr(self, name) < 0.0:
                 raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
@@ -96,7 +101,7 @@ class HalfplaneSettings:
             raise ValueError(f"head_on_cosine must lie in [-1, 0], got {self.head_on_cosine}")
 
     def as_vector(self) -> FloatArray:
-        """Values in field order, the form in which the kernels take them, shape (16,)."""
+        """Values in field order, the form in which the kernels take them, shape (17,)."""
         return np.array([getattr(self, item.name) for item in fields(self)], dtype=np.float64)
 
 

@@ -257,7 +257,7 @@ def new_memory(worlds: int, vehicles: int) -> np.ndarray:
 def halfplane_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
     """The scratch arguments of `avoid_worlds`, in its order, for so many worlds of so many vehicles."""
     blocks = blocks_for(vehicles)
-    lines = new_lines(obstacles.piece_count, 2 * LANES * blocks)
+    lines = new_lines(obstacles.piece_count, 2 * LANES * blocks, LANES * blocks)
     choice = new_choice(lines.shape[1])
     return (
         *_picture(worlds, vehicles),

@@ -125,7 +125,7 @@ class PairDecider:
         if isinstance(settings, HalfplaneSettings):
             self._kernel: Any = avoid_pairs
             self._route = np.zeros(shape, np.int64)
-            lines = new_lines(obstacles.piece_count, 2 * rows.LANES * blocks)
+            lines = new_lines(obstacles.piece_count, 2 * rows.LANES * blocks, rows.LANES * blocks)
             choice = new_choice(lines.shape[1])
             self._constants: tuple[Any, ...] = (obstacles.hull_vertex_ne_m, obstacles.hull_start)
             self._scratch: tuple[Any, ...] = (

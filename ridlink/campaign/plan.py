@@ -25,7 +25,11 @@ PAIR_READING_SIGMAS = 1.5
 collisions."""
 
 IDEAL_HALFPLANES = HalfplaneSettings(
-    response_time_s=0.0, arrival_deceleration_mps2=math.inf, obstacle_deceleration_mps2=math.inf, smoothing=1.0
+    response_time_s=0.0,
+    arrival_deceleration_mps2=math.inf,
+    obstacle_deceleration_mps2=math.inf,
+    smoothing=1.0,
+    contact_step_s=REPORT_INTERVAL_S,
 )
 """For vehicles that obey at once."""
 

@@ -17,6 +17,7 @@ from ridlink.avoidance.halfplane import (
     BARRIER,
     BARRIER_SHARE,
     BUFFER_SHARE,
+    CONTACT_STEP,
     HEAD_ON_COSINE,
     HEAD_ON_SPEED,
     HORIZON,
@@ -165,14 +166,16 @@ def least_excess(lines, hard, count, start, limit_mps, work, point):
     return excess
 
 
-def nearest_admissible(lines, hard, count, limit_mps, preferred, work, point):
+def nearest_admissible(lines, hard, firm, count, limit_mps, preferred, work, point):
     """Velocity nearest `preferred` within all half-planes and the disc, or the one that exceeds the soft ones least.
 
-    Where the hard half-planes contradict each other, all of them are moved back by their least possible excess first.
+    Where the hard half-planes contradict each other, all of them are moved back by their least possible excess first;
+    then the firm ones, where they contradict each other or the hard ones.
 
     Args:
-        lines: Half-planes, hard ones first, shape (m, 3) with m > count; hard rows may be moved back.
+        lines: Half-planes, hard ones first, then firm ones, shape (m, 3) with m > count; both may be moved back.
         hard: Number of hard half-planes.
+        firm: Index after the last firm one.
         count: Number of half-planes.
         limit_mps: Radius of the disc.
         preferred: Preferred velocity, shape (2,).
@@ -185,14 +188,15 @@ def nearest_admissible(lines, hard, count, limit_mps, preferred, work, point):
     failed = optimum(lines, count, limit_mps, preferred, False, point)
     if failed == count:
         return True
-    if failed < hard:
-        excess = least_excess(lines, 0, hard, failed, limit_mps, work, point)
-        for k in range(hard):
-            lines[k, 2] -= excess + 1e3 * EPSILON
-        failed = optimum(lines, count, limit_mps, preferred, False, point)
-        if failed == count or failed < hard:
-            return False
-    least_excess(lines, hard, count, failed, limit_mps, work, point)
+    for above, below in ((0, hard), (hard, firm)):
+        if failed < below:
+            excess = least_excess(lines, above, below, failed, limit_mps, work, point)
+            for k in range(above, below):
+                lines[k, 2] -= excess + 1e3 * EPSILON
+            failed = optimum(lines, count, limit_mps, preferred, False, point)
+            if failed == count or failed < below:
+                return False
+    least_excess(lines, firm, count, failed, limit_mps, work, point)
     return False
 
 
@@ -356,6 +360,29 @@ def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):
     return used, inside
 
 
+def contact_half_planes(own, neighbours, count, settings, lines, owner, used):
+    """One firm half-plane for each neighbour whose exact disc could be entered within a step; returns their end."""
+    limit, step = own[LIMIT], settings[CONTACT_STEP]
+    p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
+    for j in range(count):
+        u_1, u_2, age = neighbours[j, N_VELOCITY], neighbours[j, N_VELOCITY + 1], neighbours[j, AGE]
+        out_1, out_2 = p_1 - neighbours[j, N_POSITION] - u_1 * age, p_2 - neighbours[j, N_POSITION + 1] - u_2 * age
+        distance = norm(out_1, out_2)
+        gap = distance - neighbours[j, RADIUS]
+        if neighbours[j, RECIPROCAL] == 0.0 or neighbours[j, ERROR_SUM] != 0.0 or distance <= EPSILON:
+            continue
+        if gap >= 2.0 * limit * step:
+            continue
+        n_1, n_2 = out_1 / distance, out_2 / distance
+        half = max(gap, 0.0) / (2.0 * step)
+        common = (n_1 * (v_1 + u_1) + n_2 * (v_2 + u_2)) / 2.0
+        lines[used, 0], lines[used, 1] = n_1, n_2
+        lines[used, 2] = min(max(common, -half), half) - half
+        owner[used] = j
+        used += 1
+    return used
+
+
 def avoid_one(
     own, neighbours, count, memory, pieces, piece_start, hulls, hull_start, route, settings, lines, work, owner, ring,
     result,
@@ -373,9 +400,9 @@ def avoid_one(
         hull_start: Where each hull begins in it, with the end.
         route: Memory of the way round obstacles.
         settings: Constants, `HalfplaneSettings.as_vector`.
-        lines: Scratch for half-planes, shape (>= 2 count + pieces + 2, 3).
+        lines: Scratch for half-planes, shape (>= 3 count + pieces + 2, 3).
         work: Scratch of the same shape.
-        owner: Scratch: neighbour of each half-plane, shape (>= 2 count + pieces,), int64.
+        owner: Scratch: neighbour of each half-plane, shape (>= 3 count + pieces,), int64.
         ring: Scratch for routes, shape (`ring_size`, 2).
         result: Result, shape (RESULT_COLUMNS,).
 
@@ -392,7 +419,10 @@ def avoid_one(
     route = preferred_velocity(own, hulls, hull_start, route, settings, ring, pair, preferred)
     hard, overlapped = obstacle_half_planes(own, pieces, piece_start, settings, lines, owner, pair)
 
-    used = hard
+    used = firm = hard
+    if settings[CONTACT_STEP] > 0.0:
+        firm = used = contact_half_planes(own, neighbours, count, settings, lines, owner, hard)
+    pressed = False
     right = left = start = 0.0
     margin, nearest, violation = math.inf, -1, math.inf
     line = work[0]
@@ -455,6 +485,13 @@ def avoid_one(
                 lines[used, 0], lines[used, 1], lines[used, 2] = line[0], line[1], bound
                 owner[used] = j
                 used += 1
+                # The later end of a neighbour does not make the contact of others worth less.
+                pressed = pressed or (neighbours[j, RECIPROCAL] == 0.0 and end == 0)
+    if pressed and firm > hard:
+        # With a neighbour about that avoids nobody, nothing is firm.
+        lines[hard : hard + used - firm] = lines[firm:used].copy()
+        owner[hard : hard + used - firm] = owner[firm:used].copy()
+        used, firm = hard + used - firm, hard
 
     # Starting and stalled are the same to the speed; both turns together would lead away from the goal.
     start *= settings[START_TURN] * slowness(preferred, v_1, v_2, limit)
@@ -467,7 +504,7 @@ def avoid_one(
         preferred[0], preferred[1] = preferred[0] * limit / speed, preferred[1] * limit / speed
 
     x = result[R_VELOCITY : R_VELOCITY + 2]
-    feasible = nearest_admissible(lines, hard, used, limit, preferred, work, x)
+    feasible = nearest_admissible(lines, hard, firm, used, limit, preferred, work, x)
     speed = norm(x[0], x[1])
     if speed > limit:
         x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
@@ -482,6 +519,8 @@ def avoid_one(
     for k in range(used):
         here = lines[k, 0] * x[0] + lines[k, 1] * x[1] - lines[k, 2]
         if here > max(slack, 0.0) + TOUCHING_MPS:
+            continue
+        if hard <= k < firm:
             continue
         if owner[k] < 0:
             result[R_OBSTACLE] = 1.0
@@ -503,5 +542,5 @@ def avoid_one(
     pair = work[len(work) - 1]
     pair[0] = own[COMMAND] + blend * (x[0] - own[COMMAND])
     pair[1] = own[COMMAND + 1] + blend * (x[1] - own[COMMAND + 1])
-    nearest_admissible(lines, hard, hard, limit, pair, work, result[R_COMMAND : R_COMMAND + 2])
+    nearest_admissible(lines, hard, firm, firm, limit, pair, work, result[R_COMMAND : R_COMMAND + 2])
     return route

@@ -30,7 +30,7 @@ def solve(rows, preferred, hard=0):
     lines[:3, :hard] = rows[:hard].T
     lines[:3, first : first + len(rows) - hard] = rows[hard:].T
     preferred = np.asarray(preferred, float)
-    met = nearest_admissible(lines, hard, first, lines.shape[1], LIMIT, preferred, chosen, work, point)
+    met = nearest_admissible(lines, 0, 0, first, lines.shape[1], LIMIT, preferred, chosen, work, point)
     return bool(met), point
 
 

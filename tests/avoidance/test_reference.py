@@ -19,7 +19,11 @@ from tests.avoidance import reference_halfplane as plain
 
 SQUARE = Obstacles.from_polygons([[[40.0, -20.0], [80.0, -20.0], [80.0, 20.0], [40.0, 20.0]]])
 NOTHING = Obstacles.from_polygons(())
-SETTINGS = {response: replace(HalfplaneSettings(), response_time_s=response) for response in (0.0, 1.0)}
+# The first one also knows contacts, see `contact_step_s`.
+SETTINGS = {
+    0.0: replace(HalfplaneSettings(), response_time_s=0.0, contact_step_s=0.5),
+    1.0: HalfplaneSettings(),
+}
 SOLVERS = {response: HalfplaneSolver(constants) for response, constants in SETTINGS.items()}
 
 
@@ -32,10 +36,10 @@ def drawn_traffic(random: np.random.Generator, count: int, extent_m: float) -> T
     position[on_top], velocity[on_top] = 0.0, 0.0
     command = velocity + random.normal(0.0, 2.0, (count, 2))
     command[random.random(count) < 0.4] = np.nan
-    error = random.uniform(0.0, 60.0, count)
-    side = random.choice([0, 0, 1, 2], count)
+    error = random.uniform(0.0, 60.0, count) * (random.random(count) < 0.7)
+    side, some = random.choice([0, 0, 1, 2], count), random.choice([0.6, 1.0])
     return Traffic(
-        position, velocity, command, age, error + random.uniform(0.0, 20.0, count), error, random.random(count) < 0.6,
+        position, velocity, command, age, error + random.uniform(0.0, 20.0, count), error, random.random(count) < some,
         (side + random.choice([0, 4], count)).astype(np.int8),
     )  # fmt: skip
 
@@ -52,7 +56,7 @@ def decide_plainly(own: OwnShip, traffic: Traffic, goal, cruise, obstacles, clea
          traffic.error_sum_m, traffic.reciprocal]
     )  # fmt: skip
     memory, result = traffic.memory.copy(), rows.result_row()
-    lines = 2 * count + obstacles.piece_count
+    lines = 3 * count + obstacles.piece_count
     plain.avoid_one(
         vector, table, count, memory, obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m,
         obstacles.hull_start, 0, constants.as_vector(), np.zeros((lines + 2, 3)), np.zeros((lines + 2, 3)),

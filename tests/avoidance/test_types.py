@@ -33,6 +33,7 @@ def test_the_kernels_read_the_settings_in_field_order():
         "obstacle_deceleration_mps2": halfplane.OBSTACLE_DECELERATION,
         "obstacle_response_s": halfplane.OBSTACLE_RESPONSE,
         "route_margin_m": halfplane.ROUTE_MARGIN,
+        "contact_step_s": halfplane.CONTACT_STEP,
     }
     assert list(names) == [item.name for item in fields(HalfplaneSettings)]
     assert list(names.values()) == list(range(len(names)))
