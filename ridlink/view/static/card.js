@@ -1,7 +1,8 @@
 // The selected vehicle: its velocity space and its figures.
 
+import { find, mark, say } from "./dom.js";
+import { fixed, label, metres, UNKNOWN } from "./format.js";
 import { drawInset } from "./inset.js";
-import { fixed, label, mark, metres, say, UNKNOWN } from "./format.js";
 import {
   AGE, AIRFRAME, ALTITUDE, DISPLACEMENT, E, ERROR, N, STALE, STATUS, STRANGER, TRUE_E, TRUE_N, VE, VN,
 } from "./picture.js";
@@ -10,21 +11,19 @@ import { kindOf } from "./traffic.js";
 const WORDS = { [STRANGER]: ["does not avoid", "warn"], [STALE]: ["not heard", "stale"] };
 
 export class Card {
-  #find = (id) => document.getElementById(id);
-
   constructor(palette) {
     this.palette = palette;
-    this.inset = this.#find("inset");
+    this.inset = find("inset");
   }
 
   draw(frame, selected) {
     const index = frame.index(selected);
-    say(this.#find("vehicle-name"), selected === null ? "No vehicle selected" : label(selected, 32));
-    this.#find("vehicle-hint").hidden = index >= 0;
-    this.#find("vehicle-body").hidden = index < 0;
+    say(find("vehicle-name"), selected === null ? "No vehicle selected" : label(selected, 32));
+    find("vehicle-hint").hidden = index >= 0;
+    find("vehicle-body").hidden = index < 0;
     if (index < 0) {
-      this.#find("vehicle-status").hidden = true;
-      say(this.#find("vehicle-hint"), selected === null
+      find("vehicle-status").hidden = true;
+      say(find("vehicle-hint"), selected === null
         ? "Click a vehicle on the plan, or choose one from the list." : "Not in the air at this instant.");
       return;
     }
@@ -35,7 +34,7 @@ export class Card {
   }
 
   #figures(of) {
-    const words = WORDS[kindOf(of(STATUS))], tag = this.#find("vehicle-status");
+    const words = WORDS[kindOf(of(STATUS))], tag = find("vehicle-status");
     tag.hidden = !words;
     if (words) {
       say(tag, words[0]);
@@ -43,15 +42,15 @@ export class Card {
     }
     const speed = Math.hypot(of(VN), of(VE));
     const course = (Math.atan2(of(VE), of(VN)) * 180 / Math.PI + 360) % 360;
-    say(this.#find("fact-speed"), `${fixed(speed, 1)} m/s`);
-    say(this.#find("fact-course"), speed > 0.5 ? `${String(Math.round(course) % 360).padStart(3, "0")}°` : UNKNOWN);
-    say(this.#find("fact-altitude"), metres(of(ALTITUDE)));
-    say(this.#find("fact-age"), Number.isFinite(of(AGE)) ? `${fixed(of(AGE), 1)} s ago` : UNKNOWN);
+    say(find("fact-speed"), `${fixed(speed, 1)} m/s`);
+    say(find("fact-course"), speed > 0.5 ? `${String(Math.round(course) % 360).padStart(3, "0")}°` : UNKNOWN);
+    say(find("fact-altitude"), metres(of(ALTITUDE)));
+    say(find("fact-age"), Number.isFinite(of(AGE)) ? `${fixed(of(AGE), 1)} s ago` : UNKNOWN);
     const [airframe, error, outer] = [of(AIRFRAME), of(ERROR), of(DISPLACEMENT)];
-    say(this.#find("fact-rings"),
+    say(find("fact-rings"),
       `${fixed(airframe, 1)} + ${fixed(error - airframe, 1)} + ${fixed(outer - error, 1)} = ${metres(outer)}`);
     const off = Math.hypot(of(TRUE_N) - of(N), of(TRUE_E) - of(E));
-    this.#find("fact-off-row").hidden = !Number.isFinite(off);
-    say(this.#find("fact-off"), `${metres(off)} from the true position`);
+    find("fact-off-row").hidden = !Number.isFinite(off);
+    say(find("fact-off"), `${metres(off)} from the true position`);
   }
 }

@@ -1,6 +1,7 @@
 // What the server says, and what becomes of it: the greeting, instants, the curve, encounters, the health of the link.
 
-import { label, say } from "./format.js";
+import { find, say } from "./dom.js";
+import { label } from "./format.js";
 import { pack } from "./picture.js";
 import { Socket } from "./socket.js";
 
@@ -10,9 +11,8 @@ const NOBODY = {
 };
 const AGAIN_MS = 1000;
 
-const find = (id) => document.getElementById(id);
-
 export class Conversation {
+  #curveAt = -Infinity; // when the curve was asked for again, because it had become long
   #pushed = null; // the greeting and whether pushes were asked for since
 
   constructor(page) {
@@ -71,6 +71,7 @@ export class Conversation {
     for (const each of [page.history, page.strip]) each.clear();
     page.loader.forget();
     page.clock.reset();
+    this.#curveAt = -Infinity;
     this.#extent(hello);
     const wanted = again ? page.definition : page.asked.definition;
     page.definition = hello.definitions.some((each) => each.name === wanted) ? wanted : hello.definition;
@@ -113,7 +114,10 @@ export class Conversation {
     page.clock.arrived(picture.t, performance.now());
     if (picture.definition !== page.definition) return;
     page.strip.append(picture.t, picture.nearest);
-    if (page.strip.overfull) this.askSeries();
+    if (page.strip.overfull && picture.t - this.#curveAt > 10) {
+      this.#curveAt = picture.t;
+      this.askSeries();
+    }
   }
 
   #takeMany(message) {

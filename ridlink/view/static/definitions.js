@@ -1,10 +1,12 @@
 // The chooser of the separation definition: whose discs are drawn, and what is too near.
 
+import { find } from "./dom.js";
+
 export class Definitions {
   #inputs = [];
 
   constructor(onChoose) {
-    this.field = document.getElementById("definitions");
+    this.field = find("definitions");
     this.onChoose = onChoose;
   }
 

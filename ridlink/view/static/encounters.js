@@ -1,6 +1,7 @@
 // The table of encounters: who came near whom, when, how near; click to jump.
 
-import { clockTime, KIND, label, mark, metres, nearness, say, signedMetres } from "./format.js";
+import { arrange, choosableRow, find, mark, say } from "./dom.js";
+import { clockTime, KIND, label, metres, nearness, signedMetres } from "./format.js";
 
 export class Encounters {
   #rows = new Map();
@@ -10,7 +11,7 @@ export class Encounters {
 
   // onPick(encounter) when somebody chooses one.
   constructor(onPick) {
-    this.body = document.getElementById("encounters");
+    this.body = find("encounters");
     this.onPick = onPick;
     for (const button of document.querySelectorAll("[data-sort]")) {
       button.addEventListener("click", () => {
@@ -47,28 +48,16 @@ export class Encounters {
     const rows = new Map();
     for (const each of sorted) rows.set(each.id, this.#fill(this.#rows.get(each.id) ?? this.#row(), each));
     this.#rows = rows;
-    const wanted = [...rows.values()];
-    if (wanted.length !== this.body.children.length || wanted.some((row, i) => this.body.children[i] !== row)) {
-      this.body.replaceChildren(...wanted);
-    }
-    document.getElementById("no-encounters").hidden = sorted.length > 0;
-    say(document.getElementById("count-encounters"), String(sorted.length));
+    arrange(this.body, [...rows.values()]);
+    find("no-encounters").hidden = sorted.length > 0;
+    say(find("count-encounters"), String(sorted.length));
     for (const button of document.querySelectorAll("[data-sort]")) {
       mark(button, "active", String(button.dataset.sort === this.#sort));
     }
   }
 
   #row() {
-    const row = document.createElement("tr");
-    row.tabIndex = 0;
-    for (let i = 0; i < 4; i += 1) {
-      const cell = document.createElement("td");
-      if (i) cell.className = "num";
-      row.append(cell);
-    }
-    const pick = () => this.onPick(this.#list.find((each) => String(each.id) === row.dataset.id));
-    row.addEventListener("click", pick);
-    row.addEventListener("keydown", (event) => { if (event.key === "Enter") pick(); });
+    const row = choosableRow(4, () => this.onPick(this.#list.find((each) => String(each.id) === row.dataset.id)));
     return row;
   }
 

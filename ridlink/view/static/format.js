@@ -48,12 +48,3 @@ export function nearness(distance, required) {
 }
 
 export const KIND = { inside: "alarm", near: "warn", clear: "" };
-
-// Change a text only where it differs: the DOM is slower than a comparison.
-export function say(element, text) {
-  if (element.textContent !== text) element.textContent = text;
-}
-
-export function mark(element, name, value) {
-  if (element.dataset[name] !== value) element.dataset[name] = value;
-}

@@ -1,7 +1,7 @@
 // Velocity space of the selected vehicle: which velocities it may fly, which it wants, chooses and flies.
 
+import { prepare } from "./canvas.js";
 import { label } from "./format.js";
-import { prepare } from "./plan.js";
 
 const TURN = 2 * Math.PI;
 const MOST_NAMES = 5;

@@ -1,6 +1,7 @@
 // Health of the link: what comes in, what was refused, who else looks.
 
-import { fixed, mark, say } from "./format.js";
+import { find, mark, say } from "./dom.js";
+import { fixed } from "./format.js";
 
 const STATES = {
   connecting: "connecting", live: "live", recorded: "recording", ended: "ended", lost: "connection lost, trying again",
@@ -9,9 +10,9 @@ const STATES = {
 
 export class LinkHealth {
   constructor() {
-    this.list = document.getElementById("health");
-    this.dot = document.getElementById("link-dot");
-    this.pill = document.getElementById("state");
+    this.list = find("health");
+    this.dot = find("link-dot");
+    this.pill = find("state");
     this.rows = new Map();
   }
 

@@ -4,8 +4,9 @@ import { Card } from "./card.js";
 import { Clock } from "./clock.js";
 import { Conversation } from "./conversation.js";
 import { Definitions } from "./definitions.js";
+import { find, mark, say } from "./dom.js";
 import { Encounters } from "./encounters.js";
-import { KIND, label, mark, metres, nearness, say, signedMetres } from "./format.js";
+import { KIND, label, metres, nearness, signedMetres } from "./format.js";
 import { Frame } from "./frame.js";
 import { History } from "./history.js";
 import { listenToKeys, wireTabs } from "./keyboard.js";
@@ -25,8 +26,6 @@ import { Vehicles } from "./vehicles.js";
 const TRANSPORT_EVERY_MS = 40;
 const FIGURES_EVERY_MS = 100;
 const TABLES_EVERY_MS = 400;
-
-const find = (id) => document.getElementById(id);
 
 class Page {
   hello = null;
@@ -154,10 +153,10 @@ class Page {
   tick(now) {
     requestAnimationFrame((next) => this.tick(next));
     if (!this.hello) return;
-    const { clock, frame, plan } = this, before = clock.t;
+    const { clock, frame, plan } = this;
     clock.tick(now, this.live, !this.known && this.loader.waiting);
     if (!clock.following) this.loader.want(clock, frame.count, this.hello.step_s ?? 0.1, now);
-    if (clock.t !== before || this.dirty || plan.stale || frame.growing) {
+    if (this.dirty || plan.stale || frame.growing || plan.visiblyElse(clock.t)) {
       this.known = frame.at(this.history, clock.t, now);
       this.dirty = !this.known;
       if (this.known || plan.stale) {

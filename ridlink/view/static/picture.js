@@ -14,7 +14,7 @@ function shared(names) {
   return lastNames;
 }
 
-// {t, definition, count, names, values (count x FIELDS), pairs (k x 5: i, j, distance, required, entry), nearest, selected}
+// {t, definition, count, names, values (count x FIELDS), pairs (k x 5: i, j, distance, required, entry), nearest, selected, fastest}
 export function pack(instant, definition) {
   const rows = instant.vehicles ?? [];
   const values = new Float32Array(rows.length * FIELDS);
@@ -25,6 +25,8 @@ export function pack(instant, definition) {
   instant.pairs?.forEach((pair, i) => {
     for (let field = 0; field < 5; field += 1) pairs[i * 5 + field] = number(pair[field]);
   });
+  let fastest = 0;
+  for (let at = 0; at < values.length; at += FIELDS) fastest = Math.max(fastest, Math.hypot(values[at + VN], values[at + VE]) || 0);
   return {
     t: instant.t,
     definition: instant.definition ?? definition,
@@ -34,6 +36,7 @@ export function pack(instant, definition) {
     pairs,
     nearest: instant.nearest ?? null,
     selected: instant.selected ?? null,
+    fastest,
     following: null,
   };
 }

@@ -1,6 +1,8 @@
 // The plan: Leaflet carries pan and zoom in metres (x east, y north), two canvases carry the picture.
 
 import * as L from "./vendor/leaflet.js";
+import { canvasIn, prepare } from "./canvas.js";
+import { find } from "./dom.js";
 import { drawGround } from "./ground.js";
 import { E, FIELDS, N } from "./picture.js";
 import { drawTraffic } from "./traffic.js";
@@ -8,6 +10,7 @@ import { drawTraffic } from "./traffic.js";
 const MARGIN_PX = 56;
 const SMALLEST_M = 60;
 const NEAR_PX = 22;
+const VISIBLE_PX = 0.3;
 
 export class Plan {
   #map;
@@ -17,6 +20,7 @@ export class Plan {
   #touched = false;
   #refitAt = 0;
   #stale = true;
+  #drawn = NaN; // the instant that is drawn
 
   // onPick(name) when somebody clicks a vehicle.
   constructor(element, palette, onPick) {
@@ -45,6 +49,12 @@ export class Plan {
 
   get stale() { return this.#stale; }
 
+  // Whether anybody would have moved by what an eye can see since the last drawing, if t were shown.
+  visiblyElse(t) {
+    const speed = (this.frame?.picture?.fastest ?? Infinity) * 2 ** this.#map.getZoom();
+    return !this.frame || Math.abs(t - this.#drawn) * speed > VISIBLE_PX;
+  }
+
   zoom(steps) {
     this.#touched = true;
     this.#map.setZoom(this.#map.getZoom() + steps);
@@ -55,7 +65,7 @@ export class Plan {
     this.#touched = false;
     const bounds = this.#bounds(frame);
     if (!bounds) return;
-    const { width } = this.element.getBoundingClientRect(), legend = document.getElementById("legend");
+    const { width } = this.element.getBoundingClientRect(), legend = find("legend");
     const covered = legend.open && width > 3 * legend.offsetWidth ? legend.offsetWidth : 0;
     const paddingTopLeft = [covered + MARGIN_PX, MARGIN_PX], paddingBottomRight = [MARGIN_PX, MARGIN_PX];
     this.#map.fitBounds(bounds, { paddingTopLeft, paddingBottomRight, animate: false });
@@ -70,6 +80,7 @@ export class Plan {
 
   draw(frame, trails, labels, now) {
     this.frame = frame;
+    this.#drawn = frame.t;
     if (!this.#fitted && frame.count) this.fit(frame);
     else if (!this.#touched && now - this.#refitAt > 1000) this.#keepEverybody(frame, now);
     const view = this.#view();
@@ -125,28 +136,4 @@ export class Plan {
     }
     return best;
   }
-}
-
-function canvasIn(element, name) {
-  const canvas = document.createElement("canvas");
-  canvas.className = `plan-canvas ${name}`;
-  canvas.setAttribute("aria-hidden", "true");
-  element.append(canvas);
-  return canvas;
-}
-
-// The canvas in the size of the view, cleared, in CSS pixels.
-export function prepare(canvas, { width, height }) {
-  const ratio = Math.min(2, devicePixelRatio || 1);
-  const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
-  if (canvas.width !== w || canvas.height !== h) {
-    canvas.width = w;
-    canvas.height = h;
-    canvas.style.width = `${width}px`;
-    canvas.style.height = `${height}px`;
-  }
-  const context = canvas.getContext("2d");
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  context.clearRect(0, 0, width, height);
-  return context;
 }

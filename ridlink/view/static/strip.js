@@ -1,6 +1,7 @@
 // Nearest distance against required distance over time, with closest approaches and collisions; click or drag to jump.
 
 import uPlot from "./vendor/uplot.js";
+import { mark } from "./dom.js";
 import { clockTime } from "./format.js";
 
 const AXIS_PX = 46, RIGHT_PX = 16;

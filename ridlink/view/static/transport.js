@@ -1,23 +1,22 @@
 // Play, back, speed, live and the scrubber.
 
-import { clockTime, mark, say, utcTime } from "./format.js";
+import { find, mark, say } from "./dom.js";
+import { clockTime, utcTime } from "./format.js";
 
 export const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20];
 
 export class Transport {
-  #find = (id) => document.getElementById(id);
-
   constructor(clock) {
     this.clock = clock;
-    this.scrubber = this.#find("scrubber");
-    this.speed = this.#find("speed");
+    this.scrubber = find("scrubber");
+    this.speed = find("speed");
     for (const speed of SPEEDS) this.speed.append(new Option(`${speed}×`, String(speed), speed === 1, speed === 1));
     this.speed.addEventListener("change", () => clock.setSpeed(Number(this.speed.value)));
     this.scrubber.addEventListener("input", () => clock.seek(Number(this.scrubber.value)));
-    this.#find("play").addEventListener("click", () => this.toggle());
-    this.#find("back").addEventListener("click", () => this.backwards());
-    this.#find("start").addEventListener("click", () => clock.seek(clock.t0));
-    this.#find("live").addEventListener("click", () => clock.follow());
+    find("play").addEventListener("click", () => this.toggle());
+    find("back").addEventListener("click", () => this.backwards());
+    find("start").addEventListener("click", () => clock.seek(clock.t0));
+    find("live").addEventListener("click", () => clock.follow());
   }
 
   toggle() {
@@ -43,9 +42,9 @@ export class Transport {
     scrubber.value = String(clock.t);
     const time = clockTime(clock.t);
     scrubber.setAttribute("aria-valuetext", time);
-    say(this.#find("clock"), time);
-    say(this.#find("utc"), utc0 === null ? "" : utcTime(utc0 + clock.t));
-    const play = this.#find("play"), back = this.#find("back"), follow = this.#find("live");
+    say(find("clock"), time);
+    say(find("utc"), utc0 === null ? "" : utcTime(utc0 + clock.t));
+    const play = find("play"), back = find("back"), follow = find("live");
     mark(play, "playing", String(clock.following || clock.rate > 0));
     play.setAttribute("aria-label", clock.playing ? "Pause" : "Play");
     back.setAttribute("aria-pressed", String(clock.rate < 0));

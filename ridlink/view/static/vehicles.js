@@ -1,6 +1,7 @@
 // The table of everybody in the air. Only rows that can be seen are filled, so that hundreds cost little.
 
-import { fixed, label, mark, say } from "./format.js";
+import { arrange, choosableRow, find, mark, say } from "./dom.js";
+import { fixed, label } from "./format.js";
 import { AGE, ALTITUDE, DISPLACEMENT, E, N, STATUS, VE, VN } from "./picture.js";
 import { kindOf } from "./traffic.js";
 
@@ -13,8 +14,8 @@ export class Vehicles {
   #rows = [];
 
   constructor(onPick) {
-    this.body = document.getElementById("vehicles");
-    this.panel = document.getElementById("panel-vehicles");
+    this.body = find("vehicles");
+    this.panel = find("panel-vehicles");
     this.onPick = onPick;
   }
 
@@ -27,7 +28,7 @@ export class Vehicles {
   get ordered() { return this.#rows.map((row) => row.name); }
 
   draw(frame, selected) {
-    say(document.getElementById("count-vehicles"), String(frame.count));
+    say(find("count-vehicles"), String(frame.count));
     if (frame.names !== this.#names) this.#arrange(frame.names);
     if (this.#selected !== selected) {
       this.#selected = selected;
@@ -47,22 +48,14 @@ export class Vehicles {
     this.#selected = undefined;
     const known = new Map(this.#rows.map((each) => [each.name, each]));
     this.#rows = Vehicles.order(names).map((name) => known.get(name) ?? { name, row: this.#row(name) });
-    this.body.replaceChildren(...this.#rows.map((each) => each.row));
+    arrange(this.body, this.#rows.map((each) => each.row));
   }
 
   #row(name) {
-    const row = document.createElement("tr");
-    row.tabIndex = 0;
+    const row = choosableRow(5, () => this.onPick(name));
     row.dataset.name = name;
     row.title = label(name, 80);
-    for (let i = 0; i < 5; i += 1) {
-      const cell = document.createElement("td");
-      if (i) cell.className = "num";
-      row.append(cell);
-    }
     say(row.cells[0], label(name, 20));
-    row.addEventListener("click", () => this.onPick(name));
-    row.addEventListener("keydown", (event) => { if (event.key === "Enter") this.onPick(name); });
     return row;
   }
 
