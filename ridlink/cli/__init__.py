@@ -40,6 +40,7 @@ COMMANDS = {
     "record": "ridlink.cli.record:record",
     "replay": "ridlink.cli.replay:replay",
     "report": "ridlink.cli.report:report",
+    "top": "ridlink.cli.top:top",
     "whatif": "ridlink.cli.whatif:whatif",
 }
 """Sub-commands of this package, as ``module:attribute``."""

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from ridlink.errors import ConfigError
 from ridlink.mavlink.frames import Frame
 from ridlink.mqtt.outbox import Outgoing
 from ridlink.mqtt.topics import Topics
-from ridlink.observer import Aircraft, Encounter, EncounterLog, Phase, Scene, Sky, pair_discs, rings
+from ridlink.observer import Encounter, EncounterLog, Phase, Scene, Sky, aircraft_states
+from ridlink.observer.states import rounded
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 
@@ -140,17 +140,10 @@ class Publisher:
 
     def _states(self, scene: Scene, utc_s: float) -> list[Outgoing]:
         definition, topics = self._settings.definition, self._settings.topics
-        outer = rings(scene, definition, eta=self._settings.eta)[:, 2]
-        nearest = _nearest(scene, pair_discs(scene, definition, eta=self._settings.eta))
-        at = {name: index for index, name in enumerate(scene.names)}
-        states = []
-        for one in self.sky.aircraft.values():
-            index = at.get(one.name)
-            if index is None:
-                continue
-            state = state_payload(one, scene.time_s, utc_s)
-            state |= {"definition": str(definition), "disc_radius_m": _rounded(outer[index]), "nearest": nearest[index]}
-            states.append((topics.state(one.name), state))
+        states = [
+            (topics.state(state["uas"]), {"schema": SCHEMA} | state)
+            for state in aircraft_states(self.sky, scene, definition, utc_s, eta=self._settings.eta)
+        ]
         if self._settings.batch:
             whole = {"schema": SCHEMA, "t": round(utc_s, 3), "states": [state for _, state in states]}
             return [Outgoing(topics.batch, msgspec.json.encode(whole))] if states else []
@@ -195,10 +188,10 @@ class Publisher:
             "uas": list(pair),
             "definition": str(definition),
             "opened_t": round(utc_s - (now_s - encounter.opened_s), 3),
-            "closest_t": _rounded(utc_s - (now_s - encounter.closest_s), 3),
-            "closest_m": _rounded(encounter.closest_m),
-            "margin_m": _rounded(encounter.margin_m.get(definition, math.inf)),
-            "entry_in_s": _rounded(encounter.entry_in_s),
+            "closest_t": rounded(utc_s - (now_s - encounter.closest_s), 3),
+            "closest_m": rounded(encounter.closest_m),
+            "margin_m": rounded(encounter.margin_m.get(definition, math.inf)),
+            "entry_in_s": rounded(encounter.entry_in_s),
         }
 
     def _alert(self, encounter: Encounter, now_s: float, utc_s: float) -> Outgoing:
@@ -208,69 +201,9 @@ class Publisher:
             "kind": "mac" if encounter.collided else "disc_entered",
             "uas": list(encounter.pair),
             "definition": str(self._settings.definition),
-            "distance_m": _rounded(encounter.closest_m),
+            "distance_m": rounded(encounter.closest_m),
         }
         return Outgoing(self._settings.topics.alert, msgspec.json.encode(payload), 1, about="~".join(encounter.pair))
-
-
-def state_payload(one: Aircraft, now_s: float, utc_s: float) -> dict[str, Any]:
-    """One aircraft in the SI names that the decoder uses; unknown is None.
-
-    Args:
-        one: The aircraft.
-        now_s: The clock on which it was heard.
-        utc_s: The same instant, for those who read it.
-    """
-    report = one.report
-    velocity = report.velocity_ned_mps
-    direction = None
-    if velocity is not None and (velocity[0] or velocity[1]):
-        direction = round(math.degrees(math.atan2(velocity[1], velocity[0])) % 360.0, 1)
-    return {
-        "schema": SCHEMA,
-        "t": round(utc_s, 3),
-        "uas": one.name,
-        "source": "/".join(map(str, report.source)),
-        "ua_type": report.ua_type,
-        "status": report.status,
-        "latitude_deg": report.latitude_deg,
-        "longitude_deg": report.longitude_deg,
-        "altitude_geodetic_m": _rounded(report.altitude_geodetic_m),
-        "altitude_barometric_m": _rounded(report.altitude_barometric_m),
-        "height_m": _rounded(report.height_m),
-        "height_reference": report.height_reference,
-        "direction_deg": direction,
-        "speed_horizontal_mps": _rounded(report.speed_horizontal_mps),
-        "speed_vertical_mps": _rounded(report.climb_mps),
-        "horizontal_accuracy_m": _rounded(report.accuracy_bound_m),
-        "horizontal_error_m": _rounded(report.horizontal_error_m),
-        "vertical_error_m": _rounded(report.vertical_error_m),
-        "velocity_error_mps": _rounded(report.velocity_error_mps),
-        "airframe_size_m": _rounded(report.airframe_size_m),
-        "airframe_height_m": _rounded(report.airframe_height_m),
-        "update_interval_s": _rounded(one.interval_s, 3),
-        "avoiding": report.avoiding,
-        "age_s": round(max(0.0, now_s - one.last_heard_s), 3),
-    }
-
-
-def _nearest(scene: Scene, radius_m: np.ndarray[Any, np.dtype[np.float64]]) -> list[dict[str, Any] | None]:
-    """For each, who is nearest to its disc: name, distance and margin [m]."""
-    count = len(scene)
-    if count < 2:
-        return [None] * count
-    offset = scene.position_ne_m[None, :, :] - scene.position_ne_m[:, None, :]
-    distance = np.hypot(offset[..., 0], offset[..., 1])
-    margin = distance - radius_m
-    margin[scene.apart()] = np.inf
-    np.fill_diagonal(margin, np.inf)
-    who = margin.argmin(axis=1)
-    return [
-        None
-        if not np.isfinite(margin[i, j])
-        else {"uas": scene.names[j], "distance_m": _rounded(distance[i, j]), "margin_m": _rounded(margin[i, j])}
-        for i, j in enumerate(who)
-    ]
 
 
 def _availability(topics: Topics, name: str, *, online: bool) -> Outgoing:
@@ -294,7 +227,3 @@ def _device_tracker(topics: Topics, name: str) -> Outgoing:
         "availability_topic": topics.aircraft_availability(name),
     }
     return Outgoing(f"homeassistant/device_tracker/{unique}/config", msgspec.json.encode(config), 1, True)
-
-
-def _rounded(value: float | None, digits: int = 2) -> float | None:
-    return None if value is None or not math.isfinite(value) else round(float(value), digits)

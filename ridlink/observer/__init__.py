@@ -3,6 +3,7 @@
 sky         messages -> aircraft, and all of them at one instant as arrays
 discs       what each pair needs between it under a definition, and each vehicle's share of it
 pairs       how far apart all pairs are, and when they will be too near
+states      everybody as objects of JSON
 encounters  who comes near whom: opened, followed, closed
 """
 
@@ -12,6 +13,7 @@ from ridlink.observer.discs import pair_discs, rings
 from ridlink.observer.encounters import Encounter, EncounterLog, Phase
 from ridlink.observer.pairs import Pairs, closing_times, pairs_of
 from ridlink.observer.sky import Aircraft, Scene, Sky
+from ridlink.observer.states import aircraft_states
 
-__all__ = ["Aircraft", "Encounter", "EncounterLog", "Pairs", "Phase", "Scene", "Sky", "closing_times",
-           "pair_discs", "pairs_of", "rings"]  # fmt: skip
+__all__ = ["Aircraft", "Encounter", "EncounterLog", "Pairs", "Phase", "Scene", "Sky", "aircraft_states",
+           "closing_times", "pair_discs", "pairs_of", "rings"]  # fmt: skip

@@ -11,6 +11,7 @@ from typing import Any
 
 from ridlink.observer import Encounter, EncounterLog, Phase, Scene
 from ridlink.observer.sky import FORGET_AFTER_S
+from ridlink.observer.states import rounded
 from ridlink.review.approach import nearest_since
 from ridlink.review.traces import Trace
 from ridlink.separation.chance import DEFAULT_ETA
@@ -156,20 +157,16 @@ def encounter_row(encounter: Encounter, definition: Definition, *, at_end: bool 
         "uas": list(encounter.pair),
         "definition": str(definition),
         "start_t": round(encounter.opened_s, 3),
-        "end_t": _rounded(encounter.closed_s, 3),
-        "closest_t": _rounded(encounter.closest_s, 3),
-        "closest_m": _rounded(encounter.closest_m),
-        "closest_vertical_m": _rounded(encounter.closest_above_m),
-        "horizontal_error_m": [_rounded(error) for error in encounter.closest_errors_m],
-        "mac_distance_m": _rounded(encounter.airframes_m),
+        "end_t": rounded(encounter.closed_s, 3),
+        "closest_t": rounded(encounter.closest_s, 3),
+        "closest_m": rounded(encounter.closest_m),
+        "closest_vertical_m": rounded(encounter.closest_above_m),
+        "horizontal_error_m": [rounded(error) for error in encounter.closest_errors_m],
+        "mac_distance_m": rounded(encounter.airframes_m),
         "mac": encounter.collided,
-        "margin_m": {str(kind): _rounded(encounter.margin_m[kind]) for kind in Definition},
+        "margin_m": {str(kind): rounded(encounter.margin_m[kind]) for kind in Definition},
         "inside_s": {str(kind): round(encounter.inside_s[kind], 1) for kind in Definition},
         "moved": list(encounter.moved),
-        "manoeuvre_mps": [_rounded(change) for change in encounter.manoeuvre_mps],
+        "manoeuvre_mps": [rounded(change) for change in encounter.manoeuvre_mps],
         "at_end": at_end,
     }
-
-
-def _rounded(value: float | None, digits: int = 2) -> float | None:
-    return None if value is None or not math.isfinite(value) else round(value, digits)

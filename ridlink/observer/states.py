@@ -1,0 +1,105 @@
+"""Everybody in the air as objects of JSON, in the SI names that the decoder uses; unknown is None."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ridlink.observer.discs import rings
+from ridlink.observer.pairs import Pairs, pairs_of
+from ridlink.observer.sky import Aircraft, Scene, Sky
+from ridlink.separation.chance import DEFAULT_ETA
+from ridlink.separation.definitions import Definition
+
+
+def aircraft_states(
+    sky: Sky, scene: Scene, definition: Definition, utc_s: float, *, eta: float = DEFAULT_ETA
+) -> list[dict[str, Any]]:
+    """Everybody who is in the air: what each reports, its share of a disc, and who is nearest to it.
+
+    Args:
+        sky: Who is in the air.
+        scene: Where they are, of `Sky.at`.
+        definition: What sizes the discs.
+        utc_s: The same instant, seconds since 1970.
+        eta: Of ``chance`` only.
+    """
+    outer = rings(scene, definition, eta=eta)[:, 2]
+    nearest = nearest_neighbours(scene, pairs_of(scene, definition, eta=eta))
+    at = {number: index for index, number in enumerate(scene.numbers)}
+    return [
+        aircraft_state(one, scene.time_s, utc_s)
+        | {
+            "definition": str(definition),
+            "disc_radius_m": rounded(outer[at[one.number]]),
+            "nearest": nearest[at[one.number]],
+        }
+        for one in sky.aircraft.values()
+        if one.number in at
+    ]
+
+
+def aircraft_state(one: Aircraft, now_s: float, utc_s: float) -> dict[str, Any]:
+    """What one aircraft reports.
+
+    Args:
+        one: The aircraft.
+        now_s: The clock on which it was heard.
+        utc_s: The same instant, for those who read it.
+    """
+    report = one.report
+    velocity = report.velocity_ned_mps
+    direction = None
+    if velocity is not None and (velocity[0] or velocity[1]):
+        direction = round(math.degrees(math.atan2(velocity[1], velocity[0])) % 360.0, 1)
+    return {
+        "t": round(utc_s, 3),
+        "uas": one.name,
+        "source": "/".join(map(str, report.source)),
+        "ua_type": report.ua_type,
+        "status": report.status,
+        "latitude_deg": report.latitude_deg,
+        "longitude_deg": report.longitude_deg,
+        "altitude_geodetic_m": rounded(report.altitude_geodetic_m),
+        "altitude_barometric_m": rounded(report.altitude_barometric_m),
+        "height_m": rounded(report.height_m),
+        "height_reference": report.height_reference,
+        "direction_deg": direction,
+        "speed_horizontal_mps": rounded(report.speed_horizontal_mps),
+        "speed_vertical_mps": rounded(report.climb_mps),
+        "horizontal_accuracy_m": rounded(report.accuracy_bound_m),
+        "horizontal_error_m": rounded(report.horizontal_error_m),
+        "vertical_error_m": rounded(report.vertical_error_m),
+        "velocity_error_mps": rounded(report.velocity_error_mps),
+        "airframe_size_m": rounded(report.airframe_size_m),
+        "airframe_height_m": rounded(report.airframe_height_m),
+        "update_interval_s": rounded(one.interval_s, 3),
+        "avoiding": report.avoiding,
+        "age_s": round(max(0.0, now_s - one.last_heard_s), 3),
+    }
+
+
+def nearest_neighbours(scene: Scene, pairs: Pairs) -> list[dict[str, Any] | None]:
+    """For each, who is nearest to its disc: name, distance and margin [m]; None if nobody flies at its height.
+
+    Args:
+        scene: Everybody.
+        pairs: Its pairs.
+    """
+    if len(scene) < 2:
+        return [None] * len(scene)
+    margin = np.where(pairs.apart, np.inf, pairs.distance_m - pairs.radius_m)
+    np.fill_diagonal(margin, np.inf)
+    return [
+        None
+        if not np.isfinite(margin[i, j])
+        else {"uas": scene.names[j], "distance_m": rounded(pairs.distance_m[i, j]), "margin_m": rounded(margin[i, j])}
+        for i, j in enumerate(margin.argmin(axis=1))
+    ]
+
+
+def rounded(value: float | None, digits: int = 2) -> float | None:
+    """Fit for JSON: None where it is unknown or infinite."""
+    return None if value is None or not math.isfinite(value) else round(float(value), digits)
