@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS, decode_export
-from ridlink.cli.options import capture_kind
+from ridlink.cli.options import capture_kind, wanted_names
 from ridlink.cli.output import whole_output
 from ridlink.cli.progress import Progress
 
@@ -83,7 +83,7 @@ def decode(
     decode_export.check(output_format, output, frames, join, stats)
     if follow:
         decode_export.check_follow(files, kind, output_format, output, join, stats)
-    selection = Selection(_wanted_names(types), source_system, since, until)
+    selection = Selection(wanted_names(types), source_system, since, until)
     statistics = Statistics()
     found = decode_export.readable(files)
     if join or output_format in decode_export.EXPORTS:
@@ -215,24 +215,3 @@ def _follow(path: str, kind: str, lines: _Lines) -> None:
         for number, handler in before.items():
             signal.signal(number, handler)
         lines.progress.clear()
-
-
-def _wanted_names(types: str | None) -> frozenset[str] | None:
-    """Names of the dialect that a comma-separated list of globs matches; ``None`` for all."""
-    if types is None:
-        return None
-    from fnmatch import fnmatchcase
-
-    from ridlink.captures.messages import UNKNOWN
-    from ridlink.mavlink.codec import MESSAGES_BY_NAME
-
-    names = [*MESSAGES_BY_NAME, UNKNOWN]
-    wanted: set[str] = set()
-    for pattern in (part.strip().upper() for part in types.split(",") if part.strip()):
-        matching = [name for name in names if fnmatchcase(name, pattern)]
-        if not matching:
-            raise click.BadParameter(f"no message of the dialect matches {pattern!r}", param_hint="'--types'")
-        wanted.update(matching)
-    if not wanted:
-        raise click.BadParameter("names no message", param_hint="'--types'")
-    return frozenset(wanted)

@@ -51,3 +51,28 @@ def definition_of(text: str, option: str = "--definition") -> Definition:
         return Definition(text.strip())
     except ValueError:
         raise click.BadParameter(f"{text.strip()!r} is none of {', '.join(Definition)}", param_hint=option) from None
+
+
+def wanted_names(types: str | None) -> frozenset[str] | None:
+    """Names of the dialect that a comma-separated list of globs matches; ``None`` for all.
+
+    Raises:
+        click.BadParameter: If one of them matches nothing.
+    """
+    if types is None:
+        return None
+    from fnmatch import fnmatchcase
+
+    from ridlink.captures.messages import UNKNOWN
+    from ridlink.mavlink.codec import MESSAGES_BY_NAME
+
+    names = [*MESSAGES_BY_NAME, UNKNOWN]
+    wanted: set[str] = set()
+    for pattern in (part.strip().upper() for part in types.split(",") if part.strip()):
+        matching = [name for name in names if fnmatchcase(name, pattern)]
+        if not matching:
+            raise click.BadParameter(f"no message of the dialect matches {pattern!r}", param_hint="'--types'")
+        wanted.update(matching)
+    if not wanted:
+        raise click.BadParameter("names no message", param_hint="'--types'")
+    return frozenset(wanted)

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import above_zero, capture_kind
+from ridlink.cli.options import above_zero, capture_kind, wanted_names
 from ridlink.cli.signals import stopped_by_signals
+from ridlink.errors import CaptureError
 
 if TYPE_CHECKING:
-    from ridlink.captures import Record
+    from ridlink.captures import Capture, Record
     from ridlink.links import Link
 
 PEER_EVERY_S = 0.05
@@ -44,13 +45,15 @@ PROGRESS_EVERY_S = 0.2
     metavar="HZ",
     help="Messages a second of captures that have no times.",
 )
+@click.option("--types", metavar="GLOBS", help="Messages to send, such as 'OPEN_DRONE_ID_*,RIDLINK_*'.")
 @click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C.")
-def replay(file: str, url: str, kind: str, speed: float, rate: float, loop: bool) -> int:
+def replay(file: str, url: str, kind: str, speed: float, rate: float, types: str | None, loop: bool) -> int:
     """Send the frames of a dump over a link as they were recorded, one a datagram.
 
     \b
     ridlink replay flight.tlog --out udpout:127.0.0.1:14550            to a ground station
-    ridlink replay air.tlog --out udpout:127.0.0.1:14650 --speed 10    ten times as fast
+    ridlink replay air.tlog --out udpout:127.0.0.1:14650 --speed 10    to the air, ten times as fast
+    ridlink replay air.tlog --out udpout:127.0.0.1:14790 --loop        to 'ridlink mqtt --source udpin:127.0.0.1:14790'
 
     A listening link waits for somebody to speak first. Broadcasts of a pcap go out as the MAVLink frames that a
     Remote ID receiver makes of them.
@@ -63,14 +66,17 @@ def replay(file: str, url: str, kind: str, speed: float, rate: float, loop: bool
         raise click.UsageError("standard input cannot be read twice: no --loop")
     if file != "-":
         open_capture(file, kind).close()  # what cannot be read shows before the link is opened
-    sent, refused, took_s = asyncio.run(_replay(file, kind, url, speed, rate, loop))
+    wanted = wanted_names(types)
+    sent, refused, took_s = asyncio.run(_replay(file, kind, url, speed, rate, wanted, loop))
     if refused:
         click.echo(f"ridlink: {refused:,} messages the network did not take", err=True)
     click.echo(f"{url}: {sent:,} messages in {took_s:.1f} s")
     return EXIT_DONE
 
 
-async def _replay(file: str, kind: str, url: str, speed: float, rate: float, loop: bool) -> tuple[int, int, float]:
+async def _replay(
+    file: str, kind: str, url: str, speed: float, rate: float, wanted: frozenset[str] | None, loop: bool
+) -> tuple[int, int, float]:
     """Send until the end, or a signal; messages sent and not taken, seconds."""
     import asyncio
 
@@ -88,13 +94,25 @@ async def _replay(file: str, kind: str, url: str, speed: float, rate: float, loo
             click.echo(f"ridlink: waiting for somebody to speak to {here}", err=True)
         while not stop.is_set():
             with open_capture(file, kind) as capture:
-                await player.play(iter(capture), wait_for_peer=link_url.listens)
+                await player.play(_selected(capture, wanted), wait_for_peer=link_url.listens)
+            if not player.sent + player.refused and not stop.is_set():
+                raise CaptureError(f"{capture.name} has none of the messages that --types asks for")
             if not loop:
                 break
     finally:
         player.clear_progress()
         link.close()
     return player.sent, player.refused, running.time() - player.started_s
+
+
+def _selected(capture: Capture, wanted: frozenset[str] | None) -> Iterator[Record]:
+    from ridlink.captures.messages import UNKNOWN
+    from ridlink.mavlink.codec import MESSAGES
+
+    for record in capture:
+        spec = MESSAGES.get(record.frame.msgid)
+        if wanted is None or (UNKNOWN if spec is None else spec.name) in wanted:
+            yield record
 
 
 class _Player:

@@ -72,6 +72,19 @@ def test_frames_come_whole_in_order_and_when_they_are_due(tmp_path: Path) -> Non
     assert re.fullmatch(rf"{url}: 5 messages in \d\.\d s\n", out)
 
 
+def test_only_the_messages_asked_for_are_sent(tmp_path: Path) -> None:
+    path = tmp_path / "f.tlog"
+    path.write_bytes(tlog_bytes(flight(9)))
+    with (
+        ground() as (sock, url),
+        replaying(path, "--out", url, "--types", "OPEN_DRONE_ID_*", "--speed", "9") as process,
+    ):
+        out, err = process.communicate(timeout=20)
+        arrivals = receive(sock, 3)
+    assert [data for _, data in arrivals] == [frame for _, frame in flight(9)[1::3]]
+    assert process.returncode == 0 and err == "" and ": 3 messages in" in out
+
+
 def test_a_raw_stream_has_a_rate(tmp_path: Path) -> None:
     path = tmp_path / "f.mavlink"
     path.write_bytes(b"".join(frame for _, frame in flight(11)))
@@ -133,6 +146,8 @@ def test_a_listening_link_waits_for_somebody(tmp_path: Path) -> None:
         (["{log}", "--out", "udpout:127.0.0.1:9", "--speed", "0"], 2),
         (["{log}", "--out", "udpout:127.0.0.1:9", "--rate", "nan"], 2),
         (["-", "--out", "udpout:127.0.0.1:9", "--loop"], 2),
+        (["{log}", "--out", "udpout:127.0.0.1:9", "--types", "NOPE"], 2),
+        (["{log}", "--out", "udpout:127.0.0.1:9", "--types", "RIDLINK_*", "--loop"], 3),
     ],
 )
 def test_errors_are_one_line(tmp_path: Path, arguments: list[str], code: int) -> None:
