@@ -64,6 +64,12 @@ test("where the history has a hole, nothing is made up", () => {
   assert.equal(new Frame().at(history, 50, 0), false);
 });
 
+test("a sky that was empty stays empty until somebody comes", () => {
+  const frame = new Frame();
+  assert.ok(frame.at(historyOf(instant(0), instant(100, vehicle("a", 0, 0))), 50, 0));
+  assert.equal(frame.count, 0);
+});
+
 test("rings change within a moment when the definition does", () => {
   const frame = new Frame();
   frame.at(historyOf(instant(0, vehicle("a", 0, 0))), 0, 0);
@@ -151,6 +157,18 @@ test("the loader asks for less at once when there are many, and for coarser step
   loader.forget();
   loader.want({ t: 500, t0: 0, t1: 1000, rate: 20 }, 8, 0.1, 0);
   assert.ok(Math.abs(asked[1].step - 0.5) < 1e-9 && asked[1].window[1] - asked[1].window[0] > 100);
+});
+
+test("in a stretch without an instant the loader asks once what was before", () => {
+  const asked = [];
+  const loader = new Loader((request) => asked.push(request));
+  const clock = { t: 65, t0: 0, t1: 80, rate: 0 };
+  loader.look("candidate2", null);
+  for (let now = 0; now < 50; now += 10) {
+    loader.want(clock, 8, 0.1, now, false);
+    if (asked.at(-1).window) loader.answered({ id: asked.at(-1).id, done: true });
+  }
+  assert.deepEqual(asked.filter((each) => "at" in each).map((each) => each.at), [65]);
 });
 
 test("a drag to somewhere else does not wait for what was asked before", () => {

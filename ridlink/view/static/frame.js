@@ -21,7 +21,7 @@ export class Frame {
     if (index < 0) return false;
     const picture = history.at(index), later = history.at(index + 1);
     const joined = later && later.t - picture.t <= GAP_S;
-    if (!joined && later && t - picture.t > FLOWN_ON_S) return false;
+    if (!joined && later && picture.count && t - picture.t > FLOWN_ON_S) return false; // an empty sky stays empty
     this.t = t;
     this.picture = picture;
     this.names = picture.names;

@@ -8,6 +8,7 @@ const MOST_ROWS = 9000; // of one request
 export class Loader {
   #id = 0;
   #waiting = null;
+  #lookedAt = null;
   #have = new Map(); // what is looked at, step, number of the stretch -> complete until
 
   // send(request) is false if nobody takes it.
@@ -32,14 +33,15 @@ export class Loader {
     }
   }
 
-  // Called at every frame while somebody looks at the past.
-  want(clock, vehicles, step, now) {
+  // Called at every frame while somebody looks at the past; `known` says that the instant of the clock is there.
+  want(clock, vehicles, step, now, known = true) {
     const pace = Math.abs(clock.rate);
     const coarse = step * Math.max(1, Math.ceil(pace / 4));
     const instants = Math.max(30, Math.min(MOST_INSTANTS, Math.floor(MOST_ROWS / Math.max(1, vehicles))));
     const length = coarse * instants;
     const here = Math.floor(clock.t / length);
     const ahead = clock.rate < 0 ? here - 1 : here + 1;
+    if (!known && this.#complete(here, length, coarse, clock)) this.#askAt(clock.t);
     const trail = clock.t - here * length < length / 2 ? here - 1 : null;
     for (const number of [here, ahead, trail]) {
       if (number === null || (number !== here && number * length > clock.t1)) continue;
@@ -75,6 +77,15 @@ export class Loader {
     if (since > PATIENCE_MS) return false;
     const useful = waiting.look === this.key && t >= waiting.from && t <= waiting.to;
     return !(urgent && !useful && since > DRAGGED_PAST_MS);
+  }
+
+  // A stretch without any instant: what was before it?
+  #askAt(t) {
+    const looked = `${this.key} ${t.toFixed(1)}`;
+    if (looked === this.#lookedAt || this.#waiting) return;
+    this.#lookedAt = looked;
+    this.#id += 1;
+    this.send({ at: t, id: this.#id });
   }
 
   #ask(number, length, step, clock, now) {

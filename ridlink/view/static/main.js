@@ -155,7 +155,7 @@ class Page {
     if (!this.hello) return;
     const { clock, frame, plan } = this;
     clock.tick(now, this.live, !this.known && this.loader.waiting);
-    if (!clock.following) this.loader.want(clock, frame.count, this.hello.step_s ?? 0.1, now);
+    if (!clock.following) this.loader.want(clock, frame.count, this.hello.step_s ?? 0.1, now, this.known);
     if (this.dirty || plan.stale || frame.growing || plan.visiblyElse(clock.t)) {
       this.known = frame.at(this.history, clock.t, now);
       this.dirty = !this.known;
