@@ -18,7 +18,7 @@ WORLD = ("dynamics", "sigma_m", "interval_s", "loss")
 PANEL = ("scenario", "gnss")
 
 COLOUR_OF = dict(zip(DEFINITION_NAMES, (*COLOURS, GREY), strict=True))
-MARKER_OF = {"rotation": "o", "halfplane": "s", "graded": "^", "g2": "^", "k": "D", "k2": "v"}
+MARKER_OF = {"rotation": "o", "halfplane": "s", "graded": "^", "g2": "^", "g3": "*", "k": "D", "k2": "v"}
 
 Row = dict[str, Any]
 Panels = dict[tuple[Any, ...], list[int]]

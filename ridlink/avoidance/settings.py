@@ -141,6 +141,14 @@ class GradedSettings:
         return cls().for_an_ideal_vehicle()
 
     @classmethod
+    def g3(cls) -> GradedSettings:
+        """As `g2`, with a wider and lighter tail: a quarter fewer MACs in the same time."""
+        wider = cls(
+            tail_share=9.0 / 60.0, crowd_share=11.0 / 60.0, risk_weight=0.75, wrong_side_factor=3.5, left_weight=0.9
+        )
+        return wider.for_an_ideal_vehicle()
+
+    @classmethod
     def k(cls) -> GradedSettings:
         """The conservative one, as `g2` for vehicles that obey at once: hardly any MAC even under a bias per flight."""
         conservative = cls(

@@ -30,7 +30,8 @@ DRAWN_SCENES: dict[str, Callable[[], Scene]] = {"circle8": circle, "square24": s
 """Scenes whose fleets are drawn; others say who flies."""
 
 GRADED: dict[str, Callable[[], GradedSettings]] = {
-    "graded": GradedSettings.g2, "g2": GradedSettings.g2, "k": GradedSettings.k, "k2": GradedSettings.k2,
+    "graded": GradedSettings.g2, "g2": GradedSettings.g2, "g3": GradedSettings.g3,
+    "k": GradedSettings.k, "k2": GradedSettings.k2,
 }  # fmt: skip
 """Names of the graded solver with its constants."""
 
@@ -96,6 +97,7 @@ class Choice:
         sigmas_m: Standard deviations where the scenario says nothing.
         intervals_s: Times between two reports; empty: the scenario's, and the technology's where that is longer.
         losses: Shares of reports that are lost; empty: the technology's.
+        points: Definitions with their solvers, instead of every definition under every solver; empty: those.
         conditions: What is the same for all.
     """
 
@@ -107,6 +109,7 @@ class Choice:
     sigmas_m: tuple[float, ...] = (10.0,)
     intervals_s: tuple[float, ...] = ()
     losses: tuple[float, ...] = ()
+    points: tuple[tuple[str, str], ...] = ()
     conditions: Conditions = field(default_factory=Conditions)
 
     def plans(self) -> list[Plan]:
@@ -119,13 +122,14 @@ class Choice:
         technology = TECHNOLOGIES[self.conditions.technology]
         plans: dict[Any, Plan] = {}
         named: dict[str, str] = {}
+        points = self.points or tuple((each, solver) for solver in self.solvers for each in self.definitions)
         for name, sigma_m in product(dict.fromkeys(self.scenarios), self.sigmas_m):
             template = self._template(name, sigma_m)
             if named.setdefault(template.scene.name, name) != name:
                 raise ConfigError(f"two scenarios have the name '{template.scene.name}'; give each its own")
-            for gnss, dynamics, interval_s, loss, solver, definition in product(
+            for gnss, dynamics, interval_s, loss, (definition, solver) in product(
                 self.gnss, self.dynamics, self.intervals_s or (max(template.interval_s, technology.period_s),),
-                self.losses or (technology.loss,), self.solvers, self.definitions,
+                self.losses or (technology.loss,), points,
             ):  # fmt: skip
                 plan = self._plan(replace(template, errors=gnss, dynamics=dynamics), interval_s, loss)
                 plan = self._solved(plan, solver)
@@ -144,6 +148,7 @@ class Choice:
             "definition": list(self.definitions),
             "gnss": [str(each) for each in self.gnss],
             "solver": list(self.solvers),
+            **({"point": ["/".join(point) for point in self.points]} if self.points else {}),
             "dynamics": [str(each) for each in self.dynamics],
             "preset": "paper" if conditions.pop("paper") else None,
             "sigma_m": list(self.sigmas_m),

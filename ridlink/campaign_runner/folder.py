@@ -187,7 +187,11 @@ def read_campaign(path: Path) -> tuple[dict[str, Any], list[tuple[dict[str, Any]
             cell = _folder_of(Cell(**{item.name: row[item.name] for item in fields(Cell)}))
             files = sorted((path / "shards" / cell).glob("*.parquet"))
             duration_s = configuration["scenario"][row["scenario"]]["duration_s"]
-            outcomes = Outcomes.joined([_outcomes(parquet.read_table(file), duration_s) for file in files])
+            tables = [parquet.read_table(file) for file in files]
+            for file, table in zip(files, tables, strict=True):
+                if set(table["seed"].unique().to_pylist()) != {configuration["seed"]}:
+                    raise CaptureError(f"{file}: is of another campaign: its seed is not {configuration['seed']}")
+            outcomes = Outcomes.joined([_outcomes(table, duration_s) for table in tables])
             if len(outcomes.run) != row["runs"]:
                 raise CaptureError(f"{path}: has {len(outcomes.run)} runs of {cell} instead of {row['runs']}")
             cells.append((row, outcomes))

@@ -81,9 +81,10 @@ campaign.add_command(report)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output instead of the table.")
 def run(
     preset: str | None, scenarios: tuple[str, ...], definitions: tuple[str, ...] | None, gnss: tuple[str, ...] | None,
-    solvers: tuple[str, ...] | None, dynamics: tuple[str, ...], sigmas_m: tuple[float, ...],
-    intervals_s: tuple[float, ...] | None, losses: tuple[float, ...] | None, runs: int, seed: int, jobs: int | None,
-    scheduler: str | None, resume: bool, only_run: int | None, log: Path | None, output: Path | None, as_json: bool,
+    solvers: tuple[str, ...] | None, points: tuple[str, ...] | None, dynamics: tuple[str, ...],
+    sigmas_m: tuple[float, ...], intervals_s: tuple[float, ...] | None, losses: tuple[float, ...] | None, runs: int,
+    seed: int, jobs: int | None, scheduler: str | None, resume: bool, only_run: int | None, log: Path | None,
+    output: Path | None, as_json: bool,
     **conditions: Any,
 ) -> int:  # fmt: skip
     """Fly every scenario under every definition, kind of error, solver, answer, sigma, interval and loss, and print one
@@ -101,6 +102,8 @@ def run(
     """
     if output is None and only_run is None:
         raise click.UsageError("Missing option '-o' / '--output': a campaign is kept in a folder.")
+    if points and (definitions or solvers):
+        raise click.UsageError("--point says definition and solver; --definition and --solver do not go with it.")
     if log is not None and only_run is None:
         raise click.UsageError("--log goes with --only-run K: one flight, one log.")
     if scheduler is not None and jobs is not None:
@@ -113,19 +116,25 @@ def run(
     every = tuple(name for name in DEFINITIONS if name != BASELINE)
     choice = Choice(
         scenarios=scenarios,
-        definitions=definitions or (PAPER_DEFINITIONS if paper else every),
+        definitions=definitions or _named(points, 0) or (PAPER_DEFINITIONS if paper else every),
         gnss=tuple(map(ErrorModel, gnss or ("white-radial" if paper else "gauss-markov",))),
-        solvers=solvers or ("rotation" if paper else "halfplane",),
+        solvers=solvers or _named(points, 2) or ("rotation" if paper else "halfplane",),
         dynamics=tuple(map(Dynamics, dynamics)),
         sigmas_m=sigmas_m,
         intervals_s=intervals_s or (),
         losses=losses or (),
+        points=tuple((each.partition("/")[0], each.partition("/")[2]) for each in points or ()),
         conditions=Conditions(paper=paper, seed=seed, **conditions),
     )
     if only_run is not None:
         return _fly_one(choice.plans(), only_run, log, as_json)
     assert output is not None
     return _fly_all(choice, runs, jobs or len(os.sched_getaffinity(0)), scheduler, output, resume, as_json)
+
+
+def _named(points: tuple[str, ...] | None, part: int) -> tuple[str, ...]:
+    """Definitions (0) or solvers (2) of points, each once."""
+    return tuple(dict.fromkeys(point.partition("/")[part] for point in points or ()))
 
 
 def _fly_all(

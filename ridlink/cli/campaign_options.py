@@ -16,7 +16,7 @@ BASELINE = "none"
 DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance", BASELINE)
 PAPER_DEFINITIONS = ("snmac", "remote-id", "candidate1", "candidate2")
 GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
-SOLVERS = ("halfplane", "graded", "rotation", "g2", "k", "k2")
+SOLVERS = ("halfplane", "graded", "rotation", "g2", "g3", "k", "k2")
 DYNAMICS = ("ideal", "px4", "ardupilot")
 TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink", "flarm", "lora")
 
@@ -38,6 +38,26 @@ class Names(click.ParamType):  # type: ignore[type-arg]  # generic since click 8
                 known = f"; known are {', '.join(self._known)}" if self._known else ""
                 self.fail(f"{name!r} is not known{known}.", param, ctx)
         return names
+
+
+class Points(Names):
+    """Definitions with their solvers, as `candidate2/rotation`, apart by commas."""
+
+    name = "A/B,..."
+
+    def __init__(self) -> None:
+        super().__init__([f"{definition}/{solver}" for definition in DEFINITIONS for solver in SOLVERS])
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
+        if isinstance(value, tuple):
+            return value
+        for part in str(value).split(","):
+            definition, slash, solver = part.strip().partition("/")
+            if not slash:
+                self.fail(f"{part.strip()!r} is not DEFINITION/SOLVER, such as candidate2/rotation.", param, ctx)
+            Names(DEFINITIONS).convert(definition, param, ctx)
+            Names(SOLVERS).convert(solver, param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class Within(click.FloatRange):
@@ -110,7 +130,11 @@ cell_options = option_group(
     ),
     click.option(
         "--solver", "solvers", type=Names(SOLVERS),
-        help="Who decides; g2, k and k2 are graded with other constants.  [default: halfplane; paper: rotation]",
+        help="Who decides; g2, g3, k and k2 are graded with other constants.  [default: halfplane; paper: rotation]",
+    ),
+    click.option(
+        "--point", "points", type=Points(), metavar="DEFINITION/SOLVER,...",
+        help="These definitions with these solvers, instead of all definitions under all solvers.",
     ),
     click.option(
         "--dynamics", type=Names(DYNAMICS), default="ideal", show_default=True,

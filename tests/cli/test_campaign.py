@@ -319,6 +319,10 @@ def test_a_shard_of_another_seed_stops_the_campaign_and_stays_as_it_is(tmp_path:
     assert (code, len(err.splitlines())) == (2, 1)
     assert "is of another campaign: seed is 2 there and 1 here" in err
     assert ours.read_bytes() == theirs.read_bytes()
+    pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
+    refused = CliRunner().invoke(cli, ["campaign", "report", str(tmp_path / "one")]).exception
+    assert str(refused) == f"{ours}: is of another campaign: its seed is not 1"
+    assert not (tmp_path / "one" / "report.json").exists()
 
 
 def test_every_option_makes_its_cells(tmp_path: Path, ridlink: Ridlink) -> None:
@@ -335,6 +339,24 @@ def test_every_option_makes_its_cells(tmp_path: Path, ridlink: Ridlink) -> None:
     assert all(row["solver"] == "k" and row["arrived"] + row["unfinished"] + row["macs"] == 4 for row in rows)
     assert len(shards(tmp_path / "all")) == 2**5
     assert (tmp_path / "all/shards/crossing_candidate2_gauss-markov_k_px4_sigma3.5_interval1.0_loss0.3").is_dir()
+
+
+def test_points_are_flown_and_nothing_between_them(tmp_path: Path, ridlink: Ridlink) -> None:
+    few = ["--preset", "paper", "--scenario", "crossing", "--runs", 2, "--jobs", 1, "-o", tmp_path / "few", "--json"]
+    code, out, err = ridlink("--point", "candidate1/rotation,candidate2/g3", *few)
+    assert code == 0, err
+    rows = json.loads(out)["rows"]
+    assert [(row["definition"], row["solver"]) for row in rows] == [("candidate1", "rotation"), ("candidate2", "g3")]
+    assert json.loads((tmp_path / "few/campaign.json").read_text())["point"] == ["candidate1/rotation", "candidate2/g3"]
+    for wrong, text in (
+        (["--point", "candidate2"], "'candidate2' is not DEFINITION/SOLVER, such as candidate2/rotation"),
+        (["--point", "candidate9/g3"], "'candidate9' is not known; known are snmac"),
+        (["--point", "candidate2/g9"], "'g9' is not known; known are halfplane"),
+        (["--point", "candidate2/g3", "--solver", "k"], "--definition and --solver do not go with it"),
+    ):
+        code, _, err = ridlink(*wrong, "-o", tmp_path / "never")
+        assert (code, len(err.splitlines())) == (2, 1)
+        assert text in err
 
 
 def test_without_avoidance_is_what_the_risk_is_measured_by(tmp_path: Path, ridlink: Ridlink) -> None:
