@@ -8,7 +8,7 @@ SOURCES := pyproject.toml hatch_build.py message_spec/ridlink.xml message_spec/g
 # The pure core, which the tests must cover by branches. Compiled kernels cannot be traced: see `make coverage`.
 KERNELS := ridlink/avoidance/contact.py,ridlink/avoidance/encounter.py,ridlink/avoidance/graded.py,ridlink/avoidance/halfplane.py,ridlink/avoidance/headings.py,ridlink/avoidance/packing.py,ridlink/avoidance/programme.py,ridlink/avoidance/rotation.py,ridlink/avoidance/route.py,ridlink/avoidance/worlds.py
 CORE    := ridlink/errors.py,ridlink/units.py,ridlink/geodesy.py,ridlink/mavlink/*,ridlink/remote_id/*,ridlink/traffic/*,ridlink/separation/*,ridlink/avoidance/*,ridlink/own_ship/*,ridlink/failsafe.py,ridlink/setpoint.py,ridlink/engine/*
-CORE_TESTS := tests/mavlink tests/remote_id tests/traffic tests/separation tests/avoidance tests/test_detection.py tests/test_engine.py tests/test_faults_engine.py tests/test_errors.py tests/test_failsafe.py tests/test_geodesy.py tests/test_guard.py tests/test_own_ship.py tests/test_recovery.py tests/test_setpoint.py tests/test_units.py
+CORE_TESTS := tests/mavlink tests/remote_id tests/traffic tests/separation tests/avoidance tests/test_broadcast.py tests/test_detection.py tests/test_engine.py tests/test_faults_engine.py tests/test_errors.py tests/test_failsafe.py tests/test_geodesy.py tests/test_guard.py tests/test_own_ship.py tests/test_recovery.py tests/test_setpoint.py tests/test_units.py
 WORKERS ?= 2
 
 .PHONY: demo test lint coverage bench e2e soak clean help
@@ -19,7 +19,7 @@ help:
 	@echo "make coverage  branch coverage of the kernels, run as plain Python"
 	@echo "make bench  print the benchmark tables"
 	@echo "make e2e    fly the acceptance flights in real time (about 20 minutes)"
-	@echo "make soak   fly for half an hour, feed a million damaged inputs to the readers and as many datagrams to a daemon"
+	@echo "make soak   fly for half an hour, feed a million damaged inputs to the readers and as many datagrams to a daemon, fly 680 times without and behind a bad network"
 	@echo "make lint   ruff and mypy alone"
 	@echo "make clean  remove what the build and the tests left"
 
@@ -76,6 +76,8 @@ soak: $(VENV)/.installed-dev
 	@$(BIN)/python -m tests.soak
 	@$(BIN)/python -m tests.soak.fuzz
 	@$(BIN)/python -m tests.soak.hostile
+	@$(BIN)/python -m tests.soak.flights broadcast
+	@$(BIN)/python -m tests.soak.flights lossy
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .coverage ridlink/mavlink/dialect.py

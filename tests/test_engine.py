@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings, SolverKind, Status
 from ridlink.engine import Engine, EngineConfig, Goal, StepOutput
-from ridlink.engine.periodic import Periodic
 from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.errors import ConfigError
 from ridlink.failsafe import State
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import Encoder, Message
+from ridlink.periodic import Periodic
 from ridlink.remote_id.bridge import pack_to_mavlink
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, Separation

@@ -29,6 +29,7 @@ EXIT_INTERNAL = 70
 COMMANDS = {
     "analyze": "ridlink.cli.analyze:analyze",
     "avoid": "ridlink.cli.avoid:avoid",
+    "broadcast": "ridlink.cli.broadcast:broadcast",
     "campaign": "ridlink.cli.campaign:campaign",
     "capacity": "ridlink.cli.capacity:capacity",
     "decode": "ridlink.cli.decode:decode",

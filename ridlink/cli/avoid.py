@@ -122,6 +122,18 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     metavar="N",
     help="Listen to this system id only.  [default: the first autopilot heard]",
 )
+@click.option(
+    "--broadcast", is_flag=True, default=None, help="Also transmit the vehicle's own Remote ID, from what it reports."
+)
+@click.option(
+    "--broadcast-to", metavar="URL", help="Where --broadcast transmits.  [default: on the Remote ID link, --rid]"
+)
+@click.option(
+    "--broadcast-form",
+    metavar="NAME",
+    help="air for receivers that speak MAVLink, module for a transmitter module.  [default: air]",
+)
+@click.option("--operator-id", metavar="ID", help="Identity of the operator in --broadcast.  [default: none]")
 @click.option("--uas-id", metavar="ID", help="Own identity in Remote ID.  [default: as the vehicle says]")
 @click.option(
     "--config",

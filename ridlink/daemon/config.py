@@ -36,6 +36,7 @@ from ridlink.checked_toml import parse_toml
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
 from ridlink.links import LinkUrl, parse_link_url
+from ridlink.own_ship.broadcast import Form
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.setpoint import VelocityLimits
@@ -62,6 +63,7 @@ class DaemonConfig:
         vehicle: Link to the autopilot.
         remote_id: Link on which the Remote ID of others is heard.
         engine: What the engine is told.
+        broadcast_to: Link on which the own Remote ID is transmitted; None: the one on which others are heard.
         log: Recording of everything received and sent, a .tlog; None for none.
         input_log: Recording from which the flight can be decided again, see `input_log`; None for none.
         period_s: Time between decisions. The response study holds for 0.1 s.
@@ -70,6 +72,7 @@ class DaemonConfig:
     vehicle: LinkUrl = field(default_factory=lambda: parse_link_url(DEFAULT_VEHICLE))
     remote_id: LinkUrl = field(default_factory=lambda: parse_link_url(DEFAULT_REMOTE_ID))
     engine: EngineConfig = field(default_factory=EngineConfig)
+    broadcast_to: LinkUrl | None = None
     log: Path | None = None
     input_log: Path | None = None
     period_s: float = CONTROL_PERIOD_S
@@ -121,6 +124,10 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     takeoff_aware: bool | None = None
     takeoff_height: float | None = None
     allow_v1: bool | None = None
+    broadcast: bool | None = None
+    broadcast_to: str | None = None
+    broadcast_form: str | None = None
+    operator_id: str | None = None
     halfplane: dict[str, float] | None = None
     graded: dict[str, float] | None = None
     rotation: dict[str, float] | None = None
@@ -259,6 +266,9 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
             takeoff_aware=or_default(flat.takeoff_aware, engine.takeoff_aware),
             takeoff_height_m=or_default(flat.takeoff_height, engine.takeoff_height_m),
             allow_v1=or_default(flat.allow_v1, engine.allow_v1),
+            broadcast=or_default(flat.broadcast, engine.broadcast),
+            broadcast_form=_named(Form, "broadcast-form", or_default(flat.broadcast_form, engine.broadcast_form)),
+            operator_id=or_default(flat.operator_id, engine.operator_id),
         )
     except ConfigError:
         raise
@@ -268,6 +278,7 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
         vehicle=parse_link_url(or_default(flat.vehicle, DEFAULT_VEHICLE)),
         remote_id=parse_link_url(or_default(flat.rid, DEFAULT_REMOTE_ID)),
         engine=engine,
+        broadcast_to=None if flat.broadcast_to is None else parse_link_url(flat.broadcast_to),
         log=None if flat.log is None else Path(flat.log),
         input_log=None if flat.input_log is None else Path(flat.input_log),
     )
@@ -313,6 +324,8 @@ def as_toml(config: DaemonConfig) -> str:
         f"takeoff_aware = {str(engine.takeoff_aware).lower()}",
         f"takeoff_height = {engine.takeoff_height_m}",
         f"allow_v1 = {str(engine.allow_v1).lower()}",
+        f"broadcast = {str(engine.broadcast).lower()}",
+        f'broadcast_form = "{engine.broadcast_form}"',
     ]
     if engine.goal is not None:
         altitude = [] if engine.goal.altitude_m is None else [engine.goal.altitude_m]
@@ -321,6 +334,10 @@ def as_toml(config: DaemonConfig) -> str:
         lines.append(f"vehicle_sysid = {engine.vehicle_sysid}")
     if engine.uas_id is not None:
         lines.append(f"uas_id = {_quoted(engine.uas_id)}")
+    if engine.operator_id:
+        lines.append(f"operator_id = {_quoted(engine.operator_id)}")
+    if config.broadcast_to is not None:
+        lines.append(f'broadcast_to = "{config.broadcast_to}"')
     if engine.airframe_height_m is not None:
         lines.append(f"airframe_height = {engine.airframe_height_m}")
     if config.log is not None:

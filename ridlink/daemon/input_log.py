@@ -3,9 +3,9 @@
 A tlog says what was on the wire; it does not say on which link, when a step was taken, or what the clock of the daemon
 was, and decisions depend on all three. This log does: MessagePack, one array a record, written by a thread of its own.
 
-    ["ridlink-input", 1, configuration as TOML]
+    ["ridlink-input", 2, configuration as TOML]
     ["v" | "a", now_s, utc_s or nil, address or nil, bytes]     a datagram of the vehicle link, of the air
-    ["s", now_s, hold, warm]                                    a step; whether the loop stood still before it, and
+    ["s", now_s, hold, warm, utc_s or nil]                      a step; whether the loop stood still before it, and
                                                                 whether decisions could be made
     ["t", seconds]                                              what it took to compute, which RIDLINK_STATUS tells
     ["e", now_s]                                                the end of the stream
@@ -29,7 +29,7 @@ from ridlink.engine import Engine, StepOutput
 from ridlink.engine.decision_log import DecisionHash, decision_line
 from ridlink.errors import CaptureError
 
-MAGIC, VERSION = "ridlink-input", 1
+MAGIC, VERSION = "ridlink-input", 2
 QUEUE_LENGTH = 65_536
 """Records: five seconds of the heaviest traffic that a daemon is made for."""
 LONGEST_RECORD = 262_144
@@ -68,10 +68,10 @@ class InputLog:
         """A datagram of the vehicle link ("v") or of the air ("a")."""
         self._put([link, now_s, utc_s, list(source) if isinstance(source, tuple) else source, data])
 
-    def step(self, now_s: float, hold: bool, warm: bool, output: StepOutput, reason: str) -> None:
+    def step(self, now_s: float, hold: bool, warm: bool, utc_s: float | None, output: StepOutput, reason: str) -> None:
         """A step, and what came of it."""
         self.decisions.add(decision_line(output, reason))
-        self._put(["s", now_s, hold, warm])
+        self._put(["s", now_s, hold, warm, utc_s])
 
     def took(self, seconds: float) -> None:
         """What the last step took."""
@@ -155,11 +155,11 @@ def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None
                     engine.receive_vehicle(data, now_s, source=_source(source), utc_s=utc_s)
                 case ["a", now_s, utc_s, source, data]:
                     engine.receive_remote_id(data, _source(source), now_s, utc_s=utc_s)
-                case ["s", now_s, hold, warm]:
+                case ["s", now_s, hold, warm, utc_s]:
                     engine.warm = warm
                     if hold:
                         engine.hold_next()
-                    line = decision_line(engine.step(now_s), engine.rung.reason)
+                    line = decision_line(engine.step(now_s, utc_s=utc_s), engine.rung.reason)
                     decisions.add(line)
                     if on_line is not None:
                         on_line(line)

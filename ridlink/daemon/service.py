@@ -23,9 +23,9 @@ from ridlink.daemon.summary import Spread, Summary
 from ridlink.daemon.warming import warm_up_unless
 from ridlink.daemon.watchdog import Watchdog
 from ridlink.engine import Engine, StepOutput
-from ridlink.engine.periodic import Periodic
 from ridlink.errors import RidlinkError
 from ridlink.links import Address, Link, open_link
+from ridlink.periodic import Periodic
 
 STOP_SPACING_S = 0.05
 """Between the last setpoints: a burst would be lost as one."""
@@ -68,6 +68,7 @@ class AvoidDaemon:
         self._on_event = on_event
         self._vehicle: Link | None = None
         self._air: Link | None = None
+        self._transmitter: Link | None = None
         self._recorder: Recorder | None = None
         self._input_log: InputLog | None = None
         self._counters: Counter[str] = Counter()
@@ -99,6 +100,8 @@ class AvoidDaemon:
         try:
             self._vehicle = await open_link(self.config.vehicle, self._from_vehicle)
             self._air = await open_link(self.config.remote_id, self._from_air)
+            if self.config.broadcast_to is not None:
+                self._transmitter = await open_link(self.config.broadcast_to, lambda _, __: None)
             if self.config.log is not None:  # after the links: a port in use must not cost the log of another daemon
                 self._recorder = Recorder(self.config.log, overwrite=True)
             if self.config.input_log is not None:
@@ -110,7 +113,7 @@ class AvoidDaemon:
                 await self._end()
         finally:
             warm.cancel()
-            for link in (self._vehicle, self._air):
+            for link in (self._vehicle, self._air, self._transmitter):
                 if link is not None:
                     link.close()
             if self._recorder is not None:
@@ -167,11 +170,12 @@ class AvoidDaemon:
     def _tick(self) -> None:
         begin, begin_cpu_s, now_s = time.perf_counter(), time.thread_time(), time.monotonic()
         self._utc.check(now_s)
+        utc_s = self._utc.at(now_s)
         hold, self._hold = self._hold, False
         if hold:
             self.engine.hold_next()
         try:
-            output = self.engine.step(now_s)
+            output = self.engine.step(now_s, utc_s=utc_s)
         except Exception as error:
             self._counters["step_failed"] += 1
             self._failed_in_a_row += 1
@@ -185,7 +189,7 @@ class AvoidDaemon:
         self._decision_cpu_ms.add((time.thread_time() - begin_cpu_s) * 1e3)
         self._send(output)
         if self._input_log is not None:
-            self._input_log.step(now_s, hold, self.engine.warm, output, self.engine.rung.reason)
+            self._input_log.step(now_s, hold, self.engine.warm, utc_s, output, self.engine.rung.reason)
             self._input_log.took(took)
         self._report(output)
 
@@ -222,6 +226,11 @@ class AvoidDaemon:
             if self._air is not None:
                 self._air.send(frame)
                 self._record(frame)
+        transmitter = self._transmitter or self._air
+        for datagram in output.broadcasts:
+            if transmitter is not None:
+                transmitter.send(datagram)
+                self._record(datagram)
         for frame, address in output.replies:
             if self._vehicle is not None and isinstance(address, tuple):
                 self._vehicle.send(frame, address)
@@ -315,7 +324,7 @@ class AvoidDaemon:
     def rejects(self) -> dict[str, int]:
         """Everything that was dropped, clamped, rejected or noticed so far, by cause."""
         rejects = self.engine.counters + self._counters
-        for name, link in (("vehicle", self._vehicle), ("rid", self._air)):
+        for name, link in (("vehicle", self._vehicle), ("rid", self._air), ("transmitter", self._transmitter)):
             if link is not None:
                 rejects.update({f"{name}_link_{cause}": count for cause, count in link.counters.items()})
         if self._recorder is not None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from ridlink.engine.announce import collision, heartbeat, status, warning
-from ridlink.engine.commands import message_requests
 from ridlink.engine.decision import DecisionRecord, StepOutput
-from ridlink.engine.periodic import Periodic
 from ridlink.failsafe import State
 from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import OwnShipTelemetry
+from ridlink.own_ship.requests import message_requests
+from ridlink.periodic import Periodic
 from ridlink.traffic.track import TrackKey
 
 MOST_COLLISIONS = 8

@@ -1,4 +1,4 @@
-"""Commands that the daemon takes, MAV_CMD_DO_REPOSITION, and gives, MAV_CMD_SET_MESSAGE_INTERVAL."""
+"""Commands that the daemon takes: MAV_CMD_DO_REPOSITION, and MAV_CMD_DO_PAUSE_CONTINUE with `--guard`."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ import math
 from ridlink.engine.config import Goal, goal_problem
 from ridlink.failsafe import FailsafeSettings
 from ridlink.mavlink.codec import Encoder, Message
-from ridlink.own_ship import AUTOPILOT_COMPONENT
 
 DO_REPOSITION = 192
 DO_PAUSE_CONTINUE = 193
 CONTINUE = 1.0
-SET_MESSAGE_INTERVAL = 511
 """MAV_CMD."""
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
 """MAV_RESULT."""
@@ -23,10 +21,6 @@ UNKNOWN_INT32 = 0x7FFFFFFF
 
 MOST_REPLIES = 16
 """Commands answered in one step; an operator sends one."""
-
-WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 85: 100_000, 193: 500_000, 245: 500_000}
-"""GLOBAL_POSITION_INT, GPS_RAW_INT, POSITION_TARGET_LOCAL_NED, EKF_STATUS_REPORT and EXTENDED_SYS_STATE, which an
-ArduPilot sends only when asked; ESTIMATOR_STATUS it does not have, and says so each time."""
 
 
 def repositioned(message: Message, home_altitude_m: float | None, settings: FailsafeSettings) -> Goal | None:
@@ -66,19 +60,3 @@ def acknowledged(encoder: Encoder, message: Message, result: int, target_system:
         target_system=target_system,
         target_component=target_component,
     )
-
-
-def command(encoder: Encoder, number: int, parameters: tuple[float, ...], sysid: int) -> bytes:
-    """COMMAND_LONG (76) for the autopilot."""
-    fields = {f"param{at}": value for at, value in enumerate(parameters, start=1)}
-    return encoder.encode(
-        "COMMAND_LONG", command=number, target_system=sysid, target_component=AUTOPILOT_COMPONENT, **fields
-    )
-
-
-def message_requests(encoder: Encoder, sysid: int) -> list[bytes]:
-    """What to ask of an autopilot that does not say where it is."""
-    return [
-        command(encoder, SET_MESSAGE_INTERVAL, (msgid, interval_us), sysid)
-        for msgid, interval_us in WANTED_MESSAGES_US.items()
-    ]

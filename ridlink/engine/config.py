@@ -10,6 +10,7 @@ from ridlink.avoidance.types import HalfplaneSettings, SolverKind
 from ridlink.engine.static_obstacles import Polygon, StaticObstacles
 from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
+from ridlink.own_ship.broadcast import BroadcastSettings, Form
 from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import MIN_AIRFRAME_M
@@ -63,6 +64,9 @@ class EngineConfig:
         takeoff_aware: Never interrupt a climb-out, unless a mid-air collision is predicted.
         takeoff_height_m: A climb below this height over home is a climb-out.
         allow_v1: Take MAVLink 1 frames as well, on both links.
+        broadcast: Transmit the own Remote ID as well.
+        broadcast_form: For whom that is meant.
+        operator_id: Identity of the operator in it; empty for none.
     """
 
     goal: Goal | None = None
@@ -92,6 +96,9 @@ class EngineConfig:
     takeoff_aware: bool = False
     takeoff_height_m: float = 20.0
     allow_v1: bool = False
+    broadcast: bool = False
+    broadcast_form: Form = Form.AIR
+    operator_id: str = ""
 
     @property
     def solver_settings(self) -> HalfplaneSettings | GradedSettings | RotationSettings:
@@ -103,6 +110,17 @@ class EngineConfig:
     def height_m(self) -> float:
         """Vertical extent of the own airframe."""
         return self.airframe_m if self.airframe_height_m is None else self.airframe_height_m
+
+    @property
+    def broadcast_settings(self) -> BroadcastSettings:
+        """What the own Remote ID says beside what the autopilot reports."""
+        return BroadcastSettings(
+            airframe_m=self.airframe_m,
+            airframe_height_m=self.height_m,
+            uas_id=None if self.uas_id is None else self.uas_id.encode(),
+            operator_id=self.operator_id.encode(),
+            form=self.broadcast_form,
+        )
 
     def __post_init__(self) -> None:
         if not 0.0 < self.eta < 1.0:
@@ -135,6 +153,7 @@ class EngineConfig:
             raise ConfigError(f"vehicle-sysid must be between 1 and 255, got {self.vehicle_sysid}")
         if self.uas_id is not None and not 1 <= len(self.uas_id.encode()) <= UAS_ID_LENGTH:
             raise ConfigError(f"uas-id must have 1 to {UAS_ID_LENGTH} bytes, got {len(self.uas_id.encode())}")
+        _ = self.broadcast_settings  # checks itself
         StaticObstacles(self.obstacles)
         if self.goal is not None and (problem := goal_problem(self.goal, self.failsafe)):
             raise ConfigError(f"goal: {problem}")

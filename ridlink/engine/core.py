@@ -23,7 +23,6 @@ from ridlink.engine.commands import (
     MOST_REPLIES,
     UNSUPPORTED,
     acknowledged,
-    command,
     repositioned,
 )
 from ridlink.engine.config import EngineConfig, Goal
@@ -36,6 +35,9 @@ from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
 from ridlink.mavlink.codec import Encoder, Message
 from ridlink.mavlink.frames import Frame
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
+from ridlink.own_ship.broadcast import Broadcast
+from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, command, message_requests
+from ridlink.periodic import Periodic
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage
 from ridlink.separation.reference import (
@@ -98,6 +100,8 @@ class Engine:
         self._reports = 0
         self._intake = Intake(allow_v1=config.allow_v1)
         self._announcer = Announcer()
+        self._broadcast = Broadcast(config.broadcast_settings) if config.broadcast else None
+        self._home_due = Periodic(HOME_PERIOD_S)
         self._hold_next = False
         self.warm = True
         self.guard = Guard() if config.guard else None
@@ -205,11 +209,12 @@ class Engine:
 
     # --- out ------------------------------------------------------------------------------------------------------
 
-    def step(self, now_s: float) -> StepOutput:
+    def step(self, now_s: float, *, utc_s: float | None = None) -> StepOutput:
         """Decide, and say what to send.
 
         Args:
             now_s: Monotonic time; must not go back.
+            utc_s: UTC now, for the own Remote ID.
         """
         if self._started_s is None:
             self._started_s = now_s
@@ -257,7 +262,24 @@ class Engine:
             count=lambda: self.counters,
             now_s=now_s,
         )
+        if self._broadcast is not None:
+            self._transmit(self._broadcast, output, now_s, utc_s)
         return output
+
+    def _transmit(self, broadcast: Broadcast, output: StepOutput, now_s: float, utc_s: float | None) -> None:
+        """Add the own Remote ID, with the velocity that was sent in this step."""
+        lock, telemetry = self.telemetry.lock, self.telemetry
+        output.broadcasts = broadcast.datagrams(
+            self.encoder,
+            telemetry,
+            now_s=now_s,
+            utc_s=utc_s,
+            uas_id=self._uas_id,
+            commanded=output.decision.commanded_ned_mps if telemetry.external_mode else None,
+            avoiding=self.rung.state is State.ENGAGED and telemetry.external_mode,
+        )
+        if lock is not None and telemetry.home is None and self._home_due.due(now_s):
+            output.to_vehicle += message_requests(self.encoder, lock.sysid, HOME_POSITION_US)
 
     def _watch(self, guard: Guard, own: OwnState | None, now_s: float) -> list[bytes]:
         """Let the guard look; the commands that it wants to give."""

@@ -77,6 +77,7 @@ class StepOutput:
     Attributes:
         to_vehicle: Frames for the autopilot.
         to_air: Frames for the Remote ID link.
+        broadcasts: The own Remote ID, datagrams for whoever transmits it.
         replies: Frames for others who spoke on the vehicle link, with their addresses.
         warnings: What an operator should hear of; on the vehicle link it is a STATUSTEXT.
         decision: What was decided.
@@ -85,6 +86,7 @@ class StepOutput:
     decision: DecisionRecord
     to_vehicle: list[bytes] = field(default_factory=list)
     to_air: list[bytes] = field(default_factory=list)
+    broadcasts: list[bytes] = field(default_factory=list)
     replies: list[tuple[bytes, Hashable]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 

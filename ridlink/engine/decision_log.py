@@ -34,7 +34,7 @@ def decision_line(output: StepOutput, reason: str) -> bytes:
             "binding": [_name(track) for track in record.binding],
             "recovering": record.recovering,
             "warnings": output.warnings,
-            "sent": [frame.hex() for frame in (*output.to_vehicle, *output.to_air)],
+            "sent": [frame.hex() for frame in (*output.to_vehicle, *output.to_air, *output.broadcasts)],
         }
     )
 

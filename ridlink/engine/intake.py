@@ -21,7 +21,7 @@ _EKF_FLAGS_AT = 20
 CHECKED = {**CRC_EXTRAS, EKF_STATUS_REPORT: 71}
 
 REMOTE_ID_IDS = frozenset(msgid for msgid in CRC_EXTRAS if 12900 <= msgid <= 12920 or msgid == 61400)
-VEHICLE_IDS = REMOTE_ID_IDS | {0, 24, 32, 33, 42, 75, 76, 77, 85, EKF_STATUS_REPORT, 230, 245}
+VEHICLE_IDS = REMOTE_ID_IDS | {0, 24, 32, 33, 42, 75, 76, 77, 85, EKF_STATUS_REPORT, 230, 242, 245}
 """What an engine reads of either link; anything else is skipped before it is decoded."""
 LOCATION = MAVLINK_NAMES[Location]
 REMOTE_ID_NAMES = frozenset((*MAVLINK_NAMES.values(), "OPEN_DRONE_ID_MESSAGE_PACK"))

@@ -14,10 +14,10 @@ from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.deciding import Decider
 from ridlink.engine.decision import DecisionRecord
 from ridlink.engine.detection import DetectionRange, DetectionWatch, reaction_of
-from ridlink.engine.periodic import Periodic
 from ridlink.engine.recovery import Recovery
 from ridlink.failsafe import Stream
 from ridlink.own_ship import OwnShipTelemetry
+from ridlink.periodic import Periodic
 from ridlink.setpoint import STOP, Velocity
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import TrafficPicture

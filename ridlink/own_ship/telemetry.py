@@ -68,6 +68,8 @@ class OwnShipTelemetry:
         external_mode: GUIDED or OFFBOARD, as its last heartbeat says.
         custom_mode: The mode itself, in the numbers of the autopilot.
         mission_item: Sequence number of the item that is flown; None before it is told.
+        vehicle_type: MAV_TYPE of its heartbeat.
+        home: Where it took off, as HOME_POSITION says, altitude above mean sea level; None before that is told.
         trust: What receiver and estimator say of themselves.
         other_writer: Whether somebody else steers as well.
         counters: `foreign_autopilot`, `own_position_unusable`, `own_position_untrusted`, `own_position_late`,
@@ -87,6 +89,8 @@ class OwnShipTelemetry:
         self.armed = self.external_mode = False
         self.custom_mode = 0
         self.mission_item: int | None = None
+        self.vehicle_type = 0
+        self.home: Geodetic | None = None
         self.trust = NavigationTrust()
         self.other_writer = OtherWriter()
         self._heartbeat_at_s = -math.inf
@@ -139,6 +143,8 @@ class OwnShipTelemetry:
                 self.mission_item = message.seq
             case "EXTENDED_SYS_STATE":
                 self._landed_state = message.landed_state
+            case "HOME_POSITION":
+                self._home(message)
 
     def _heartbeat(self, sysid: int, message: Message, now_s: float, source: Hashable) -> None:
         offered = AutopilotLock(sysid, message.autopilot, source)
@@ -156,6 +162,7 @@ class OwnShipTelemetry:
         self._heartbeat_at_s = now_s
         self.armed = bool(message.base_mode & ARMED_FLAG)
         self.custom_mode = message.custom_mode
+        self.vehicle_type = message.type
         if message.autopilot == PX4:
             self.external_mode = (message.custom_mode >> 16) & 0xFF == PX4_OFFBOARD_MAIN_MODE
         else:
@@ -198,6 +205,12 @@ class OwnShipTelemetry:
         self._home_altitude_m = m_from_mm(message.alt - message.relative_alt)
         self._velocity = velocity
         self._trusted_at_s = measured_at_s
+
+    def _home(self, message: Message) -> None:
+        latitude, longitude = deg_from_dege7(message.latitude), deg_from_dege7(message.longitude)
+        known = (message.latitude, message.longitude) != (0, 0)
+        if known and abs(latitude) <= 90.0 and abs(longitude) <= 180.0:
+            self.home = Geodetic(latitude, longitude, m_from_mm(message.altitude))
 
     def _late_s(self, message: Message, now_s: float) -> float:
         late_s = self._lateness.update(message.time_boot_ms / 1e3, now_s)
@@ -251,6 +264,11 @@ class OwnShipTelemetry:
     def on_ground(self) -> bool:
         """It stands, as far as the autopilot tells."""
         return self._landed_state == LANDED_ON_GROUND
+
+    @property
+    def landed_state_known(self) -> bool:
+        """The autopilot tells whether it stands or flies."""
+        return self._landed_state != 0
 
     @property
     def ready(self) -> bool:

@@ -30,6 +30,7 @@ class NavigationTrust:
         self._gps_at_s = self._estimator_at_s = -math.inf
         self._horizontal_error_m: float | None = None
         self._vertical_error_m: float | None = None
+        self._velocity_error_mps: float | None = None
         self._estimator_accuracy_m = 0.0
         self._absolute = True
         self.undulation_m: float | None = None
@@ -40,6 +41,7 @@ class NavigationTrust:
         self._fix_type = message.fix_type
         self._horizontal_error_m = None if message.h_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.h_acc)
         self._vertical_error_m = None if message.v_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.v_acc)
+        self._velocity_error_mps = None if message.vel_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.vel_acc)
         self.undulation_m = m_from_mm(message.alt_ellipsoid - message.alt) if message.alt_ellipsoid else None
 
     def estimator(self, flags: int, accuracy_m: float, now_s: float) -> None:
@@ -60,9 +62,9 @@ class NavigationTrust:
 
     def error_m(self, now_s: float) -> float:
         """Three-sigma error of a fresh position [m]: the larger of what receiver and estimator say."""
-        if self._horizontal_error_m is None or now_s - self._gps_at_s > ACCURACY_VALID_S:
-            return UNKNOWN_ERROR_BOUND_M
         error = self._horizontal_error_m
+        if error is None or now_s - self._gps_at_s > ACCURACY_VALID_S:
+            error = UNKNOWN_ERROR_BOUND_M
         if now_s - self._estimator_at_s <= ACCURACY_VALID_S:
             error = max(error, 3.0 * self._estimator_accuracy_m)
         return min(error, ERROR_CAP_M)
@@ -70,3 +72,12 @@ class NavigationTrust:
     def vertical_error_m(self, now_s: float) -> float | None:
         """Three-sigma vertical error of a fresh position [m]; None where the receiver does not tell."""
         return self._vertical_error_m if now_s - self._gps_at_s <= ACCURACY_VALID_S else None
+
+    def velocity_error_mps(self, now_s: float) -> float | None:
+        """Three-sigma error of a fresh velocity [m/s]; None where the receiver does not tell."""
+        return self._velocity_error_mps if now_s - self._gps_at_s <= ACCURACY_VALID_S else None
+
+    def measured(self, now_s: float) -> bool:
+        """The receiver has a fix and says how wrong it is, so that `error_m` is no assumption."""
+        fresh = now_s - self._gps_at_s <= ACCURACY_VALID_S
+        return fresh and self._horizontal_error_m is not None and self.trusted(now_s)

@@ -151,7 +151,7 @@ def encode_message(message: RemoteIdMessage, *, hour_start_s: int | None = None)
         PayloadError: If a code, count or text does not fit.
     """
     if isinstance(message, messages.Separation):
-        message = _authentication_of(message, hour_start_s)
+        message = authentication_of(message, hour_start_s)
     return _WRITERS[type(message)](message)
 
 
@@ -453,7 +453,8 @@ def _component(value_mps: float, units_per_mps: int, limit: int) -> int:
     return min(max(round(value_mps * units_per_mps), -limit), limit)
 
 
-def _authentication_of(message: messages.Separation, hour_start_s: int | None) -> messages.Authentication:
+def authentication_of(message: messages.Separation, hour_start_s: int | None) -> messages.Authentication:
+    """The Authentication message that a RIDLINK_SEPARATION is where messages have 25 bytes; see `encode_message`."""
     commanded = (message.commanded_vx_mps, message.commanded_vy_mps, message.commanded_vz_mps)
     components = [value for value in commanded if value is not None and math.isfinite(value)]
     flags = _bits(message, "flags", MAX_UINT8) & ~int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)

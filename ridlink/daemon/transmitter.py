@@ -1,0 +1,201 @@
+"""The transmitter alone: hear one autopilot, say over Remote ID where it is and how wrong that may be. Steers nothing.
+
+It speaks as component 236 of the vehicle, MAV_COMP_ID_ODID_TXRX_1, of type ODID. What a transmitter module answers,
+OPEN_DRONE_ID_ARM_STATUS, is passed on to whoever watches.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ridlink.daemon.steady_utc import SteadyUtc
+from ridlink.engine.intake import REMOTE_ID_NAMES, VEHICLE_IDS, Intake
+from ridlink.links import Address, Link, LinkUrl, open_link
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.own_ship import OwnShipTelemetry
+from ridlink.own_ship.broadcast import INTERVAL_S, Broadcast, BroadcastSettings, honest_error_m
+from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, message_requests
+from ridlink.periodic import Periodic
+from ridlink.remote_id.messages import BasicId
+from ridlink.remote_id.text import display_text
+
+TRANSMITTER_COMPONENT = 236
+TYPE_ODID, AUTOPILOT_INVALID, STATE_ACTIVE = 34, 8, 4
+ARM_STATUS = 12918
+SILENT_S = 3.0
+
+EventSink = Callable[[dict[str, Any]], None]
+
+
+@dataclass(frozen=True, slots=True)
+class TransmitterConfig:
+    """One transmitter.
+
+    Args:
+        vehicle: Link to the autopilot.
+        to: Where to transmit.
+        settings: What the autopilot cannot say.
+        vehicle_sysid: Only this autopilot; without it the first one heard.
+        allow_v1: Take MAVLink 1 frames from the autopilot as well.
+    """
+
+    vehicle: LinkUrl
+    to: LinkUrl
+    settings: BroadcastSettings
+    vehicle_sysid: int | None = None
+    allow_v1: bool = False
+
+
+class Transmitter:
+    """Hears and transmits; several may run in one loop.
+
+    Args:
+        config: What it is told.
+        on_event: Called with a dictionary whenever its state changes, once a second, and when a module answers.
+
+    Attributes:
+        vehicle_address: Local end of the vehicle link, once `run` has opened it.
+        ready: Set once both links are open.
+        counters: What was sent, and what was not taken, by cause.
+    """
+
+    def __init__(self, config: TransmitterConfig, *, on_event: EventSink | None = None) -> None:
+        self.config = config
+        self.counters: Counter[str] = Counter()
+        self.ready = asyncio.Event()
+        self.vehicle_address: Address | None = None
+        self._on_event = on_event
+        self._telemetry = OwnShipTelemetry(config.vehicle_sysid)
+        self._intake = Intake(allow_v1=config.allow_v1)
+        self._broadcast = Broadcast(config.settings)
+        self._encoder = Encoder(config.vehicle_sysid or 1, TRANSMITTER_COMPONENT)
+        self._utc = SteadyUtc(time.monotonic())
+        self._uas_id: bytes | None = None
+        self._heartbeat_due, self._second, self._home_due = Periodic(1.0), Periodic(1.0), Periodic(HOME_PERIOD_S)
+        self._told: tuple[str, str] = ("", "")
+        self._vehicle: Link | None = None
+        self._to: Link | None = None
+
+    async def run(self, stop: asyncio.Event) -> dict[str, Any]:
+        """Transmit until told to stop; what it came to.
+
+        Raises:
+            LinkError: If a link cannot be opened.
+        """
+        try:
+            self._vehicle = await open_link(self.config.vehicle, self._from_vehicle)
+            self._to = await open_link(self.config.to, self._from_module)
+            self.vehicle_address = self._vehicle.local_address
+            self.ready.set()
+            due = time.monotonic()
+            while not stop.is_set():
+                self._step(time.monotonic())
+                due = max(due + INTERVAL_S, time.monotonic())
+                try:
+                    await asyncio.wait_for(stop.wait(), due - time.monotonic())
+                except TimeoutError:
+                    continue
+        finally:
+            for link in (self._vehicle, self._to):
+                if link is not None:
+                    link.close()
+        return {"event": "final", "sent": self.counters["sent"], "rejects": self.rejects()}
+
+    def rejects(self) -> dict[str, int]:
+        """What was not taken or not sent, by cause."""
+        found = self._intake.counters + self._telemetry.counters
+        for name, link in (("vehicle", self._vehicle), ("transmitter", self._to)):
+            if link is not None:
+                found.update({f"{name}_link_{cause}": count for cause, count in link.counters.items()})
+        return dict(found)
+
+    def _from_vehicle(self, data: bytes, address: Address) -> None:
+        now_s = time.monotonic()
+        for frame, message in self._intake.messages(data, VEHICLE_IDS):
+            if message.name not in REMOTE_ID_NAMES:
+                self._telemetry.receive(frame.sysid, frame.compid, message, now_s, address)
+                continue
+            lock = self._telemetry.lock
+            if lock is None or (lock.sysid, lock.source) != (frame.sysid, address):
+                continue
+            for part in self._intake.remote_id(message):
+                if isinstance(part, BasicId) and part.id_or_mac is None and part.uas_id:
+                    self._uas_id = part.uas_id
+        lock = self._telemetry.lock
+        if lock is not None and lock.sysid != self._encoder.sysid:
+            self._encoder = Encoder(lock.sysid, TRANSMITTER_COMPONENT)
+
+    def _from_module(self, data: bytes, _: Address) -> None:
+        for found in parse_datagram(data, CRC_EXTRAS):
+            if not (isinstance(found, Frame) and found.checked and found.msgid == ARM_STATUS):
+                continue
+            message = decode_message(found)
+            error = message.error if isinstance(message.error, bytes) else str(message.error).encode()
+            told = (str(message.status), display_text(error))
+            if told != self._told:
+                self._told = told
+                self._emit("module", good_to_arm=message.status == 0, text=told[1])
+
+    def _step(self, now_s: float) -> None:
+        self._utc.check(now_s)
+        telemetry, utc_s = self._telemetry, self._utc.at(now_s)
+        lock = telemetry.lock
+        if self._heartbeat_due.due(now_s):
+            beat = self._encoder.encode(
+                "HEARTBEAT", type=TYPE_ODID, autopilot=AUTOPILOT_INVALID, system_status=STATE_ACTIVE, mavlink_version=3
+            )
+            self._to_vehicle(beat)
+            if lock is not None or telemetry.pinned is not None:  # the air listens to whoever says which vehicle it is
+                self._send(beat)
+            if lock is not None and telemetry.heard_s(now_s) < SILENT_S:
+                self._ask(lock.sysid, now_s)
+        for datagram in self._broadcast.datagrams(
+            self._encoder, telemetry, now_s=now_s, utc_s=utc_s, uas_id=self._uas_id
+        ):
+            self._send(datagram)
+            self.counters["sent"] += 1
+        if self._second.due(now_s):
+            self._tell(now_s)
+
+    def _ask(self, sysid: int, now_s: float) -> None:
+        """Ask for what an autopilot does not say by itself."""
+        if self._telemetry.position_silent_s(now_s) > 1.0 or self._telemetry.trust.receiver_silent_s(now_s) > 5.0:
+            for frame in message_requests(self._encoder, sysid):
+                self._to_vehicle(frame)
+        if self._telemetry.home is None and self._home_due.due(now_s):
+            for frame in message_requests(self._encoder, sysid, HOME_POSITION_US):
+                self._to_vehicle(frame)
+
+    def _to_vehicle(self, frame: bytes) -> None:
+        lock = self._telemetry.lock
+        if self._vehicle is not None:
+            source = lock.source if lock is not None else None
+            self._vehicle.send(frame, source if isinstance(source, tuple) else None)
+
+    def _send(self, data: bytes) -> None:
+        if self._to is not None:
+            self._to.send(data)
+
+    def _tell(self, now_s: float) -> None:
+        telemetry = self._telemetry
+        own = telemetry.state(now_s)
+        state = "waiting" if telemetry.lock is None else "no-position" if own is None else "transmitting"
+        self._emit(
+            "summary",
+            state=state,
+            system_id=None if telemetry.lock is None else telemetry.lock.sysid,
+            identity=(identity := self.config.settings.uas_id or self._uas_id) and display_text(identity),
+            error_m=None if own is None else round(min(honest_error_m(telemetry, own, now_s), 655.35), 2),
+            sent=self.counters["sent"],
+            rejects=self.rejects(),
+        )
+
+    def _emit(self, event: str, **facts: Any) -> None:
+        if self._on_event is not None:
+            self._on_event({"event": event, "t": round(time.time(), 3), **facts})

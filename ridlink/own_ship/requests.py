@@ -1,0 +1,41 @@
+"""What an autopilot is asked to send, by MAV_CMD_SET_MESSAGE_INTERVAL: an ArduPilot says nothing of itself unasked."""
+
+from __future__ import annotations
+
+from ridlink.mavlink.codec import Encoder
+from ridlink.own_ship.telemetry import AUTOPILOT_COMPONENT
+
+SET_MESSAGE_INTERVAL = 511
+"""MAV_CMD."""
+
+WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 85: 100_000, 193: 500_000, 245: 500_000}
+"""GLOBAL_POSITION_INT, GPS_RAW_INT, POSITION_TARGET_LOCAL_NED, EKF_STATUS_REPORT and EXTENDED_SYS_STATE, which an
+ArduPilot sends only when asked; ESTIMATOR_STATUS it does not have, and says so each time."""
+
+HOME_POSITION_US = {242: 2_000_000}
+"""HOME_POSITION, which an ArduPilot sends once unasked."""
+HOME_PERIOD_S = 5.0
+"""Between two such requests while it is not known."""
+
+
+def command(encoder: Encoder, number: int, parameters: tuple[float, ...], sysid: int) -> bytes:
+    """COMMAND_LONG (76) for the autopilot."""
+    fields = {f"param{at}": value for at, value in enumerate(parameters, start=1)}
+    return encoder.encode(
+        "COMMAND_LONG", command=number, target_system=sysid, target_component=AUTOPILOT_COMPONENT, **fields
+    )
+
+
+def message_requests(encoder: Encoder, sysid: int, wanted: dict[int, int] | None = None) -> list[bytes]:
+    """What to ask of an autopilot that does not say where it is.
+
+    Args:
+        encoder: Who asks.
+        sysid: System id of the autopilot.
+        wanted: Intervals [us] by message id; without them what an own state is made of.
+    """
+    intervals_us = WANTED_MESSAGES_US if wanted is None else wanted
+    return [
+        command(encoder, SET_MESSAGE_INTERVAL, (msgid, interval_us), sysid)
+        for msgid, interval_us in intervals_us.items()
+    ]
