@@ -77,7 +77,7 @@ export class Conversation {
     page.definition = hello.definitions.some((each) => each.name === wanted) ? wanted : hello.definition;
     page.definitions.show(hello.definitions, page.definition);
     if (!again) page.selected = page.asked.vehicle;
-    page.chooses &&= page.selected === null;
+    page.chooses &&= again || page.selected === null;
     page.loader.look(page.definition, page.selected);
     const { obstacles = [], goals = {} } = hello;
     Object.assign(page.plan.scene, { obstacles, goals, selected: page.selected });

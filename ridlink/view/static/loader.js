@@ -24,6 +24,7 @@ export class Loader {
   forget() {
     this.#have.clear();
     this.#waiting = null;
+    this.#lookedAt = null;
   }
 
   // Only [from, to] is still remembered.
@@ -41,13 +42,14 @@ export class Loader {
     const length = coarse * instants;
     const here = Math.floor(clock.t / length);
     const ahead = clock.rate < 0 ? here - 1 : here + 1;
-    if (!known && this.#complete(here, length, coarse, clock)) this.#askAt(clock.t);
+    if (!known && !this.#waiting && this.#complete(here, length, coarse, clock)) this.#askAt(clock.t);
     const trail = clock.t - here * length < length / 2 ? here - 1 : null;
     for (const number of [here, ahead, trail]) {
       if (number === null || (number !== here && number * length > clock.t1)) continue;
       if ((number + 1) * length < clock.t0) continue;
       if (this.#complete(number, length, coarse, clock)) continue;
       if (this.#busy(number === here, clock.t, now)) return;
+      if (number === here) this.#askAt(clock.t); // sooner there than all of its stretch
       this.#ask(number, length, coarse, clock, now);
       return;
     }
@@ -79,10 +81,10 @@ export class Loader {
     return !(urgent && !useful && since > DRAGGED_PAST_MS);
   }
 
-  // A stretch without any instant: what was before it?
+  // The instant at t, or the last one before: there may be none in its stretch.
   #askAt(t) {
     const looked = `${this.key} ${t.toFixed(1)}`;
-    if (looked === this.#lookedAt || this.#waiting) return;
+    if (looked === this.#lookedAt) return;
     this.#lookedAt = looked;
     this.#id += 1;
     this.send({ at: t, id: this.#id });

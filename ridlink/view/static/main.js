@@ -185,9 +185,9 @@ class Page {
   figures(now) {
     this.figuresAt = now;
     const { frame } = this;
-    if (this.chooses && frame.count) {
+    if (this.chooses && frame.count && frame.index(this.selected) < 0) {
       this.select(Vehicles.order(frame.names)[0]);
-      this.chooses = false;
+      this.chooses = true; // and another one, should this one go or get another name
     }
     find("plan-empty").hidden = frame.count > 0;
     mark(find("clock"), "loading", String(!this.known && this.loader.waiting));

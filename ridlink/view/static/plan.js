@@ -4,7 +4,7 @@ import * as L from "./vendor/leaflet.js";
 import { canvasIn, prepare } from "./canvas.js";
 import { find } from "./dom.js";
 import { drawGround } from "./ground.js";
-import { E, FIELDS, N } from "./picture.js";
+import { DISPLACEMENT, E, FIELDS, N } from "./picture.js";
 import { drawTraffic } from "./traffic.js";
 
 const MARGIN_PX = 56;
@@ -106,7 +106,10 @@ export class Plan {
 
   #bounds(frame) {
     const points = [];
-    for (let i = 0; i < frame.count; i += 1) points.push([frame.value(i, N), frame.value(i, E)]);
+    for (let i = 0; i < frame.count; i += 1) {
+      const north = frame.value(i, N), east = frame.value(i, E), radius = frame.value(i, DISPLACEMENT) || 0;
+      points.push([north - radius, east - radius], [north + radius, east + radius]);
+    }
     points.push(...Object.values(this.scene.goals), ...this.scene.obstacles.flat());
     const known = points.filter(([north, east]) => Number.isFinite(north) && Number.isFinite(east));
     if (!known.length) return null;

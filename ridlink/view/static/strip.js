@@ -2,7 +2,7 @@
 
 import uPlot from "./vendor/uplot.js";
 import { mark } from "./dom.js";
-import { clockTime } from "./format.js";
+import { clockTime, nearness } from "./format.js";
 
 const AXIS_PX = 46, RIGHT_PX = 16;
 const SNAP_PX = 7;
@@ -58,7 +58,7 @@ export class Strip {
   }
 
   mark(encounters) {
-    this.#marks = encounters.filter((each) => Number.isFinite(each.closest_t));
+    this.#marks = encounters.filter((each) => Number.isFinite(each.closest_t)).sort((a, b) => b.margin_m - a.margin_m);
     this.#dirty = true;
   }
 
@@ -151,7 +151,8 @@ export class Strip {
     for (const each of this.#marks) {
       const x = plot.valToPos(each.closest_t, "x", true);
       const y = Math.max(top + 4 * ratio, plot.valToPos(each.closest_m, "y", true));
-      const r = (each.collided ? 5.5 : 3.5) * ratio;
+      const kind = nearness(each.closest_m, each.closest_m - each.margin_m);
+      const r = (each.collided ? 5.5 : kind === "clear" ? 2 : 3.5) * ratio;
       context.beginPath();
       if (each.collided) {
         context.moveTo(x, y - r);
@@ -161,7 +162,7 @@ export class Strip {
         context.closePath();
       } else context.arc(x, y, r, 0, 2 * Math.PI);
       context.fillStyle = each.collided ? this.palette.inside : this.palette.panel;
-      context.strokeStyle = each.margin_m < 0 ? this.palette.inside : this.palette.muted;
+      context.strokeStyle = each.collided ? this.palette.inside : this.palette[kind];
       context.fill();
       context.stroke();
     }
