@@ -49,7 +49,7 @@ export class Transport {
     play.setAttribute("aria-label", clock.playing ? "Pause" : "Play");
     back.setAttribute("aria-pressed", String(clock.rate < 0));
     follow.setAttribute("aria-pressed", String(clock.following));
-    follow.disabled = !live;
+    follow.hidden = !live;
     if (this.speed.value !== String(clock.speed)) this.speed.value = String(clock.speed);
   }
 }
