@@ -29,6 +29,7 @@ export class Card {
     }
     const of = (field) => frame.value(index, field);
     const space = frame.picture.selected?.name === selected ? frame.picture.selected : null;
+    for (const part of ["preferred", "chosen", "reachable"]) find(`key-${part}`).hidden = !space?.[part];
     drawInset(this.inset, space, [of(VN), of(VE)], this.palette);
     this.#figures(of);
   }
