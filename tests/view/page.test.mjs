@@ -59,9 +59,12 @@ test("past the last instant it flies on with its velocity, for a second", () => 
   assert.equal(frame.value(0, N), 10);
 });
 
-test("where the history has a hole, nothing is made up", () => {
+test("where the history has a hole, nothing is made up; where it is complete, nobody was in the air", () => {
   const history = historyOf(instant(0, vehicle("a", 0, 0)), instant(100, vehicle("a", 0, 0)));
-  assert.equal(new Frame().at(history, 50, 0), false);
+  const frame = new Frame();
+  assert.equal(frame.at(history, 50, 0), false);
+  assert.ok(frame.at(history, 50, 0, true));
+  assert.deepEqual([frame.count, frame.index("a"), frame.nearest], [0, -1, null]);
 });
 
 test("a sky that was empty stays empty until somebody comes", () => {

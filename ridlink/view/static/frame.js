@@ -5,6 +5,7 @@ import { E, FIELDS, N, VE, VN, TRUE_E, TRUE_N, ERROR, DISPLACEMENT, AIRFRAME, in
 const GAP_S = 3.0; // pictures further apart are not joined
 const FLOWN_ON_S = 1.0;
 const GROWS_MS = 350;
+const NOBODY = [];
 
 export class Frame {
   t = NaN;
@@ -14,14 +15,14 @@ export class Frame {
   values = new Float32Array(0);
   #grown = null;
 
-  // Fill from the history; false if it knows nothing near t.
-  at(history, t, now) {
+  // Fill from the history; false if it knows nothing near t. Where it is `complete`, nothing near t is an empty sky.
+  at(history, t, now, complete = false) {
     let index = history.before(t);
     if (index < 0 && history.length && history.first - t < FLOWN_ON_S) index = 0;
-    if (index < 0) return false;
+    if (index < 0) return complete && this.#empty(t);
     const picture = history.at(index), later = history.at(index + 1);
     const joined = later && later.t - picture.t <= GAP_S;
-    if (!joined && later && picture.count && t - picture.t > FLOWN_ON_S) return false; // an empty sky stays empty
+    if (!joined && later && picture.count && t - picture.t > FLOWN_ON_S) return complete && this.#empty(t);
     this.t = t;
     this.picture = picture;
     this.names = picture.names;
@@ -53,6 +54,11 @@ export class Frame {
   }
 
   get growing() { return this.#grown !== null; }
+
+  #empty(t) {
+    Object.assign(this, { t, picture: null, names: NOBODY, count: 0 });
+    return true;
+  }
 
   #between(picture, later, share) {
     const next = links(picture, later), own = this.values, other = later.values;

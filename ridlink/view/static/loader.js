@@ -11,6 +11,8 @@ export class Loader {
   #lookedAt = null;
   #have = new Map(); // what is looked at, step, number of the stretch -> complete until
 
+  complete = false; // whether all is there of the stretch that was last looked at
+
   // send(request) is false if nobody takes it.
   constructor(send) {
     this.send = send;
@@ -25,6 +27,7 @@ export class Loader {
     this.#have.clear();
     this.#waiting = null;
     this.#lookedAt = null;
+    this.complete = false;
   }
 
   // Only [from, to] is still remembered.
@@ -42,7 +45,8 @@ export class Loader {
     const length = coarse * instants;
     const here = Math.floor(clock.t / length);
     const ahead = clock.rate < 0 ? here - 1 : here + 1;
-    if (!known && !this.#waiting && this.#complete(here, length, coarse, clock)) this.#askAt(clock.t);
+    this.complete = this.#complete(here, length, coarse, clock);
+    if (!known && !this.#waiting && this.complete) this.#askAt(clock.t);
     const trail = clock.t - here * length < length / 2 ? here - 1 : null;
     for (const number of [here, ahead, trail]) {
       if (number === null || (number !== here && number * length > clock.t1)) continue;

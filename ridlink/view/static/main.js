@@ -157,7 +157,7 @@ class Page {
     clock.tick(now, this.live, !this.known && this.loader.waiting);
     if (!clock.following) this.loader.want(clock, frame.count, this.hello.step_s ?? 0.1, now, this.known);
     if (this.dirty || plan.stale || frame.growing || plan.visiblyElse(clock.t)) {
-      this.known = frame.at(this.history, clock.t, now);
+      this.known = frame.at(this.history, clock.t, now, !clock.following && this.loader.complete);
       this.dirty = !this.known;
       if (this.known || plan.stale) {
         this.trails.update(this.history, clock.t, this.changes);
