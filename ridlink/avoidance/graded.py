@@ -31,10 +31,12 @@ from ridlink.avoidance.headings import (
     TIMES,
     UNIT,
     WALL_S,
+    explain_choice,
+    feasibility,
     find_way,
-    report_choice,
     see_neighbours,
     see_walls,
+    settle_choice,
     time_to_wall,
 )
 from ridlink.avoidance.kernel import kernel, norm
@@ -245,7 +247,10 @@ def grade_one(  # type: ignore[no-untyped-def]
     k = chosen % len(fan)
     result[R_VELOCITY] = speed * (fan[k, 0] * u_1 - fan[k, 1] * u_2)
     result[R_VELOCITY + 1] = speed * (fan[k, 1] * u_1 + fan[k, 0] * u_2)
-    report_choice(
-        own, way, sights, count, pieces, piece_start, walls, inside_wall, reach, chosen == 0, settings[LEAN_WITHIN],
-        settings[SMOOTHING], result,
+    horizon = settings[LEAN_WITHIN]
+    feasible, overlapped = feasibility(own, sights, count, pieces, piece_start, walls, reach, horizon, result)
+    settle_choice(
+        own, pieces, piece_start, walls, reach, feasible, overlapped or inside_wall, chosen == 0, settings[SMOOTHING],
+        result,
     )  # fmt: skip
+    explain_choice(own, way, sights, count, pieces, piece_start, walls, reach, chosen == 0, horizon, result)

@@ -63,6 +63,9 @@ FAR_M = 1e6
 REACH_S = 10.0
 """Without a goal, obstacles count that are so much flight away; with one, those before it."""
 
+EDGE_M = 1e-6
+"""Far more than rounding moves anything here."""
+
 WALL_S = 2.0
 """No heading that reaches an obstacle within this time is flown while another one does not."""
 
@@ -95,9 +98,11 @@ def find_way(own, arrival_mps2, way):  # type: ignore[no-untyped-def]
         length = norm(to_1, to_2)
         if length < EPSILON:
             to_1, to_2, length = 1.0, 0.0, 1.0
-    c, s = math.cos(own[EXTRA_TURN]), math.sin(own[EXTRA_TURN])
     to_1, to_2 = to_1 / length, to_2 / length
-    way[UNIT], way[UNIT + 1] = c * to_1 - s * to_2, s * to_1 + c * to_2
+    if own[EXTRA_TURN] != 0.0:
+        c, s = math.cos(own[EXTRA_TURN]), math.sin(own[EXTRA_TURN])
+        to_1, to_2 = c * to_1 - s * to_2, s * to_1 + c * to_2
+    way[UNIT], way[UNIT + 1] = to_1, to_2
 
 
 @kernel
@@ -192,7 +197,7 @@ def ray_to_piece(vertex, first, last, clearance_m, p_1, p_2, d_1, d_2):  # type:
     return hit
 
 
-@kernel
+@kernel(forceinline=True)
 def time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m):  # type: ignore[no-untyped-def]
     """Time [s] in which a velocity reaches the clearance of an obstacle, 0 if it leads deeper into it, else infinity.
 
@@ -212,10 +217,12 @@ def time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m):  # type: ignore[
     nearest = math.inf
     for piece in range(len(start) - 1):
         wall = walls[piece]
+        closing = -(wall[NORMAL] * d_1 + wall[NORMAL + 1] * d_2)
         if wall[GAP] < 0.0:
-            if wall[NORMAL] * d_1 + wall[NORMAL + 1] * d_2 < -EPSILON:
+            if closing > EPSILON:
                 return 0.0
-        elif wall[GAP] < min(reach_m, nearest):
+        # All of a convex piece lies beyond the tangent at its nearest point.
+        elif closing > -EPSILON and wall[GAP] < closing * min(reach_m, nearest) + EDGE_M:
             hit = ray_to_piece(
                 vertex, start[piece], start[piece + 1], own[CLEARANCE], own[POSITION], own[POSITION + 1], d_1, d_2
             )
@@ -269,44 +276,48 @@ def name_binding(sights, count, v_1, v_2, horizon_s, result):  # type: ignore[no
 
 
 @kernel
-def report_choice(  # type: ignore[no-untyped-def]
-    own, way, sights, count, vertex, start, walls, inside_wall, reach_m, straight, horizon_s, smoothing, result
-):
-    """Fill in status, slack, binding neighbours and the command for the velocity in the result.
+def feasibility(own, sights, count, vertex, start, walls, reach_m, horizon_s, result):  # type: ignore[no-untyped-def]
+    """Whether the velocity in the result leads into no disc and no obstacle, and whether own-ship is in a disc already.
 
-    Args:
-        own: Own-ship.
-        way: The straight way.
-        sights: Neighbours as seen, with the radii that the solver keeps.
-        count: Number of neighbours.
-        vertex: Vertices of the obstacles' pieces.
-        start: Where each begins in it, with the end.
-        walls: As `see_walls` left them.
-        inside_wall: True within the clearance of an obstacle.
-        reach_m: Obstacles further than this do not count.
-        straight: True if the straight way was chosen.
-        horizon_s: Entries into discs later than this do not count.
-        smoothing: Part of the way from the last command to the new velocity.
-        result: Result, the velocity already in it.
+    Arguments as in `explain_choice`.
     """
     v_1, v_2 = result[R_VELOCITY], result[R_VELOCITY + 1]
     slack = math.inf
-    overlapped = inside_wall
+    overlapped = False
     for j in range(count):
         sight = sights[j]
         slack = min(slack, slack_to_disc(sight, v_1, v_2, horizon_s))
         overlapped = overlapped or sight[SEEN] ** 2 + sight[SEEN + 1] ** 2 < sight[KEPT] ** 2
-    result[R_SLACK] = slack
     blocked = time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m) < math.inf
-    s_1, s_2 = way[SPEED] * way[UNIT], way[SPEED] * way[UNIT + 1]
-    in_the_way = not straight and time_to_wall(own, vertex, start, walls, s_1, s_2, reach_m) < math.inf
-    result[R_OBSTACLE] = 1.0 if blocked or in_the_way else 0.0
-    if slack < 0.0 or blocked:
+    return slack >= 0.0 and not blocked, overlapped
+
+
+@kernel
+def settle_choice(  # type: ignore[no-untyped-def]
+    own, vertex, start, walls, reach_m, feasible, overlapped, straight, smoothing, result
+):
+    """Fill in the status and the command for the velocity in the result.
+
+    Args:
+        own: Own-ship.
+        vertex: Vertices of the obstacles' pieces.
+        start: Where each begins in it, with the end.
+        walls: As `see_walls` left them.
+        reach_m: Obstacles further than this do not count.
+        feasible: True if the velocity leads into no disc and no obstacle.
+        overlapped: True within a disc or the clearance of an obstacle.
+        straight: True if the straight way was chosen.
+        smoothing: Part of the way from the last command to the new velocity.
+        result: Result, the velocity already in it.
+    """
+    if not feasible:
         result[R_STATUS] = INFEASIBLE
-        name_binding(sights, count, v_1, v_2, horizon_s, result)
     else:
         result[R_STATUS] = OVERLAPPED if overlapped else FREE if straight else CONSTRAINED
-        name_binding(sights, count, s_1, s_2, horizon_s, result)
+    v_1, v_2 = result[R_VELOCITY], result[R_VELOCITY + 1]
+    if smoothing == 1.0:
+        result[R_COMMAND], result[R_COMMAND + 1] = v_1, v_2
+        return
     c_1 = own[COMMAND] + smoothing * (v_1 - own[COMMAND])
     c_2 = own[COMMAND + 1] + smoothing * (v_2 - own[COMMAND + 1])
     # A mean of two velocities that keep out of an obstacle may be one that does not.
@@ -316,3 +327,38 @@ def report_choice(  # type: ignore[no-untyped-def]
     if speed > own[LIMIT]:
         c_1, c_2 = c_1 * own[LIMIT] / speed, c_2 * own[LIMIT] / speed
     result[R_COMMAND], result[R_COMMAND + 1] = c_1, c_2
+
+
+@kernel
+def explain_choice(  # type: ignore[no-untyped-def]
+    own, way, sights, count, vertex, start, walls, reach_m, straight, horizon_s, result
+):
+    """Fill in slack and what binds the velocity in the result, whose status is known.
+
+    Args:
+        own: Own-ship.
+        way: The straight way.
+        sights: Neighbours as seen, with the radii that the solver keeps.
+        count: Number of neighbours.
+        vertex: Vertices of the obstacles' pieces.
+        start: Where each begins in it, with the end.
+        walls: As `see_walls` left them.
+        reach_m: Obstacles further than this do not count.
+        straight: True if the straight way was chosen.
+        horizon_s: Entries into discs later than this do not count.
+        result: Result.
+    """
+    v_1, v_2 = result[R_VELOCITY], result[R_VELOCITY + 1]
+    slack = math.inf
+    for j in range(count):
+        slack = min(slack, slack_to_disc(sights[j], v_1, v_2, horizon_s))
+    s_1, s_2 = way[SPEED] * way[UNIT], way[SPEED] * way[UNIT + 1]
+    blocked = time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m) < math.inf
+    in_the_way = not straight and time_to_wall(own, vertex, start, walls, s_1, s_2, reach_m) < math.inf
+    result[R_OBSTACLE] = 1.0 if blocked or in_the_way else 0.0
+    if result[R_STATUS] == INFEASIBLE:
+        name_binding(sights, count, v_1, v_2, horizon_s, result)
+    else:
+        slack = max(slack, 0.0)  # but for rounding it is
+        name_binding(sights, count, s_1, s_2, horizon_s, result)
+    result[R_SLACK] = slack

@@ -6,6 +6,10 @@ obstacle is flown. Discs count without a horizon, and only while the two approac
 diverging traffic constrains for ever and flights freeze. So inside a disc exactly the velocities that do not approach
 are allowed.
 
+The two questions that are asked of every heading are asked of all neighbours of a block at once, without a branch; the
+first block with a neighbour in the way ends the first. So a heading costs the same whatever the neighbours do, and
+most headings are not looked at.
+
 Axes and symbols: see `headings`. Nothing here allocates.
 """
 
@@ -19,26 +23,41 @@ from ridlink.avoidance.encounter import EPSILON
 from ridlink.avoidance.headings import (
     AWAY,
     FAR_M,
-    FROM,
-    KEPT,
     PACE,
     REACH_S,
-    SEEN,
     SPEED,
-    TIMES,
     UNIT,
     WALL_S,
+    explain_choice,
     find_way,
-    report_choice,
     see_neighbours,
     see_walls,
+    settle_choice,
     time_to_wall,
 )
-from ridlink.avoidance.kernel import kernel, norm
-from ridlink.avoidance.rows import R_PREFERRED, R_VELOCITY
+from ridlink.avoidance.kernel import kernel, larger, smaller
+from ridlink.avoidance.rows import (
+    COMMAND,
+    GAP,
+    HEARD,
+    LANES,
+    N_POSITION,
+    N_VELOCITY,
+    POSITION,
+    R_PREFERRED,
+    R_VELOCITY,
+    RADIUS,
+    RECIPROCAL,
+    REPORTED,
+    VELOCITY,
+)
 
 # Columns of the settings vector, in the order of the fields of RotationSettings.
 STEP, LEFT_WEIGHT, COST_WEIGHT, ARRIVAL, SMOOTHING = range(5)
+
+# Columns of a block that are the kernels' own: where the neighbour is as seen from own-ship, zero where it is not
+# heard, so that nothing approaches it; the own velocity at which w is zero; the radius squared.
+AT, APEX, KEPT_SQUARE = GAP, GAP + 2 * LANES, GAP + 4 * LANES
 
 CLEAR_M = 1e3
 """Excess of a heading that approaches nobody."""
@@ -57,80 +76,150 @@ def candidates(step_deg: float, left_weight: float) -> np.ndarray:
     return np.stack([np.cos(angle), np.sin(angle), angle, cost], axis=1)[np.argsort(cost, kind="stable")]
 
 
-@kernel
-def least_excess(sights, count, v_1, v_2):  # type: ignore[no-untyped-def]
-    """Smallest miss distance less radius [m] over the neighbours that a velocity approaches."""
+@kernel(forceinline=True)
+def see_blocks(own, neighbours, count, range_m):  # type: ignore[no-untyped-def]
+    """Fill in AT, APEX and KEPT_SQUARE of every block; True if a neighbour's disc is entered already.
+
+    Args:
+        own: Own-ship.
+        neighbours: Blocks of neighbours.
+        count: Number of blocks.
+        range_m: Neighbours whose reports are from further away are not heard.
+    """
+    p_1, p_2, reach = own[POSITION], own[POSITION + 1], range_m * range_m
+    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
+    o_1, o_2 = (own[VELOCITY] + own[COMMAND]) / 2.0, (own[VELOCITY + 1] + own[COMMAND + 1]) / 2.0
+    deepest = -1.0
+    for b in range(count):
+        block = neighbours[b]
+        for k in range(LANES):
+            off_1, off_2 = block[REPORTED + k] - p_1, block[REPORTED + LANES + k] - p_2
+            heard = (block[HEARD + k] != 0.0) & (off_1 * off_1 + off_2 * off_2 <= reach)
+            reciprocal = block[RECIPROCAL + k] != 0.0
+            r_1, r_2 = block[N_POSITION + k] - p_1, block[N_POSITION + LANES + k] - p_2
+            u_1, u_2, radius = block[N_VELOCITY + k], block[N_VELOCITY + LANES + k], block[RADIUS + k]
+            deepest = larger(deepest, radius * radius - (r_1 * r_1 + r_2 * r_2) if heard else -1.0)
+            block[AT + k], block[AT + LANES + k] = r_1 if heard else 0.0, r_2 if heard else 0.0
+            block[APEX + k] = (o_1 + u_1) / 2.0 if reciprocal else u_1
+            block[APEX + LANES + k] = (o_2 + u_2) / 2.0 if reciprocal else u_2
+            block[KEPT_SQUARE + k] = radius * radius
+    return deepest > 0.0
+
+
+@kernel(forceinline=True)
+def leads_into_a_disc(block, v_1, v_2):  # type: ignore[no-untyped-def]
+    """Whether a velocity approaches a neighbour of a block and would miss it by less than its radius."""
+    deepest = -1.0
+    for k in range(LANES):
+        r_1, r_2, w_1, w_2 = block[AT + k], block[AT + LANES + k], v_1 - block[APEX + k], v_2 - block[APEX + LANES + k]
+        across = r_1 * w_2 - r_2 * w_1
+        # Squares of the radius and the miss distance, times that of the relative speed.
+        depth = block[KEPT_SQUARE + k] * (w_1 * w_1 + w_2 * w_2) - across * across
+        deepest = larger(deepest, depth if r_1 * w_1 + r_2 * w_2 > 0.0 else -1.0)
+    return deepest > 0.0
+
+
+@kernel(forceinline=True)
+def least_excess(block, v_1, v_2):  # type: ignore[no-untyped-def]
+    """Smallest miss distance less radius [m] over the neighbours of a block that a velocity approaches."""
     least = CLEAR_M
-    for j in range(count):
-        sight = sights[j]
-        w_1, w_2 = sight[TIMES] * v_1 - sight[FROM], sight[TIMES] * v_2 - sight[FROM + 1]
-        if sight[SEEN] * w_1 + sight[SEEN + 1] * w_2 > 0.0:
-            miss = abs(sight[SEEN] * w_2 - sight[SEEN + 1] * w_1) / max(norm(w_1, w_2), EPSILON)
-            least = min(least, miss - sight[KEPT])
+    for k in range(LANES):
+        r_1, r_2, w_1, w_2 = block[AT + k], block[AT + LANES + k], v_1 - block[APEX + k], v_2 - block[APEX + LANES + k]
+        miss = abs(r_1 * w_2 - r_2 * w_1) / larger(math.sqrt(w_1 * w_1 + w_2 * w_2), EPSILON)
+        least = smaller(least, miss - block[RADIUS + k] if r_1 * w_1 + r_2 * w_2 > 0.0 else CLEAR_M)
     return least
 
 
-@kernel
-def leads_into_a_disc(sights, count, v_1, v_2):  # type: ignore[no-untyped-def]
-    """Whether a velocity approaches a neighbour and would miss it by less than its radius."""
-    for j in range(count):
-        sight = sights[j]
-        w_1, w_2 = sight[TIMES] * v_1 - sight[FROM], sight[TIMES] * v_2 - sight[FROM + 1]
-        if sight[SEEN] * w_1 + sight[SEEN + 1] * w_2 > 0.0:
-            across = sight[SEEN] * w_2 - sight[SEEN + 1] * w_1
-            if across * across < sight[KEPT] * sight[KEPT] * (w_1 * w_1 + w_2 * w_2):
-                return True
-    return False
+@kernel(forceinline=True)
+def choose_heading(  # type: ignore[no-untyped-def]
+    own, neighbours, count, range_m, pieces, piece_start, settings, fan, walls, way, result
+):
+    """Decide for one own-ship, and say no more than the status and the command with it.
+
+    Args:
+        own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
+        neighbours: Blocks of neighbours, shape (>= count, BLOCK).
+        count: Number of blocks.
+        range_m: Neighbours whose reports are from further away are not heard.
+        pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
+        piece_start: Where each piece begins in it, with the end.
+        settings: Constants, `RotationSettings.as_vector`.
+        fan: Candidates, see `candidates`.
+        walls: Scratch, shape (>= pieces, WALL_COLUMNS).
+        way: Scratch, shape (WAY_COLUMNS,).
+        result: Result, shape (RESULT_COLUMNS,): velocity, preferred velocity, command and status.
+
+    Returns:
+        True if the straight way was chosen.
+    """
+    find_way(own, settings[ARRIVAL], way)
+    overlapped = see_blocks(own, neighbours, count, range_m)
+    inside_wall = see_walls(own, pieces, piece_start, walls)
+    u_1, u_2, speed = way[UNIT], way[UNIT + 1], way[SPEED]
+    reach = way[AWAY] if way[AWAY] < FAR_M else REACH_S * way[PACE]
+    result[R_PREFERRED], result[R_PREFERRED + 1] = speed * u_1, speed * u_2
+
+    chosen, last = -1, 0
+    for k in range(len(fan)):
+        v_1, v_2 = speed * (fan[k, 0] * u_1 - fan[k, 1] * u_2), speed * (fan[k, 1] * u_1 + fan[k, 0] * u_2)
+        # What was in the way of the last heading is likely to be in that of the next one.
+        blocked = count > 0 and leads_into_a_disc(neighbours[last], v_1, v_2)
+        b = 0
+        while not blocked and b < count:
+            if b != last and leads_into_a_disc(neighbours[b], v_1, v_2):
+                blocked, last = True, b
+            b += 1
+        if not blocked and time_to_wall(own, pieces, piece_start, walls, v_1, v_2, reach) == math.inf:
+            chosen = k
+            break
+    feasible = chosen >= 0
+    if not feasible:
+        best = -math.inf
+        for k in range(len(fan)):
+            v_1, v_2 = speed * (fan[k, 0] * u_1 - fan[k, 1] * u_2), speed * (fan[k, 1] * u_1 + fan[k, 0] * u_2)
+            cost, score, b = settings[COST_WEIGHT] * fan[k, 3], CLEAR_M, 0
+            score -= cost
+            while score > best and b < count:
+                score = min(score, least_excess(neighbours[b], v_1, v_2) - cost)
+                b += 1
+            if score > best:
+                wall = time_to_wall(own, pieces, piece_start, walls, v_1, v_2, reach)
+                if wall < WALL_S:
+                    # Obstacles stay hard: only where every heading is so short, the longest of them.
+                    score = (wall - WALL_S - 1.0) * 1e6
+            if score > best:
+                chosen, best = k, score
+    result[R_VELOCITY] = speed * (fan[chosen, 0] * u_1 - fan[chosen, 1] * u_2)
+    result[R_VELOCITY + 1] = speed * (fan[chosen, 1] * u_1 + fan[chosen, 0] * u_2)
+    settle_choice(
+        own, pieces, piece_start, walls, reach, feasible, overlapped or inside_wall, chosen == 0, settings[SMOOTHING],
+        result,
+    )  # fmt: skip
+    return chosen == 0
 
 
 @kernel
 def rotate_one(  # type: ignore[no-untyped-def]
     own, neighbours, count, pieces, piece_start, settings, fan, sights, walls, way, result
 ):
-    """Decide for one own-ship.
+    """Decide for one own-ship, and say why.
 
     Args:
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
         neighbours: Blocks of neighbours, all of them heard, as many blocks as hold `count`.
         count: Number of neighbours.
-        pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
-        piece_start: Where each piece begins in it, with the end.
-        settings: Constants, `RotationSettings.as_vector`.
-        fan: Candidates, see `candidates`.
+        pieces: See `choose_heading`; so are `piece_start`, `settings`, `fan`, `walls`, `way` and `result`.
+        piece_start: See `pieces`.
+        settings: See `pieces`.
+        fan: See `pieces`.
         sights: Scratch, shape (>= count, SIGHT_COLUMNS).
-        walls: Scratch, shape (>= pieces, WALL_COLUMNS).
-        way: Scratch, shape (WAY_COLUMNS,).
-        result: Result, shape (RESULT_COLUMNS,).
+        walls: See `pieces`.
+        way: See `pieces`.
+        result: See `pieces`; here it is complete.
     """
-    find_way(own, settings[ARRIVAL], way)
+    straight = choose_heading(
+        own, neighbours, -(-count // LANES), math.inf, pieces, piece_start, settings, fan, walls, way, result
+    )
     see_neighbours(own, neighbours, count, sights, result)
-    inside_wall = see_walls(own, pieces, piece_start, walls)
-    u_1, u_2, speed = way[UNIT], way[UNIT + 1], way[SPEED]
     reach = way[AWAY] if way[AWAY] < FAR_M else REACH_S * way[PACE]
-    result[R_PREFERRED], result[R_PREFERRED + 1] = speed * u_1, speed * u_2
-
-    chosen = -1
-    for k in range(len(fan)):
-        v_1, v_2 = speed * (fan[k, 0] * u_1 - fan[k, 1] * u_2), speed * (fan[k, 1] * u_1 + fan[k, 0] * u_2)
-        if not leads_into_a_disc(sights, count, v_1, v_2) and (
-            time_to_wall(own, pieces, piece_start, walls, v_1, v_2, reach) == math.inf
-        ):
-            chosen = k
-            break
-    if chosen < 0:
-        best = -math.inf
-        for k in range(len(fan)):
-            v_1, v_2 = speed * (fan[k, 0] * u_1 - fan[k, 1] * u_2), speed * (fan[k, 1] * u_1 + fan[k, 0] * u_2)
-            score = least_excess(sights, count, v_1, v_2) - settings[COST_WEIGHT] * fan[k, 3]
-            wall = time_to_wall(own, pieces, piece_start, walls, v_1, v_2, reach)
-            if wall < WALL_S:
-                # Obstacles stay hard: only where every heading is so short, the longest of them.
-                score = (wall - WALL_S - 1.0) * 1e6
-            if score > best:
-                chosen, best = k, score
-    result[R_VELOCITY] = speed * (fan[chosen, 0] * u_1 - fan[chosen, 1] * u_2)
-    result[R_VELOCITY + 1] = speed * (fan[chosen, 1] * u_1 + fan[chosen, 0] * u_2)
-    report_choice(
-        own, way, sights, count, pieces, piece_start, walls, inside_wall, reach, chosen == 0, math.inf,
-        settings[SMOOTHING], result,
-    )  # fmt: skip
+    explain_choice(own, way, sights, count, pieces, piece_start, walls, reach, straight, math.inf, result)

@@ -27,7 +27,7 @@ from ridlink.avoidance.kernel import copy_lanes, kernel
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import place_report
 from ridlink.avoidance.programme import new_choice, new_lines
-from ridlink.avoidance.rotation import rotate_one
+from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.rows import (
     APART,
@@ -185,45 +185,55 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
 @kernel(parallel=True)
 def rotate_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
-    neighbours, names, memory, sights, walls, way, result,
+    neighbours, names, memory, walls, way, result,
 ):  # fmt: skip
     """Decide by rotation, as the paper does, for every vehicle of every world.
 
     Args:
-        own: See above; so are `deciding` to `range_m` and `result`.
+        own: See above; so are `deciding` to `range_m` and `result`, in which velocity, preferred velocity, command and
+            status are filled in.
         deciding: See above.
         heard: See above.
         present: See above.
         radius_m: See above.
         error_sum_m: See above.
         range_m: See above.
-        pieces: Obstacles, the same in every world, as in `rotate_one`; so is `piece_start`.
+        pieces: Obstacles, the same in every world, as in `choose_heading`; so is `piece_start`.
         piece_start: See `pieces`.
         settings: Constants, `RotationSettings.as_vector`.
         fan: Candidates, `rotation.candidates`.
-        picture: Scratch; it and the following ones come from `headings_scratch`.
+        picture: Scratch; it and the following ones come from `rotation_scratch`.
         neighbours: See `picture`.
         names: See `picture`.
         memory: See `picture`.
-        sights: See `picture`.
         walls: See `picture`.
         way: See `picture`.
         result: See above.
     """
     for world in prange(own.shape[0]):
         view, few, places = picture[world], neighbours[world], names[world]
+        vehicles = own.shape[1]
         draw_picture(heard[world], present[world], view)
         kept = memory[world]
-        for i in range(own.shape[1]):
-            if deciding[world, i]:
+        for i in range(vehicles):
+            if not deciding[world, i]:
+                continue
+            if vehicles <= SMALL_WORLD:
+                fill_in(radius_m[world, i], view, RADIUS)
+                view[i // LANES, HEARD + i % LANES] = 0.0
+                choose_heading(
+                    own[world, i], view, len(view), range_m, pieces, piece_start, settings, fan, walls[world],
+                    way[world], result[world, i],
+                )  # fmt: skip
+                view[i // LANES, HEARD + i % LANES] = 1.0 if present[world, i] else 0.0
+            else:
                 count = gather(
                     own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, kept, view, few, places
                 )
-                rotate_one(
-                    own[world, i], few, count, pieces, piece_start, settings, fan, sights[world], walls[world],
+                choose_heading(
+                    own[world, i], few, -(-count // LANES), range_m, pieces, piece_start, settings, fan, walls[world],
                     way[world], result[world, i],
                 )  # fmt: skip
-                name_vehicles(places, result[world, i])
 
 
 @kernel(parallel=True)
@@ -231,8 +241,8 @@ def grade_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
     neighbours, names, memory, sights, walls, way, result,
 ):  # fmt: skip
-    """Decide by graded risk for every vehicle of every world; arguments as in `rotate_worlds`, with `GradedSettings`
-    and `graded.candidates`."""
+    """Decide by graded risk for every vehicle of every world; arguments as in `rotate_worlds`, with `GradedSettings`,
+    `graded.candidates` and `graded_scratch`. Results are complete."""
     for world in prange(own.shape[0]):
         view, few, places = picture[world], neighbours[world], names[world]
         draw_picture(heard[world], present[world], view)
@@ -268,15 +278,20 @@ def halfplane_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple
     )
 
 
-def headings_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
-    """The scratch arguments of `rotate_worlds` and `grade_worlds`, in their order."""
+def rotation_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
+    """The scratch arguments of `rotate_worlds`, in its order."""
     return (
         *_picture(worlds, vehicles),
         np.zeros((worlds, blocks_for(vehicles), 2 * LANES)),
-        np.zeros((worlds, vehicles, headings.SIGHT_COLUMNS)),
         np.zeros((worlds, obstacles.piece_count, headings.WALL_COLUMNS)),
         np.zeros((worlds, headings.WAY_COLUMNS)),
     )
+
+
+def graded_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
+    """The scratch arguments of `grade_worlds`, in its order."""
+    *picture, walls, way = rotation_scratch(worlds, vehicles, obstacles)
+    return (*picture, np.zeros((worlds, vehicles, headings.SIGHT_COLUMNS)), walls, way)
 
 
 def _picture(worlds: int, vehicles: int) -> tuple[np.ndarray, ...]:

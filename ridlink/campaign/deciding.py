@@ -29,7 +29,8 @@ class Decider(Protocol):
         error_sum_m: FloatArray,
         range_m: float,
     ) -> FloatArray:
-        """Results, shape (W, N, RESULT_COLUMNS); arguments as in `ridlink.avoidance.worlds`."""
+        """Results, shape (W, N, RESULT_COLUMNS); arguments as in `ridlink.avoidance.worlds`, and so is what of them is
+        filled in."""
 
     def keep(self, kept: BoolArray) -> None:
         """Go on with some worlds of the batch only, shape (W,)."""
@@ -59,11 +60,12 @@ class _Headings:
         if isinstance(settings, RotationSettings):
             self._kernel: Any = worlds.rotate_worlds
             fan = rotation.candidates(settings.step_deg, settings.left_weight)
+            self._scratch = worlds.rotation_scratch(*shape, obstacles)
         else:
             self._kernel = worlds.grade_worlds
             fan = graded.candidates()
+            self._scratch = worlds.graded_scratch(*shape, obstacles)
         self._constants = (obstacles.piece_vertex_ne_m, obstacles.piece_start, settings.as_vector(), fan)
-        self._scratch = worlds.headings_scratch(*shape, obstacles)
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
 
     def decide(

@@ -15,7 +15,7 @@ from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.programme import new_choice, new_lines
-from ridlink.avoidance.rotation import rotate_one
+from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings
@@ -60,7 +60,7 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
 @kernel(parallel=True)
 def rotate_pairs(  # type: ignore[no-untyped-def]
     own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
-    blocks, pieces, piece_start, settings, fan, sights, walls, way, result,
+    blocks, pieces, piece_start, settings, fan, walls, way, result,
 ):  # fmt: skip
     """Decide by rotation, as the paper does."""
     for world in prange(own.shape[0]):
@@ -72,9 +72,9 @@ def rotate_pairs(  # type: ignore[no-untyped-def]
                 error_sum_m[world, i], displaced_s, memory[world, i], reports[world], kept[world], names[world],
             )  # fmt: skip
             pack(reports[world], kept[world], count, blocks[world])
-            rotate_one(
-                own[world, i], blocks[world], count, pieces, piece_start, settings, fan, sights[world], walls[world],
-                way[world], result[world, i],
+            choose_heading(
+                own[world, i], blocks[world], -(-count // rows.LANES), math.inf, pieces, piece_start, settings, fan,
+                walls[world], way[world], result[world, i],
             )  # fmt: skip
 
 
@@ -133,17 +133,18 @@ class PairDecider:
                 np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
             )  # fmt: skip
             return
-        if isinstance(settings, RotationSettings):
-            self._kernel = rotate_pairs
-            self._constants = (rotation.candidates(settings.step_deg, settings.left_weight),)
-        else:
-            self._kernel = grade_pairs
-            self._constants = (graded.candidates(),)
-        self._scratch = (
-            np.zeros((worlds, vehicles, headings.SIGHT_COLUMNS)),
+        room: tuple[Any, ...] = (
             np.zeros((worlds, obstacles.piece_count, headings.WALL_COLUMNS)),
             np.zeros((worlds, headings.WAY_COLUMNS)),
         )
+        if isinstance(settings, RotationSettings):
+            self._kernel = rotate_pairs
+            self._constants = (rotation.candidates(settings.step_deg, settings.left_weight),)
+            self._scratch = room
+        else:
+            self._kernel = grade_pairs
+            self._constants = (graded.candidates(),)
+            self._scratch = (np.zeros((worlds, vehicles, headings.SIGHT_COLUMNS)), *room)
 
     def decide(
         self, own: FloatArray, deciding: BoolArray, tracks: FloatArray, present: BoolArray, now_s: float,

@@ -24,10 +24,13 @@ from ridlink.avoidance import (
     graded,
     headings,
     rotation,
+    rows,
 )
 from ridlink.avoidance.obstacles import NO_OBSTACLES, convex_hull
 from ridlink.avoidance.solver import GradedSolver, HalfplaneSolver, RotationSolver, new_solver, warm_up
+from ridlink.campaign.deciding import new_decider
 from tests.avoidance.lockstep import signed_distance
+from tests.avoidance.reference_rotation import straightforward
 from tests.avoidance.test_solver import SQUARE, coordinate, crowd, own_ship, solve, speed, traffic, turned
 
 PAPER = RotationSolver(RotationSettings.paper())
@@ -79,6 +82,37 @@ def test_rotation_is_what_the_paper_describes(seed, radius, away):
     decision = solve(own, traffic(*rows, radius=radius), PAPER, goal_ne_m=goal)
     assert decision.velocity_ne_mps == pytest.approx(wanted, abs=1e-9)
     assert decision.command_ne_mps == pytest.approx(wanted, abs=1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seeds, st.integers(1, 30), st.floats(2.0, 160.0), st.floats(20.0, 400.0), st.booleans(), st.booleans(),
+    st.sampled_from([RotationSettings.paper(), RotationSettings(), RotationSettings(step_deg=5.0)]),
+)  # fmt: skip
+def test_rotation_decides_as_if_it_tried_every_heading_on_everybody(
+    seed, count, radius_m, range_m, crowded, walled, chosen
+):
+    """To the last bit, feasible or not, for all vehicles of a world at once."""
+    random = np.random.default_rng(seed)
+    shape, extent = (1, count), 80.0 if crowded else 300.0
+    own = np.zeros((*shape, rows.OWN_COLUMNS))
+    own[..., 0:2] = random.uniform(-extent, extent, (*shape, 2))
+    own[..., 2:4] = random.uniform(-12.0, 12.0, (*shape, 2))
+    own[..., 4:6] = own[..., 2:4] + random.uniform(-1.0, 1.0, (*shape, 2))
+    own[..., 6:8] = random.uniform(-300.0, 300.0, (*shape, 2))
+    own[..., rows.LIMIT], own[..., rows.CRUISE], own[..., rows.CLEARANCE] = 11.0, 10.0, 7.0
+    heard = np.full((*shape, 8), np.nan)
+    heard[..., 0:4], heard[..., 6] = own[..., 0:4], random.uniform(0.0, 1.0, shape)
+    heard[..., 7] = random.random(shape) < 0.8
+    present = random.random(shape) < 0.9
+    radius = radius_m * random.uniform(0.5, 1.0, (*shape, count))
+    walls = SQUARE if walled else NO_OBSTACLES
+    result = new_decider(chosen, shape, walls).decide(own, present, heard, present, radius, radius, range_m)
+    for i in np.flatnonzero(present[0]):
+        others = [j for j in np.flatnonzero(present[0]) if j != i]
+        velocity, feasible = straightforward(own[0, i], heard[0, others], radius[0, i, others], range_m, walls, chosen)
+        assert np.array_equal(result[0, i, 0:2], velocity)
+        assert (result[0, i, rows.R_STATUS] != rows.INFEASIBLE) == feasible
 
 
 def g2_costs(velocity, goal, rows, base, pace):
