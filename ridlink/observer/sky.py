@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,12 +125,18 @@ class Scene:
     command_ne_mps: FloatArray
     avoiding: BoolArray
     merged: frozenset[int] = frozenset()
+    _apart: list[BoolArray] = field(default_factory=list, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.names)
 
     def apart(self) -> BoolArray:
-        """Pairs that are known to fly at safely different heights, shape (n, n)."""
+        """Pairs that are known to fly at safely different heights, shape (n, n); worked out once, not to be changed."""
+        if not self._apart:
+            self._apart.append(self._known_apart())
+        return self._apart[0]
+
+    def _known_apart(self) -> BoolArray:
         above = self.altitude_m[None, :] - self.altitude_m[:, None]
         error, height, climb = self.vertical_error_m, self.airframe_height_m, self.climb_mps
         bound = vertical_bound(
