@@ -44,7 +44,8 @@ def report(
     ridlink report flight.tlog                        lines to the screen, flight-report.html here
     ridlink report a.tlog b.tlog --no-html -o e.jsonl     the logs of several vehicles of one flight
 
-    Everything is as reported: nothing in a recording says where a vehicle truly was.
+    A vehicle whose telemetry is recorded and whose Remote ID is not takes part with what its autopilot says. Everything is
+    as reported: nothing in a recording says where a vehicle truly was.
     """
     import msgspec
 
@@ -81,9 +82,11 @@ def report(
 
 
 def _write_page(page: Path, text: str) -> None:
+    from ridlink.remote_id.text import display_name
+
     with whole_output(str(page)) as out:
         out.write(text.encode())
-    click.echo(f"ridlink: {page}: the page", err=True)
+    click.echo(f"ridlink: {display_name(str(page))}: the page", err=True)
 
 
 def _page_name(file: str) -> str:

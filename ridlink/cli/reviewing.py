@@ -46,9 +46,10 @@ def walk_through(sources: Sequence[Source], watchers: Sequence[Watcher]) -> Walk
     from ridlink.review import Walk, together
 
     progress = Progress(not sys.stdout.isatty())
+    walk = Walk(watchers)
     for source in sources:
         source.on_progress = progress.tick
-    walk = Walk(watchers)
+        source.needless = lambda: walk.own.speaking
     walk.through(together(sources))
     progress.clear()
     return walk

@@ -196,7 +196,7 @@ class Sky:
         for part in messages_of(decode_message(frame), self.rejects):
             report = self._assembler.receive((frame.sysid, frame.compid), part, now_s)
             if report is not None:
-                moved = self._take(report, now_s) or moved
+                moved = self.take(report, now_s) or moved
         return moved
 
     def forget_silent(self, now_s: float) -> list[Aircraft]:
@@ -249,7 +249,17 @@ class Sky:
             merged=frozenset(self._merged),
         )
 
-    def _take(self, report: RemoteIdReport, now_s: float) -> Aircraft | None:
+    def forget(self, key: SourceKey) -> Aircraft | None:
+        """Somebody is gone, or better known by another source."""
+        return self._remove(key) if key in self.aircraft else None
+
+    def take(self, report: RemoteIdReport, now_s: float) -> Aircraft | None:
+        """Take a report that is complete; the aircraft that it moved, if any.
+
+        Args:
+            report: What is known of somebody.
+            now_s: When that came, on the clock of `receive`.
+        """
         if report.latitude_deg is None or report.longitude_deg is None:
             return None
         if self.origin is None:

@@ -1,4 +1,4 @@
-"""The Remote ID of recordings, in the order of time.
+"""The Remote ID of recordings, and the telemetry of vehicles, in the order of time.
 
 Everything else in a file is passed over, in compiled loops where the file is large. Several files, such as the logs of
 several vehicles of one flight, become one stream; what more than one of them holds is taken once.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,9 @@ from ridlink.errors import CaptureError
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.observer.sky import REMOTE_ID_IDS
+from ridlink.review.own import TELEMETRY_IDS
+
+WANTED_IDS = REMOTE_ID_IDS | TELEMETRY_IDS
 
 LARGE_BYTES = 2_000_000
 """From here on compiled loops are faster than they are loaded."""
@@ -45,6 +48,7 @@ class Source:
         size, position: Bytes in all, None where that is not known, and bytes read.
         rejects: Damage by cause.
         error: What ended the reading before the end of the file.
+        needless: System ids whose telemetry nobody needs.
         on_progress: Called with the source and a number of frames more, those of a block where the file is large.
 
     Raises:
@@ -54,6 +58,7 @@ class Source:
 
     def __init__(self, path: str, kind: str = "auto") -> None:
         self.error: CaptureError | OSError | None = None
+        self.needless: Callable[[], Container[int]] = tuple
         self._reader = _open(path, kind)
         self.name = self._reader.name
         self.size = self._reader.size
@@ -76,7 +81,7 @@ class Source:
         return self._reader.rejects
 
     def __iter__(self) -> Iterator[Timed]:
-        """Frames about Remote ID, with microseconds since 1970; one without a time has that of the one before."""
+        """Frames that are wanted, with microseconds since 1970; one without a time has that of the one before."""
         last_us = 0
         try:
             for time_us, frame in self._frames():
@@ -88,7 +93,7 @@ class Source:
 
     def _frames(self) -> Iterator[tuple[int | None, Frame | None]]:
         if isinstance(self._reader, BlockReader):
-            return _of_blocks(self._reader, self._progress)
+            return _of_blocks(self._reader, self._progress, self.needless)
         return _of_records(self._reader, self._progress)
 
     def _progress(self, frames: int) -> None:
@@ -120,17 +125,22 @@ def _of_records(capture: Capture, progress: Callable[[int], None]) -> Iterator[t
     with capture:
         for time_us, frame, _ in capture:
             progress(1)
-            yield time_us, frame if frame.msgid in REMOTE_ID_IDS else None
+            yield time_us, frame if frame.msgid in WANTED_IDS else None
 
 
-def _of_blocks(reader: BlockReader, progress: Callable[[int], None]) -> Iterator[tuple[int | None, Frame | None]]:
-    wanted = np.array(
-        [layout.spec is not None and layout.spec.msgid in REMOTE_ID_IDS for layout in tables.layouts()], np.bool_
+def _of_blocks(
+    reader: BlockReader, progress: Callable[[int], None], needless: Callable[[], Container[int]]
+) -> Iterator[tuple[int | None, Frame | None]]:
+    wanted, telemetry = (
+        np.array([layout.spec is not None and layout.spec.msgid in ids for layout in tables.layouts()], np.bool_)
+        for ids in (WANTED_IDS, TELEMETRY_IDS)
     )
     for block in reader:
         progress(block.count)
-        times = block.times.tolist()
+        times, sysids, is_telemetry = block.times.tolist(), block.sysids().tolist(), telemetry[block.slots].tolist()
         for entry in np.flatnonzero(wanted[block.slots]).tolist():
+            if is_telemetry[entry] and sysids[entry] in needless():
+                continue
             [frame] = parse_datagram(block.frame(entry), CRC_EXTRAS, limit=1)
             if isinstance(frame, Frame):
                 yield None if times[entry] == NO_TIME else times[entry], frame

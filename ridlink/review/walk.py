@@ -12,6 +12,8 @@ from typing import Protocol
 
 from ridlink.mavlink.frames import Frame
 from ridlink.observer import Scene, Sky
+from ridlink.observer.sky import REMOTE_ID_IDS
+from ridlink.review.own import OwnVehicles
 from ridlink.review.source import Timed
 
 GRID_US = 100_000
@@ -40,6 +42,7 @@ class Walk:
 
     Attributes:
         sky: Who is in the air.
+        own: Who of them is known by telemetry alone.
         begun_us, ended_us: Time of the first and of the last frame, microseconds since 1970; None before the first.
         scenes: How many there were with anybody in them.
         aircraft: How many there were.
@@ -47,6 +50,7 @@ class Walk:
 
     def __init__(self, watchers: Sequence[Watcher]) -> None:
         self.sky = Sky()
+        self.own = OwnVehicles(self.sky)
         self.begun_us: int | None = None
         self.ended_us: int | None = None
         self.scenes = 0
@@ -77,7 +81,12 @@ class Walk:
             self._due_us = self._now_us
         while self._due_us < self._now_us:
             self._due_us = self._due_us + GRID_US if self._look(self._due_us) else self._now_us
-        self.sky.receive(frame, self._now_us / 1e6)
+        now_s = self._now_us / 1e6
+        if frame.msgid not in REMOTE_ID_IDS:
+            self.own.receive(frame, now_s)
+            return
+        self.own.heard(frame, now_s)
+        self.sky.receive(frame, now_s)
 
     def end(self) -> None:
         """The recording is over."""
@@ -87,6 +96,7 @@ class Walk:
                 watcher.end()
         self._before += self.sky.met
         self.sky = Sky(origin=self.sky.origin)
+        self.own = OwnVehicles(self.sky)
         self._now_us, self._due_us = 0, None
 
     def _look(self, time_us: int) -> bool:
@@ -94,6 +104,7 @@ class Walk:
         if not self.sky.aircraft:
             return False
         now_s = time_us / 1e6
+        self.own.step(now_s)
         self.sky.forget_silent(now_s)
         scene = self.sky.at(now_s, missed=MISSED_REPORTS, settled_s=SETTLED_S)
         self.scenes += 1

@@ -40,6 +40,7 @@ class Flyer:
     airframe_m: float = 0.6
     error_m: float = 10.5
     id_or_mac: bytes | None = None
+    compid: int = 1
 
     def at(self, time_s: float) -> tuple[float, float]:
         """Where it is, north and east [m]."""
@@ -88,7 +89,7 @@ class Flyer:
 
 def frames(flyers: list[Flyer], until_s: float, *, period_s: float = 0.1) -> Iterator[tuple[float, Frame]]:
     """What all of them say, with the times at which it is heard."""
-    encoders = {flyer: Encoder(flyer.sysid, 1) for flyer in flyers}
+    encoders = {flyer: Encoder(flyer.sysid, flyer.compid) for flyer in flyers}
     for step in range(round(until_s / period_s)):
         time_s = round(step * period_s, 6)
         for flyer in flyers:

@@ -1,0 +1,95 @@
+"""A drone that only listened is in its own log: by its telemetry, as long as its Remote ID is not heard."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ridlink.geodesy import geodetic_from_ned
+from ridlink.mavlink.codec import Encoder
+from ridlink.remote_id.convert import write_position
+from ridlink.review import Report, Source, Walk, together
+from tests.captures.conftest import START_US, tlog_bytes
+from tests.observer.flights import HOME, Flyer
+from tests.review.recordings import NORTHBOUND, SOUTHBOUND, START_S, records
+
+Records = list[tuple[int, bytes]]
+ARMED, PX4, AUTOPILOT, IN_AIR = 0x80, 12, 1, 2
+
+
+def telemetry(flyer: Flyer, until_s: float, *, period_s: float = 0.2, armed: bool = True) -> Records:
+    """What a vehicle says to its ground station, with an accuracy of 1 m."""
+    encoder = Encoder(flyer.sysid, AUTOPILOT)
+    said: Records = []
+    for step in range(round(until_s / period_s)):
+        time_s = step * period_s
+        time_us = START_US + round(time_s * 1e6)
+        if step % 5 == 0:
+            beat = {"type": 2, "autopilot": PX4, "base_mode": ARMED * armed, "mavlink_version": 3}
+            said.append((time_us, encoder.encode("HEARTBEAT", **beat)))
+            said.append((time_us, encoder.encode("EXTENDED_SYS_STATE", landed_state=IN_AIR)))
+        latitude_deg, longitude_deg, _ = geodetic_from_ned((*flyer.at(time_s), 0.0), HOME)
+        lat, lon = write_position(float(latitude_deg), float(longitude_deg))
+        height_mm = round(flyer.altitude_m * 1e3)
+        gps = {"fix_type": 3, "lat": lat, "lon": lon, "alt": height_mm, "alt_ellipsoid": height_mm,
+               "h_acc": 1000, "v_acc": 1000, "satellites_visible": 12}  # fmt: skip
+        said.append((time_us, encoder.encode("GPS_RAW_INT", time_usec=time_us, **gps)))
+        north, east = flyer.velocity(time_s)
+        position = {"lat": lat, "lon": lon, "alt": height_mm, "vx": round(north * 100), "vy": round(east * 100)}
+        said.append((time_us, encoder.encode("GLOBAL_POSITION_INT", time_boot_ms=round(time_s * 1e3), **position)))
+    return said
+
+
+def reported(path: Path, recorded: Records) -> tuple[list[dict], Walk]:  # type: ignore[type-arg]
+    path.write_bytes(tlog_bytes(sorted(recorded, key=lambda record: record[0])))
+    rows: list[dict] = []  # type: ignore[type-arg]
+    walk = Walk([Report(on_encounter=rows.append)])
+    walk.through(together([Source(str(path))]))
+    return rows, walk
+
+
+def test_a_listener_meets_whom_it_hears(tmp_path: Path) -> None:
+    [row], walk = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 40.0) + records([SOUTHBOUND], 40.0))
+    assert sorted(row["uas"]) == ["1/1", "BRAVO"] and walk.aircraft == 2
+    assert row["closest_m"] == pytest.approx(6.0, abs=0.2)
+    assert row["closest_t"] - START_S == pytest.approx(20.0, abs=0.1)
+    assert row["closest_vertical_m"] == pytest.approx(0.0, abs=0.1)
+    own = row["uas"].index("1/1")
+    assert 3.0 <= row["horizontal_error_m"][own] < 10.0, "three sigma of what its receiver says"
+    assert row["mac_distance_m"] == pytest.approx((7.5 + 0.6) / 2.0), "its size is not known"
+
+
+def test_who_broadcasts_is_known_by_that_alone(tmp_path: Path) -> None:
+    said = telemetry(NORTHBOUND, 25.0) + records([NORTHBOUND, SOUTHBOUND], 25.0)
+    [row], walk = reported(tmp_path / "f.tlog", said)
+    assert sorted(row["uas"]) == ["ALPHA", "BRAVO"] and walk.aircraft == 2
+
+
+@pytest.mark.parametrize(("begins_s", "ends_s"), [(0.0, 12.0), (9.0, 40.0)])
+def test_it_never_meets_itself_where_its_broadcast_begins_or_ends(
+    tmp_path: Path, begins_s: float, ends_s: float
+) -> None:
+    """Its module speaks with a component of its own."""
+    module = [
+        (time_us, frame)
+        for time_us, frame in records([replace(NORTHBOUND, compid=236)], 40.0)
+        if begins_s <= (time_us - START_US) / 1e6 < ends_s
+    ]
+    rows, _ = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 40.0) + module)
+    assert rows == []
+
+
+def test_its_own_receiver_that_hears_it_makes_it_no_second_aircraft(tmp_path: Path) -> None:
+    """The identity is what joins them: said to the transmitter by the autopilot, and relayed by the receiver."""
+    relayed = replace(NORTHBOUND, compid=237, id_or_mac=b"\x02relay".ljust(20, b"\0"))
+    identity = [(time_us, frame) for time_us, frame in records([NORTHBOUND], 40.0) if frame[7:10] == b"\x64\x32\x00"]
+    rows, _ = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 40.0) + identity + records([relayed], 40.0))
+    assert rows == []
+
+
+def test_who_stands_disarmed_is_not_in_the_air(tmp_path: Path) -> None:
+    said = telemetry(NORTHBOUND, 25.0, armed=False) + records([SOUTHBOUND], 25.0)
+    rows, _ = reported(tmp_path / "f.tlog", said)
+    assert rows == []
