@@ -5,10 +5,6 @@ import { label } from "./format.js";
 import { pack } from "./picture.js";
 import { Socket } from "./socket.js";
 
-const NOBODY = {
-  demo: "The demo is starting …", air: "Nobody is heard yet on the air.", link: "Nobody is heard yet on this link.",
-  file: "Nobody is in the air at this instant.",
-};
 const AGAIN_MS = 1000;
 
 export class Conversation {
@@ -85,7 +81,6 @@ export class Conversation {
     say(find("title"), label(hello.title ?? "", 60));
     document.title = `${label(hello.title ?? "", 40)} – ridlink`;
     for (const entry of document.querySelectorAll("[data-truth]")) entry.hidden = !hello.truth;
-    say(find("plan-empty"), NOBODY[hello.source] ?? NOBODY.link);
     this.send({ definition: page.definition });
     if (page.selected !== null) this.send({ select: page.selected });
     this.askSeries();

@@ -13,6 +13,9 @@ export class History {
 
   at(index) { return this.#pictures[index]; }
 
+  // How many vehicles the newest picture holds.
+  get crowd() { return this.#pictures.at(-1)?.count ?? 0; }
+
   clear() {
     this.#pictures = [];
     this.#rows = 0;

@@ -1,6 +1,7 @@
 // Fetches the stretch of history that is looked at, and the one that is looked at next.
 
 const PATIENCE_MS = 6000;
+const SOON_MS = 1500;
 const DRAGGED_PAST_MS = 150;
 const MOST_INSTANTS = 300;
 const MOST_ROWS = 9000; // of one request
@@ -9,6 +10,7 @@ export class Loader {
   #id = 0;
   #waiting = null;
   #lookedAt = null;
+  #begunAt = null;
   #have = new Map(); // what is looked at, step, number of the stretch -> complete until
 
   complete = false; // whether all is there of the stretch that was last looked at
@@ -28,6 +30,7 @@ export class Loader {
     this.#waiting = null;
     this.#lookedAt = null;
     this.complete = false;
+    this.#begunAt = null;
   }
 
   // Only [from, to] is still remembered.
@@ -39,6 +42,11 @@ export class Loader {
 
   // Called at every frame while somebody looks at the past; `known` says that the instant of the clock is there.
   want(clock, vehicles, step, now, known = true) {
+    this.#begunAt ??= now;
+    if (vehicles === 0 && now - this.#begunAt < SOON_MS) {
+      this.#askAt(clock.t); // its answer says how many there are, and so how much to ask for at once
+      return;
+    }
     const pace = Math.abs(clock.rate);
     const coarse = step * Math.max(1, Math.ceil(pace / 4));
     const instants = Math.max(30, Math.min(MOST_INSTANTS, Math.floor(MOST_ROWS / Math.max(1, vehicles))));
@@ -52,7 +60,7 @@ export class Loader {
       if (number === null || (number !== here && number * length > clock.t1)) continue;
       if ((number + 1) * length < clock.t0) continue;
       if (this.#complete(number, length, coarse, clock)) continue;
-      if (this.#busy(number === here, clock.t, now)) return;
+      if (this.#busy(number === here, clock.t, length, now)) return;
       if (number === here) this.#askAt(clock.t); // sooner there than all of its stretch
       this.#ask(number, length, coarse, clock, now);
       return;
@@ -76,12 +84,14 @@ export class Loader {
     return known.to >= (number + 1) * length - step || known.to >= clock.t1 - 1;
   }
 
-  #busy(urgent, t, now) {
+  // Whether to wait for what was asked before.
+  #busy(urgent, t, length, now) {
     const waiting = this.#waiting;
     if (!waiting) return false;
     const since = now - waiting.since;
     if (since > PATIENCE_MS) return false;
-    const useful = waiting.look === this.key && t >= waiting.from && t <= waiting.to;
+    const short = waiting.to - waiting.from <= 1.5 * length;
+    const useful = waiting.look === this.key && t >= waiting.from && t <= waiting.to && short;
     return !(urgent && !useful && since > DRAGGED_PAST_MS);
   }
 

@@ -23,6 +23,10 @@ import { Transport } from "./transport.js";
 import { readUrl, UrlKeeper } from "./url.js";
 import { Vehicles } from "./vehicles.js";
 
+const NOBODY = {
+  demo: "Nobody is in the air yet: the demo is starting …", air: "Nobody is heard on the air.",
+  link: "Nobody is heard on this link.", file: "Nobody is in the air at this instant.",
+};
 const TRANSPORT_EVERY_MS = 40;
 const FIGURES_EVERY_MS = 100;
 const TABLES_EVERY_MS = 400;
@@ -155,7 +159,7 @@ class Page {
     if (!this.hello) return;
     const { clock, frame, plan } = this;
     clock.tick(now, this.live, !this.known && this.loader.waiting);
-    if (!clock.following) this.loader.want(clock, frame.count, this.hello.step_s ?? 0.1, now, this.known);
+    if (!clock.following) this.want(now);
     if (this.dirty || plan.stale || frame.growing || plan.visiblyElse(clock.t)) {
       this.known = frame.at(this.history, clock.t, now, !clock.following && this.loader.complete);
       this.dirty = !this.known;
@@ -174,6 +178,11 @@ class Page {
     if (now - this.tablesAt > TABLES_EVERY_MS) this.tables(now);
   }
 
+  want(now) {
+    const crowd = Math.max(this.frame.count, this.history.crowd);
+    this.loader.want(this.clock, crowd, this.hello.step_s ?? 0.1, now, this.known);
+  }
+
   // After a jump to an encounter, its vehicle is in view.
   reveal() {
     const index = this.reveals ? this.frame.index(this.selected) : -1;
@@ -189,8 +198,10 @@ class Page {
       this.select(Vehicles.order(frame.names)[0]);
       this.chooses = true; // and another one, should this one go or get another name
     }
+    const loading = !this.known && this.loader.waiting;
     find("plan-empty").hidden = frame.count > 0;
-    mark(find("clock"), "loading", String(!this.known && this.loader.waiting));
+    say(find("plan-empty"), loading ? "Loading …" : NOBODY[this.hello.source] ?? NOBODY.link);
+    mark(find("clock"), "loading", String(loading));
     const [distance, required] = frame.nearest ?? [NaN, NaN];
     const kind = frame.nearest ? KIND[nearness(distance, required)] : "";
     say(find("nearest"), metres(distance));

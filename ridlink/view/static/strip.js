@@ -7,6 +7,7 @@ import { clockTime, nearness } from "./format.js";
 const AXIS_PX = 46, RIGHT_PX = 16;
 const SNAP_PX = 7;
 const SHORTEST_S = 10;
+const MOST_MARKS = 120;
 const MOST_POINTS = 6000;
 const DRAWN_EVERY_MS = 250;
 
@@ -57,8 +58,10 @@ export class Strip {
     this.#dirty = true;
   }
 
+  // Encounters that are over, or that already are too near; of many the nearest.
   mark(encounters) {
-    this.#marks = encounters.filter((each) => Number.isFinite(each.closest_t)).sort((a, b) => b.margin_m - a.margin_m);
+    const known = encounters.filter((each) => Number.isFinite(each.closest_t) && (each.closed !== null || each.margin_m < 0));
+    this.#marks = known.sort((a, b) => b.margin_m - a.margin_m).slice(-MOST_MARKS); // the nearest last, on top
     this.#dirty = true;
   }
 
