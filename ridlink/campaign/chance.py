@@ -181,7 +181,7 @@ class _Walk:
         if self._model is ErrorModel.BIAS and self._present is not None:
             return self._present
         if self._next == self._drawn.shape[1]:
-            self._drawn = np.stack([self._block(random) for random in self._random])
+            self._drawn = self._blocks()
             self._next = 0
         drawn = self._drawn[:, self._next]
         self._next += 1
@@ -197,11 +197,19 @@ class _Walk:
         if self._present is not None:
             self._present = self._present[runs]
 
-    def _block(self, random: np.random.Generator) -> FloatArray:
-        """Draws of one run for the next reports, shape (block, N, 2)."""
-        shape = (self._BLOCK, len(self._size_m))
+    def _blocks(self) -> FloatArray:
+        """Draws of every run for the next reports, shape (W, block, N, 2)."""
+        shape = (len(self._random), self._BLOCK, len(self._size_m))
         if self._model is not ErrorModel.WHITE_RADIAL:
-            return self._size_m[:, None] * random.standard_normal((*shape, 2))
-        radius = self._size_m * np.abs(random.standard_normal(shape))
-        angle = random.uniform(0.0, 2.0 * math.pi, shape)
+            drawn = np.empty((*shape, 2))
+            for random, part in zip(self._random, drawn, strict=True):
+                random.standard_normal(out=part)
+            drawn *= self._size_m[:, None]
+            return drawn
+        radius, angle = np.empty(shape), np.empty(shape)
+        for k, random in enumerate(self._random):
+            random.standard_normal(out=radius[k])
+            random.random(out=angle[k])
+        radius = self._size_m * np.abs(radius)
+        angle *= 2.0 * math.pi
         return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)

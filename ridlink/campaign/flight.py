@@ -29,7 +29,8 @@ from ridlink.campaign.pair_deciding import PairDecider
 from ridlink.campaign.plan import Plan, coded_bound_m
 from ridlink.campaign.referee import judge_worlds
 from ridlink.campaign.response import Dynamics, Response
-from ridlink.campaign.worlds import BATCH, COMPACT_EVERY, Instant, Outcomes, is_inside
+from ridlink.campaign.stepping import is_inside
+from ridlink.campaign.worlds import BATCH, COMPACT_EVERY, Instant, Outcomes
 from ridlink.separation.definitions import bounded_error, separation_discs
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
 

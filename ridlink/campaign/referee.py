@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from numba import prange
-
 from ridlink.compiled import kernel_decorator
 
-kernel = kernel_decorator([Path(__file__)])
+kernel = kernel_decorator([Path(__file__)], counted=False)
+
+SHARE_OFF = 1e-9
+"""Far more than rounding moves a distance by."""
 
 
 @kernel
@@ -26,7 +27,51 @@ def smallest_distance(a_1, a_2, b_1, b_2):  # type: ignore[no-untyped-def]
     return math.hypot(a_1 + share * d_1, a_2 + share * d_2)
 
 
-@kernel(parallel=True)
+@kernel
+def judge_world(before, position, present, airframe_m, swept, hit, distance_m, margin_m):  # type: ignore[no-untyped-def]
+    """Judge one step of one world; arguments as in `judge_worlds` without the axis of worlds.
+
+    Pairs that are too far apart to collide, and to be the nearest so far, are told by the square of their distance.
+
+    Returns:
+        Smallest distance of centres so far, and the same less the MAC radius.
+    """
+    largest = stride = 0.0
+    for i in range(len(position)):
+        hit[i] = False
+        largest = max(largest, airframe_m[i])
+        if swept:
+            d_1, d_2 = position[i, 0] - before[i, 0], position[i, 1] - before[i, 1]
+            stride = max(stride, math.sqrt(d_1 * d_1 + d_2 * d_2))
+    limit = 0.0
+    again = True
+    for i in range(len(position)):
+        if not present[i]:
+            continue
+        for j in range(i + 1, len(position)):
+            if not present[j]:
+                continue
+            if again:
+                # Within a step two come nearer by no more than both fly.
+                limit = (max(distance_m, margin_m + largest, largest) + 2.0 * stride) * (1.0 + SHARE_OFF)
+                limit, again = limit * limit, False
+            b_1, b_2 = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
+            if b_1 * b_1 + b_2 * b_2 > limit:
+                continue
+            if swept:
+                a_1, a_2 = before[j, 0] - before[i, 0], before[j, 1] - before[i, 1]
+                distance = smallest_distance(a_1, a_2, b_1, b_2)
+            else:
+                distance = math.hypot(b_1, b_2)
+            margin = distance - (airframe_m[i] + airframe_m[j]) / 2.0
+            again = distance < distance_m or margin < margin_m
+            distance_m, margin_m = min(distance_m, distance), min(margin_m, margin)
+            if margin < 0.0:
+                hit[i] = hit[j] = True
+    return distance_m, margin_m
+
+
+@kernel
 def judge_worlds(before, position, present, airframe_m, swept, hit, distance_m, margin_m):  # type: ignore[no-untyped-def]
     """Judge one step of every world.
 
@@ -40,25 +85,8 @@ def judge_worlds(before, position, present, airframe_m, swept, hit, distance_m, 
         distance_m: Smallest distance of centres so far, read and written, shape (W,).
         margin_m: The same less the MAC radius, read and written, shape (W,).
     """
-    for world in prange(position.shape[0]):
-        for i in range(position.shape[1]):
-            hit[world, i] = False
-        for i in range(position.shape[1]):
-            if not present[world, i]:
-                continue
-            for j in range(i + 1, position.shape[1]):
-                if not present[world, j]:
-                    continue
-                b_1 = position[world, j, 0] - position[world, i, 0]
-                b_2 = position[world, j, 1] - position[world, i, 1]
-                if swept:
-                    a_1 = before[world, j, 0] - before[world, i, 0]
-                    a_2 = before[world, j, 1] - before[world, i, 1]
-                    distance = smallest_distance(a_1, a_2, b_1, b_2)
-                else:
-                    distance = math.hypot(b_1, b_2)
-                margin = distance - (airframe_m[world, i] + airframe_m[world, j]) / 2.0
-                distance_m[world] = min(distance_m[world], distance)
-                margin_m[world] = min(margin_m[world], margin)
-                if margin < 0.0:
-                    hit[world, i] = hit[world, j] = True
+    for world in range(position.shape[0]):
+        distance_m[world], margin_m[world] = judge_world(
+            before[world], position[world], present[world], airframe_m[world], swept, hit[world], distance_m[world],
+            margin_m[world],
+        )  # fmt: skip

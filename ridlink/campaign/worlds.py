@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from ridlink.avoidance.obstacles import Obstacles
 from ridlink.campaign.chance import PositionErrors, draw_fleet
 from ridlink.campaign.deciding import new_decider
 from ridlink.campaign.plan import Plan, coded_bound_m
-from ridlink.campaign.referee import judge_worlds
+from ridlink.campaign.stepping import brief_worlds, fly_on
 from ridlink.separation.definitions import Discs, separation_discs
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
 
@@ -176,7 +175,16 @@ class _Batch:
         self.still_m, self.error_sum_m = np.ascontiguousarray(still.radius_m), np.ascontiguousarray(still.error_sum_m)
         # Every definition takes the displacement of both as it is, or not at all.
         self.displaced_s = plan.interval_s if np.any(self._discs(1.0).radius_m > still.radius_m) else 0.0
+        self.clearance_m = self._clearance(still)
         self.reported = np.zeros((*shape, 2))
+        # What a step works on; while fewer worlds fly, the first of it.
+        self.own = np.zeros((*shape, rows.OWN_COLUMNS))
+        self.heard = np.full((*shape, 8), np.nan)
+        self.heard[..., 6] = 0.0
+        # Who does not speak the extension cannot say that it avoids.
+        self.heard[..., 7] = scene.avoiding & self.extended
+        self.radius_m = np.empty_like(self.still_m)
+        self.before, self.hit = np.empty((*shape, 2)), np.empty(shape, np.bool_)
         self.row = np.arange(shape[0])
         self.outcome = Outcomes(
             run=np.array(runs), duration_s=plan.duration_s, arrival_s=np.full(shape, np.inf),
@@ -207,18 +215,10 @@ class _Batch:
                 if not len(self.row):
                     break
             self._report(step)
-            flown = self.velocity
-            self._decide()
+            result = self._decide()
             if watch is not None:
-                watch(
-                    Instant(
-                        step * plan.interval_s, self.position, self.reported, flown, self.velocity, self.present,
-                        self.airframe_m,
-                    )
-                )  # fmt: skip
-            before = self.position
-            self.position = before + self.velocity * plan.interval_s
-            self._judge(before, (step + 1) * plan.interval_s)
+                self._show(watch, step * plan.interval_s, result)
+            self._fly_on((step + 1) * plan.interval_s, result)
         return self.outcome
 
     def _let_go(self) -> None:
@@ -227,7 +227,8 @@ class _Batch:
         if kept.all():
             return
         for name in (
-            "airframe_m", "speed_mps", "position", "velocity", "present", "still_m", "error_sum_m", "reported", "row",
+            "airframe_m", "speed_mps", "position", "velocity", "present", "still_m", "clearance_m", "error_sum_m",
+            "reported", "row",
         ):  # fmt: skip
             setattr(self, name, getattr(self, name)[kept])
         self.errors.keep(kept)
@@ -243,61 +244,40 @@ class _Batch:
         gain = max(1.0 / (step + 1), 1.0 - math.exp(-self.plan.interval_s / TIME_CONSTANT_S))
         self.reported = predicted + gain * (report - predicted)
 
-    def _decide(self) -> None:
-        plan, scene = self.plan, self.plan.scene
-        speed = np.hypot(self.velocity[..., 0], self.velocity[..., 1])
-        own = np.zeros((*self.present.shape, rows.OWN_COLUMNS))
-        own[..., rows.POSITION : rows.POSITION + 2] = self.reported
-        own[..., rows.VELOCITY : rows.VELOCITY + 2] = self.velocity
-        own[..., rows.COMMAND : rows.COMMAND + 2] = self.velocity
-        # The way to the goal is flown by the true position, as in the paper.
-        own[..., rows.AIM : rows.AIM + 2] = scene.goal_ne_m - self.position + self.reported
-        own[..., rows.LIMIT] = own[..., rows.CRUISE] = self.speed_mps
-        own[..., rows.CLEARANCE] = self._clearance(speed)
-        heard = np.empty((*self.present.shape, 8))
-        heard[..., 0:2], heard[..., 2:4], heard[..., 4:6], heard[..., 6] = self.reported, self.velocity, np.nan, 0.0
-        heard[..., 7] = scene.avoiding & self.extended  # who does not speak the extension cannot say so
+    def _decide(self) -> FloatArray:
+        plan, scene, count = self.plan, self.plan.scene, len(self.row)
+        own, heard, radius = self.own[:count], self.heard[:count], self.radius_m[:count]
+        brief_worlds(
+            self.position, self.reported, self.velocity, scene.goal_ne_m, self.speed_mps, self.still_m,
+            self.clearance_m, self.displaced_s, own, heard, radius,
+        )  # fmt: skip
         deciding = self.present & scene.avoiding
-        radius = self.still_m + self.displaced_s * (speed[:, :, None] + speed[:, None, :])
-        result = self.decider.decide(own, deciding, heard, self.present, radius, self.error_sum_m, plan.range_m)
+        return self.decider.decide(own, deciding, heard, self.present, radius, self.error_sum_m, plan.range_m)
+
+    def _show(self, watch: Callable[[Instant], None], now_s: float, result: FloatArray) -> None:
+        deciding = self.present & self.plan.scene.avoiding
         decided = result[..., rows.R_VELOCITY : rows.R_VELOCITY + 2]
-        self.velocity = np.where(deciding[..., None], decided, self.velocity)
-        self.outcome.decisions[self.row] += deciding.sum(axis=1)
-        infeasible = deciding & (result[..., rows.R_STATUS] == rows.INFEASIBLE)
-        self.outcome.infeasible[self.row] += infeasible.sum(axis=1)
+        watch(
+            Instant(
+                now_s, self.position.copy(), self.reported.copy(), self.velocity.copy(),
+                np.where(deciding[..., None], decided, self.velocity), self.present.copy(), self.airframe_m,
+            )
+        )  # fmt: skip
 
-    def _clearance(self, speed_mps: FloatArray) -> FloatArray:
-        """Distance to keep from obstacles: half of what two such vehicles would keep from each other."""
-        moving = self.displaced_s * speed_mps
+    def _clearance(self, still: Discs) -> FloatArray:
+        """Distance to keep from obstacles but for the displacement: half of what two such vehicles would keep from each
+        other."""
         if self.plan.obstacle_bound_m is not None:
-            return self.airframe_m / 2.0 + self.plan.obstacle_bound_m + moving
-        twin = np.diagonal(self.still_m, axis1=1, axis2=2)
-        return twin / 2.0 + moving
+            return self.airframe_m / 2.0 + self.plan.obstacle_bound_m
+        twin: FloatArray = np.diagonal(still.radius_m, axis1=1, axis2=2) / 2.0
+        return twin
 
-    def _judge(self, before: FloatArray, now_s: float) -> None:
-        plan, outcome, present = self.plan, self.outcome, self.present
-        hit = np.empty_like(present)
-        distance, margin = outcome.distance_m[self.row], outcome.margin_m[self.row]
-        judge_worlds(before, self.position, present, self.airframe_m, plan.swept, hit, distance, margin)
-        outcome.distance_m[self.row], outcome.margin_m[self.row] = distance, margin
-        outcome.collided[self.row] |= hit
-        if self.obstacles.piece_count:
-            inside = present & is_inside(self.obstacles, self.position)
-            outcome.in_obstacle[self.row] += inside.sum(axis=1)
-        away = plan.scene.goal_ne_m - self.position
-        there = present & ~hit & (away[..., 0] ** 2 + away[..., 1] ** 2 < plan.arrived_m**2)
-        outcome.arrival_s[self.row] = np.where(there, now_s, outcome.arrival_s[self.row])
-        self.present = present & ~hit & ~there
-
-
-def is_inside(obstacles: Obstacles, position_ne_m: FloatArray) -> BoolArray:
-    """Whether positions (..., 2) lie in an obstacle, shape (...)."""
-    found = np.zeros(position_ne_m.shape[:-1], np.bool_)
-    for first, last in pairwise(obstacles.piece_start.tolist()):
-        ring = obstacles.piece_vertex_ne_m[first:last]
-        inside = np.ones_like(found)
-        for corner, following in zip(ring, np.roll(ring, -1, axis=0), strict=True):
-            side, to = following - corner, position_ne_m - corner
-            inside &= side[0] * to[..., 1] - side[1] * to[..., 0] >= 0.0
-        found |= inside
-    return found
+    def _fly_on(self, now_s: float, result: FloatArray) -> None:
+        plan, outcome, obstacles, count = self.plan, self.outcome, self.obstacles, len(self.row)
+        fly_on(
+            result, plan.scene.avoiding, plan.interval_s, now_s, plan.scene.goal_ne_m, plan.arrived_m,
+            obstacles.piece_vertex_ne_m, obstacles.piece_start, plan.swept, self.airframe_m, self.position,
+            self.before[:count], self.velocity, self.present, self.hit[:count], self.row, outcome.arrival_s,
+            outcome.collided, outcome.distance_m, outcome.margin_m, outcome.decisions, outcome.infeasible,
+            outcome.in_obstacle,
+        )  # fmt: skip

@@ -7,7 +7,7 @@ import pytest
 
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.campaign.referee import judge_worlds
-from ridlink.campaign.worlds import is_inside
+from ridlink.campaign.stepping import is_inside
 
 
 def judged(before, after, airframe=(2.0, 2.0), present=(True, True), swept=False):

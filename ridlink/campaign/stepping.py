@@ -1,0 +1,166 @@
+"""A step of whole batches of worlds, but for the decision itself: what vehicles know before it, what happens after it.
+
+Axes: north-east, metres, m/s, seconds. W worlds of N vehicles. Nothing here allocates.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.avoidance import rows
+from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.rows import (
+    AIM,
+    CLEARANCE,
+    COMMAND,
+    CRUISE,
+    INFEASIBLE,
+    LIMIT,
+    POSITION,
+    R_STATUS,
+    R_VELOCITY,
+    VELOCITY,
+)
+from ridlink.campaign import referee
+from ridlink.campaign.referee import judge_world
+from ridlink.compiled import kernel_decorator
+
+kernel = kernel_decorator([Path(module) for module in (__file__, referee.__file__, rows.__file__)], counted=False)
+
+
+@kernel
+def brief_worlds(  # type: ignore[no-untyped-def]
+    position, reported, velocity, goal, speed_mps, still_m, clearance_m, displaced_s, own, heard, radius_m
+):
+    """Own-ships, what is heard of them, and discs, as `ridlink.avoidance.worlds` takes them.
+
+    Args:
+        position: True positions, shape (W, N, 2).
+        reported: Positions as everybody hears them, the vehicle itself included, shape (W, N, 2).
+        velocity: Velocities, shape (W, N, 2).
+        goal: Goals, shape (N, 2).
+        speed_mps: Cruise speeds, which nobody exceeds, shape (W, N).
+        still_m: Radii without displacement, shape (W, N, N).
+        clearance_m: Distances to obstacles without displacement, shape (W, N).
+        displaced_s: Time of flight that both allow for.
+        own: Result, shape (W, N, OWN_COLUMNS); what is always the same is in it.
+        heard: Result, shape (W, N, 8); so it is here.
+        radius_m: Result, shape (W, N, N).
+    """
+    for world in range(position.shape[0]):
+        for i in range(position.shape[1]):
+            row, report = own[world, i], heard[world, i]
+            for axis in range(2):
+                here, motion = reported[world, i, axis], velocity[world, i, axis]
+                row[POSITION + axis] = report[axis] = here
+                row[VELOCITY + axis] = row[COMMAND + axis] = report[2 + axis] = motion
+                # The way to the goal is flown by the true position, as in the paper.
+                row[AIM + axis] = goal[i, axis] - position[world, i, axis] + here
+            row[LIMIT] = row[CRUISE] = speed_mps[world, i]
+            # Where the speed stands until the discs are made.
+            row[CLEARANCE] = math.hypot(velocity[world, i, 0], velocity[world, i, 1])
+        for i in range(position.shape[1]):
+            speed = own[world, i, CLEARANCE]
+            for j in range(position.shape[1]):
+                radius_m[world, i, j] = still_m[world, i, j] + displaced_s * (speed + own[world, j, CLEARANCE])
+        for i in range(position.shape[1]):
+            own[world, i, CLEARANCE] = clearance_m[world, i] + displaced_s * own[world, i, CLEARANCE]
+
+
+@kernel
+def is_in_piece(vertex, start, p_1, p_2):  # type: ignore[no-untyped-def]
+    """Whether a point lies in one of the convex pieces `vertex[start[k]:start[k + 1]]`."""
+    for piece in range(len(start) - 1):
+        first, last = start[piece], start[piece + 1]
+        inside = True
+        for k in range(first, last):
+            following = k + 1 if k + 1 < last else first
+            side_1, side_2 = vertex[following, 0] - vertex[k, 0], vertex[following, 1] - vertex[k, 1]
+            if side_1 * (p_2 - vertex[k, 1]) - side_2 * (p_1 - vertex[k, 0]) < 0.0:
+                inside = False
+                break
+        if inside:
+            return True
+    return False
+
+
+@kernel
+def fly_on(  # type: ignore[no-untyped-def]
+    result, avoiding, interval_s, now_s, goal, arrived_m, pieces, piece_start, swept, airframe_m, position, before,
+    velocity, present, hit, row, arrival_s, collided, distance_m, margin_m, decisions, infeasible, in_obstacle,
+):  # fmt: skip
+    """Fly for an interval as decided, and write down what happens.
+
+    Args:
+        result: Decisions, shape (W, N, RESULT_COLUMNS).
+        avoiding: Who decides, shape (N,).
+        interval_s: Time to fly.
+        now_s: Time at its end.
+        goal: Goals, shape (N, 2).
+        arrived_m: A vehicle this close to its goal has arrived.
+        pieces: Convex pieces of the obstacles, as in `is_in_piece`; so is `piece_start`.
+        piece_start: See `pieces`.
+        swept: Judge the whole interval, and not only its end.
+        airframe_m: Airframe sizes, shape (W, N).
+        position: True positions, shape (W, N, 2), written.
+        before: Result: where they were, shape (W, N, 2).
+        velocity: Velocities, shape (W, N, 2), written.
+        present: Who is in the air, shape (W, N), written.
+        hit: Scratch, shape (W, N).
+        row: Where each world stands in what follows, the columns of `Outcomes`, shape (W,).
+        arrival_s: Written; so are all that follow.
+        collided: See `arrival_s`.
+        distance_m: See `arrival_s`.
+        margin_m: See `arrival_s`.
+        decisions: See `arrival_s`.
+        infeasible: See `arrival_s`.
+        in_obstacle: See `arrival_s`.
+    """
+    near = arrived_m * arrived_m
+    for world in range(position.shape[0]):
+        at, here = row[world], present[world]
+        for i in range(position.shape[1]):
+            if here[i] and avoiding[i]:
+                decisions[at] += 1
+                if result[world, i, R_STATUS] == INFEASIBLE:
+                    infeasible[at] += 1
+                velocity[world, i, 0] = result[world, i, R_VELOCITY]
+                velocity[world, i, 1] = result[world, i, R_VELOCITY + 1]
+            for axis in range(2):
+                before[world, i, axis] = position[world, i, axis]
+                position[world, i, axis] += velocity[world, i, axis] * interval_s
+        distance_m[at], margin_m[at] = judge_world(
+            before[world], position[world], here, airframe_m[world], swept, hit[world], distance_m[at], margin_m[at]
+        )
+        for i in range(position.shape[1]):
+            if not here[i]:
+                continue
+            p_1, p_2 = position[world, i, 0], position[world, i, 1]
+            if is_in_piece(pieces, piece_start, p_1, p_2):
+                in_obstacle[at] += 1
+            to_1, to_2 = goal[i, 0] - p_1, goal[i, 1] - p_2
+            if hit[world, i]:
+                collided[at, i] = True
+                here[i] = False
+            elif to_1 * to_1 + to_2 * to_2 < near:
+                arrival_s[at, i] = now_s
+                here[i] = False
+
+
+@kernel
+def mark_inside(vertex, start, position, inside):  # type: ignore[no-untyped-def]
+    """`is_in_piece` of positions (n, 2), into `inside`, shape (n,)."""
+    for k in range(len(position)):
+        inside[k] = is_in_piece(vertex, start, position[k, 0], position[k, 1])
+
+
+def is_inside(obstacles: Obstacles, position_ne_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether positions (..., 2) lie in an obstacle, shape (...)."""
+    flat = np.ascontiguousarray(position_ne_m).reshape(-1, 2)
+    inside = np.zeros(len(flat), np.bool_)
+    mark_inside(obstacles.piece_vertex_ne_m, obstacles.piece_start, flat, inside)
+    return inside.reshape(position_ne_m.shape[:-1])
