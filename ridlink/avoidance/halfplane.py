@@ -45,6 +45,7 @@ from ridlink.avoidance.rows import (
     POSITION,
     R_BINDING,
     R_COMMAND,
+    R_HARD,
     R_MARGIN,
     R_NEAREST,
     R_OBSTACLE,
@@ -353,6 +354,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
     # First room for firm half-planes, filled from the end, then the hard ones, then the soft ones.
     begin = hard = LANES * count
     first, near_obstacle = obstacle_half_planes(own, pieces, piece_start, settings, lines, hard, pair)
+    result[R_HARD] = first - hard
     used, right, left, start, margin, violation = neighbour_half_planes(
         own, neighbours, count, range_m, preferred, settings, lines, first
     )

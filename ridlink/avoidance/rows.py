@@ -31,11 +31,12 @@ LANES = 8
     LATER, BLOCK,
 ) = (LANES * column for column in (0, 2, 4, 6, 7, 8, 9, 11, 12, 13, 14, 15, 16, 19, 22))  # fmt: skip
 
-# Columns of the result; BINDING holds three neighbours, -1 where there are fewer.
+# Columns of the result; BINDING holds three neighbours, -1 where there are fewer, HARD the number of columns
+# of half-planes that obstacles have, where a solver has any.
 (
-    R_VELOCITY, R_COMMAND, R_PREFERRED, R_STATUS, R_SLACK, R_MARGIN, R_NEAREST, R_TIME, R_BINDING, R_OBSTACLE,
+    R_VELOCITY, R_COMMAND, R_PREFERRED, R_STATUS, R_SLACK, R_MARGIN, R_NEAREST, R_TIME, R_BINDING, R_OBSTACLE, R_HARD,
     RESULT_COLUMNS,
-) = (0, 2, 4, 6, 7, 8, 9, 10, 11, 14, 15)  # fmt: skip
+) = (0, 2, 4, 6, 7, 8, 9, 10, 11, 14, 15, 16)  # fmt: skip
 
 FREE, CONSTRAINED, OVERLAPPED, INFEASIBLE = 0.0, 1.0, 2.0, 3.0
 """`Status` in a result."""

@@ -98,7 +98,7 @@ class _RowSolver(ABC):
     def __init__(self) -> None:
         self._own = np.zeros(rows.OWN_COLUMNS)
         self._result = rows.result_row()
-        self._most = 0
+        self._most = self._count = 0
         self._make_room(32, NO_OBSTACLES)
 
     def solve(
@@ -174,6 +174,7 @@ class _RowSolver(ABC):
         """Call the kernel; memory of the way round obstacles for the next step."""
 
     def _decision(self, count: int, route: int) -> Decision:
+        self._count = count
         row: FloatArray = self._result.copy()
         unpack_memory(self._neighbours, count, self._memory)
         binding = row[rows.R_BINDING : rows.R_BINDING + 3]
@@ -203,6 +204,25 @@ class HalfplaneSolver(_RowSolver):
         self.settings = settings or HalfplaneSettings()
         self._vector = self.settings.as_vector()
         super().__init__()
+
+    def half_planes(self) -> list[tuple[FloatArray, int]]:
+        """What constrained the last decision, to be looked at.
+
+        Returns:
+            Half-planes (n_1, n_2, d), velocities x with n.x >= d being allowed, each with the place of its neighbour,
+            or -1 for an obstacle. A neighbour has one of now and one of later; those that no velocity within the limit
+            fails are left out, and so are those that keep airframes from touching within the next step.
+        """
+        hard = rows.LANES * rows.blocks_for(self._count)
+        columns = self._lines[:3, hard : hard + int(self._result[rows.R_HARD])].T
+        found = [(plane.copy(), -1) for plane in columns if plane[2] > -math.inf]
+        for place in range(self._count):
+            block, lane = self._neighbours[place // rows.LANES], place % rows.LANES
+            for first in (rows.NOW, rows.LATER) if self.settings.response_time_s > 0.0 else (rows.NOW,):
+                plane = block[first + lane : first + 3 * rows.LANES : rows.LANES].copy()
+                if plane[2] > -math.inf:
+                    found.append((plane, place))
+        return found
 
     def _reserve(self, count: int, obstacles: Obstacles) -> None:
         lanes = rows.LANES * len(self._neighbours)

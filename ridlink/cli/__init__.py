@@ -43,6 +43,7 @@ COMMANDS = {
     "report": "ridlink.cli.report:report",
     "top": "ridlink.cli.top:top",
     "whatif": "ridlink.cli.whatif:whatif",
+    "view": "ridlink.cli.view:view",
 }
 """Sub-commands of this package, as ``module:attribute``."""
 

@@ -1,0 +1,123 @@
+"""``ridlink view``: the traffic in a browser."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from ridlink.cli import EXIT_DONE
+from ridlink.cli.options import capture_kind, definition_of
+from ridlink.cli.signals import stopped_by_signals
+
+if TYPE_CHECKING:
+    from ridlink.links import LinkUrl
+    from ridlink.view.server import ViewServer
+    from ridlink.view.show import Show
+
+AIR = "udpout:127.0.0.1:14650"
+
+
+@click.command(short_help="Show the traffic in a browser: live, or a recording.")
+@click.argument("files", nargs=-1, metavar="[FILE]...", type=click.Path())
+@click.option("--source", metavar="URL", help=f"Link on which the traffic is heard.  [default: {AIR}, the air]")
+@click.option("--host", default="127.0.0.1", show_default=True, metavar="ADDRESS", help="Address to listen on.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8090, show_default=True, help="Port; 0 = any.")
+@click.option("--allow-host", "names", multiple=True, metavar="NAME",
+              help="A name by which browsers may ask for the page, beside localhost and --host.")  # fmt: skip
+@click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
+@click.option("--memory", "memory_mb", type=click.IntRange(1, 65536), default=64, show_default=True, metavar="MB",
+              help="Of the history.")  # fmt: skip
+@click.option("--open", "opens", is_flag=True, help="Open the page in a browser.")
+@capture_kind("Format of the file.")
+def view(
+    files: tuple[str, ...],
+    source: str | None,
+    host: str,
+    port: int,
+    names: tuple[str, ...],
+    definition: str,
+    memory_mb: int,
+    opens: bool,
+    kind: str,
+) -> int:
+    """Show who is in the air, with discs, encounters and a scrubber, until Ctrl-C.
+
+    \b
+    ridlink view                                  what the emulated radio carries
+    ridlink view --source udpin:127.0.0.1:14550   what a vehicle sends to a ground station
+    ridlink view flight.tlog                      a recording; of several files, one picture
+    """
+    import asyncio
+
+    from ridlink.links import parse_link_url
+    from ridlink.view.recorded import read_history
+    from ridlink.view.scenery import Scenery
+    from ridlink.view.show import Show
+
+    if files and source is not None:
+        raise click.UsageError("either a FILE or --source, not both")
+    sized_by = definition_of(definition)
+    memory_bytes = memory_mb * 2**20
+    url: LinkUrl | None = None
+    if files:
+        scenery, history = read_history(files, kind, memory_bytes=memory_bytes, on_progress=_progress)
+        _clear_line()
+        if history.thinned:
+            click.echo(f"ridlink: kept one instant in {2**history.thinned} to stay within {memory_mb} MB "
+                       "(--memory)", err=True)  # fmt: skip
+        show = Show(scenery, sized_by, history=history)
+    else:
+        import time
+
+        url = parse_link_url(source or AIR)
+        where = "the air" if source is None else str(url)
+        scenery = Scenery(where, "air" if source is None else "link", live=True, utc0_s=time.time())
+        show = Show(scenery, sized_by, memory_bytes=memory_bytes)
+    asyncio.run(_serve(show, url, host, port, names, opens))
+    return EXIT_DONE
+
+
+async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: tuple[str, ...], opens: bool) -> None:
+    import asyncio
+
+    from ridlink.avoidance.solver import warm_up
+    from ridlink.view.live import Feed, watch_link
+    from ridlink.view.server import ViewServer
+
+    stop = stopped_by_signals(asyncio.get_running_loop())
+    feed = Feed(show)
+    server = ViewServer(show, host, port, names=names, health=feed.health)
+    await server.start()
+    try:
+        announce(server, opens)
+        warming = asyncio.create_task(asyncio.to_thread(warm_up))
+        warming.add_done_callback(lambda done: show.look_at_vehicles() if not done.cancelled() else None)
+        if url is not None:
+            await watch_link(url, feed, server, stop)
+        else:
+            await stop.wait()
+    finally:
+        await server.close()
+
+
+def announce(server: ViewServer, opens: bool) -> None:
+    """Say where the page is, and open it if that is wanted."""
+    click.echo(f"ridlink: the page is at {server.url} (Ctrl-C ends)", err=True)
+    if opens:
+        import webbrowser
+
+        if not webbrowser.open(server.url):
+            click.echo("ridlink: there is no browser here to open it", err=True)
+
+
+def _progress(share: float, time_s: float) -> None:
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\rreading: {100.0 * share:.0f} %, {time_s:.0f} s of traffic\x1b[K")
+        sys.stderr.flush()
+
+
+def _clear_line() -> None:
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\x1b[K")

@@ -1,0 +1,120 @@
+"""The whole history under one definition: encounters, and who was nearest when. Read in slices, kept up to date."""
+
+from __future__ import annotations
+
+from array import array
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.observer import Encounter, EncounterLog, Pairs, Phase, Scene
+from ridlink.separation.definitions import Definition
+from ridlink.view.instants import History, Instant
+
+MOST_ENCOUNTERS = 500
+MOST_POINTS = 2000
+GONE_AFTER_S = 2.0
+
+Seen = Callable[[Instant], tuple[Scene, Pairs]]
+"""An instant as a scene with its pairs."""
+
+
+class Book:
+    """What a history says under one definition.
+
+    Args:
+        definition: What sizes the discs.
+        history: What is read.
+        seen: Looks at an instant.
+
+    Attributes:
+        changes: Counts up whenever an encounter changed.
+    """
+
+    def __init__(self, definition: Definition, history: History, seen: Seen) -> None:
+        self.changes = 0
+        self.definition = definition
+        self._history = history
+        self._seen = seen
+        self._log = EncounterLog(definition, gone_after_s=GONE_AFTER_S)
+        self._open: dict[tuple[int, int], tuple[int, Encounter]] = {}
+        self._closed: deque[tuple[int, Encounter]] = deque(maxlen=MOST_ENCOUNTERS)
+        self._met = 0
+        self._next = self._first = history.first
+        self._least = array("f")
+
+    @property
+    def behind(self) -> int:
+        """Instants that it has not read yet."""
+        return self._history.end - max(self._next, self._history.first)
+
+    def read(self) -> bool:
+        """Read the next instant; False if there is none."""
+        history = self._history
+        if self._next >= history.end:
+            return False
+        if self._next < history.first:  # forgotten before they were read
+            self._least.extend([np.nan] * (2 * (history.first - self._next)))
+            self._next = history.first
+        moment = history.at(self._next)
+        scene, pairs = self._seen(moment)
+        least = pairs.least_margin()
+        self._least.extend((np.nan, np.nan) if least is None else (pairs.distance_m[least], pairs.radius_m[least]))
+        self._next += 1
+        surplus = history.first - self._first
+        if 4 * surplus > len(self._least) // 2:
+            del self._least[: 2 * surplus]
+            self._first = history.first
+        for phase, encounter in self._log.step(scene, pairs):
+            self._note(phase, encounter)
+        return True
+
+    def end(self) -> None:
+        """Nothing comes any more: what is open ends with the last instant."""
+        for encounter in self._log.close():
+            self._note(Phase.CLOSE, encounter)
+
+    def encounters(self) -> list[tuple[int, Encounter]]:
+        """The newest encounters with their ids, the oldest of them first."""
+        known = sorted([*self._closed, *self._open.values()], key=lambda one: one[0])
+        return known[-MOST_ENCOUNTERS:]
+
+    def series(self, from_s: float, to_s: float) -> tuple[float, float, NDArray[np.float64], bool]:
+        """Distance and radius of the pair in most danger, between two times.
+
+        Returns:
+            Time of the first bucket, length of a bucket, distance and radius in each, shape (n, 2), NaN where there is
+            no pair; and whether all of what was asked for has been read.
+        """
+        history = self._history
+        extent = history.extent_s
+        if extent is None:
+            return from_s, 0.1, np.empty((0, 2)), True
+        from_s, to_s = max(from_s, extent[0]), min(to_s, extent[1])
+        first, last = history.find(from_s), history.find(to_s)
+        if first is None or last is None or to_s < from_s:
+            return from_s, 0.1, np.empty((0, 2)), True
+        step_s = max(0.1 * 2**history.thinned, (to_s - from_s) / (MOST_POINTS - 1))
+        read = range(first, min(last + 1, self._next))
+        least = np.array(self._least, np.float64).reshape(-1, 2)[read.start - self._first : read.stop - self._first]
+        times = np.array([history.at(number).time_s for number in read])
+        bucket = np.clip(np.floor((times - from_s) / step_s + 1e-6), 0, MOST_POINTS - 1).astype(np.int64)
+        result = np.full((1 + int(bucket.max(initial=-1)), 2), np.nan)
+        known = ~np.isnan(least[:, 0])
+        # The least margin is written last.
+        order = np.argsort(-(least[known, 0] - least[known, 1]), kind="stable")
+        result[bucket[known][order]] = least[known][order]
+        return from_s, step_s, result, self._next > last
+
+    def _note(self, phase: Phase, encounter: Encounter) -> None:
+        self.changes += 1
+        key = encounter.numbers
+        if phase is Phase.OPEN:
+            self._met += 1
+            self._open[key] = self._met, encounter
+        elif phase is Phase.CLOSE:
+            number, _ = self._open.pop(key)
+            if not encounter.mistaken:
+                self._closed.append((number, encounter))

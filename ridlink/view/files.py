@@ -1,0 +1,38 @@
+"""The files of the page, read once: what is asked for later is looked up in a table and never on a disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+
+TYPES = {
+    "html": "text/html; charset=utf-8",
+    "css": "text/css; charset=utf-8",
+    "js": "text/javascript; charset=utf-8",
+    "svg": "image/svg+xml",
+    "png": "image/png",
+    "txt": "text/plain; charset=utf-8",
+    "json": "application/json",
+}
+"""Content types by suffix; other files are not served, but for licences."""
+
+
+def page_files() -> dict[str, tuple[str, bytes]]:
+    """Content type and content of every file of the page, by its path: ``/`` and ``/static/...``."""
+    static = files("ridlink.view") / "static"
+    table = {f"/static/{path}": (_type_of(path), file.read_bytes()) for path, file in _walk(static, "")}
+    table["/"] = table["/static/index.html"]
+    return table
+
+
+def _walk(folder: Traversable, prefix: str) -> Iterator[tuple[str, Traversable]]:
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            yield from _walk(entry, f"{prefix}{entry.name}/")
+        elif entry.name.rpartition(".")[2] in TYPES or "LICENSE" in entry.name:
+            yield prefix + entry.name, entry
+
+
+def _type_of(path: str) -> str:
+    return TYPES.get(path.rpartition(".")[2], TYPES["txt"])

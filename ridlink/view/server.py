@@ -1,0 +1,290 @@
+"""Pages on a socket: HTTP for the files, a WebSocket for what happens.
+
+Each page has a reader and a writer. The writer takes one message at a time from its `Conversation`, works it out if
+nobody else has yet, and waits until the socket has taken it; a page that takes nothing for 10 s is dropped. Work is
+done in slices of one instant, one slice after the other for all pages, so that the next tenth of a second is never late
+by more than that.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import logging
+import socket
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ridlink.errors import LinkError, MissingExtraError
+from ridlink.view import wire
+from ridlink.view.conversation import LONGEST_REQUEST, Conversation
+from ridlink.view.files import page_files
+from ridlink.view.guard import LOOPBACK, Guard, refuse
+from ridlink.view.show import Show
+
+try:
+    import uvicorn
+    from starlette.applications import Starlette
+    from starlette.requests import Request
+    from starlette.responses import Response
+    from starlette.routing import Route, WebSocketRoute
+    from starlette.websockets import WebSocket, WebSocketDisconnect
+    from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+except ImportError as error:
+    raise MissingExtraError("web", "the page") from error
+
+DEFAULT_PORT = 8090
+MOST_PAGES = 32
+MOST_CONNECTIONS = 128
+UNREAD_S = 10.0
+"""A page that takes nothing for so long is dropped."""
+
+SECOND_S = 1.0
+SLICE_S = 0.01
+"""Reading of histories is interrupted after so long for everything else."""
+
+BACKLOG = 128
+
+
+class _Protocol(WebSocketsSansIOProtocol):
+    """Lets the application end a connection without waiting for a peer that reads nothing."""
+
+    def connection_made(self, transport: Any) -> None:
+        super().connection_made(transport)
+        self.app_state = {**self.app_state, "abort": transport.abort}
+
+
+@dataclass(slots=True, eq=False)
+class _Page:
+    conversation: Conversation
+    wake: asyncio.Event
+
+
+class ViewServer:
+    """Serves a show.
+
+    Args:
+        show: What is shown.
+        host: Address to listen on.
+        port: Port; 0 lets the kernel choose.
+        names: Further names under which pages may ask for it.
+        health: Further facts for the page, asked for once a second.
+
+    Attributes:
+        show: What is shown.
+        counters: Pages that were ``served``, ``dropped`` because they read nothing, ``refused`` because there were too
+            many.
+    """
+
+    def __init__(
+        self,
+        show: Show,
+        host: str = "127.0.0.1",
+        port: int = DEFAULT_PORT,
+        *,
+        names: Iterable[str] = (),
+        health: Callable[[], Mapping[str, Any]] = dict,
+    ) -> None:
+        self.show = show
+        self.counters: Counter[str] = Counter()
+        self._host = host
+        self._port = port
+        self._health = health
+        self._files = page_files()
+        self._pages: set[_Page] = set()
+        self._one_slice = asyncio.Lock()
+        self._tasks: list[asyncio.Task[Any]] = []
+        self._news = asyncio.Event()
+        self._changed = asyncio.Condition()
+        routes = [Route("/healthz", self._healthz), WebSocketRoute("/ws/v1", self._converse)]
+        routes += [Route(path, self._file) for path in self._files]
+        config = uvicorn.Config(
+            Guard(Starlette(routes=routes), host, names),
+            ws=_Protocol,
+            ws_max_size=2 * LONGEST_REQUEST,
+            ws_per_message_deflate=False,
+            limit_concurrency=MOST_CONNECTIONS,
+            lifespan="off",
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
+        self._server = _Server(config)
+
+    @property
+    def url(self) -> str:
+        """Where the page is, after `start`."""
+        host = "127.0.0.1" if self._host in ("0.0.0.0", "::", *LOOPBACK[:1]) else self._host
+        return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/"
+
+    @property
+    def pages(self) -> int:
+        """How many look on now."""
+        return len(self._pages)
+
+    async def start(self) -> None:
+        """Listen.
+
+        Raises:
+            LinkError: If the port is in use, or the address is none of this machine.
+        """
+        listening = _listen(self._host, self._port)
+        self._port = listening.getsockname()[1]
+        self._tasks = [
+            asyncio.create_task(self._server.serve(sockets=[listening])),
+            asyncio.create_task(self._read_books()),
+            asyncio.create_task(self._count_seconds()),
+        ]
+
+    async def close(self) -> None:
+        """Send everybody away, and release the port."""
+        self._server.should_exit = True
+        for task in self._tasks[1:]:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def publish(self) -> None:
+        """There is a new instant, or a new source."""
+        self._news.set()
+        for page in self._pages:
+            page.conversation.step()
+            page.wake.set()
+
+    async def until_pages(self, wanted: Callable[[int], bool]) -> None:
+        """Wait until so many pages look on."""
+        async with self._changed:
+            await self._changed.wait_for(lambda: wanted(self.pages))
+
+    async def _healthz(self, _: Request) -> Response:
+        return Response("ok\n", media_type="text/plain")
+
+    async def _file(self, request: Request) -> Response:
+        kind, content = self._files[request.url.path]
+        return Response(content, headers={"content-type": kind})
+
+    async def _converse(self, websocket: WebSocket) -> None:
+        if len(self._pages) >= MOST_PAGES:
+            self.counters["refused"] += 1
+            await refuse(websocket.scope, websocket.send, 503, f"{MOST_PAGES} pages look on already")
+            return
+        page = _Page(Conversation(self.show), asyncio.Event())
+        self._pages.add(page)  # before anything is waited for, so that they are never more
+        page.wake.set()
+        try:
+            await websocket.accept()
+            await self._tell_change()
+            self.counters["served"] += 1
+            reading = asyncio.create_task(_read(websocket, page))
+            writing = asyncio.create_task(self._write(websocket, page))
+            await asyncio.wait({reading, writing}, return_when=asyncio.FIRST_COMPLETED)
+            for task in (reading, writing):
+                task.cancel()
+            results = await asyncio.gather(reading, writing, return_exceptions=True)
+            if any(isinstance(result, TimeoutError) for result in results):
+                self.counters["dropped"] += 1
+                websocket.scope["state"]["abort"]()
+            elif page.conversation.hopeless:
+                with contextlib.suppress(RuntimeError, TimeoutError):
+                    await asyncio.wait_for(websocket.close(1008, "too many mistakes"), SECOND_S)
+        except (WebSocketDisconnect, OSError):
+            pass
+        finally:
+            self._pages.discard(page)
+            await self._tell_change()
+
+    async def _write(self, websocket: WebSocket, page: _Page) -> None:
+        conversation = page.conversation
+        while not conversation.hopeless:
+            async with self._one_slice:
+                message = conversation.next()
+                await asyncio.sleep(0)
+            if message is None:
+                page.wake.clear()
+                await page.wake.wait()
+            elif message:
+                await asyncio.wait_for(websocket.send({"type": "websocket.send", "text": message.decode()}), UNREAD_S)
+        message = conversation.next()
+        while message is not None and not message.startswith(b'{"type":"error"'):
+            message = conversation.next()
+        if message is not None:
+            await asyncio.wait_for(websocket.send({"type": "websocket.send", "text": message.decode()}), UNREAD_S)
+
+    async def _read_books(self) -> None:
+        """Let every definition that somebody looks at read on."""
+        while True:
+            wanted = {page.conversation.definition for page in self._pages} | {self.show.definition}
+            behind = [book for book in map(self.show.book, wanted) if book.behind]
+            if not behind:
+                self._news.clear()
+                await self._news.wait()
+                continue
+            for book in behind:
+                async with self._one_slice:
+                    until_s = time.monotonic() + SLICE_S
+                    while book.read() and time.monotonic() < until_s:
+                        continue
+                    if not book.behind and not self.show.scenery.live:
+                        book.end()
+                await asyncio.sleep(0)
+
+    async def _count_seconds(self) -> None:
+        due_s = time.monotonic()
+        while True:
+            due_s += SECOND_S
+            await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+            facts = {"frames_per_s": 0.0, "vehicles": 0, "rejects": {}, "lag_ms": 0.0, **self._health()}
+            extent = self.show.history.extent_s
+            health = wire.health(facts, self.pages, self.counters["dropped"], extent, live=self.show.scenery.live)
+            self._news.set()
+            for page in self._pages:
+                page.conversation.second(health)
+                page.wake.set()
+
+    async def _tell_change(self) -> None:
+        self._news.set()
+        async with self._changed:
+            self._changed.notify_all()
+
+
+async def _read(websocket: WebSocket, page: _Page) -> None:
+    while not page.conversation.hopeless:
+        message = await websocket.receive()
+        if message["type"] != "websocket.receive":
+            return
+        page.conversation.take(message.get("text") or message.get("bytes") or b"")
+        page.wake.set()
+    await asyncio.Event().wait()  # the writer has the last word
+
+
+class _Server(uvicorn.Server):
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Signals belong to whoever runs the loop."""
+        yield
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]  # fmt: skip
+        listening = socket.socket(family, kind)
+        try:
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if hasattr(socket, "TCP_USER_TIMEOUT"):  # whoever reads no answer for so long is gone
+                listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1000 * UNREAD_S))
+            listening.bind(address)
+            listening.listen(BACKLOG)
+        except OSError:
+            listening.close()
+            raise
+        return listening
+    except OSError as error:
+        what = f"port {port} is in use" if error.errno == errno.EADDRINUSE else (error.strerror or str(error))
+        raise LinkError(f"http://{host}:{port}/: {what}") from error

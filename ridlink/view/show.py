@@ -1,0 +1,161 @@
+"""One source and all that can be asked about it: no clock, no socket.
+
+What is worked out for one page is kept for the others: the scene, the pairs, the text of an instant under a definition,
+the velocity space of a vehicle. Whoever serves many pages calls these methods one at a time and lets others in between.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from ridlink.geodesy import Geodetic
+from ridlink.observer import Pairs, Scene, pairs_of
+from ridlink.separation.definitions import Definition
+from ridlink.view import wire
+from ridlink.view.book import Book
+from ridlink.view.instants import MEMORY_BYTES, History, Instant, instant_of
+from ridlink.view.scenery import Pair, Scenery
+from ridlink.view.velocity_space import NOTHING, VelocitySpace
+
+KEPT_BYTES = 4 * 2**20
+"""Of texts, worked out once and perhaps asked for again."""
+
+Value = TypeVar("Value")
+
+
+class Show:
+    """What is shown.
+
+    Args:
+        scenery: The source.
+        definition: What sizes discs until a page asks for another.
+        memory_bytes: Of the history.
+        history: Instants that are there already.
+
+    Attributes:
+        scenery: The source, as far as it is known.
+        history: What happened.
+        greetings: Counts up whenever pages must be greeted anew.
+    """
+
+    def __init__(
+        self,
+        scenery: Scenery,
+        definition: Definition = Definition.CANDIDATE2,
+        *,
+        memory_bytes: int = MEMORY_BYTES,
+        history: History | None = None,
+    ) -> None:
+        self.definition = definition
+        self.greetings = 0
+        self._memory_bytes = memory_bytes
+        self._space: VelocitySpace | None = None
+        self._begin(scenery, history)
+
+    def restart(self, scenery: Scenery) -> None:
+        """Another source: what was shown is forgotten."""
+        self.greetings += 1
+        self._begin(scenery, None)
+
+    def _begin(self, scenery: Scenery, history: History | None) -> None:
+        self.scenery = scenery
+        self.history = history if history is not None else History(self._memory_bytes)
+        self._books: dict[Definition, Book] = {}
+        self._seen: tuple[int, dict[Hashable, Any]] = -1, {}
+        self._texts: OrderedDict[tuple[Hashable, ...], bytes] = OrderedDict()
+        self._texts_bytes = 0
+
+    def look_at_vehicles(self) -> None:
+        """From now on velocity spaces are worked out; the kernels of the solver must have been loaded."""
+        self._space = VelocitySpace()
+
+    def locate(self, origin: Geodetic) -> None:
+        """The origin has become known."""
+        self.greetings += 1
+        self.scenery = replace(self.scenery, origin=origin)
+
+    def add(self, scene: Scene, truth: Mapping[str, Pair] | None = None) -> None:
+        """The next instant."""
+        history = self.history
+        before = history.at(history.end - 1) if len(history) else None
+        if len(scene) or (before is not None and len(before)):
+            history.add(instant_of(scene, truth, before))
+
+    def hello(self) -> bytes:
+        """What a page must know before anything else."""
+        return wire.hello(self.scenery, self.definition, self.history.extent_s)
+
+    def book(self, definition: Definition) -> Book:
+        """The history under a definition; somebody must let it read."""
+        if definition not in self._books:
+            self._books[definition] = Book(
+                definition, self.history, lambda moment: (self._scene(moment), self._pairs(moment, definition))
+            )
+        return self._books[definition]
+
+    def latest(self, definition: Definition, selected: str | None) -> bytes | None:
+        """The newest instant as it is pushed; None if there is none."""
+        extent = self.history.extent_s
+        if extent is None:
+            return None
+        number = self.history.end - 1
+        body, space = self._body(number, definition), self._selected(number, definition, selected)
+        return wire.pushed(body, space, extent)
+
+    def answer(self, number: int, definition: Definition, selected: str | None) -> bytes:
+        """An instant of the history as part of an answer.
+
+        Raises:
+            IndexError: If it is not kept.
+        """
+        extent = self.history.extent_s or (0.0, 0.0)
+        body, space = self._body(number, definition), self._selected(number, definition, selected)
+        return wire.answered(body, space, extent)
+
+    def _body(self, number: int, definition: Definition) -> bytes:
+        live = self.scenery.live and number == self.history.end - 1
+        moment = self.history.at(number)
+
+        def text() -> bytes:
+            return wire.instant(moment, self._scene(moment), self._pairs(moment, definition), definition, live=live)
+
+        return self._text((number, definition, live), text)
+
+    def _selected(self, number: int, definition: Definition, name: str | None) -> bytes:
+        space = self._space
+        moment = self.history.at(number)
+        if name is None or space is None or name not in moment.names:
+            return NOTHING
+
+        def text() -> bytes:
+            return space.of(name, self._scene(moment), self._pairs(moment, definition), definition, self.scenery)
+
+        return self._text((number, definition, "space", name), text)
+
+    def _scene(self, moment: Instant) -> Scene:
+        return self._once(moment, "scene", moment.scene)
+
+    def _pairs(self, moment: Instant, definition: Definition) -> Pairs:
+        return self._once(moment, definition, lambda: pairs_of(self._scene(moment), definition))
+
+    def _once(self, moment: Instant, what: Hashable, work_out: Callable[[], Value]) -> Value:
+        """Kept while the same instant is looked at."""
+        if self._seen[0] != id(moment):
+            self._seen = id(moment), {"moment": moment}
+        kept = self._seen[1]
+        if what not in kept:
+            kept[what] = work_out()
+        value: Value = kept[what]
+        return value
+
+    def _text(self, key: tuple[Hashable, ...], write: Callable[[], bytes]) -> bytes:
+        text = self._texts.get(key)
+        if text is None:
+            self._texts[key] = text = write()
+            self._texts_bytes += len(text)
+            while self._texts_bytes > KEPT_BYTES:
+                self._texts_bytes -= len(self._texts.popitem(last=False)[1])
+        return text
