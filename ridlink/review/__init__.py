@@ -1,7 +1,7 @@
 """Recorded traffic, looked at afterwards: who met whom, and what other definitions would have said.
 
 source    the Remote ID of recordings, and the telemetry of vehicles, in the order of time
-own       who is in a log by its telemetry alone
+own       who is best known by its telemetry
 walk      frames to scenes, on the recording's own clock
 approach  how near every pair came between two scenes
 report    encounters as rows, and the worst of them with all that is drawn

@@ -42,7 +42,7 @@ class Walk:
 
     Attributes:
         sky: Who is in the air.
-        own: Who of them is known by telemetry alone.
+        own: Who of them is best known by telemetry.
         begun_us, ended_us: Time of the first and of the last frame, microseconds since 1970; None before the first.
         scenes: How many there were with anybody in them.
         aircraft: How many there were.
@@ -84,9 +84,8 @@ class Walk:
         now_s = self._now_us / 1e6
         if frame.msgid not in REMOTE_ID_IDS:
             self.own.receive(frame, now_s)
-            return
-        self.own.heard(frame, now_s)
-        self.sky.receive(frame, now_s)
+        elif not self.own.supersedes(frame, now_s):
+            self.sky.receive(frame, now_s)
 
     def end(self) -> None:
         """The recording is over."""

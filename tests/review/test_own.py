@@ -1,4 +1,4 @@
-"""A drone that only listened is in its own log: by its telemetry, as long as its Remote ID is not heard."""
+"""A drone that only listened is in its own log: by its telemetry, as long as its broadcast says no more."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def reported(path: Path, recorded: Records) -> tuple[list[dict], Walk]:  # type:
 
 
 def test_a_listener_meets_whom_it_hears(tmp_path: Path) -> None:
-    [row], walk = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 40.0) + records([SOUTHBOUND], 40.0))
+    [row], walk = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 25.0) + records([SOUTHBOUND], 25.0))
     assert sorted(row["uas"]) == ["1/1", "BRAVO"] and walk.aircraft == 2
     assert row["closest_m"] == pytest.approx(6.0, abs=0.2)
     assert row["closest_t"] - START_S == pytest.approx(20.0, abs=0.1)
@@ -67,25 +67,35 @@ def test_who_broadcasts_is_known_by_that_alone(tmp_path: Path) -> None:
     assert sorted(row["uas"]) == ["ALPHA", "BRAVO"] and walk.aircraft == 2
 
 
-@pytest.mark.parametrize(("begins_s", "ends_s"), [(0.0, 12.0), (9.0, 40.0)])
+@pytest.mark.parametrize("extended", [True, False])
+@pytest.mark.parametrize(("begins_s", "ends_s"), [(0.0, 8.0), (6.0, 20.0)])
 def test_it_never_meets_itself_where_its_broadcast_begins_or_ends(
-    tmp_path: Path, begins_s: float, ends_s: float
+    tmp_path: Path, begins_s: float, ends_s: float, extended: bool
 ) -> None:
     """Its module speaks with a component of its own."""
     module = [
         (time_us, frame)
-        for time_us, frame in records([replace(NORTHBOUND, compid=236)], 40.0)
+        for time_us, frame in records([replace(NORTHBOUND, compid=236, extended=extended)], 20.0)
         if begins_s <= (time_us - START_US) / 1e6 < ends_s
     ]
-    rows, _ = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 40.0) + module)
+    rows, _ = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 20.0) + module)
     assert rows == []
+
+
+def test_a_broadcast_without_an_error_is_worth_less_than_telemetry(tmp_path: Path) -> None:
+    stock = replace(NORTHBOUND, extended=False)
+    said = telemetry(NORTHBOUND, 25.0) + records([stock, SOUTHBOUND], 25.0)
+    [row], walk = reported(tmp_path / "f.tlog", said)
+    assert sorted(row["uas"]) == ["ALPHA", "BRAVO"] and walk.aircraft == 2
+    assert None not in row["horizontal_error_m"]
+    assert row["closest_m"] == pytest.approx(6.0, abs=0.2)
 
 
 def test_its_own_receiver_that_hears_it_makes_it_no_second_aircraft(tmp_path: Path) -> None:
     """The identity is what joins them: said to the transmitter by the autopilot, and relayed by the receiver."""
     relayed = replace(NORTHBOUND, compid=237, id_or_mac=b"\x02relay".ljust(20, b"\0"))
-    identity = [(time_us, frame) for time_us, frame in records([NORTHBOUND], 40.0) if frame[7:10] == b"\x64\x32\x00"]
-    rows, _ = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 40.0) + identity + records([relayed], 40.0))
+    identity = [(time_us, frame) for time_us, frame in records([NORTHBOUND], 20.0) if frame[7:10] == b"\x64\x32\x00"]
+    rows, _ = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 20.0) + identity + records([relayed], 20.0))
     assert rows == []
 
 
