@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
+from ridlink.cli.options import signing_options
 
 if TYPE_CHECKING:
     from ridlink.daemon.config import DaemonConfig
@@ -134,6 +135,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     help="air for receivers that speak MAVLink, module for a transmitter module.  [default: air]",
 )
 @click.option("--operator-id", metavar="ID", help="Identity of the operator in --broadcast.  [default: none]")
+@signing_options
 @click.option("--uas-id", metavar="ID", help="Own identity in Remote ID.  [default: as the vehicle says]")
 @click.option(
     "--config",

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from ridlink.cli import EXIT_DONE
+from ridlink.cli.options import signing_options
 from ridlink.cli.signals import stopped_by_signals
 
 
@@ -40,6 +41,7 @@ from ridlink.cli.signals import stopped_by_signals
     metavar="N",
     help="Listen to this system id only.  [default: the first autopilot heard]",
 )
+@signing_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a second on standard output.")
 def broadcast(
     vehicle: str,
@@ -52,6 +54,7 @@ def broadcast(
     operator_id: str,
     vehicle_sysid: int | None,
     as_json: bool,
+    **signing: Any,
 ) -> int:
     """Transmit a vehicle's Remote ID, until Ctrl-C: where its autopilot says it is, and how wrong that may be.
 
@@ -66,7 +69,7 @@ def broadcast(
     import asyncio
 
     from ridlink.daemon.transmitter import Transmitter, TransmitterConfig
-    from ridlink.links import parse_link_url
+    from ridlink.links import SigningOptions, parse_link_url
     from ridlink.own_ship.broadcast import BroadcastSettings, Form
 
     config = TransmitterConfig(
@@ -81,6 +84,7 @@ def broadcast(
             relayed_as=None if relay_as is None else _bytes_of(relay_as),
         ),
         vehicle_sysid=vehicle_sysid,
+        signing=SigningOptions.of(**signing),
     )
     told: list[Any] = []
 

@@ -76,3 +76,31 @@ def wanted_names(types: str | None) -> frozenset[str] | None:
     if not wanted:
         raise click.BadParameter("names no message", param_hint="'--types'")
     return frozenset(wanted)
+
+
+def signing_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """``--signing-key`` and what belongs to it, for commands that speak to an autopilot."""
+    for option in (
+        click.option(
+            "--signing-state",
+            metavar="FILE",
+            help="Where the clock of the signatures outlives the program.  [default: the key's name with .state]",
+        ),
+        click.option(
+            "--signing-link-id", type=click.IntRange(0, 255), metavar="N", help="Of our signatures.  [default: 0]"
+        ),
+        click.option(
+            "--require-signature",
+            is_flag=True,
+            default=None,
+            help="Hear nothing on the vehicle link that is not signed.",
+        ),
+        click.option(
+            "--signing-key",
+            metavar="FILE",
+            help="Sign what is sent to the vehicle, refuse what is signed wrongly: 32 bytes or 64 hexadecimal digits, "
+            "in a file of mode 0600.",
+        ),
+    ):
+        command = option(command)
+    return command

@@ -35,7 +35,7 @@ from ridlink.avoidance.types import HalfplaneSettings, SolverKind
 from ridlink.checked_toml import parse_toml
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
-from ridlink.links import LinkUrl, parse_link_url
+from ridlink.links import LinkUrl, SigningOptions, parse_link_url
 from ridlink.own_ship.broadcast import Form
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition
@@ -64,6 +64,7 @@ class DaemonConfig:
         remote_id: Link on which the Remote ID of others is heard.
         engine: What the engine is told.
         broadcast_to: Link on which the own Remote ID is transmitted; None: the one on which others are heard.
+        signing: How the vehicle link is signed; None: not at all.
         log: Recording of everything received and sent, a .tlog; None for none.
         input_log: Recording from which the flight can be decided again, see `input_log`; None for none.
         period_s: Time between decisions. The response study holds for 0.1 s.
@@ -73,6 +74,7 @@ class DaemonConfig:
     remote_id: LinkUrl = field(default_factory=lambda: parse_link_url(DEFAULT_REMOTE_ID))
     engine: EngineConfig = field(default_factory=EngineConfig)
     broadcast_to: LinkUrl | None = None
+    signing: SigningOptions | None = None
     log: Path | None = None
     input_log: Path | None = None
     period_s: float = CONTROL_PERIOD_S
@@ -128,6 +130,10 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     broadcast_to: str | None = None
     broadcast_form: str | None = None
     operator_id: str | None = None
+    signing_key: str | None = None
+    require_signature: bool | None = None
+    signing_link_id: int | None = None
+    signing_state: str | None = None
     halfplane: dict[str, float] | None = None
     graded: dict[str, float] | None = None
     rotation: dict[str, float] | None = None
@@ -279,6 +285,7 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
         remote_id=parse_link_url(or_default(flat.rid, DEFAULT_REMOTE_ID)),
         engine=engine,
         broadcast_to=None if flat.broadcast_to is None else parse_link_url(flat.broadcast_to),
+        signing=SigningOptions.of(flat.signing_key, flat.require_signature, flat.signing_link_id, flat.signing_state),
         log=None if flat.log is None else Path(flat.log),
         input_log=None if flat.input_log is None else Path(flat.input_log),
     )
@@ -338,6 +345,13 @@ def as_toml(config: DaemonConfig) -> str:
         lines.append(f"operator_id = {_quoted(engine.operator_id)}")
     if config.broadcast_to is not None:
         lines.append(f'broadcast_to = "{config.broadcast_to}"')
+    if config.signing is not None:
+        lines += [
+            f"signing_key = {_quoted(str(config.signing.key_file))}",
+            f"require_signature = {str(config.signing.required).lower()}",
+            f"signing_link_id = {config.signing.link_id}",
+            f"signing_state = {_quoted(str(config.signing.state))}",
+        ]
     if engine.airframe_height_m is not None:
         lines.append(f"airframe_height = {engine.airframe_height_m}")
     if config.log is not None:

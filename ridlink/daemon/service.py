@@ -24,7 +24,8 @@ from ridlink.daemon.warming import warm_up_unless
 from ridlink.daemon.watchdog import Watchdog
 from ridlink.engine import Engine, StepOutput
 from ridlink.errors import RidlinkError
-from ridlink.links import Address, Link, open_link
+from ridlink.links import Address, Link, open_link, open_signed_link
+from ridlink.mavlink.signing import SignatureCause
 from ridlink.periodic import Periodic
 
 STOP_SPACING_S = 0.05
@@ -83,6 +84,7 @@ class AvoidDaemon:
         self._utc = SteadyUtc(time.monotonic())
         self._stalls: deque[str] = deque(maxlen=4)
         self._hold = False
+        self._told_of_signatures = False
 
     async def run(self, stop: asyncio.Event) -> Summary:
         """Fly until told to stop; then three zero setpoints, and the links are closed.
@@ -98,7 +100,7 @@ class AvoidDaemon:
         # The links first: a PX4 in OFFBOARD that lost us waits a second for zero velocity, the kernels take longer.
         warm = asyncio.create_task(warm_up_unless(stop, self.config.engine.solver))
         try:
-            self._vehicle = await open_link(self.config.vehicle, self._from_vehicle)
+            self._vehicle = await self._open_vehicle()
             self._air = await open_link(self.config.remote_id, self._from_air)
             if self.config.broadcast_to is not None:
                 self._transmitter = await open_link(self.config.broadcast_to, lambda _, __: None)
@@ -123,6 +125,12 @@ class AvoidDaemon:
         if self.engine.fatal:
             raise DecisionError(f"decisions failed: {self.engine.last_error}; the vehicle was told to stop")
         return self.summary()
+
+    async def _open_vehicle(self) -> Link:
+        signing = self.config.signing
+        if signing is None:
+            return await open_link(self.config.vehicle, self._from_vehicle)
+        return await open_signed_link(self.config.vehicle, self._from_vehicle, signing)
 
     # --- time -----------------------------------------------------------------------------------------------------
 
@@ -268,7 +276,7 @@ class AvoidDaemon:
         if self._recorder is not None and self._recorder.error is not None and not self._recording_ended:
             self._recording_ended = True
             self._emit("recording_ended", reason=_words(self._recorder.error))
-        for text in output.warnings:
+        for text in (*output.warnings, *self._refused_signatures()):
             self._emit("warning", text=text)
         while self._stalls:
             self._emit("stalled", stack=self._stalls.popleft())
@@ -295,6 +303,14 @@ class AvoidDaemon:
             detection_given_m=_finite(detection.given_m if detection is not None else None),
             detection_short=detection is not None and detection.short,
         )
+
+    def _refused_signatures(self) -> list[str]:
+        """What to say when the vehicle link refuses frames: without it, a key set up wrongly looks like silence."""
+        if self.config.signing is None or self._vehicle is None or self._told_of_signatures:
+            return []
+        refused = [cause for cause in SignatureCause if self._vehicle.counters[cause]]
+        self._told_of_signatures = bool(refused)
+        return [f"frames on the vehicle link are refused: {', '.join(refused)}"] if refused else []
 
     def _emit(self, event: str, **facts: Any) -> None:
         if self._on_event is None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.engine.intake import REMOTE_ID_NAMES, VEHICLE_IDS, Intake
-from ridlink.links import Address, Link, LinkUrl, open_link
+from ridlink.links import Address, Link, LinkUrl, SigningOptions, open_link, open_signed_link
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
@@ -42,6 +42,7 @@ class TransmitterConfig:
         to: Where to transmit.
         settings: What the autopilot cannot say.
         vehicle_sysid: Only this autopilot; without it the first one heard.
+        signing: How the vehicle link is signed; None: not at all.
         allow_v1: Take MAVLink 1 frames from the autopilot as well.
     """
 
@@ -49,6 +50,7 @@ class TransmitterConfig:
     to: LinkUrl
     settings: BroadcastSettings
     vehicle_sysid: int | None = None
+    signing: SigningOptions | None = None
     allow_v1: bool = False
 
 
@@ -89,7 +91,11 @@ class Transmitter:
             LinkError: If a link cannot be opened.
         """
         try:
-            self._vehicle = await open_link(self.config.vehicle, self._from_vehicle)
+            signing = self.config.signing
+            if signing is None:
+                self._vehicle = await open_link(self.config.vehicle, self._from_vehicle)
+            else:
+                self._vehicle = await open_signed_link(self.config.vehicle, self._from_vehicle, signing)
             self._to = await open_link(self.config.to, self._from_module)
             self.vehicle_address = self._vehicle.local_address
             self.ready.set()

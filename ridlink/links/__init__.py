@@ -5,12 +5,13 @@ from __future__ import annotations
 from ridlink.errors import ConfigError
 from ridlink.links.link import Address, Link, OnDatagram
 from ridlink.links.memory import MemoryLink, memory_link_pair
+from ridlink.links.signed import SigningOptions, open_signed_link
 from ridlink.links.tcp import open_tcp_link
 from ridlink.links.udp import open_udp_link
 from ridlink.links.url import LinkUrl, Scheme, parse_link_url
 
-__all__ = ["Address", "Link", "LinkUrl", "MemoryLink", "OnDatagram", "Scheme", "memory_link_pair", "open_link",
-           "parse_link_url"]  # fmt: skip
+__all__ = ["Address", "Link", "LinkUrl", "MemoryLink", "OnDatagram", "Scheme", "SigningOptions",
+           "memory_link_pair", "open_link", "open_signed_link", "parse_link_url"]  # fmt: skip
 
 
 async def open_link(url: LinkUrl | str, on_datagram: OnDatagram) -> Link:

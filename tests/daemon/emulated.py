@@ -148,6 +148,7 @@ class LoopbackVehicle:
         self.began_s = 0.0
         self.silent = False
         self.frozen = False
+        self.last = b""
         self.sources: set[Address] = set()
         self.second = Observer(target=emulated.sysid)
         self._second_link: Link | None = None
@@ -171,6 +172,7 @@ class LoopbackVehicle:
             raise self._failure
 
     def _hear(self, data: bytes, address: Address) -> None:
+        self.last = data
         try:
             self.vehicle.hear(data)
         except AssertionError as failure:  # the link would only count it

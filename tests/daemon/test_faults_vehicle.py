@@ -1,4 +1,4 @@
-"""F14 to F17, F27 and two daemons on one vehicle: what the vehicle link does to a daemon that flies."""
+"""F14 to F17, F23, F27 and two daemons on one vehicle: what the vehicle link does to a daemon that flies."""
 
 from __future__ import annotations
 
@@ -8,12 +8,18 @@ import signal
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from ridlink.daemon.service import AvoidDaemon
 from ridlink.engine import EngineConfig, Goal
 from ridlink.failsafe import State
+from ridlink.links import SigningOptions
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, message_spec
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.signing import Signing
 from tests.cli.test_avoid import free_port
 from tests.daemon.emulated import GUIDED, LOITER, OFFBOARD, PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, at
 from tests.daemon.harness import Running, run, running
@@ -186,5 +192,44 @@ def test_f27_killed_in_mid_flight_and_started_again_it_begins_with_zero_velocity
             if process.returncode is None:
                 process.kill()
             await process.wait()
+
+    run(test)
+
+
+class SignedEncoder(Encoder):
+    """Signs what it encodes."""
+
+    __slots__ = ("signing",)
+
+    def __init__(self, sysid: int, key: bytes) -> None:
+        super().__init__(sysid, 1)
+        self.signing = Signing(key)
+
+    def encode(self, name: str, /, **fields: Any) -> bytes:
+        frame = super().encode(name, **fields)
+        return self.signing.sign(frame, message_spec(name).crc_extra, time.time())
+
+
+def test_f23_an_unsigned_or_wrongly_signed_autopilot_is_nobody_and_a_signed_one_is_flown(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o600)
+
+    async def test() -> None:
+        async with running(signing=SigningOptions(key, required=True, link_id=1)) as flight:
+            vehicle, emulated = flight.vehicle, flight.vehicle.vehicle
+            link = flight.daemon._vehicle
+            assert link is not None
+            await vehicle.until(lambda: link.counters["unsigned"] > 10)
+            emulated.encoder = SignedEncoder(1, bytes(32))
+            await vehicle.until(lambda: link.counters["signature_wrong"] > 10)
+            assert flight.daemon.engine.vehicle_source is None and not vehicle.setpoints()
+            emulated.encoder = SignedEncoder(1, bytes(range(32)))
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 5)
+            judge = Signing(bytes(range(32)))
+            frames = parse_datagram(vehicle.last, CRC_EXTRAS)
+            assert all(isinstance(frame, Frame) and judge.refusal(frame, time.time()) is None for frame in frames)
+            told = [event["text"] for event in flight.events if event["event"] == "warning"]
+            assert "frames on the vehicle link are refused: unsigned" in told
 
     run(test)

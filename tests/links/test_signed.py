@@ -1,0 +1,221 @@
+"""Signed links: a pymavlink peer on a real socket, forgers beside it, and a clock that outlives the process."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ridlink.errors import ConfigError
+from ridlink.links import LinkUrl, SigningOptions, open_signed_link, parse_link_url
+from ridlink.links.signed import AHEAD, SignedLink, open_signing, read_key, save_signing
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.signing import EPOCH_UTC_S, UNITS_PER_S, Signing
+from tests.daemon.emulated import PATIENCE_S
+
+KEY = bytes(range(32))
+UTC_S = EPOCH_UTC_S + 400_000_000.0
+ANY = parse_link_url("udpin:127.0.0.1:0")
+
+
+PEER = """
+import sys
+from pymavlink import mavutil
+peer = mavutil.mavlink_connection("udpout:127.0.0.1:" + sys.argv[1], source_system=7)
+peer.setup_signing(bytes.fromhex(sys.argv[2]), sign_outgoing=True, allow_unsigned_callback=None)
+peer.mav.heartbeat_send(2, 12, 0, 0, 4)
+for _ in range(2):
+    heard = peer.recv_match(type="HEARTBEAT", blocking=True, timeout=20)
+    print(heard.get_signed(), heard.get_link_id())
+"""
+"""A program of its own: which dialect and version pymavlink speaks is one choice a process."""
+
+
+@pytest.fixture
+def key_file(tmp_path: Path) -> Path:
+    path = tmp_path / "key"
+    path.write_bytes(KEY)
+    path.chmod(0o600)
+    return path
+
+
+class Ear:
+    """What a link delivers."""
+
+    def __init__(self) -> None:
+        self.heard: list[bytes] = []
+        self.changed = asyncio.Event()
+
+    def __call__(self, data: bytes, _: object) -> None:
+        self.heard.append(data)
+        self.changed.set()
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():
+                self.changed.clear()
+                await self.changed.wait()
+
+
+async def opened(ear: Ear, key_file: Path, url: LinkUrl = ANY, **options: object) -> SignedLink:
+    return await open_signed_link(url, ear, SigningOptions(key_file, **options), utc=lambda: UTC_S)  # type: ignore[arg-type]
+
+
+def signed(encoder: Encoder, signing: Signing, utc_s: float = UTC_S) -> bytes:
+    return signing.sign(encoder.encode("HEARTBEAT", type=2, autopilot=12), CRC_EXTRAS[0], utc_s)
+
+
+def test_f23_pymavlink_and_we_believe_each_other_over_udp(key_file: Path) -> None:
+    async def test() -> None:
+        ear = Ear()
+        link = await open_signed_link(ANY, ear, SigningOptions(key_file, required=True, link_id=3))
+        peer = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", PEER, str(link.local_address[1]), KEY.hex(),
+            stdout=subprocess.PIPE, env=os.environ | {"MAVLINK20": "1", "MAVLINK_DIALECT": "common"},
+        )  # fmt: skip
+        try:
+            async with asyncio.timeout(4 * PATIENCE_S):  # a program that begins
+                while not ear.heard:
+                    ear.changed.clear()
+                    await ear.changed.wait()
+            beat = Encoder(7, 196).encode("HEARTBEAT", type=18)
+            link.send(beat + beat)
+            said, _ = await asyncio.wait_for(peer.communicate(), PATIENCE_S)
+            assert said.split() == [b"True", b"3"] * 2
+        finally:
+            link.close()
+
+    asyncio.run(test())
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_f23_what_is_not_signed_or_signed_wrongly_is_counted_and_changes_nothing(
+    key_file: Path, required: bool
+) -> None:
+    async def test() -> None:
+        ear = Ear()
+        link = await opened(ear, key_file, required=required)
+        encoder = Encoder(7, 1)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+            peer.connect(("127.0.0.1", link.local_address[1]))
+            good = Signing(KEY)
+            first = signed(encoder, good)
+            unsigned, forged = encoder.encode("HEARTBEAT", type=2), signed(encoder, Signing(bytes(32)))
+            far_ahead = signed(encoder, Signing(KEY, link_id=2), UTC_S + 3600.0)
+            before = link._signing.timestamp
+            for datagram in (unsigned, forged, far_ahead, first, first, b"noise" + signed(encoder, good)):
+                peer.send(datagram)
+            await ear.until(lambda: len(ear.heard) == (2 if required else 3))
+            causes = {"signature_wrong": 1, "signature_too_new": 1, "signature_replayed": 1}
+            if required:
+                assert ear.heard[0] == first and b"noise" not in ear.heard[1]
+                causes |= {"unsigned": 1, "garbage": 1}
+            assert dict(link.counters) == causes
+            assert link._signing.timestamp <= max(before, int(400_000_000 * UNITS_PER_S) + 10)
+        link.close()
+
+    asyncio.run(test())
+
+
+def test_f23_a_restart_neither_signs_with_old_times_nor_believes_a_recording(key_file: Path) -> None:
+    recorded = signed(Encoder(7, 1), Signing(KEY))
+
+    async def live(life: int, utc_s: float) -> tuple[dict[str, int], int]:
+        """One life of the program; what it refused, and the last timestamp that it signed with."""
+        ear = Ear()
+        link = await open_signed_link(ANY, ear, SigningOptions(key_file, required=True), utc=lambda: utc_s)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+            peer.bind(("127.0.0.1", 0))
+            peer.settimeout(PATIENCE_S)
+            peer.sendto(recorded, link.local_address)
+            new = signed(Encoder(9, 1), Signing(KEY, link_id=life), UTC_S + 50.0)
+            peer.sendto(new, link.local_address)
+            await ear.until(lambda: bool(ear.heard) and ear.heard[-1] == new)
+            link.send(Encoder(1, 196).encode("HEARTBEAT"), peer.getsockname())
+            (frame,) = parse_datagram(peer.recv(500), CRC_EXTRAS)
+        assert isinstance(frame, Frame)
+        link.close()
+        return dict(link.counters), int.from_bytes(frame.signature[1:7], "little")
+
+    refused, first = asyncio.run(live(1, UTC_S))
+    assert refused == {}
+    refused, second = asyncio.run(live(2, 0.0))  # no battery: it is 1970 again
+    assert refused == {"signature_replayed": 1}
+    assert second > first
+    assert (key_file.parent / "key.state").stat().st_mode & 0o777 == 0o600
+
+
+def test_f23_a_crash_uses_no_timestamp_twice(key_file: Path) -> None:
+    async def test() -> None:
+        link = await opened(Ear(), key_file)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+            peer.bind(("127.0.0.1", 0))
+            link.send(Encoder(1, 196).encode("HEARTBEAT"), peer.getsockname())
+        assert link._inner is not None and link._timer is not None
+        link._timer.cancel()
+        link._inner.close()  # and no word to the file, as after kill -9
+        assert open_signing(SigningOptions(key_file)).timestamp >= AHEAD
+        link._closed = True
+
+    asyncio.run(test())
+
+
+def test_a_key_is_taken_from_its_owners_file_alone(key_file: Path) -> None:
+    assert read_key(key_file) == KEY
+    key_file.write_text(KEY.hex() + "\n")
+    assert read_key(key_file) == KEY
+    for mode in (0o644, 0o640, 0o660, 0o604):
+        key_file.chmod(mode)
+        with pytest.raises(ConfigError, match=r"mode 0600; chmod 600"):
+            read_key(key_file)
+    key_file.chmod(0o600)
+    for content in (b"", b"short", KEY + b"x", b"zz" * 32):
+        key_file.write_bytes(content)
+        with pytest.raises(ConfigError, match="64 hexadecimal digits"):
+            read_key(key_file)
+
+
+@pytest.mark.parametrize("content", [b"", b"{}", b'{"timestamp":-1,"streams":[]}', b'{"timestamp":1,"streams":[[1]]}'])
+def test_a_damaged_clock_is_said_and_not_begun_anew(key_file: Path, content: bytes) -> None:
+    options = SigningOptions(key_file)
+    options.state.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"key\.state"):
+        open_signing(options)
+
+
+def test_the_clock_is_put_into_place_whole(tmp_path: Path) -> None:
+    path = tmp_path / "state"
+    save_signing(path, b"one")
+    save_signing(path, b"two")
+    assert path.read_bytes() == b"two" and os.listdir(tmp_path) == ["state"]
+    with pytest.raises(OSError):
+        save_signing(tmp_path / "no" / "state", b"three")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "mode", "code", "says"),
+    [
+        (["--signing-key", "{key}"], 0o644, 2, "chmod 600"),
+        (["--signing-key", "{key}.gone"], 0o600, 3, "No such file"),
+        (["--require-signature"], 0o600, 2, "give signing-key"),
+    ],
+)
+@pytest.mark.parametrize("command", [["avoid", "--standby"], ["broadcast"]])
+def test_a_key_that_cannot_be_used_is_one_line(
+    key_file: Path, command: list[str], arguments: list[str], mode: int, code: int, says: str
+) -> None:
+    key_file.chmod(mode)
+    options = [argument.format(key=key_file) for argument in arguments]
+    done = subprocess.run(
+        [sys.executable, "-m", "ridlink", *command, "--vehicle", "udpin:127.0.0.1:0", *options],
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (code, "")
+    assert says in done.stderr and done.stderr.count("\n") == 1
