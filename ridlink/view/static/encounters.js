@@ -3,11 +3,14 @@
 import { arrange, choosableRow, find, mark, say } from "./dom.js";
 import { clockTime, KIND, label, metres, nearness, signedMetres } from "./format.js";
 
+const MOST_ROWS = 60; // until somebody asks for more: hundreds of rows cost as much as the plan
+
 export class Encounters {
   #rows = new Map();
   #list = [];
   #sort = "t";
   #chosen = null;
+  #all = false;
 
   // onPick(encounter) when somebody chooses one.
   constructor(onPick) {
@@ -19,6 +22,10 @@ export class Encounters {
         this.#show();
       });
     }
+    find("more-encounters").addEventListener("click", () => {
+      this.#all = true;
+      this.#show();
+    });
     this.#show();
   }
 
@@ -46,9 +53,12 @@ export class Encounters {
       ? (a, b) => b.closest_t - a.closest_t || b.id - a.id
       : (a, b) => a.margin_m - b.margin_m);
     const rows = new Map();
-    for (const each of sorted) rows.set(each.id, this.#fill(this.#rows.get(each.id) ?? this.#row(), each));
+    const shown = this.#all ? sorted : sorted.slice(0, MOST_ROWS);
+    for (const each of shown) rows.set(each.id, this.#fill(this.#rows.get(each.id) ?? this.#row(), each));
     this.#rows = rows;
     arrange(this.body, [...rows.values()]);
+    find("more-encounters").hidden = shown.length === sorted.length;
+    say(find("more-encounters"), `${sorted.length - shown.length} more`);
     find("no-encounters").hidden = sorted.length > 0;
     say(find("count-encounters"), String(sorted.length));
     for (const button of document.querySelectorAll("[data-sort]")) {
