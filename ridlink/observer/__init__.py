@@ -1,6 +1,7 @@
 """Traffic as somebody sees it who flies none of it: who is in the air, how large every disc is, who meets whom.
 
-sky         messages -> aircraft, and all of them at one instant as arrays
+sky         messages -> aircraft
+scene       all of them at one instant, as arrays
 discs       what each pair needs between it under a definition, and each vehicle's share of it
 pairs       how far apart all pairs are, and when they will be too near
 states      everybody as objects of JSON
@@ -12,7 +13,8 @@ from __future__ import annotations
 from ridlink.observer.discs import pair_discs, rings
 from ridlink.observer.encounters import Encounter, EncounterLog, Phase
 from ridlink.observer.pairs import Pairs, closing_times, pairs_of
-from ridlink.observer.sky import Aircraft, Scene, Sky
+from ridlink.observer.scene import Scene
+from ridlink.observer.sky import Aircraft, Sky
 from ridlink.observer.states import aircraft_states
 
 __all__ = ["Aircraft", "Encounter", "EncounterLog", "Pairs", "Phase", "Scene", "Sky", "aircraft_states",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ridlink.observer.sky import FloatArray, Scene
+from ridlink.observer.scene import FloatArray, Scene
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, separation_discs
 

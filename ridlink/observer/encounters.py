@@ -16,7 +16,7 @@ import numpy as np
 
 from ridlink.observer.discs import pair_discs
 from ridlink.observer.pairs import Pairs, pairs_of
-from ridlink.observer.sky import FloatArray, Scene
+from ridlink.observer.scene import FloatArray, Scene
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, bounded_airframe
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ridlink.observer.discs import pair_discs
-from ridlink.observer.sky import BoolArray, FloatArray, Scene
+from ridlink.observer.scene import BoolArray, FloatArray, Scene
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 

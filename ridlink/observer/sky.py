@@ -9,24 +9,20 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import MESSAGES, decode_message
 from ridlink.mavlink.frames import Frame
+from ridlink.observer.scene import FloatArray, Scene
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import messages_of
 from ridlink.remote_id.convert import Rejects
 from ridlink.remote_id.report import RemoteIdReport, SourceKey
 from ridlink.remote_id.text import display_text
-from ridlink.traffic.altitude import known_apart, vertical_bound
 from ridlink.traffic.position_filter import offset_m
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 FORGET_AFTER_S = 10.0
 """Silence after which an aircraft is no longer in the air: ten messages of a standard sender."""
@@ -41,8 +37,8 @@ SAME_AIRCRAFT_M = 50.0
 SAME_INSTANT_S = 0.051
 """Half a step of the time in a 25-byte message, and what a float loses of it."""
 
+SAME_HEIGHT_M = 0.6
 MERGED_KEPT = 256
-VERTICAL_HORIZON_S = 8.0
 UNKNOWN = (math.nan, math.nan, math.nan)
 
 
@@ -80,74 +76,6 @@ class Aircraft:
         """Reported velocity, zero where it is unknown."""
         velocity = self.report.velocity_ned_mps
         return (0.0, 0.0) if velocity is None else (velocity[0], velocity[1])
-
-
-@dataclass(frozen=True, slots=True)
-class Scene:
-    """Everybody in the air at one instant, n of them. NaN is unknown.
-
-    Attributes:
-        time_s: The instant, on the caller's clock.
-        numbers: Who; an aircraft keeps its number.
-        names: What they are called now; an aircraft is called anew when its identity is heard.
-        position_ne_m: Where they are now, if they flew on as reported, shape (n, 2).
-        velocity_ne_mps: Reported velocities, zero where unknown, shape (n, 2).
-        speed_mps: Horizontal speeds, shape (n,).
-        airframe_m: Reported sizes, shape (n,).
-        error_bound_m: Reported three-sigma errors, shape (n,).
-        accuracy_bound_m: The same from the accuracy code, shape (n,).
-        interval_s: Times between reports, shape (n,).
-        age_s: Ages of the positions, shape (n,).
-        altitude_m: Above the ellipsoid, shape (n,).
-        climb_mps: Climb rates, shape (n,).
-        vertical_error_m: Three sigma, shape (n,).
-        airframe_height_m: Vertical extents, shape (n,).
-        command_ne_mps: Velocities that they say they command to their autopilots, shape (n, 2).
-        avoiding: Who says that it takes its half of every avoidance, shape (n,).
-        merged: Numbers of those who turned out to be somebody else, heard over another way.
-    """
-
-    time_s: float
-    numbers: tuple[int, ...]
-    names: tuple[str, ...]
-    position_ne_m: FloatArray
-    velocity_ne_mps: FloatArray
-    speed_mps: FloatArray
-    airframe_m: FloatArray
-    error_bound_m: FloatArray
-    accuracy_bound_m: FloatArray
-    interval_s: FloatArray
-    age_s: FloatArray
-    altitude_m: FloatArray
-    climb_mps: FloatArray
-    vertical_error_m: FloatArray
-    airframe_height_m: FloatArray
-    command_ne_mps: FloatArray
-    avoiding: BoolArray
-    merged: frozenset[int] = frozenset()
-    _apart: list[BoolArray] = field(default_factory=list, init=False, repr=False)
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    def apart(self) -> BoolArray:
-        """Pairs that are known to fly at safely different heights, shape (n, n); worked out once, not to be changed."""
-        if not self._apart:
-            self._apart.append(self._known_apart())
-        return self._apart[0]
-
-    def _known_apart(self) -> BoolArray:
-        above = self.altitude_m[None, :] - self.altitude_m[:, None]
-        error, height, climb = self.vertical_error_m, self.airframe_height_m, self.climb_mps
-        bound = vertical_bound(
-            above,
-            error_m=(error[:, None], error[None, :]),
-            height_m=(height[:, None], height[None, :]),
-            climb_mps=(climb[:, None], climb[None, :]),
-            age_s=np.maximum(self.age_s[:, None], self.age_s[None, :]),
-            horizon_s=VERTICAL_HORIZON_S,
-        )
-        return known_apart(above, bound)
 
 
 class Sky:
@@ -357,6 +285,7 @@ def _is_repeated(report: RemoteIdReport, other: RemoteIdReport) -> bool:
         and other.timestamp_s is not None
         and abs(report.timestamp_s - other.timestamp_s) <= SAME_INSTANT_S
         and (report.latitude_deg, report.longitude_deg) == (other.latitude_deg, other.longitude_deg)
+        and abs((report.altitude_geodetic_m or 0.0) - (other.altitude_geodetic_m or 0.0)) <= SAME_HEIGHT_M
     )
 
 

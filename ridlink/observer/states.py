@@ -9,7 +9,8 @@ import numpy as np
 
 from ridlink.observer.discs import rings
 from ridlink.observer.pairs import Pairs, pairs_of
-from ridlink.observer.sky import Aircraft, Scene, Sky
+from ridlink.observer.scene import Scene
+from ridlink.observer.sky import Aircraft, Sky
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 

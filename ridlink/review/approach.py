@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ridlink.observer.sky import FloatArray, Scene
+from ridlink.observer.scene import FloatArray, Scene
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from array import array
 import numpy as np
 
 from ridlink.observer import Encounter, Scene
-from ridlink.observer.sky import FloatArray
+from ridlink.observer.scene import FloatArray
 from ridlink.separation.definitions import Definition
 
 MAX_SAMPLES = 600

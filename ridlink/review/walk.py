@@ -2,17 +2,22 @@
 
 Nothing is asked of a clock. Where time goes back, as in logs that were put one behind the other, a new recording
 begins; where nobody is heard, no scenes are made. Who fell silent is left out as soon as it missed three of its
-reports: where it went is not known. So is, for its first second, who has told no error yet.
+reports: where it went is not known. A scene is held back for half a second, so that who is not heard again is left out
+from its first missed report on. So is, for its first second, who has told no error yet.
 """
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
+import numpy as np
+
 from ridlink.mavlink.frames import Frame
 from ridlink.observer import Scene, Sky
-from ridlink.observer.sky import REMOTE_ID_IDS
+from ridlink.observer.sky import DEFAULT_INTERVAL_S, REMOTE_ID_IDS
 from ridlink.review.own import OwnVehicles
 from ridlink.review.source import Timed
 
@@ -21,6 +26,8 @@ BACK_US = 5_000_000
 """Times that go back by less are the disorder of a log."""
 
 MISSED_REPORTS = 3.0
+OVERDUE_INTERVALS = 1.5
+HELD_S = 0.5
 SETTLED_S = 1.0
 
 
@@ -58,6 +65,7 @@ class Walk:
         self._watchers = watchers
         self._now_us = 0
         self._due_us: int | None = None
+        self._held: deque[Scene] = deque()
 
     @property
     def aircraft(self) -> int:
@@ -91,6 +99,7 @@ class Walk:
         """The recording is over."""
         if self._due_us is not None:
             self._look(max(self._due_us, self._now_us))
+            self._show(before_s=math.inf)
             for watcher in self._watchers:
                 watcher.end()
         self._before += self.sky.met
@@ -100,13 +109,26 @@ class Walk:
 
     def _look(self, time_us: int) -> bool:
         """Make a scene; False if there is nobody any more, of whom another scene could tell."""
-        if not self.sky.aircraft:
-            return False
         now_s = time_us / 1e6
+        if not self.sky.aircraft:
+            self._show(before_s=math.inf)
+            return False
         self.own.step(now_s)
         self.sky.forget_silent(now_s)
-        scene = self.sky.at(now_s, missed=MISSED_REPORTS, settled_s=SETTLED_S)
+        self._held.append(self.sky.at(now_s, missed=MISSED_REPORTS, settled_s=SETTLED_S))
         self.scenes += 1
-        for watcher in self._watchers:
-            watcher.step(scene)
+        self._show(before_s=now_s - HELD_S)
         return True
+
+    def _show(self, before_s: float) -> None:
+        """Show the scenes that were held back long enough, without those who were not heard again."""
+        if not self._held or self._held[0].time_s > before_s:
+            return
+        heard_s = {one.number: one.last_heard_s for one in self.sky.aircraft.values()}
+        while self._held and self._held[0].time_s <= before_s:
+            scene = self._held.popleft()
+            last_s = np.array([heard_s.get(number, -math.inf) for number in scene.numbers])
+            overdue = scene.age_s > OVERDUE_INTERVALS * np.maximum(scene.interval_s, DEFAULT_INTERVAL_S)
+            silent = overdue & (last_s <= scene.time_s)
+            for watcher in self._watchers:
+                watcher.step(scene.only(~silent) if silent.any() else scene)

@@ -17,7 +17,7 @@ import numpy as np
 from ridlink.avoidance.types import HalfplaneSettings
 from ridlink.observer import Scene, closing_times, pair_discs
 from ridlink.observer.encounters import CLOSES_AFTER_S
-from ridlink.observer.sky import BoolArray, FloatArray
+from ridlink.observer.scene import BoolArray, FloatArray
 from ridlink.review.approach import Approach, nearest_since
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, bounded_airframe

@@ -90,6 +90,14 @@ def test_two_that_turn_out_to_be_one_are_merged_into_the_first() -> None:
     assert sky.at(2.0).merged == {2}
 
 
+def test_a_part_of_a_scene_is_a_scene() -> None:
+    scene = seen([ONE, TWO, replace(TWO, sysid=3, altitude_m=700.0)], 1.0).at(1.0)
+    part = scene.only(np.array([True, False, True]))
+    assert part.names == (scene.names[0], scene.names[2]) and part.numbers == (scene.numbers[0], scene.numbers[2])
+    assert part.position_ne_m == pytest.approx(scene.position_ne_m[[0, 2]]) and part.avoiding.shape == (2,)
+    assert scene.apart()[0, 2] and part.apart().shape == (2, 2) and part.apart()[0, 1]
+
+
 def test_who_missed_reports_can_be_left_out() -> None:
     sky = seen([ONE], 1.0)
     assert len(sky.at(1.1, missed=3.0)) == 1

@@ -68,9 +68,7 @@ def test_the_closest_approach_of_a_campaigns_flight_is_the_referees(
 ) -> None:
     """Its log says what was true, as GLOBAL_POSITION_INT, beside what was told; only the latter is reported on."""
     log = tmp_path / "f.tlog"
-    arguments = ["--scenario", "circle8", "--definition", "candidate2", "--sigma", str(sigma_m), "--seed", "3"]
-    done = CliRunner().invoke(campaign_run, [*arguments, "--only-run", "2", "--log", str(log), "--json"])
-    [row] = json.loads(done.stdout)["rows"]
+    row = _flown(log, "candidate2", sigma_m)
     report, rows, _ = reported(log)
     assert report.closest is not None
     errors = sum(report.closest.error_bounds_m)
@@ -84,6 +82,25 @@ def test_the_closest_approach_of_a_campaigns_flight_is_the_referees(
         assert closest_m >= truth[tuple(pair)] - within_m, pair
     nearest = min(rows, key=lambda one: one["closest_m"])
     assert nearest["closest_m"] == pytest.approx(truth[tuple(nearest["uas"])], abs=within_m)
+
+
+def test_the_collisions_of_a_campaigns_flight_are_the_referees(tmp_path: Path) -> None:
+    """Without avoidance and errors; who has collided is gone, and nobody collides with what it might have become."""
+    log = tmp_path / "f.tlog"
+    row = _flown(log, "none", 0.0)
+    report, rows, _ = reported(log)
+    assert len({name for one in rows if one["mac"] for name in one["uas"]}) == row["macs"] > 0
+    assert report.closest is not None
+    assert report.closest.distance_m == pytest.approx(row["min_separation_m"], abs=0.1)
+
+
+def _flown(log: Path, definition: str, sigma_m: float) -> dict[str, Any]:
+    """The row of one flight of a campaign, and its log."""
+    arguments = ["--scenario", "circle8", "--definition", definition, "--sigma", str(sigma_m), "--seed", "3"]
+    done = CliRunner().invoke(campaign_run, [*arguments, "--only-run", "2", "--log", str(log), "--json"])
+    [row] = json.loads(done.stdout)["rows"]
+    flown: dict[str, Any] = row
+    return flown
 
 
 def _true_approaches(log: Path) -> dict[tuple[str, ...], float]:

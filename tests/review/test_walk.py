@@ -61,6 +61,22 @@ def test_who_fell_silent_is_not_flown_on_and_a_hole_makes_no_scenes(tmp_path: Pa
     assert ghosts and not any(map(len, ghosts))
 
 
+def test_who_is_not_heard_again_is_flown_on_to_its_next_report_at_most(tmp_path: Path) -> None:
+    path = tmp_path / "f.tlog"
+    gone = records([NORTHBOUND], 2.0)
+    path.write_bytes(tlog_bytes(sorted(gone + records([SOUTHBOUND], 5.0), key=lambda record: record[0])))
+    _, seen = walked(path)
+    assert max(scene.time_s for scene in seen.scenes if len(scene) == 2) - START_S == pytest.approx(2.0, abs=0.01)
+
+
+def test_who_is_heard_again_was_there_meanwhile(tmp_path: Path) -> None:
+    path = tmp_path / "f.tlog"
+    lossy = [record for record in records([NORTHBOUND], 4.0) if not 1.95e6 < record[0] - START_US < 2.15e6]
+    path.write_bytes(tlog_bytes(sorted(lossy + records([SOUTHBOUND], 4.0), key=lambda record: record[0])))
+    _, seen = walked(path)
+    assert all(len(scene) == 2 for scene in seen.scenes)
+
+
 def test_time_that_goes_back_begins_another_recording(tmp_path: Path) -> None:
     path = tmp_path / "f.tlog"
     later_us = START_US + 3_600_000_000

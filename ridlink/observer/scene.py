@@ -1,0 +1,98 @@
+"""Everybody in the air at one instant, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.traffic.altitude import known_apart, vertical_bound
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+VERTICAL_HORIZON_S = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Everybody in the air at one instant, n of them. NaN is unknown.
+
+    Attributes:
+        time_s: The instant, on the caller's clock.
+        numbers: Who; an aircraft keeps its number.
+        names: What they are called now; an aircraft is called anew when its identity is heard.
+        position_ne_m: Where they are now, if they flew on as reported, shape (n, 2).
+        velocity_ne_mps: Reported velocities, zero where unknown, shape (n, 2).
+        speed_mps: Horizontal speeds, shape (n,).
+        airframe_m: Reported sizes, shape (n,).
+        error_bound_m: Reported three-sigma errors, shape (n,).
+        accuracy_bound_m: The same from the accuracy code, shape (n,).
+        interval_s: Times between reports, shape (n,).
+        age_s: Ages of the positions, shape (n,).
+        altitude_m: Above the ellipsoid, shape (n,).
+        climb_mps: Climb rates, shape (n,).
+        vertical_error_m: Three sigma, shape (n,).
+        airframe_height_m: Vertical extents, shape (n,).
+        command_ne_mps: Velocities that they say they command to their autopilots, shape (n, 2).
+        avoiding: Who says that it takes its half of every avoidance, shape (n,).
+        merged: Numbers of those who turned out to be somebody else, heard over another way.
+    """
+
+    time_s: float
+    numbers: tuple[int, ...]
+    names: tuple[str, ...]
+    position_ne_m: FloatArray
+    velocity_ne_mps: FloatArray
+    speed_mps: FloatArray
+    airframe_m: FloatArray
+    error_bound_m: FloatArray
+    accuracy_bound_m: FloatArray
+    interval_s: FloatArray
+    age_s: FloatArray
+    altitude_m: FloatArray
+    climb_mps: FloatArray
+    vertical_error_m: FloatArray
+    airframe_height_m: FloatArray
+    command_ne_mps: FloatArray
+    avoiding: BoolArray
+    merged: frozenset[int] = frozenset()
+    _apart: list[BoolArray] = field(default_factory=list, init=False, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def only(self, which: BoolArray) -> Scene:
+        """Those of whom this is true, shape (n,)."""
+        kept = np.flatnonzero(which)
+        arrays = {
+            field_.name: getattr(self, field_.name)[kept]
+            for field_ in fields(self)
+            if isinstance(getattr(self, field_.name), np.ndarray)
+        }
+        return replace(
+            self,
+            numbers=tuple(self.numbers[at] for at in kept),
+            names=tuple(self.names[at] for at in kept),
+            **arrays,
+        )
+
+    def apart(self) -> BoolArray:
+        """Pairs that are known to fly at safely different heights, shape (n, n); worked out once, not to be changed."""
+        if not self._apart:
+            self._apart.append(self._known_apart())
+        return self._apart[0]
+
+    def _known_apart(self) -> BoolArray:
+        above = self.altitude_m[None, :] - self.altitude_m[:, None]
+        error, height, climb = self.vertical_error_m, self.airframe_height_m, self.climb_mps
+        bound = vertical_bound(
+            above,
+            error_m=(error[:, None], error[None, :]),
+            height_m=(height[:, None], height[None, :]),
+            climb_mps=(climb[:, None], climb[None, :]),
+            age_s=np.maximum(self.age_s[:, None], self.age_s[None, :]),
+            horizon_s=VERTICAL_HORIZON_S,
+        )
+        return known_apart(above, bound)
