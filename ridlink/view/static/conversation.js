@@ -4,6 +4,7 @@ import { find, say } from "./dom.js";
 import { label } from "./format.js";
 import { pack } from "./picture.js";
 import { Socket } from "./socket.js";
+import { TRAIL_S, TRAIL_STEP_S } from "./trails.js";
 
 const AGAIN_MS = 1000;
 
@@ -92,12 +93,19 @@ export class Conversation {
     const { clock, asked, live } = this.page;
     if (again && !clock.following) clock.seek(clock.t);
     else if (!again && asked.t !== null) clock.seek(asked.t);
-    else if (live) clock.follow();
+    else if (live) this.#followWithTrail();
     else {
       clock.seek(clock.t0);
       clock.play(1);
     }
     this.follow(clock.following);
+  }
+
+  // Who comes late sees where everybody came from, too.
+  #followWithTrail() {
+    const { clock } = this.page;
+    clock.follow();
+    this.send({ window: [Math.max(clock.t0, clock.t1 - TRAIL_S), clock.t1], id: 0, step: TRAIL_STEP_S });
   }
 
   #take(message) {

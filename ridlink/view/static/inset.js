@@ -90,17 +90,18 @@ function planes(context, list, at, { width, height, scale, taken }, palette) {
 
 // Whose constraint a line is, where the line is nearest the middle and there is room.
 function names(context, edges, at, { width, height, taken }, palette) {
-  let shown = 0;
+  const named = new Set();
   context.textBaseline = "middle";
   context.textAlign = "center";
   for (const { n, foot, name } of edges) {
-    if (shown >= MOST_NAMES) break;
+    if (named.size >= MOST_NAMES) break;
+    if (named.has(name)) continue;
     const [fx, fy] = at(foot);
     const x = fx - 14 * n[1], y = fy + 14 * n[0];
     if (x < 24 || y < 10 || x > width - 24 || y > height - 10) continue;
     if (taken.some(([tx, ty]) => Math.abs(tx - x) < 52 && Math.abs(ty - y) < 13)) continue;
     taken.push([x, y]);
-    shown += 1;
+    named.add(name);
     const text = label(String(name ?? ""), 12);
     context.lineWidth = 3;
     context.strokeStyle = palette.ground;

@@ -2,8 +2,8 @@
 
 import { E, FIELDS, N } from "./picture.js";
 
-const LENGTH_S = 20;
-const STEP_S = 0.5;
+export const TRAIL_S = 20;
+export const TRAIL_STEP_S = 0.5;
 const BROKEN_S = 3;
 
 export class Trails {
@@ -17,12 +17,12 @@ export class Trails {
 
   // Collected anew whenever the instant shown has moved on by a step, or the history has changed.
   update(history, t, changes) {
-    const bucket = `${Math.floor(t / STEP_S)} ${changes}`;
+    const bucket = `${Math.floor(t / TRAIL_STEP_S)} ${changes}`;
     if (bucket === this.#bucket) return;
     this.#bucket = bucket;
     this.#points.clear();
     let last = null;
-    for (let at = Math.floor(t / STEP_S) * STEP_S - LENGTH_S; at <= t; at += STEP_S) {
+    for (let at = Math.floor(t / TRAIL_STEP_S) * TRAIL_STEP_S - TRAIL_S; at <= t; at += TRAIL_STEP_S) {
       const index = history.before(at);
       const picture = index >= 0 ? history.at(index) : null;
       if (!picture || picture === last) continue;
