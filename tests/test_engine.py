@@ -811,3 +811,20 @@ def test_the_record_says_what_was_decided() -> None:
     assert flight.engine.summary().state == "engaged"
     assert flight.engine.summary().setpoints == 30
     assert flight.vehicle.mode in (OFFBOARD, GUIDED)
+
+
+def test_where_nobody_gets_anywhere_the_lesser_system_id_goes_first() -> None:
+    """One that avoids hovers at the goal: whoever is the greater of the two makes way, for a while."""
+    distance_m = {}
+    for own_sysid in (1, 3):
+        flight = Flight(Emulated(own_sysid, ned_m=(-60.0, 0.0, -50.0)), config(0.0))
+        hovering = Emulated(2, ned_m=(0.0, 0.0, -50.0))
+        hovering.airframe_m = 25.0
+        flight.others.append(hovering.remote_id)
+        distance_m[own_sysid] = []
+        for _ in range(2):
+            flight.step(150)
+            distance_m[own_sysid].append(math.hypot(*flight.vehicle.position[:2]))
+    disc_m = (25.0 + 0.6) / 2.0 + 2.0 * 3.0
+    assert disc_m < distance_m[1][1] < 1.2 * disc_m
+    assert distance_m[3][0] < 1.2 * disc_m and distance_m[3][1] > 1.3 * disc_m

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
+from ridlink.avoidance.priority import RightOfWay
 from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
@@ -307,3 +308,5 @@ def warm_up(kind: SolverKind | str = SolverKind.HALFPLANE) -> None:
     traffic = Traffic(pair + 20.0, pair, pair, one, one, one, np.ones(1, np.bool_), np.zeros(1, np.int8))
     own = OwnShip(np.zeros(2), np.zeros(2), np.zeros(2), 0.5, 10.0)
     new_solver(kind).solve(own, traffic, goal_ne_m=(100.0, 100.0), cruise_mps=5.0, obstacles=square)
+    if kind == SolverKind.HALFPLANE:
+        RightOfWay().velocity(own, 1, traffic, np.zeros(1, np.int64), goal_ne_m=(99.0, 0.0), cruise_mps=5.0, now_s=0.0)

@@ -14,6 +14,7 @@ from ridlink.avoidance.graded import grade_one
 from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
+from ridlink.avoidance.priority import give_way, new_turns
 from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.route import ring_size
@@ -36,7 +37,7 @@ def remember(names, kept, count, memory):  # type: ignore[no-untyped-def]
 @kernel(parallel=True)
 def avoid_pairs(  # type: ignore[no-untyped-def]
     own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
-    blocks, pieces, piece_start, settings, hulls, hull_start, route, lines, chosen, work, ring, result,
+    blocks, pieces, piece_start, settings, hulls, hull_start, route, turns, lines, chosen, work, ring, result,
 ):  # fmt: skip
     """Decide by half-planes; up to `result` see `PairDecider.decide`, scratch has a leading axis of worlds."""
     for world in prange(own.shape[0]):
@@ -48,6 +49,7 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
                 own[world, i], i, tracks[world, i], present[world], now_s, reciprocal[world], still_m[world, i],
                 error_sum_m[world, i], displaced_s, memory[world, i], reports[world], kept_here, names_here,
             )  # fmt: skip
+            give_way(own[world, i], i, reports[world], names_here, count, now_s, turns[world, i])
             pack(reports[world], kept_here, count, few)
             route[world, i] = avoid_one(
                 own[world, i], few, -(-count // rows.LANES), math.inf, pieces, piece_start, hulls, hull_start,
@@ -124,7 +126,7 @@ class PairDecider:
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
         if isinstance(settings, HalfplaneSettings):
             self._kernel: Any = avoid_pairs
-            self._route = np.zeros(shape, np.int64)
+            self._route, self._turns = np.zeros(shape, np.int64), new_turns(*shape)
             lines = new_lines(obstacles.piece_count, 2 * rows.LANES * blocks, rows.LANES * blocks)
             choice = new_choice(lines.shape[1])
             self._constants: tuple[Any, ...] = (obstacles.hull_vertex_ne_m, obstacles.hull_start)
@@ -153,7 +155,8 @@ class PairDecider:
         """Decide for all vehicles of W worlds.
 
         Args:
-            own: Own-ships, rows as in `ridlink.avoidance.rows`, shape (W, N, OWN_COLUMNS).
+            own: Own-ships, rows as in `ridlink.avoidance.rows`, shape (W, N, OWN_COLUMNS); the aim of those that make
+                way for others is written.
             deciding: Where a decision is wanted, shape (W, N).
             tracks: What each has heard of each, shape (W, N, N, TRACK_COLUMNS).
             present: Who is in the air, shape (W, N).
@@ -166,7 +169,7 @@ class PairDecider:
         Returns:
             Results, shape (W, N, RESULT_COLUMNS).
         """
-        memories = () if self._route is None else (self._route,)
+        memories = () if self._route is None else (self._route, self._turns)
         self._kernel(
             own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, self._memory,
             *self._room, *self._walls, *self._constants, *memories, *self._scratch, self._result,
@@ -177,4 +180,4 @@ class PairDecider:
         """Go on with some worlds of the batch only, shape (W,)."""
         self._memory = self._memory[kept]
         if self._route is not None:
-            self._route = self._route[kept]
+            self._route, self._turns = self._route[kept], self._turns[kept]

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from ridlink.avoidance import rows
 from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.priority import give_way_in_worlds, new_turns
+from ridlink.avoidance.types import SolverKind
 from ridlink.campaign.chance import PositionErrors, draw_fleet
 from ridlink.campaign.deciding import new_decider
 from ridlink.campaign.plan import Plan, coded_bound_m
@@ -185,6 +187,8 @@ class _Batch:
         self.heard[..., 7] = scene.avoiding & self.extended
         self.radius_m = np.empty_like(self.still_m)
         self.before, self.hit = np.empty((*shape, 2)), np.empty(shape, np.bool_)
+        self.turns = new_turns(*shape)
+        self.room = np.zeros((shape[1], 10)), np.zeros(shape[1], np.int64)
         self.row = np.arange(shape[0])
         self.outcome = Outcomes(
             run=np.array(runs), duration_s=plan.duration_s, arrival_s=np.full(shape, np.inf),
@@ -215,7 +219,7 @@ class _Batch:
                 if not len(self.row):
                     break
             self._report(step)
-            result = self._decide()
+            result = self._decide(step * plan.interval_s)
             if watch is not None:
                 self._show(watch, step * plan.interval_s, result)
             self._fly_on((step + 1) * plan.interval_s, result)
@@ -228,7 +232,7 @@ class _Batch:
             return
         for name in (
             "airframe_m", "speed_mps", "position", "velocity", "present", "still_m", "clearance_m", "error_sum_m",
-            "reported", "row",
+            "reported", "turns", "row",
         ):  # fmt: skip
             setattr(self, name, getattr(self, name)[kept])
         self.errors.keep(kept)
@@ -244,7 +248,7 @@ class _Batch:
         gain = max(1.0 / (step + 1), 1.0 - math.exp(-self.plan.interval_s / TIME_CONSTANT_S))
         self.reported = predicted + gain * (report - predicted)
 
-    def _decide(self) -> FloatArray:
+    def _decide(self, now_s: float) -> FloatArray:
         plan, scene, count = self.plan, self.plan.scene, len(self.row)
         own, heard, radius = self.own[:count], self.heard[:count], self.radius_m[:count]
         brief_worlds(
@@ -252,6 +256,10 @@ class _Batch:
             self.clearance_m, self.displaced_s, own, heard, radius,
         )  # fmt: skip
         deciding = self.present & scene.avoiding
+        if plan.solver is SolverKind.HALFPLANE:
+            give_way_in_worlds(
+                own, deciding, heard, self.present, radius, plan.range_m, now_s, self.turns, *self.room
+            )  # fmt: skip
         return self.decider.decide(own, deciding, heard, self.present, radius, self.error_sum_m, plan.range_m)
 
     def _show(self, watch: Callable[[Instant], None], now_s: float, result: FloatArray) -> None:

@@ -14,10 +14,10 @@ from ridlink.avoidance.vertical import Cylinder, VerticalAvoidance, VerticalSett
 from ridlink.engine.config import EngineConfig
 from ridlink.engine.deciding import Decider
 from ridlink.engine.decision import DecisionRecord
+from ridlink.engine.identity import Identity, greater
 from ridlink.traffic.encounter import encounters
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.snapshot import Snapshot
-from ridlink.traffic.track import Track
 
 PX4_DESCENT_MPS = 1.5
 """MPC_Z_VEL_MAX_DN: faster setpoints are clipped, so a slab would be left later than reckoned."""
@@ -62,7 +62,7 @@ class Climber:
         decider: Decider,
         *,
         last_down_mps: float,
-        identity: tuple[int, bytes | None],
+        identity: Identity,
     ) -> DecisionRecord:
         """The record with its vertical velocity decided.
 
@@ -105,7 +105,7 @@ class Climber:
         own: OwnState,
         everybody: Snapshot,
         decider: Decider,
-        identity: tuple[int, bytes | None],
+        identity: Identity,
     ) -> list[Cylinder]:
         radius = decider.discs(own, own.speed_mps, everybody).radius_m + everybody.widening_m
         velocity = everybody.velocity_ned_mps[:, :2]
@@ -127,20 +127,8 @@ class Climber:
                 entry_s=float(entry[k]),
                 receding=bool(receding[k]),
                 reciprocal=bool(everybody.avoiding[k]),
-                greater=_greater(identity, track),
+                greater=greater(identity, track),
             )
             for k, track in enumerate(everybody.tracks)
             if entry[k] <= look_s or track.key in held
         ]
-
-
-def _greater(identity: tuple[int, bytes | None], track: Track) -> bool | None:
-    """Whether the own identity is the greater one: of system ids, or of bytes where a receiver relays the neighbour."""
-    own_sysid, own_uas_id = identity
-    _, sysid, _, id_or_mac, _ = track.key
-    if id_or_mac is None:
-        return None if own_sysid == sysid else own_sysid > sysid
-    other = track.report.uas_id
-    if own_uas_id is None or other is None or own_uas_id.rstrip(b"\0") == other.rstrip(b"\0"):
-        return None
-    return own_uas_id.rstrip(b"\0") > other.rstrip(b"\0")

@@ -11,12 +11,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ridlink.avoidance.priority import RightOfWay
 from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.solver import new_solver
 from ridlink.avoidance.types import OwnShip, SolverKind, Status, Traffic
 from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import Conflict, DecisionRecord
 from ridlink.engine.detection import Reaction, needed_range
+from ridlink.engine.identity import Identity, places
 from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.geodesy import ned_from_geodetic
 from ridlink.separation.definitions import Discs, bounded_speed, separation_discs
@@ -62,7 +64,7 @@ class Decider:
     def begin_leg(self) -> None:
         """A new goal, or a new engagement."""
         self._kept_altitude_m: float | None = None
-        self._watch = ProgressWatch()
+        self._watch, self._right_of_way = ProgressWatch(), RightOfWay()
         self._route_side = 0
 
     def discs(self, own: OwnState, own_speed_mps: float, snapshot: Snapshot) -> Discs:
@@ -180,6 +182,7 @@ class Decider:
         snapshot: Snapshot,
         traffic: Traffic,
         now_s: float,
+        identity: Identity,
     ) -> DecisionRecord:
         """The record with the velocity to fly.
 
@@ -191,6 +194,7 @@ class Decider:
             snapshot: Who counts.
             traffic: The same for the solver.
             now_s: Monotonic time.
+            identity: Own system id and identity in Remote ID.
         """
         config = self.config
         here = own.position
@@ -199,20 +203,23 @@ class Decider:
         target = ned_from_geodetic(goal.latitude_deg, goal.longitude_deg, here.altitude_m, here)[:2]
         distance = float(np.hypot(*target))
         turn = self._watch.update(now_s, distance, config.cruise_mps)
+        ship = OwnShip(
+            position_ne_m=np.zeros(2),
+            velocity_ne_mps=np.array(own.velocity_ned_mps[:2]),
+            command_ne_mps=np.array(last[:2]),
+            airframe_m=config.airframe_m,
+            speed_limit_mps=config.cruise_mps,
+        )
+        makes_way = self._makes_way(ship, identity, snapshot, traffic, target, now_s)
         decision = self.solver.solve(
-            OwnShip(
-                position_ne_m=np.zeros(2),
-                velocity_ne_mps=np.array(own.velocity_ned_mps[:2]),
-                command_ne_mps=np.array(last[:2]),
-                airframe_m=config.airframe_m,
-                speed_limit_mps=config.cruise_mps,
-            ),
+            ship,
             traffic,
-            goal_ne_m=target,
+            goal_ne_m=target if makes_way is None else None,
+            preferred_ne_mps=makes_way,
             cruise_mps=config.cruise_mps,
             obstacles=self._obstacles.about(here),
             own_clearance_m=config.airframe_m / 2.0 + own.error_bound_m + REPORT_INTERVAL_S * own.speed_mps,
-            extra_right_turn_rad=turn,
+            extra_right_turn_rad=turn if makes_way is None else 0.0,
             route_side=self._route_side,
         )
         self._route_side = decision.route_side
@@ -232,4 +239,27 @@ class Decider:
             status=decision.status,
             binding=tuple(snapshot.tracks[k] for k in decision.binding),
             goal_distance_m=distance,
+        )
+
+    def _makes_way(
+        self,
+        ship: OwnShip,
+        identity: Identity,
+        snapshot: Snapshot,
+        traffic: Traffic,
+        target_ne_m: FloatArray,
+        now_s: float,
+    ) -> FloatArray | None:
+        """Velocity that makes way for those before us where nobody gets anywhere; None: fly to the goal."""
+        order = places(identity, snapshot.tracks)
+        if self.config.solver is not SolverKind.HALFPLANE or order is None:
+            return None
+        return self._right_of_way.velocity(
+            ship,
+            order[0],
+            traffic,
+            order[1],
+            goal_ne_m=target_ne_m,
+            cruise_mps=self.config.cruise_mps,
+            now_s=now_s,
         )

@@ -14,6 +14,7 @@ from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.deciding import Decider
 from ridlink.engine.decision import DecisionRecord
 from ridlink.engine.detection import DetectionRange, DetectionWatch, reaction_of
+from ridlink.engine.identity import Identity
 from ridlink.engine.recovery import Recovery
 from ridlink.failsafe import Stream
 from ridlink.own_ship import OwnShipTelemetry
@@ -70,7 +71,7 @@ class Steering:
         stream: Stream,
         goal: Goal | None,
         last: Velocity,
-        identity: tuple[int, bytes | None],
+        identity: Identity,
         since_last_s: float,
     ) -> DecisionRecord:
         """The record with the traffic of this instant and, where one may be flown, the velocity.
@@ -97,7 +98,7 @@ class Steering:
             record = replace(record, recovering=self._recovery.recovering(now_s))
             if stream is not Stream.DECISION or goal is None:
                 return replace(record, commanded_ned_mps=commanded)
-            record = self.decider.decide(record, goal, own, last, snapshot, traffic, now_s)
+            record = self.decider.decide(record, goal, own, last, snapshot, traffic, now_s, identity)
             record = self._slowed(record, last, since_last_s)
             if self._climber is None:
                 return record

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ridlink.avoidance import Obstacles, ProgressWatch, rows
+from ridlink.avoidance.priority import give_way_in_worlds, new_turns
 from ridlink.campaign.deciding import new_decider
 from ridlink.campaign.plan import IDEAL_HALFPLANES
 
@@ -66,6 +67,7 @@ def fly(
     radius, error = np.full((1, count, count), float(disc_m)), np.zeros((1, count, count))
     present, time_s = np.ones((1, count), bool), np.full(count, np.inf)
     watches = [ProgressWatch() for _ in range(count)]
+    turns, scratch = new_turns(1, count), (np.zeros((count, 10)), np.zeros(count, np.int64))
     own[0, :, rows.LIMIT] = own[0, :, rows.CRUISE] = speed
     own[0, :, rows.CLEARANCE] = disc_m / 2.0
     heard[0, :, 7] = avoids
@@ -76,6 +78,9 @@ def fly(
         own[0, :, rows.EXTRA_TURN] = [watch.extra_right_turn_rad for watch in watches]
         heard[0, :, 0:2], heard[0, :, 2:4], heard[0, :, 4:6] = position, velocity, velocity
         deciding = present & avoids
+        give_way_in_worlds(
+            own, deciding, heard, present, radius, range_m, step * step_s, turns, *scratch
+        )  # fmt: skip
         result = decider.decide(own, deciding, heard, present, radius, error, range_m)[0]
         infeasible += int((deciding[0] & (result[:, rows.R_STATUS] == rows.INFEASIBLE)).sum())
         decisions += int(deciding.sum())

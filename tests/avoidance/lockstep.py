@@ -21,6 +21,7 @@ import numpy as np
 
 from ridlink.avoidance import halfplane
 from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.priority import give_way_in_worlds, new_turns
 from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.types import HalfplaneSettings
 from ridlink.avoidance.worlds import avoid_worlds, halfplane_scratch, new_memory
@@ -248,7 +249,7 @@ def fly(
     slot = np.ones(shape, np.int64)
     present = np.ones(shape, bool)
     active = np.ones(shape, bool)
-    memory = new_memory(*shape)
+    memory, turns = new_memory(*shape), new_turns(*shape)
     route = np.zeros(shape, np.int64)
     scratch = halfplane_scratch(*shape, obstacles)
     result = np.zeros((*shape, halfplane.RESULT_COLUMNS))
@@ -297,6 +298,10 @@ def fly(
             accuracy_bound_m=np.nan, speed_mps=np.linalg.norm(heard[..., 2:4], axis=-1)[:, None, :],
         )  # fmt: skip
         deciding = turn_now & cooperative & active
+        give_way_in_worlds(
+            own, deciding, heard, present, discs.radius_m, range_m, now, turns,
+            np.zeros((count, 10)), np.zeros(count, np.int64),
+        )  # fmt: skip
         avoid_worlds(
             own, deciding, heard, present, discs.radius_m, discs.error_sum_m, range_m, memory, route,
             obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start,

@@ -11,7 +11,7 @@ from ridlink.avoidance.solver import HalfplaneSolver
 from ridlink.campaign.deciding import new_decider
 from ridlink.campaign.plan import IDEAL_HALFPLANES
 from tests.avoidance.exact import EVERYWHERE_M
-from tests.avoidance.study_rvo2 import CIRCLE_DISC_M, circle
+from tests.avoidance.study_rvo2 import BLOCKS_DISC_M, CIRCLE_DISC_M, blocks, circle
 
 NOTHING = Obstacles.from_polygons(())
 ROUNDING_M = 1e-6
@@ -73,3 +73,10 @@ def test_a_crowd_on_a_circle_arrives_and_nobody_touches_anybody():
     out = circle(60, 48.0)
     assert np.isfinite(out.time_s).all()
     assert out.least_m > CIRCLE_DISC_M - ROUNDING_M
+
+
+def test_four_crowds_between_blocks_arrive_and_nobody_touches_anybody():
+    """RVO2's second example with 9 agents a corner; 25 jam in the middle, too, and take turns."""
+    out = blocks(3)
+    assert np.isfinite(out.time_s).all()
+    assert out.least_m > BLOCKS_DISC_M - ROUNDING_M

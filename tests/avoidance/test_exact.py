@@ -72,12 +72,22 @@ def test_a_tight_circle_arrives():
 
 
 @pytest.mark.parametrize("disc_m", [45.0, 70.0, 90.0])
-def test_discs_that_overlap_at_the_start_open_and_never_close(disc_m):
+def test_discs_that_overlap_at_the_start_open_never_close_and_let_one_after_the_other_in(disc_m):
     """And too large to stand side by side at the goals: whoever arrives has waited for its turn; nothing is shrunk."""
     start = on_circle(8, 52.0)
-    flown = fly(start, -start, disc_m, 15.4, duration_s=60.0)
+    flown = fly(start, -start, disc_m, 15.4, duration_s=300.0)
     assert flown.least_m == pytest.approx(2.0 * 52.0 * np.sin(np.pi / 8), abs=CENTIMETRE)
     assert flown.came_closer_m < CENTIMETRE
+    assert np.isfinite(flown.time_s).all()
+
+
+def test_who_has_no_room_at_its_goal_does_not_arrive_and_nothing_is_shrunk_for_it():
+    """One that avoids nobody stands a disc's radius from the goal of the other."""
+    flown = fly(
+        [[-100.0, 0.0], [0.0, 20.0]], [[0.0, 0.0], [0.0, 20.001]], 40.0, [10.0, 1e-6], cooperative=[True, False],
+        arrived_m=1e-4,
+    )  # fmt: skip
+    assert np.isinf(flown.time_s[0]) and flown.least_m > 40.0 - CENTIMETRE
 
 
 def test_a_world_that_is_flown_twice_is_the_same():

@@ -1,0 +1,259 @@
+"""Who goes first where nobody gets anywhere: priority by identity, as the last resort.
+
+Discs that are too large to pass each other can hold everybody in place for ever, with every half-plane met. Whoever has
+come no nearer to its goal for PATIENCE_S, while others that avoid are about, then falls back on an order that all of
+them know from each other's reports: the least identity goes first. Everybody else makes way for all that go before it
+and waits at CLEAR_RADII of the disc until they are through. Half-planes hold as ever and nothing is shrunk.
+
+Who goes first and does not fly, because it is at its goal or cannot, loses its turn to the next identity after TURN_S,
+round and round; so nobody need know of another whether it has arrived. Who gets nowhere in its own turns either leaves
+the round for longer and longer, and stays where it is. An own-ship is back to normal when it has come
+nearer to its goal than it was before, or when the others are far away. Where the geometry does not admit one after the
+other either, because others stay in the air at goals within a disc of the own one, a vehicle does not arrive.
+
+Axes: north-east, metres, m/s, seconds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ridlink.avoidance.encounter import EPSILON
+from ridlink.avoidance.kernel import kernel, norm
+from ridlink.avoidance.rows import AIM, AIM_IS_VELOCITY, CRUISE, EXTRA_TURN, OWN_COLUMNS, POSITION, VELOCITY
+from ridlink.avoidance.types import FloatArray, OwnShip, Traffic, checked_pair
+
+PATIENCE_S = 20.0
+"""By then the turn of a stalled vehicle has long grown to its most, see `ProgressWatch`."""
+PROGRESS_S = 0.5
+"""Nearer to the goal than ever before by so long a flight at cruise is progress."""
+TURN_S = 10.0
+"""Who goes first must fly so soon."""
+FLYING_SHARE = 0.1
+"""Who is faster than this share of the own cruise flies."""
+NEAR_RADII = 3.0
+KEPT_RADII = 4.0
+"""Others count within so many radii of the pair's disc; who goes first does until it is further than the second."""
+CLEAR_RADII = 1.5
+"""Who gives way waits so many radii away."""
+PUSH_S = 1.0
+"""It makes up for what is lacking in this time, if its cruise speed allows."""
+SIDESTEP = 0.6
+"""Whom another one flies at also moves to that one's left, by this share: the other passes on its right."""
+
+MOST_FAILED = 4
+"""Own turns without progress that count; from the second on each doubles the patience."""
+
+# Columns of what is kept: least distance to the goal, when it was reached, who goes first, since when that one stands,
+# own turns without progress since.
+(BEST, SINCE, FIRST, STOOD, FAILED, TURN_COLUMNS) = range(6)
+
+NOBODY = -1
+"""Identity of a neighbour that has no place in the order."""
+
+NEXT_ROUND = 1e12
+"""More than any identity, and little enough for their order not to be lost in it."""
+
+
+@kernel(forceinline=True)
+def turn_of(identity, first):  # type: ignore[no-untyped-def]
+    """Place of an identity in the order that begins at `first`."""
+    return identity if identity >= first else identity + NEXT_ROUND
+
+
+@kernel(forceinline=True)
+def patience(kept):  # type: ignore[no-untyped-def]
+    """Time without progress after which own-ship falls back on the order [s]."""
+    return PATIENCE_S * 2.0 ** max(kept[FAILED] - 1.0, 0.0)
+
+
+@kernel
+def choose_first(own, identity, reports, identities, count, now_s, kept):  # type: ignore[no-untyped-def]
+    """Who goes first now, own-ship or a neighbour; NOBODY if no neighbour is near. Arguments as in `give_way`."""
+    first = kept[FIRST]
+    least = following = 1.0 * identity
+    known, alone = first == identity, True
+    speed = norm(own[VELOCITY], own[VELOCITY + 1])
+    for j in range(count):
+        if reports[j, 7] == 0.0 or identities[j] < 0:
+            continue
+        away = norm(
+            reports[j, 0] + reports[j, 2] * reports[j, 6] - own[POSITION],
+            reports[j, 1] + reports[j, 3] * reports[j, 6] - own[POSITION + 1],
+        )
+        if identities[j] == first and away <= KEPT_RADII * reports[j, 8]:
+            known, alone = True, False
+            speed = norm(reports[j, 2], reports[j, 3])
+        if away <= NEAR_RADII * reports[j, 8]:
+            alone = False
+            least = min(least, identities[j])
+            if turn_of(identities[j], first + 0.5) < turn_of(following, first + 0.5):
+                following = 1.0 * identities[j]
+    if alone:
+        kept[SINCE] = now_s
+        return 1.0 * NOBODY
+    if first == NOBODY:
+        kept[STOOD] = now_s
+        return least
+    if not known or now_s - kept[STOOD] > TURN_S:
+        kept[STOOD] = now_s
+        if first == identity:
+            kept[FAILED] = min(kept[FAILED] + 1.0, MOST_FAILED)
+            if kept[FAILED] >= 2.0:
+                kept[SINCE] = now_s
+                return 1.0 * NOBODY
+        return following
+    if speed > FLYING_SHARE * own[CRUISE]:
+        kept[STOOD] = now_s
+    return first
+
+
+@kernel
+def give_way(own, identity, reports, identities, count, now_s, kept):  # type: ignore[no-untyped-def]
+    """Have a vehicle that gets nowhere make way for those before it: its aim becomes the velocity to do so.
+
+    Args:
+        own: Own row, as in `rows`; AIM, AIM_IS_VELOCITY and EXTRA_TURN are written where it gives way.
+        identity: Number of own-ship, not negative.
+        reports: Neighbours, rows as in `packing.pack`, shape (>= count, 10).
+        identities: Their numbers, NOBODY for who has none, shape (>= count,), int64.
+        count: How many there are.
+        now_s: Time, which must not go back.
+        kept: What own-ship keeps, see `new_turns`, shape (TURN_COLUMNS,), written.
+
+    Returns:
+        True if it gives way.
+    """
+    if own[AIM_IS_VELOCITY] != 0.0:
+        return False
+    p_1, p_2, cruise = own[POSITION], own[POSITION + 1], own[CRUISE]
+    to_goal = norm(own[AIM] - p_1, own[AIM + 1] - p_2)
+    if to_goal < kept[BEST] - PROGRESS_S * cruise or to_goal < cruise:
+        kept[BEST], kept[SINCE], kept[FIRST], kept[FAILED] = to_goal, now_s, NOBODY, 0.0
+        return False
+    if now_s - kept[SINCE] < patience(kept):
+        return False
+    first = choose_first(own, identity, reports, identities, count, now_s, kept)
+    kept[FIRST] = first
+    if first == NOBODY:
+        return False
+    own[EXTRA_TURN] = 0.0
+    if first == identity:
+        return False
+
+    push_1 = push_2 = 0.0
+    for j in range(count):
+        if reports[j, 7] == 0.0 or identities[j] < 0 or turn_of(identities[j], first) >= turn_of(identity, first):
+            continue
+        e_1 = p_1 - reports[j, 0] - reports[j, 2] * reports[j, 6]
+        e_2 = p_2 - reports[j, 1] - reports[j, 3] * reports[j, 6]
+        away = norm(e_1, e_2)
+        lacking = CLEAR_RADII * reports[j, 8] - away
+        if lacking <= 0.0 or away < EPSILON:
+            continue
+        e_1, e_2 = e_1 / away, e_2 / away
+        aside = SIDESTEP if reports[j, 2] * e_1 + reports[j, 3] * e_2 > 0.0 else 0.0
+        push_1 += lacking / PUSH_S * (e_1 + aside * e_2)
+        push_2 += lacking / PUSH_S * (e_2 - aside * e_1)
+    share = min(1.0, cruise / max(norm(push_1, push_2), EPSILON))
+    own[AIM], own[AIM + 1], own[AIM_IS_VELOCITY] = share * push_1, share * push_2, 1.0
+    return True
+
+
+@kernel
+def give_way_in_worlds(  # type: ignore[no-untyped-def]
+    own, deciding, heard, present, radius_m, range_m, now_s, kept, reports, identities
+):
+    """The same for all that decide, in every world; vehicles are known by their places. Arguments as in `worlds`.
+
+    Args:
+        own: Own-ships on their way to goals, written.
+        deciding: Who decides.
+        heard: What others hear of each.
+        present: Who is in the air.
+        radius_m: Radii.
+        range_m: Vehicles further than this are not heard.
+        now_s: Time.
+        kept: As `new_turns` made it, written.
+        reports: Scratch, shape (N, 10).
+        identities: Scratch, shape (N,), int64.
+    """
+    for world in range(own.shape[0]):
+        for i in range(own.shape[1]):
+            if not deciding[world, i]:
+                continue
+            own[world, i, AIM_IS_VELOCITY] = 0.0
+            count = 0
+            if now_s - kept[world, i, SINCE] >= patience(kept[world, i]):
+                p_1, p_2 = own[world, i, POSITION], own[world, i, POSITION + 1]
+                for j in range(own.shape[1]):
+                    if j == i or not present[world, j]:
+                        continue
+                    if norm(heard[world, j, 0] - p_1, heard[world, j, 1] - p_2) > range_m:
+                        continue
+                    for column in range(8):
+                        reports[count, column] = heard[world, j, column]
+                    reports[count, 8], identities[count] = radius_m[world, i, j], j
+                    count += 1
+            give_way(own[world, i], i, reports, identities, count, now_s, kept[world, i])
+
+
+def new_turns(*shape: int) -> FloatArray:
+    """What vehicles keep that have not flown yet, shape (*shape, TURN_COLUMNS)."""
+    kept = np.zeros((*shape, TURN_COLUMNS))
+    kept[..., BEST], kept[..., FIRST] = math.inf, NOBODY
+    return kept
+
+
+class RightOfWay:
+    """The same for one own-ship on its way to one goal. Fed and asked; reads no clock."""
+
+    def __init__(self) -> None:
+        self._kept = new_turns()
+        self._own = np.zeros(OWN_COLUMNS)
+
+    def velocity(
+        self,
+        own: OwnShip,
+        identity: int,
+        traffic: Traffic,
+        identities: NDArray[np.int64],
+        *,
+        goal_ne_m: ArrayLike,
+        cruise_mps: float,
+        now_s: float,
+    ) -> FloatArray | None:
+        """Velocity to make way with [m/s, north-east], to be preferred to that towards the goal; None: fly there.
+
+        Args:
+            own: Own-ship.
+            identity: Number of own-ship in the order, not negative.
+            traffic: Neighbours.
+            identities: Their numbers, NOBODY for who has none, shape (n,).
+            goal_ne_m: Where to go, shape (2,).
+            cruise_mps: Speed wanted.
+            now_s: The caller's clock; must not go back.
+
+        Raises:
+            ValueError: If there is not one number for each neighbour, the own one is negative, or a value is not
+                finite.
+        """
+        numbers = np.asarray(identities, dtype=np.int64)
+        if numbers.shape != (len(traffic),) or identity < 0:
+            raise ValueError(
+                f"identities must hold {len(traffic)} numbers, and the own one not be negative: {identity}"
+            )
+        if not (math.isfinite(now_s) and math.isfinite(cruise_mps)):
+            raise ValueError(f"now_s and cruise_mps must be finite, got {now_s} and {cruise_mps}")
+        row, reports = self._own, np.zeros((len(traffic), 10))
+        row[:] = 0.0
+        row[POSITION : POSITION + 2], row[VELOCITY : VELOCITY + 2] = own.position_ne_m, own.velocity_ne_mps
+        row[AIM : AIM + 2], row[CRUISE] = checked_pair("goal_ne_m", goal_ne_m), cruise_mps
+        reports[:, 0:2], reports[:, 2:4], reports[:, 6] = traffic.position_ne_m, traffic.velocity_ne_mps, traffic.age_s
+        reports[:, 7], reports[:, 8] = traffic.reciprocal, traffic.radius_m
+        if give_way(row, identity, reports, numbers, len(traffic), now_s, self._kept):
+            return row[AIM : AIM + 2].copy()
+        return None
