@@ -22,20 +22,21 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
     Args:
         sources: The files that hold kernels which call each other.
         counted: False for kernels that make no arrays and give none back: the caller holds what they work on, so they
-            need not count references, which costs 10 ns for every view of an array. Does not apply to parallel ones.
+            need not count references, which costs 10 ns for every view of an array.
 
     Returns:
-        ``kernel(function, *, parallel=False, forceinline=False)``: compiles with exact floating-point rules and keeps
-        the result on disk, where there is a place for it. With NUMBA_DISABLE_JIT=1 the function stays plain Python.
+        ``kernel(function, *, nogil=False, forceinline=False)``: compiles with exact floating-point rules and keeps the
+        result on disk, where there is a place for it. With `nogil` other threads of Python go on meanwhile, which is
+        for kernels that take a while: whoever lets go of the lock may have to wait for it. Loops over worlds are spread
+        over threads or processes by the caller; numba's own way of it takes seconds more to compile. With
+        NUMBA_DISABLE_JIT=1 the function stays plain Python.
     """
     files = tuple(sources)
 
-    def kernel(
-        function: Callable[..., Any] | None = None, /, *, parallel: bool = False, forceinline: bool = False
-    ) -> Any:
+    def kernel(function: Callable[..., Any] | None = None, /, *, nogil: bool = False, forceinline: bool = False) -> Any:
         def compiled(plain: Callable[..., Any]) -> Any:
-            options = {"parallel": parallel, "forceinline": forceinline, "fastmath": False, "error_model": "numpy"}
-            if not counted and not parallel:
+            options = {"nogil": nogil, "forceinline": forceinline, "fastmath": False, "error_model": "numpy"}
+            if not counted:
                 options["_nrt"] = False
             try:
                 dispatcher = njit(cache=True, **options)(plain)

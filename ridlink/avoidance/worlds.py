@@ -1,8 +1,8 @@
 """The same decision for whole batches of worlds: every vehicle of a world against all others of it.
 
 One entry point for each solver, so that whoever flies one does not compile the others. Their first arguments are the
-same: W worlds of N vehicles, a world is one task of the thread pool, and all its vehicles decide from the same picture,
-at the same instant.
+same: W worlds of N vehicles; all vehicles of a world decide from the same picture, at the same instant. Worlds have
+nothing to do with each other, so parts of a batch may be given to several threads.
 
     own           own-ships, rows as in `rows`, shape (W, N, OWN_COLUMNS)
     deciding      True where a decision is wanted, shape (W, N)
@@ -18,7 +18,6 @@ at the same instant.
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 
 from ridlink.avoidance import headings
 from ridlink.avoidance.graded import grade_one
@@ -112,7 +111,7 @@ def name_vehicles(names, answer):  # type: ignore[no-untyped-def]
             answer[column] = names[int(answer[column])]
 
 
-@kernel(parallel=True)
+@kernel(nogil=True)
 def avoid_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, error_sum_m, range_m, memory, route, pieces, piece_start, hulls,
     hull_start, settings, picture, neighbours, names, lines, chosen, work, ring, result,
@@ -143,7 +142,7 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         ring: See `picture`.
         result: See above.
     """
-    for world in prange(own.shape[0]):
+    for world in range(own.shape[0]):
         view, few, places = picture[world], neighbours[world], names[world]
         vehicles, blocks = own.shape[1], len(view)
         draw_picture(heard[world], present[world], view)
@@ -182,7 +181,7 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
                 name_vehicles(places, answer)
 
 
-@kernel(parallel=True)
+@kernel(nogil=True)
 def rotate_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
     neighbours, names, memory, walls, way, result,
@@ -210,7 +209,7 @@ def rotate_worlds(  # type: ignore[no-untyped-def]
         way: See `picture`.
         result: See above.
     """
-    for world in prange(own.shape[0]):
+    for world in range(own.shape[0]):
         view, few, places = picture[world], neighbours[world], names[world]
         vehicles = own.shape[1]
         draw_picture(heard[world], present[world], view)
@@ -236,14 +235,14 @@ def rotate_worlds(  # type: ignore[no-untyped-def]
                 )  # fmt: skip
 
 
-@kernel(parallel=True)
+@kernel(nogil=True)
 def grade_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
     neighbours, names, memory, sights, walls, way, result,
 ):  # fmt: skip
     """Decide by graded risk for every vehicle of every world; arguments as in `rotate_worlds`, with `GradedSettings`,
     `graded.candidates` and `graded_scratch`. Results are complete."""
-    for world in prange(own.shape[0]):
+    for world in range(own.shape[0]):
         view, few, places = picture[world], neighbours[world], names[world]
         draw_picture(heard[world], present[world], view)
         kept = memory[world]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -37,7 +39,11 @@ class Decider(Protocol):
 
 
 def new_decider(
-    settings: HalfplaneSettings | GradedSettings | RotationSettings, shape: tuple[int, int], obstacles: Obstacles
+    settings: HalfplaneSettings | GradedSettings | RotationSettings,
+    shape: tuple[int, int],
+    obstacles: Obstacles,
+    *,
+    threads: int = 1,
 ) -> Decider:
     """A decider of the solver whose settings these are.
 
@@ -45,20 +51,63 @@ def new_decider(
         settings: Constants.
         shape: Worlds and vehicles, (W, N).
         obstacles: The same in every world.
+        threads: Threads among which the worlds are divided; answers do not depend on it.
     """
+    decider: _Headings | _Halfplanes
     if isinstance(settings, HalfplaneSettings):
-        return _Halfplanes(settings, shape, obstacles)
-    return _Headings(settings, shape, obstacles)
+        decider = _Halfplanes(settings, shape, obstacles)
+    else:
+        decider = _Headings(settings, shape, obstacles)
+    if threads > 1:
+        decider.pool, decider.threads = ThreadPoolExecutor(threads), threads
+    return decider
 
 
-class _Headings:
+class _Batched:
+    """A kernel with its arguments: whatever has an axis of worlds, it is the first one."""
+
+    pool: ThreadPoolExecutor | None = None
+    threads = 1
+
+    _kernel: Any
+    _memories: tuple[Any, ...] = ()
+    _constants: tuple[Any, ...]
+    _scratch: tuple[Any, ...]
+    _result: FloatArray
+
+    def decide(
+        self, own: FloatArray, deciding: BoolArray, heard: FloatArray, present: BoolArray, radius_m: FloatArray,
+        error_sum_m: FloatArray, range_m: float,
+    ) -> FloatArray:  # fmt: skip
+        """See `Decider.decide`."""
+        picture = (own, deciding, heard, present, radius_m, error_sum_m)
+        room = (*self._scratch, self._result)
+        if self.pool is None:
+            self._kernel(*picture, range_m, *self._memories, *self._constants, *room)
+        else:
+            edges = [len(own) * k // self.threads for k in range(self.threads + 1)]
+
+            def decide_part(edge: tuple[int, int]) -> None:
+                part = slice(*edge)
+                mine, memories, scratch = ([each[part] for each in one] for one in (picture, self._memories, room))
+                self._kernel(*mine, range_m, *memories, *self._constants, *scratch)
+
+            list(self.pool.map(decide_part, pairwise(edges)))
+        return self._result[: len(own)]
+
+    def keep(self, kept: BoolArray) -> None:
+        """See `Decider.keep`; scratch may be too large."""
+        self._memories = tuple(each[kept] for each in self._memories)
+
+
+class _Headings(_Batched):
     """The solvers that choose among headings; they remember nothing."""
 
     def __init__(
         self, settings: GradedSettings | RotationSettings, shape: tuple[int, int], obstacles: Obstacles
     ) -> None:
         if isinstance(settings, RotationSettings):
-            self._kernel: Any = worlds.rotate_worlds
+            self._kernel = worlds.rotate_worlds
             fan = rotation.candidates(settings.step_deg, settings.left_weight)
             self._scratch = worlds.rotation_scratch(*shape, obstacles)
         else:
@@ -68,42 +117,16 @@ class _Headings:
         self._constants = (obstacles.piece_vertex_ne_m, obstacles.piece_start, settings.as_vector(), fan)
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
 
-    def decide(
-        self, own: FloatArray, deciding: BoolArray, heard: FloatArray, present: BoolArray, radius_m: FloatArray,
-        error_sum_m: FloatArray, range_m: float,
-    ) -> FloatArray:  # fmt: skip
-        self._kernel(
-            own, deciding, heard, present, radius_m, error_sum_m, range_m, *self._constants, *self._scratch,
-            self._result,
-        )  # fmt: skip
-        return self._result[: len(own)]
 
-    def keep(self, kept: BoolArray) -> None:
-        """Nothing is remembered from one step to the next; scratch may be too large."""
-
-
-class _Halfplanes:
-    """The half-plane solver, which remembers its encounters."""
+class _Halfplanes(_Batched):
+    """The half-plane solver, which remembers its encounters and the way round obstacles."""
 
     def __init__(self, settings: HalfplaneSettings, shape: tuple[int, int], obstacles: Obstacles) -> None:
-        self._memory = worlds.new_memory(*shape)
-        self._route = np.zeros(shape, np.int64)
+        self._kernel = worlds.avoid_worlds
+        self._memories = (worlds.new_memory(*shape), np.zeros(shape, np.int64))
         self._constants = (
             obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start,
             settings.as_vector(),
         )  # fmt: skip
         self._scratch = worlds.halfplane_scratch(*shape, obstacles)
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
-
-    def decide(
-        self, own: FloatArray, deciding: BoolArray, heard: FloatArray, present: BoolArray, radius_m: FloatArray,
-        error_sum_m: FloatArray, range_m: float,
-    ) -> FloatArray:  # fmt: skip
-        worlds.avoid_worlds(
-            own, deciding, heard, present, radius_m, error_sum_m, range_m, self._memory, self._route, *self._constants,
-            *self._scratch, self._result,
-        )  # fmt: skip
-        return self._result[: len(own)]
-
-    def keep(self, kept: BoolArray) -> None:
-        self._memory, self._route = self._memory[kept], self._route[kept]

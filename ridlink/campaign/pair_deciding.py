@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from ridlink.avoidance import graded, headings, rotation, rows
@@ -34,13 +33,13 @@ def remember(names, kept, count, memory):  # type: ignore[no-untyped-def]
         memory[names[k]] = kept[k]
 
 
-@kernel(parallel=True)
+@kernel(nogil=True)
 def avoid_pairs(  # type: ignore[no-untyped-def]
     own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
     blocks, pieces, piece_start, settings, hulls, hull_start, route, turns, lines, chosen, work, ring, result,
 ):  # fmt: skip
     """Decide by half-planes; up to `result` see `PairDecider.decide`, scratch has a leading axis of worlds."""
-    for world in prange(own.shape[0]):
+    for world in range(own.shape[0]):
         few, names_here, kept_here = blocks[world], names[world], kept[world]
         for i in range(own.shape[1]):
             if not deciding[world, i]:
@@ -59,13 +58,13 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
             remember(names_here, kept_here, count, memory[world, i])
 
 
-@kernel(parallel=True)
+@kernel(nogil=True)
 def rotate_pairs(  # type: ignore[no-untyped-def]
     own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
     blocks, pieces, piece_start, settings, fan, walls, way, result,
 ):  # fmt: skip
     """Decide by rotation, as the paper does."""
-    for world in prange(own.shape[0]):
+    for world in range(own.shape[0]):
         for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue
@@ -80,13 +79,13 @@ def rotate_pairs(  # type: ignore[no-untyped-def]
             )  # fmt: skip
 
 
-@kernel(parallel=True)
+@kernel(nogil=True)
 def grade_pairs(  # type: ignore[no-untyped-def]
     own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
     blocks, pieces, piece_start, settings, fan, sights, walls, way, result,
 ):  # fmt: skip
     """Decide by graded risk."""
-    for world in prange(own.shape[0]):
+    for world in range(own.shape[0]):
         for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue

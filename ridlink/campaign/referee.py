@@ -71,7 +71,7 @@ def judge_world(before, position, present, airframe_m, swept, hit, distance_m, m
     return distance_m, margin_m
 
 
-@kernel
+@kernel(nogil=True)
 def judge_worlds(before, position, present, airframe_m, swept, hit, distance_m, margin_m):  # type: ignore[no-untyped-def]
     """Judge one step of every world.
 

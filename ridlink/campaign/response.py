@@ -15,7 +15,6 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from ridlink.compiled import kernel_decorator
@@ -121,7 +120,7 @@ def push(state, x_1, x_2):  # type: ignore[no-untyped-def]
     state[HISTORY], state[HISTORY + 1] = x_1, x_2
 
 
-@kernel(parallel=True)
+@kernel(nogil=True)
 def fly_shaped(position, velocity, command, limit_mps, drag_per_s, ticks, state):  # type: ignore[no-untyped-def]
     """Fly so many ticks as under ArduPilot.
 
@@ -136,7 +135,7 @@ def fly_shaped(position, velocity, command, limit_mps, drag_per_s, ticks, state)
     """
     blend = 1.0 - math.exp(-TICK_S / SHAPED_LAG_S)
     linear = JERK_MPS3 / GAIN_PER_S**2
-    for world in prange(position.shape[0]):
+    for world in range(position.shape[0]):
         for i in range(position.shape[1]):
             at, v, inner = position[world, i], velocity[world, i], state[world, i]
             c_1, c_2 = limited(command[world, i, 0], command[world, i, 1], limit_mps[world, i])
@@ -159,12 +158,12 @@ def fly_shaped(position, velocity, command, limit_mps, drag_per_s, ticks, state)
                     at[axis] += v[axis] * TICK_S
 
 
-@kernel(parallel=True)
+@kernel(nogil=True)
 def fly_feedback(position, velocity, command, limit_mps, drag_per_s, ticks, state):  # type: ignore[no-untyped-def]
     """Fly so many ticks as under PX4; arguments as in `fly_shaped`, with the drag of each vehicle [1/s]."""
     blend = 1.0 - math.exp(-TICK_S / LOOP_LAG_S)
     second_blend = 1.0 - math.exp(-TICK_S / SECOND_LAG_S)
-    for world in prange(position.shape[0]):
+    for world in range(position.shape[0]):
         for i in range(position.shape[1]):
             at, v, inner, drag = position[world, i], velocity[world, i], state[world, i], drag_per_s[world, i]
             c_1, c_2 = limited(command[world, i, 0], command[world, i, 1], limit_mps[world, i])

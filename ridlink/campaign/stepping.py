@@ -32,7 +32,7 @@ from ridlink.compiled import kernel_decorator
 kernel = kernel_decorator([Path(module) for module in (__file__, referee.__file__, rows.__file__)], counted=False)
 
 
-@kernel
+@kernel(nogil=True)
 def brief_worlds(  # type: ignore[no-untyped-def]
     position, reported, velocity, goal, speed_mps, still_m, clearance_m, displaced_s, own, heard, radius_m
 ):
@@ -88,7 +88,7 @@ def is_in_piece(vertex, start, p_1, p_2):  # type: ignore[no-untyped-def]
     return False
 
 
-@kernel
+@kernel(nogil=True)
 def fly_on(  # type: ignore[no-untyped-def]
     result, avoiding, interval_s, now_s, goal, arrived_m, pieces, piece_start, swept, airframe_m, position, before,
     velocity, present, hit, row, arrival_s, collided, distance_m, margin_m, decisions, infeasible, in_obstacle,

@@ -12,8 +12,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from numba import prange
-
 from ridlink.avoidance import rows
 from ridlink.avoidance.encounter import time_to_entry
 from ridlink.avoidance.rows import VELOCITY
@@ -73,7 +71,7 @@ def take_report(report, now_s, bound_m, time_constant_s, old_share, track):  # t
     track[HEARD_AT] = now_s
 
 
-@kernel(parallel=True)
+@kernel(nogil=True)
 def hear(sent, arrives_s, now_s, bound_m, time_constant_s, old_share, tracks):  # type: ignore[no-untyped-def]
     """Let every vehicle take the reports that have reached it.
 
@@ -86,7 +84,7 @@ def hear(sent, arrives_s, now_s, bound_m, time_constant_s, old_share, tracks):  
         old_share: As in `take_report`.
         tracks: Shape (W, N, N, TRACK_COLUMNS), written.
     """
-    for world in prange(sent.shape[0]):
+    for world in range(sent.shape[0]):
         for i in range(sent.shape[1]):
             for j in range(sent.shape[1]):
                 track, arrives = tracks[world, i, j], arrives_s[world, i, j]

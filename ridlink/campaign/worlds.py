@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 BATCH = 128
-"""Runs flown at a time: enough for the threads, little enough for the caches."""
+"""Runs flown at a time: enough to make little of a call, little enough for the caches."""
 
 COMPACT_EVERY = 20
 """Steps after which worlds that are over leave the batch."""

@@ -7,13 +7,10 @@ is replaced by the others.
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Generator, Sequence
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any
-
-import numba
 
 from ridlink.campaign.flight import fly
 from ridlink.campaign.plan import Plan
@@ -60,7 +57,7 @@ class Cluster:
         """
         distributed, client = _distributed(), self._client
         try:
-            flying = {client.submit(_fly, plans[task.plan], task.runs, pure=False): task for task in tasks}
+            flying = {client.submit(fly, plans[task.plan], task.runs, pure=False): task for task in tasks}
             for future in distributed.as_completed(list(flying), loop=client.loop):
                 outcomes = future.result()
                 task = flying.pop(future)
@@ -110,14 +107,3 @@ def _check_workers(client: Any, scheduler: str) -> None:
     for worker, theirs in found.items():
         if theirs != ours:
             raise ConfigError(f"the worker {worker} has ridlink {theirs}, and here is {ours}: rows would differ")
-
-
-_flying = threading.Lock()
-"""Of a worker: one shard at a time in a process, since numba's simplest threads cannot be shared."""
-
-
-def _fly(plan: Plan, runs: range) -> Outcomes:
-    """On a worker: one thread, as everywhere."""
-    with _flying:
-        numba.set_num_threads(1)
-        return fly(plan, runs)

@@ -16,8 +16,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import numba
-
 from ridlink.campaign.flight import fly
 from ridlink.campaign.plan import Plan
 from ridlink.campaign.worlds import Outcomes
@@ -65,13 +63,8 @@ def fly_tasks(plans: Sequence[Plan], tasks: Sequence[Task], jobs: int) -> Genera
         WorkerLostError: If a process was killed.
     """
     if jobs == 1 or len(tasks) < 2:
-        before = numba.get_num_threads()
-        numba.set_num_threads(1)
-        try:
-            for task in tasks:
-                yield task, fly(plans[task.plan], task.runs)
-        finally:
-            numba.set_num_threads(before)
+        for task in tasks:
+            yield task, fly(plans[task.plan], task.runs)
         return
     with _quiet_cleaner():
         pool = ProcessPoolExecutor(
@@ -107,11 +100,10 @@ _plans: tuple[Plan, ...] = ()
 
 
 def _begin(plans: tuple[Plan, ...]) -> None:
-    """A worker flies with one thread, leaves Ctrl-C to its parent, and does not outlive it."""
+    """A worker leaves Ctrl-C to its parent, and does not outlive it."""
     global _plans
     _plans = plans
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    numba.set_num_threads(1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

@@ -10,7 +10,6 @@ import sys
 import time
 from dataclasses import replace
 
-import numba
 import numpy as np
 
 from ridlink.avoidance import GradedSettings, OwnShip, RotationSettings, SolverKind, Traffic
@@ -54,7 +53,6 @@ def one_own_ship(kind: SolverKind) -> None:
 
 
 def batches(kind: SolverKind) -> None:
-    numba.set_num_threads(1)
     spent: list[float] = []
     decisions = 0
 

@@ -8,11 +8,11 @@ such a world for one decision is timed with it.
 
 from __future__ import annotations
 
+import os
 import statistics
 import time
 from typing import Any
 
-import numba
 import numpy as np
 
 from ridlink.avoidance import HalfplaneSettings, Obstacles, rows
@@ -49,10 +49,12 @@ def nearest(position: np.ndarray, count: int) -> np.ndarray:
 class Batch:
     """The same step of W worlds of N vehicles again and again."""
 
-    def __init__(self, position: np.ndarray, velocity: np.ndarray, deciding: np.ndarray) -> None:
+    def __init__(self, position: np.ndarray, velocity: np.ndarray, deciding: np.ndarray, threads: int = 1) -> None:
         shape = position.shape[:2]
         self.decisions = int(deciding.sum())
-        self._decider = new_decider(HalfplaneSettings(), (shape[0], shape[1]), Obstacles.from_polygons(()))
+        self._decider = new_decider(
+            HalfplaneSettings(), (shape[0], shape[1]), Obstacles.from_polygons(()), threads=threads
+        )
         own, heard = np.zeros((*shape, rows.OWN_COLUMNS)), np.zeros((*shape, 8))
         own[..., 0:2], own[..., 2:4], own[..., 4:6], own[..., 6:8] = (
             position, velocity, velocity, position + 60.0 * velocity,
@@ -74,10 +76,10 @@ class Batch:
         return float((status == rows.INFEASIBLE).mean())
 
 
-def worlds(random: np.random.Generator) -> Batch:
+def worlds(random: np.random.Generator, threads: int = 1) -> Batch:
     """500 worlds of 24 in which everybody hears everybody."""
     shape = (WORLDS, VEHICLES)
-    return Batch(*drawn(random, shape, SPACING_M * VEHICLES**0.5), np.ones(shape, np.bool_))
+    return Batch(*drawn(random, shape, SPACING_M * VEHICLES**0.5), np.ones(shape, np.bool_), threads)
 
 
 def crowd(random: np.random.Generator, vehicles: int, neighbours: int) -> Batch:
@@ -102,7 +104,6 @@ def crowds() -> list[dict[str, Any]]:
         for _ in range(times[key]):
             batches[key].step()
 
-    numba.set_num_threads(1)
     seconds = interleaved({f"{key[0]} {key[1]}": lambda key=key: steps(key) for key in batches})  # type: ignore[misc]
     table = []
     for (vehicles, neighbours), used in zip(batches, seconds.values(), strict=True):
@@ -131,11 +132,9 @@ def slope(table: list[dict[str, Any]]) -> float:
 
 def threads() -> float:
     """How many times faster two threads are than one, over the worlds, by the wall clock; 1 on one core."""
-    batch = worlds(np.random.default_rng(1))
-    most = min(2, numba.config.NUMBA_NUM_THREADS)
     least = []
-    for count in (1, most):
-        numba.set_num_threads(count)
+    for count in (1, min(2, len(os.sched_getaffinity(0)))):
+        batch = worlds(np.random.default_rng(1), count)
         batch.step()
         taken = []
         for _ in range(3 * ROUNDS):
@@ -143,7 +142,6 @@ def threads() -> float:
             batch.step()
             taken.append(time.perf_counter() - begun)
         least.append(min(taken))
-    numba.set_num_threads(1)
     return least[0] / least[1]
 
 
