@@ -48,6 +48,11 @@ _ABOVE_TAKEOFF = 0
 _TIMESTAMP_ACCURACY_S = 0.1
 
 
+def uas_id_of(system_id: int) -> bytes:
+    """Serial number that a vehicle says in its BASIC_ID."""
+    return f"RDLK4{system_id:04d}".encode()
+
+
 class Broadcaster:
     """The transmitter of one vehicle.
 
@@ -73,7 +78,7 @@ class Broadcaster:
         self._spec, self._home, self._utc_clock = spec, home, utc_clock
         self._interval_s, self._phase = interval_s, phase
         self._encoder = Encoder(system_id, _COMPONENT)
-        self._basic_id = BasicId(_SERIAL_NUMBER, _MULTIROTOR, f"RDLK4{system_id:04d}".encode())
+        self._basic_id = BasicId(_SERIAL_NUMBER, _MULTIROTOR, uas_id_of(system_id))
         self._due_s: float | None = None
         self._static_due_s = 0.0
         self._has_flown = False

@@ -13,7 +13,6 @@ from ridlink.cli.signals import stopped_by_signals
 
 if TYPE_CHECKING:
     from ridlink.links import LinkUrl
-    from ridlink.view.server import ViewServer
     from ridlink.view.show import Show
 
 AIR = "udpout:127.0.0.1:14650"
@@ -91,7 +90,7 @@ async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: t
     server = ViewServer(show, host, port, names=names, health=feed.health)
     await server.start()
     try:
-        announce(server, opens)
+        announce(server.url, opens, " (Ctrl-C ends)")
         warming = asyncio.create_task(asyncio.to_thread(warm_up))
         warming.add_done_callback(lambda done: show.look_at_vehicles() if not done.cancelled() else None)
         if url is not None:
@@ -102,13 +101,13 @@ async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: t
         await server.close()
 
 
-def announce(server: ViewServer, opens: bool) -> None:
+def announce(url: str, opens: bool, remark: str = "") -> None:
     """Say where the page is, and open it if that is wanted."""
-    click.echo(f"ridlink: the page is at {server.url} (Ctrl-C ends)", err=True)
+    click.echo(f"ridlink: the page is at {url}{remark}", err=True)
     if opens:
         import webbrowser
 
-        if not webbrowser.open(server.url):
+        if not webbrowser.open(url):
             click.echo("ridlink: there is no browser here to open it", err=True)
 
 

@@ -48,6 +48,8 @@ SLICE_S = 0.01
 """Reading of histories is interrupted after so long for everything else."""
 
 BACKLOG = 128
+SEND_BUFFER_BYTES = 128 * 1024
+"""Of the kernel for each page; it would take megabytes for one that does not read."""
 
 
 class _Protocol(WebSocketsSansIOProtocol):
@@ -277,6 +279,7 @@ def _listen(host: str, port: int) -> socket.socket:
         listening = socket.socket(family, kind)
         try:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
             if hasattr(socket, "TCP_USER_TIMEOUT"):  # whoever reads no answer for so long is gone
                 listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1000 * UNREAD_S))
             listening.bind(address)

@@ -68,6 +68,14 @@ class Show:
         self._texts: OrderedDict[tuple[Hashable, ...], bytes] = OrderedDict()
         self._texts_bytes = 0
 
+    def finish(self) -> None:
+        """The source has ended: what it did is a recording now."""
+        self.scenery = replace(self.scenery, live=False)
+        for book in self._books.values():
+            while book.read():
+                continue
+            book.end()
+
     def look_at_vehicles(self) -> None:
         """From now on velocity spaces are worked out; the kernels of the solver must have been loaded."""
         self._space = VelocitySpace()

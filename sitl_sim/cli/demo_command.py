@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
+from ridlink.cli.signals import stopped_by_signals
+from ridlink.cli.view import announce
+from ridlink.errors import LinkError, MissingExtraError
 from sitl_sim.cli.options import fleet_options
+
+if TYPE_CHECKING:
+    from sitl_sim.demo.page import Page
+    from sitl_sim.demo.screen import Screen
 
 DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance")
 SOLVERS = ("halfplane", "graded", "rotation")
@@ -42,7 +49,18 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     is_flag=True,
     help="Each daemon in an operating-system process of its own; without it all share one, apart from the fleet.",
 )
-@click.option("--headless", is_flag=True, help="Show nothing but the verdict.")
+@click.option("--headless", is_flag=True, help="Show nothing but the verdict, neither a table nor the page.")
+@click.option("--no-view", is_flag=True, help="Do not serve the page.")
+@click.option(
+    "--view-port",
+    type=click.IntRange(0, 65535),
+    metavar="PORT",
+    help="Port of the page; 0 = any.  [default: 8090, or any if that is in use]",
+)
+@click.option(
+    "--stay", is_flag=True, help="Keep the page after the flight, until Ctrl-C.  [default: if there is a terminal]"
+)
+@click.option("--open", "opens", is_flag=True, help="Open the page in a browser.")
 @click.option("--json", "as_json", is_flag=True, help="The verdict of each flight as one line of JSON on stdout.")
 @click.option("--any-ports", is_flag=True, help="Ports that the kernel chooses, to fly several demos side by side.")
 @click.option(
@@ -60,6 +78,10 @@ def demo(
     compare: bool,
     processes: bool,
     headless: bool,
+    no_view: bool,
+    view_port: int | None,
+    stay: bool,
+    opens: bool,
     as_json: bool,
     any_ports: bool,
     log: Path | None,
@@ -102,26 +124,59 @@ def demo(
         processes=processes,
         log=log,
     )
+    if (headless or no_view) and (stay or opens or view_port is not None):
+        raise click.UsageError("--stay, --open and --view-port are about the page, which is not served here")
+    if any_ports and view_port is None:
+        view_port = 0
     screen = Screen(quiet=headless)
-    results: list[dict[str, Any]] = []
-    for each in COMPARED if compare else (definition,):
-        chosen = replace(options, definition=Definition(each))
-        if compare and log is not None:
-            chosen = replace(chosen, log=log.with_stem(f"{log.stem}-{each}"))
-        result = asyncio.run(_until_signal(fly(chosen, screen)))
-        results.append(result)
-        if as_json:
-            click.echo(msgspec.json.encode(result))
-        elif not compare:
-            show(verdict_table(result))
-        else:
-            screen.say(f"{each}: {result['arrived']} of {result['vehicles']} arrived, {result['macs']} MACs")
-    if compare:
-        show(comparison_table(results), error=as_json)
-    if not as_json:
-        for result in results:
-            click.echo(result["log"])
+
+    async def fly_all() -> list[dict[str, Any]]:
+        page = None if headless or no_view else await _open_page(screen, view_port, opens)
+        results: list[dict[str, Any]] = []
+        try:
+            for each in COMPARED if compare else (definition,):
+                chosen = replace(options, definition=Definition(each))
+                if compare and log is not None:
+                    chosen = replace(chosen, log=log.with_stem(f"{log.stem}-{each}"))
+                result = await _until_signal(fly(chosen, screen, page))
+                results.append(result)
+                if as_json:
+                    click.echo(msgspec.json.encode(result))
+                elif not compare:
+                    show(verdict_table(result))
+                else:
+                    screen.say(f"{each}: {result['arrived']} of {result['vehicles']} arrived, {result['macs']} MACs")
+            if compare:
+                show(comparison_table(results), error=as_json)
+            if not as_json:
+                for result in results:
+                    click.echo(result["log"])
+            if page is not None and (stay or screen.is_terminal):
+                click.echo(f"ridlink: the page stays at {page.server.url} until Ctrl-C", err=True)
+                await stopped_by_signals(asyncio.get_running_loop()).wait()
+        finally:
+            if page is not None:
+                await page.close()
+        return results
+
+    results = asyncio.run(fly_all())
     return EXIT_DONE if all(result["passed"] for result in results) else EXIT_NEGATIVE
+
+
+async def _open_page(screen: Screen, port: int | None, opens: bool) -> Page | None:
+    """The page, or a word on why there is none."""
+    try:
+        from sitl_sim.demo.page import Page
+    except MissingExtraError as error:
+        screen.say(f"{error}; flying without it")
+        return None
+    page = Page()
+    try:
+        at_usual_port = await page.open(port)
+    except LinkError as error:
+        raise LinkError(f"{error}; choose another with --view-port, or do without: --no-view") from error
+    announce(page.server.url, opens, "" if at_usual_port else " (port 8090 is in use)")
+    return page
 
 
 async def _until_signal(flight: Any) -> dict[str, Any]:

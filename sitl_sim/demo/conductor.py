@@ -32,12 +32,16 @@ class Conductor:
         vehicle_ports: UDP port of each vehicle on loopback, in order of their system ids from 1.
         air_port: UDP port of the air.
         hear: Called with every datagram that arrives, for the log.
+        hear_air: Called with those of the air, if somebody looks on.
     """
 
-    def __init__(self, vehicle_ports: Sequence[int], air_port: int, hear: Hear) -> None:
+    def __init__(
+        self, vehicle_ports: Sequence[int], air_port: int, hear: Hear, hear_air: Hear = lambda data: None
+    ) -> None:
         self._vehicle_ports = vehicle_ports
         self._air_port = air_port
         self._hear = hear
+        self._hear_air = hear_air
         self._encoder = ground_station()
         self._links: list[Link] = []
         self._ardupilot: set[int] = set()
@@ -49,7 +53,7 @@ class Conductor:
         """Connect to every vehicle and to the air, and keep saying hello to both."""
         for index, port in enumerate(self._vehicle_ports):
             self._links.append(await open_link(f"udpout:127.0.0.1:{port}", self._vehicle_handler(index + 1)))
-        self._links.append(await open_link(f"udpout:127.0.0.1:{self._air_port}", lambda data, _: self._hear(data)))
+        self._links.append(await open_link(f"udpout:127.0.0.1:{self._air_port}", self._take_from_air))
         self._heartbeat = asyncio.create_task(self._say_hello())
 
     async def close(self) -> None:
@@ -101,6 +105,10 @@ class Conductor:
                     self._see_heartbeat(frame)
 
         return take
+
+    def _take_from_air(self, data: bytes, _: object) -> None:
+        self._hear(data)
+        self._hear_air(data)
 
     def _see_heartbeat(self, frame: Frame) -> None:
         said = decode_message(frame)

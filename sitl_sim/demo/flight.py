@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -73,7 +73,20 @@ def pair_radius_under(definition: Definition, eta: float = DEFAULT_ETA) -> Calla
     return radii
 
 
-async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
+class Onlooker(Protocol):
+    """Who looks on while a flight lasts."""
+
+    async def begin(self, fleet: FleetServer, title: str, definition: Definition) -> None:
+        """The fleet is there, and the solver has been loaded."""
+
+    def hear(self, data: bytes) -> None:
+        """A datagram of the air."""
+
+    async def end(self) -> None:
+        """The flight is over."""
+
+
+async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = None) -> dict[str, Any]:
     """Fly once; the result has the keys of ``ridlink demo --json`` and, beside them, ``passed`` and ``details``.
 
     Raises:
@@ -95,7 +108,8 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
         recorder = Recorder(log, overwrite=True)
         flying = asyncio.create_task(server.run(landed))
         ports = server.ports
-        conductor = Conductor(ports.vehicles, ports.air, recorder.receive)
+        heard = {} if onlooker is None else {"hear_air": onlooker.hear}
+        conductor = Conductor(ports.vehicles, ports.air, recorder.receive, **heard)
         await conductor.open()
         assigned = assignments(
             scenario,
@@ -107,10 +121,13 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
             vertical=options.vertical,
         )
         await _warm(screen, options.solver, options.processes, len(assigned))
+        if onlooker is not None:
+            await onlooker.begin(server, _title(options, scenario), options.definition)
         daemons = Daemons(assigned, each_its_own=options.processes)
         await daemons.start()
         await conductor.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
-        server.begin_mission()
+        if not server.mission_begun:  # one in which nobody cooperates has begun with `run`
+            server.begin_mission()
         await _watch(server, daemons, screen, _title(options, scenario), flying)
         summaries = await daemons.stop()
         daemons = None
@@ -119,6 +136,8 @@ async def fly(options: DemoOptions, screen: Screen) -> dict[str, Any]:
             await daemons.stop()
         if conductor is not None:
             await conductor.close()
+        if onlooker is not None:
+            await onlooker.end()
         landed.set()
         if flying is not None:
             await asyncio.gather(flying, return_exceptions=True)

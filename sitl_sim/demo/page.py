@@ -1,0 +1,112 @@
+"""The page of a demonstration: what is heard on the air beside what is true, flight after flight."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Mapping, Sequence
+
+from ridlink.avoidance.solver import warm_up
+from ridlink.errors import LinkError
+from ridlink.observer import Sky
+from ridlink.remote_id.text import display_text
+from ridlink.separation.definitions import Definition
+from ridlink.view.live import Feed
+from ridlink.view.scenery import Pair, Scenery
+from ridlink.view.server import DEFAULT_PORT, ViewServer
+from ridlink.view.show import Show
+from sitl_sim.broadcast import uas_id_of
+from sitl_sim.fleet_config import HOST
+from sitl_sim.server import FleetServer
+
+
+class Page:
+    """Shows one flight after the other.
+
+    Attributes:
+        server: What serves it.
+    """
+
+    def __init__(self) -> None:
+        self._show = Show(Scenery("the flight is being prepared", "demo", live=True, truth=True))
+        self._feed: Feed | None = None
+        self._running: asyncio.Task[None] | None = None
+        self.server = ViewServer(self._show, HOST, 0, health=self._health)
+
+    async def open(self, port: int | None) -> bool:
+        """Listen.
+
+        Args:
+            port: Where; None for the usual port, or any other if that is in use.
+
+        Returns:
+            False if the page is not at the usual port, because that is in use.
+
+        Raises:
+            LinkError: If the port that is wanted is in use.
+        """
+        for attempt in (DEFAULT_PORT, 0) if port is None else (port,):
+            self.server = ViewServer(self._show, HOST, attempt, health=self._health)
+            try:
+                await self.server.start()
+            except LinkError:
+                if port is None and attempt:
+                    continue
+                raise
+            return port is not None or attempt == DEFAULT_PORT
+        raise LinkError("no port for the page")
+
+    async def begin(self, fleet: FleetServer, title: str, definition: Definition) -> None:
+        """Another flight is to be shown; its kernels have been loaded."""
+        await self.end()
+        vehicles = fleet.scenario.vehicles
+        names = [display_text(uas_id_of(row + 1)) for row in range(len(vehicles))]
+
+        def truth(sky: Sky) -> Mapping[str, Pair]:
+            position, real = fleet.world.position_ned_m, ~fleet.world.is_ghost
+            rows = ((one.name, one.report.source[0] - 1) for one in sky.aircraft.values())
+            return {name: _pair(position[row]) for name, row in rows if 0 <= row < len(position) and real[row]}
+
+        scenery = Scenery(
+            title,
+            "demo",
+            live=True,
+            truth=True,
+            utc0_s=time.time(),
+            origin=fleet.home,
+            obstacles=[[_pair(corner) for corner in one.polygon_ne_m] for one in fleet.scenario.obstacles],
+            goals={name: _pair(one.goal_ned_m) for name, one in zip(names, vehicles, strict=True)},
+            cruises={name: one.speed_mps for name, one in zip(names, vehicles, strict=True)},
+        )
+        self._show.definition = definition
+        self._show.restart(scenery)
+        self._feed = Feed(self._show, sky=Sky(origin=fleet.home), truth=truth)
+        self._running = asyncio.create_task(self._feed.run(self.server))
+        await asyncio.to_thread(warm_up)
+        self._show.look_at_vehicles()
+
+    def hear(self, data: bytes) -> None:
+        """A datagram of the air."""
+        if self._feed is not None:
+            self._feed.hear(data)
+
+    async def end(self) -> None:
+        """The flight is over; what was seen of it stays."""
+        if self._running is not None:
+            self._running.cancel()
+            await asyncio.gather(self._running, return_exceptions=True)
+            self._running = None
+            self._show.finish()
+            self.server.publish()
+
+    async def close(self) -> None:
+        """Show nothing any more."""
+        await self.end()
+        await self.server.close()
+
+    def _health(self) -> Mapping[str, object]:
+        return self._feed.health() if self._feed is not None and self._running is not None else {}
+
+
+def _pair(place: Sequence[float]) -> Pair:
+    return round(float(place[0]), 3), round(float(place[1]), 3)

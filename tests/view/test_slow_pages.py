@@ -1,0 +1,71 @@
+"""Pages that read nothing: they cost a bounded amount of memory, disturb nobody, and are dropped."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("uvicorn", reason="needs ridlink[web]")
+
+from ridlink.view import server as served
+from tests.observer.flights import Flyer
+from tests.view.serving import a_page, a_show, heard, run, serving
+
+MB = 2**20
+SILENT = 50
+UPGRADE = (
+    b"GET /ws/v1 HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+)
+
+
+def resident_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
+
+
+def text_frame(text: bytes) -> bytes:
+    """A masked WebSocket frame, with a mask of zeros."""
+    return bytes((0x81, 0x80 | len(text))) + bytes(4) + text
+
+
+async def a_silent_page(port: int) -> socket.socket:
+    """Asks for everything there is, over and over, and reads nothing."""
+    sock = socket.socket()
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    sock.setblocking(False)
+    loop = asyncio.get_running_loop()
+    await loop.sock_connect(sock, ("127.0.0.1", port))
+    await loop.sock_sendall(sock, UPGRADE + 20 * text_frame(b'{"window":[0,1000],"series":[0,1000],"id":1}'))
+    return sock
+
+
+def test_f31_fifty_pages_that_never_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(served, "UNREAD_S", 1.0)
+    crowd = [Flyer(k + 1, (40.0 * k, 0.0), (5.0, 0.0), b"CROWD%03d" % k) for k in range(60)]
+
+    async def body() -> None:
+        show = a_show(crowd, 4.0, live=True)
+        async with serving(show) as server, contextlib.AsyncExitStack() as stack:
+            port = int(server.url.rsplit(":", 1)[1].strip("/"))
+            reader = await stack.enter_async_context(a_page(server))
+            await heard(reader, "instant")
+            before = resident_bytes()
+            for _ in range(SILENT):
+                stack.callback((await a_silent_page(port)).close)
+            most = before
+            while server.pages == 1 or server.counters["refused"] < SILENT + 1 - served.MOST_PAGES:
+                server.publish()
+                await heard(reader, "instant")
+            while server.pages > 1:
+                server.publish()
+                await heard(reader, "instant")  # whoever reads is served all the while
+                most = max(most, resident_bytes())
+            assert server.counters["served"] == served.MOST_PAGES
+            assert most - before < 20 * MB
+
+    run(body)
