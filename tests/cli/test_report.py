@@ -20,7 +20,7 @@ from tests.review.recordings import NORTHBOUND, SOUTHBOUND, recorded, records
 def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "logs").mkdir()
-    return recorded(tmp_path / "logs" / "flight.tlog", [NORTHBOUND, SOUTHBOUND], 40.0)
+    return recorded(tmp_path / "logs" / "flight.tlog", [NORTHBOUND, SOUTHBOUND], 26.0)
 
 
 def run(*arguments: str | Path) -> Result:

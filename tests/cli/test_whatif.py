@@ -21,7 +21,7 @@ from tests.review.recordings import NORTHBOUND, SOUTHBOUND, recorded
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
     hostile = replace(NORTHBOUND, identity=b"=cmd|'\x1b[2J'!A1")
-    return recorded(tmp_path / "f.tlog", [hostile, SOUTHBOUND], 30.0)
+    return recorded(tmp_path / "f.tlog", [hostile, SOUTHBOUND], 26.0)
 
 
 def run(*arguments: str | Path) -> Result:
@@ -32,7 +32,7 @@ def test_a_table_with_a_line_for_each_definition(log: Path) -> None:
     done = run(log)
     heads, *lines, last = done.stdout.splitlines()
     assert heads.split()[:2] == ["definition", "alerts"] and [line.split()[0] for line in lines] == list(Definition)
-    assert last == "2 aircraft, 29.9 s; entries alerted 8 s ahead"
+    assert last == "2 aircraft, 25.9 s; entries alerted 8 s ahead"
     assert "\x1b" not in done.stdout and "=cmd|'\\x1b[2J'!A1 BRAVO" in done.stdout
     assert done.return_value == 0
 

@@ -62,7 +62,7 @@ def test_a_listener_meets_whom_it_hears(tmp_path: Path) -> None:
 
 
 def test_who_broadcasts_is_known_by_that_alone(tmp_path: Path) -> None:
-    said = telemetry(NORTHBOUND, 25.0) + records([NORTHBOUND, SOUTHBOUND], 25.0)
+    said = telemetry(NORTHBOUND, 25.0) + records([NORTHBOUND, SOUTHBOUND], 26.0)
     [row], walk = reported(tmp_path / "f.tlog", said)
     assert sorted(row["uas"]) == ["ALPHA", "BRAVO"] and walk.aircraft == 2
 

@@ -46,7 +46,7 @@ def page_of(report: Report, *, drawn: int = 40) -> str:
 
 
 def test_a_pass_is_one_row_with_its_margins(tmp_path: Path) -> None:
-    report, [row], _ = reported(recorded(tmp_path / "f.tlog", [NORTHBOUND, SOUTHBOUND], 40.0))
+    report, [row], _ = reported(recorded(tmp_path / "f.tlog", [NORTHBOUND, SOUTHBOUND], 26.0))
     assert row["uas"] == ["ALPHA", "BRAVO"] and row["moved"] == [] and not row["mac"] and not row["at_end"]
     assert row["closest_t"] - START_S == pytest.approx(20.0, abs=0.05)
     assert row["closest_m"] == pytest.approx(6.0, abs=0.1)

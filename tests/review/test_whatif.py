@@ -25,7 +25,7 @@ def judged(path: Path, *definitions: Definition, **options: Any) -> dict[str, di
 
 
 def test_a_pass_is_alerted_as_far_ahead_as_asked_and_as_long_as_it_lasts(tmp_path: Path) -> None:
-    log = recorded(tmp_path / "f.tlog", [NORTHBOUND, SOUTHBOUND], 32.0)
+    log = recorded(tmp_path / "f.tlog", [NORTHBOUND, SOUTHBOUND], 26.0)
     row = judged(log)["candidate2"]
     assert (row["alerts"], row["entered"], row["macs"]) == (1, 1, 0)
     half_s = (23.6**2 - 6.0**2) ** 0.5 / 20.0  # inside the disc of 23.6 m, at 20 m/s
@@ -38,7 +38,7 @@ def test_a_pass_is_alerted_as_far_ahead_as_asked_and_as_long_as_it_lasts(tmp_pat
 
 
 def test_a_larger_disc_alerts_longer_and_has_less_margin(tmp_path: Path) -> None:
-    rows = judged(recorded(tmp_path / "f.tlog", [NORTHBOUND, SOUTHBOUND], 32.0))
+    rows = judged(recorded(tmp_path / "f.tlog", [NORTHBOUND, SOUTHBOUND], 26.0))
     ordered = [rows[name] for name in ("snmac", "candidate2", "candidate1", "remote-id")]
     assert [row["alert_s"] for row in ordered] == sorted(row["alert_s"] for row in ordered)
     assert [row["least_margin_m"] for row in ordered] == sorted(
@@ -74,7 +74,7 @@ def test_a_collision_with_somebody_who_is_first_heard_in_it_is_not(tmp_path: Pat
 def test_a_second_meeting_is_a_second_alert(tmp_path: Path) -> None:
     path = tmp_path / "f.tlog"
     again_us = START_US + 40_000_000
-    flight = records([NORTHBOUND, SOUTHBOUND], 25.0) + records([NORTHBOUND, SOUTHBOUND], 25.0, from_us=again_us)
+    flight = records([NORTHBOUND, SOUTHBOUND], 26.0) + records([NORTHBOUND, SOUTHBOUND], 26.0, from_us=again_us)
     path.write_bytes(tlog_bytes(flight))
     assert judged(path)["snmac"]["alerts"] == 2
 
