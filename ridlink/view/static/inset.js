@@ -4,7 +4,7 @@ import { prepare } from "./canvas.js";
 import { label } from "./format.js";
 
 const TURN = 2 * Math.PI;
-const MOST_NAMES = 5;
+const MOST_NAMES = 4;
 
 export function drawInset(canvas, space, current, palette) {
   const { clientWidth: width, clientHeight: height } = canvas;
@@ -15,6 +15,7 @@ export function drawInset(canvas, space, current, palette) {
   const scale = (Math.min(width, height) / 2 - 14) / (fastest * 1.04);
   const at = ([north, east]) => [width / 2 + east * scale, height / 2 - north * scale];
   const taken = rings(context, at, scale, fastest, width, palette);
+  taken.push(...[space?.chosen, space?.preferred, space?.v].filter(Boolean).map(at));
   if (space) {
     planes(context, space.planes ?? [], at, { width, height, scale, taken }, palette);
     limits(context, space, at, scale, palette);

@@ -7,6 +7,7 @@ import { clockTime, nearness } from "./format.js";
 const AXIS_PX = 46, RIGHT_PX = 16;
 const SNAP_PX = 7;
 const SHORTEST_S = 10;
+const SKIPPED_S = 1.0;
 const MOST_MARKS = 120;
 const MOST_POINTS = 6000;
 const DRAWN_EVERY_MS = 250;
@@ -40,7 +41,9 @@ export class Strip {
     const end = from + step * (nearest.length - 1);
     const later = this.#data[0].findIndex((t) => t > end + step / 2);
     const rest = later < 0 ? [[], [], []] : this.#data.map((column) => column.slice(later));
-    this.#data = [[...nearest.map((_, i) => from + i * step), ...rest[0]], [...nearest, ...rest[1]], [...required, ...rest[2]]];
+    const points = bridged(nearest, SKIPPED_S / step);
+    const columns = [points.map((i) => from + i * step), points.map((i) => nearest[i]), points.map((i) => required[i])];
+    this.#data = columns.map((column, i) => [...column, ...rest[i]]);
     this.#dirty = true;
   }
 
@@ -205,4 +208,20 @@ export class Strip {
     if (width > 50 && height > 30) this.#plot.setSize({ width, height });
     this.#dirty = true;
   }
+}
+
+// Places of a curve, without those gaps that are shorter than `longest`: an instant that was skipped is no absence.
+function bridged(values, longest) {
+  const places = [];
+  let gap = [];
+  values.forEach((value, i) => {
+    if (value === null) {
+      gap.push(i);
+      return;
+    }
+    if (gap.length > longest) places.push(...gap);
+    gap = [];
+    places.push(i);
+  });
+  return places.concat(gap);
 }
