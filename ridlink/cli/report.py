@@ -9,10 +9,9 @@ from typing import Any
 
 import click
 
-from ridlink.cli import EXIT_DONE, EXIT_IO
 from ridlink.cli.options import capture_kind, definition_of
 from ridlink.cli.output import whole_output
-from ridlink.cli.reviewing import open_sources, tell_of_sources, walk_through
+from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 
 ROWS = 500
 
@@ -28,6 +27,7 @@ ROWS = 500
     "--pictures", type=click.IntRange(0, ROWS), default=40, show_default=True, metavar="N",
     help="So many encounters, those of the least margin, are drawn.",
 )  # fmt: skip
+@strict
 def report(
     files: tuple[str, ...],
     kind: str,
@@ -36,13 +36,14 @@ def report(
     html: str | None,
     no_html: bool,
     pictures: int,
+    is_strict: bool,
 ) -> int:
     """Find every encounter in recordings (tlog, pcap, pcapng): who, when, how near, with what margin under each
     definition, and who moved. One JSON object a line, and one HTML page with a plan and a distance plot for each.
 
     \b
-    ridlink report flight.tlog                        lines to the screen, flight-report.html here
-    ridlink report a.tlog b.tlog --no-html -o e.jsonl     the logs of several vehicles of one flight
+    ridlink report flight.tlog                          lines to the screen, flight-report.html here
+    ridlink report a.tlog b.tlog --no-html -o e.jsonl   the logs of several vehicles of one flight
 
     A vehicle whose own broadcast is not recorded, or tells no error, takes part with its telemetry. All of it is as
     reported: nothing in a recording says where a vehicle truly was.
@@ -78,7 +79,7 @@ def report(
     click.echo(f"ridlink: {summary_line(summary)}", err=True)
     if page is not None:
         _write_page(page, report_page(summary, watched.worst(), drawn=pictures))
-    return EXIT_IO if tell_of_sources(sources) or absent else EXIT_DONE
+    return exit_code(sources, absent, is_strict)
 
 
 def _write_page(page: Path, text: str) -> None:

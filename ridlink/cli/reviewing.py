@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS
 from ridlink.cli.decode_export import readable
 from ridlink.cli.progress import Progress
 from ridlink.errors import CaptureError
@@ -15,6 +16,9 @@ from ridlink.errors import CaptureError
 if TYPE_CHECKING:
     from ridlink.review import Source, Walk
     from ridlink.review.walk import Watcher
+
+
+strict = click.option("--strict", "is_strict", is_flag=True, help="Exit with 4 if anything in the files was damaged.")
 
 
 def open_sources(files: tuple[str, ...], kind: str) -> tuple[list[Source], int]:
@@ -55,16 +59,22 @@ def walk_through(sources: Sequence[Source], watchers: Sequence[Watcher]) -> Walk
     return walk
 
 
-def tell_of_sources(sources: Sequence[Source]) -> int:
-    """Say on standard error what was damaged; how many recordings ended before their end."""
-    broken = 0
+def exit_code(sources: Sequence[Source], absent: int, is_strict: bool) -> int:
+    """Say on standard error what was damaged, or ended before its end; the exit code that follows.
+
+    Args:
+        sources: Recordings that were read.
+        absent: How many could not be.
+        is_strict: Damage is a failure.
+    """
     for source in sources:
         if source.rejects:
             click.echo(f"ridlink: {source.name}: damaged: {source.rejects}", err=True)
         if source.error is not None:
-            broken += 1
             click.echo(f"ridlink: {_text_of(source)}", err=True)
-    return broken
+    if absent or any(source.error is not None for source in sources):
+        return EXIT_IO
+    return EXIT_REJECTS if is_strict and any(source.rejects for source in sources) else EXIT_DONE
 
 
 def _text_of(source: Source) -> str:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ridlink.cli import EXIT_DONE, EXIT_IO
 from ridlink.cli.options import capture_kind, definition_of
 from ridlink.cli.output import whole_output
-from ridlink.cli.reviewing import open_sources, tell_of_sources, walk_through
+from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 
 if TYPE_CHECKING:
     from ridlink.review import Walk
@@ -41,6 +40,7 @@ def _share(_: click.Context, __: click.Parameter, value: float | None) -> float 
 @click.option("--json", "as_json", is_flag=True, help="One JSON object instead of a table.")
 @click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values instead of a table.")
 @click.option("-o", "--output", metavar="OUT", help="Write there instead of to standard output.")
+@strict
 def whatif(
     files: tuple[str, ...],
     kind: str,
@@ -50,6 +50,7 @@ def whatif(
     as_json: bool,
     as_csv: bool,
     output: str | None,
+    is_strict: bool,
 ) -> int:
     """Judge recorded traffic (tlog, pcap, pcapng) under each definition: how many alerts it would have given, for how
     long, how near the disc came, and which collisions of reported airframes it would not have announced.
@@ -76,7 +77,7 @@ def whatif(
     text = _json(rows, walk, ahead_s) if as_json else _csv(rows) if as_csv else _table(rows, walk, ahead_s)
     with whole_output(output) as out:
         out.write(text.encode())
-    return EXIT_IO if tell_of_sources(sources) or absent else EXIT_DONE
+    return exit_code(sources, absent, is_strict)
 
 
 def _json(rows: list[dict[str, Any]], walk: Walk, ahead_s: float) -> str:

@@ -56,7 +56,8 @@ def test_what_could_be_read_of_a_broken_file_is_reported(log: Path, tmp_path: Pa
     data[5000:5100] = bytes(100)
     log.write_bytes(data[:-7])
     done = run(log, "--no-html")
-    assert len(done.stdout.splitlines()) == 1 and "damaged: " in done.stderr
+    assert len(done.stdout.splitlines()) == 1 and "damaged: " in done.stderr and done.return_value == 0
+    assert run(log, "--no-html", "--strict").return_value == 4
 
 
 def test_other_files_are_done_when_one_is_none(log: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from ridlink.observer import Scene
 from ridlink.review import Source, Walk, source, together
 from ridlink.review.approach import nearest_since
 from tests.captures.conftest import START_US, tlog_bytes
+from tests.captures.pcap_files import ethernet, ipv4, pcap, udp
 from tests.observer.flights import Flyer, frames
 from tests.review.recordings import NORTHBOUND, SOUTHBOUND, START_S, recorded, records
 
@@ -106,6 +107,16 @@ def test_a_large_file_is_read_as_a_small_one_is(tmp_path: Path, monkeypatch: pyt
     large = Source(str(path))
     assert [(time_us, frame.raw) for time_us, frame in together([large])] == small
     assert large.position == large.size == path.stat().st_size
+
+
+def test_a_pcap_of_the_same_flight_is_the_same(tmp_path: Path) -> None:
+    flight = records([NORTHBOUND, SOUTHBOUND], 2.0)
+    tlog, sniffed = tmp_path / "f.tlog", tmp_path / "f.pcap"
+    tlog.write_bytes(tlog_bytes(flight))
+    sniffed.write_bytes(pcap([(time_us, ethernet(ipv4(udp(frame)))) for time_us, frame in flight]))
+    (_, one), (_, other) = walked(tlog), walked(sniffed)
+    assert [scene.time_s for scene in one.scenes] == [scene.time_s for scene in other.scenes]
+    assert one.scenes[-1].position_ne_m == pytest.approx(other.scenes[-1].position_ne_m)
 
 
 @pytest.mark.parametrize("suffix", ["mavlink", "hex"])
