@@ -10,11 +10,13 @@ KERNELS := ridlink/avoidance/contact.py,ridlink/avoidance/encounter.py,ridlink/a
 CORE    := ridlink/errors.py,ridlink/units.py,ridlink/geodesy.py,ridlink/mavlink/*,ridlink/remote_id/*,ridlink/traffic/*,ridlink/separation/*,ridlink/avoidance/*,ridlink/own_ship/*,ridlink/failsafe.py,ridlink/setpoint.py,ridlink/engine/*
 CORE_TESTS := tests/mavlink tests/remote_id tests/traffic tests/separation tests/avoidance tests/test_broadcast.py tests/test_detection.py tests/test_engine.py tests/test_faults_engine.py tests/test_errors.py tests/test_failsafe.py tests/test_geodesy.py tests/test_guard.py tests/test_own_ship.py tests/test_recovery.py tests/test_setpoint.py tests/test_units.py
 WORKERS ?= 2
+# Of `make e2e`: nothing for all acceptance flights, quick for one seed each, none.
+FLIGHTS ?=
 
 .PHONY: demo test lint coverage bench e2e soak clean help
 
 help:
-	@echo "make demo   install into $(VENV) and fly 8 emulated vehicles through one point"
+	@echo "make demo   install into $(VENV), fly 8 emulated vehicles through one point, and show them in a browser"
 	@echo "make test   install the test extras, run linters, type checks and every test"
 	@echo "make coverage  branch coverage of the kernels, run as plain Python"
 	@echo "make bench  print the benchmark tables"
@@ -31,7 +33,7 @@ $(BIN)/python:
 
 $(VENV)/.installed: $(BIN)/python $(SOURCES)
 	@echo "Installing ridlink and what it needs into $(VENV) (about a minute the first time) ..."
-	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -e .
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -e '.[web]'
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed
@@ -70,7 +72,7 @@ bench: $(VENV)/.installed-dev
 	@$(BIN)/python -m tests.bench
 
 e2e: $(VENV)/.installed-dev
-	@$(BIN)/python -m tests.e2e
+	@test '$(FLIGHTS)' = none || $(BIN)/python -m tests.e2e $(FLIGHTS)
 
 soak: $(VENV)/.installed-dev
 	@$(BIN)/python -m tests.soak
