@@ -35,6 +35,7 @@ LAYERS = {
     "ridlink.captures": 5,
     "ridlink.observer": 5,
     "ridlink.links": 6,
+    "ridlink.metrics": 6,
     "ridlink.impair": 6,
     "ridlink.doctor": 6,
     "ridlink.mqtt": 6,

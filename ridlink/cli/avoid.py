@@ -145,6 +145,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     help="Keys as these options, with underscores; options win. Obstacles stand here only.",
 )
 @click.option("--log", metavar="FILE.tlog", help="Record everything received and sent; replaces the file.")
+@click.option("--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics there (extra metrics).")
 @click.option(
     "--input-log", metavar="FILE", help="Record what is needed to decide the flight again; replaces the file."
 )
@@ -155,9 +156,31 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     metavar="FILE",
     help="Decide the flight of an input log again, without any link: prints the decisions with --json, and their hash.",
 )
+@click.option(
+    "--dry-run",
+    is_flag=True,
+    default=None,
+    help="Decide and say what would be sent, but send no setpoint and change no mode.",
+)
+@click.option(
+    "--config-reference", "as_reference", is_flag=True, help="Print what a configuration file may contain, and exit."
+)
+@click.option("--allow-v1", is_flag=True, default=None, help="Take MAVLink 1 frames as well, on both links.")
+@click.option(
+    "--filter-positions/--no-filter-positions",
+    default=None,
+    help="Smooth reported positions, own and others'.  [default: true]",
+)
 @click.option("--print-config", is_flag=True, help="Print the configuration that would be flown, and exit.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line on standard output.")
-def avoid(config_file: str | None, replayed: str | None, print_config: bool, as_json: bool, **options: Any) -> int:
+def avoid(
+    config_file: str | None,
+    replayed: str | None,
+    as_reference: bool,
+    print_config: bool,
+    as_json: bool,
+    **options: Any,
+) -> int:
     """Keep one vehicle's distance: hear Remote ID, steer by velocity setpoints.
 
     Engages as soon as the vehicle is armed and in GUIDED or OFFBOARD, and ends when the pilot changes the mode. Never
@@ -168,6 +191,14 @@ def avoid(config_file: str | None, replayed: str | None, print_config: bool, as_
         ridlink avoid --guard --takeoff-aware
         ridlink avoid --vehicle udpin:0.0.0.0:14540 --standby --config vehicle.toml --log flight.tlog
     """
+    if as_reference:
+        from ridlink.daemon.reference import reference
+
+        helps = {
+            param.name: param.help or "" for param in avoid.params if isinstance(param, click.Option) and param.name
+        }
+        click.echo(reference(helps), nl=False)
+        return EXIT_DONE
     gc.disable()  # until the daemon runs: nothing of what is imported now is garbage, and looking for it takes a sixth
     try:
         return _avoid(config_file, replayed, print_config, as_json, options)
@@ -308,6 +339,9 @@ class _HumanPrinter(_Printer):
             self._put(f"{self._clear}{facts['state']}: {facts['reason']}\n", error=True)
         elif facts["event"] == "warning":
             self._put(f"{self._clear}warning: {facts['text']}\n", error=True)
+        elif facts["event"] == "dry_run":
+            north, east, down = facts["velocity_ned_mps"]
+            self._put(f"{self._clear}would fly {north:+.1f} north, {east:+.1f} east, {-down:+.1f} up m/s\n", error=True)
         elif facts["event"] == "recording_ended":
             self._put(f"{self._clear}the recording has ended: {facts['reason']}\n", error=True)
         elif self._live:

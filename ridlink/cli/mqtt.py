@@ -15,6 +15,7 @@ from ridlink.cli.signals import stopped_by_signals
 from ridlink.errors import ConfigError
 
 if TYPE_CHECKING:
+    from ridlink.metrics import MetricsServer
     from ridlink.mqtt.bridge import Bridge
 
 PASSWORD_VARIABLE = "RIDLINK_MQTT_PASSWORD"
@@ -43,6 +44,7 @@ PASSWORD_VARIABLE = "RIDLINK_MQTT_PASSWORD"
 @click.option("--home-assistant", is_flag=True, help="Announce each aircraft as a device tracker.")
 @click.option("--in", "feed", metavar="TOPIC", help="Take a foreign JSON feed as traffic; needs --relay.")
 @click.option("--relay", metavar="URL", help="Where the traffic of the feed goes, as Remote ID frames.")
+@click.option("--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics there (extra metrics).")
 def mqtt(
     broker: str,
     source: str,
@@ -56,6 +58,7 @@ def mqtt(
     home_assistant: bool,
     feed: str | None,
     relay: str | None,
+    metrics: str | None,
 ) -> int:
     """Publish who is in the air, who meets whom and alerts on an MQTT broker, until Ctrl-C.
 
@@ -69,6 +72,7 @@ def mqtt(
     from importlib.metadata import version
 
     from ridlink.links import parse_link_url
+    from ridlink.metrics import MQTT_METRICS, MetricsServer, parse_metrics_address
     from ridlink.mqtt import Publisher, PublisherSettings, Topics, parse_broker_url
     from ridlink.mqtt.bridge import Bridge
 
@@ -83,6 +87,7 @@ def mqtt(
     broker_url, source_url = parse_broker_url(broker), parse_link_url(source)
     relay_url = None if relay is None else parse_link_url(relay)
     password = _password(password_file)
+    metrics_address = None if metrics is None else parse_metrics_address(metrics)
 
     async def run() -> Bridge:
         bridge = Bridge(
@@ -96,7 +101,17 @@ def mqtt(
             relay=relay_url,
             on_event=lambda text: click.echo(f"ridlink: {text}", err=True),
         )
-        await bridge.run(stopped_by_signals(asyncio.get_running_loop()))
+        stop = stopped_by_signals(asyncio.get_running_loop())
+        if metrics_address is None:
+            await bridge.run(stop)
+            return bridge
+        server = MetricsServer(metrics_address, MQTT_METRICS)
+        serving = asyncio.create_task(_leave_figures(bridge, server))
+        try:
+            await bridge.run(stop)
+        finally:
+            serving.cancel()
+            await asyncio.to_thread(server.close)
         return bridge
 
     bridge = asyncio.run(run())
@@ -106,6 +121,24 @@ def mqtt(
         f"{waited:,} overtaken by newer ones"
     )
     return EXIT_DONE
+
+
+async def _leave_figures(bridge: Bridge, server: MetricsServer) -> None:
+    import asyncio
+
+    while True:
+        outbox, counters = bridge.outbox, bridge.counters
+        server.publish(
+            {
+                "ridlink_mqtt_published": counters["published"],
+                "ridlink_mqtt_connections": counters["connections"],
+                "ridlink_mqtt_waiting": len(outbox),
+                "ridlink_mqtt_overtaken": outbox.replaced,
+                "ridlink_mqtt_dropped": outbox.dropped,
+                "ridlink_mqtt_events": {k: v for k, v in counters.items() if k not in ("published", "connections")},
+            }
+        )
+        await asyncio.sleep(1.0)
 
 
 def _password(file: Path | None) -> str | None:

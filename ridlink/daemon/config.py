@@ -36,6 +36,7 @@ from ridlink.checked_toml import parse_toml
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
 from ridlink.links import LinkUrl, SigningOptions, parse_link_url
+from ridlink.metrics import parse_metrics_address
 from ridlink.own_ship.broadcast import Form
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition
@@ -65,6 +66,7 @@ class DaemonConfig:
         engine: What the engine is told.
         broadcast_to: Link on which the own Remote ID is transmitted; None: the one on which others are heard.
         signing: How the vehicle link is signed; None: not at all.
+        metrics: Host and port where Prometheus metrics are served; None: nowhere.
         log: Recording of everything received and sent, a .tlog; None for none.
         input_log: Recording from which the flight can be decided again, see `input_log`; None for none.
         period_s: Time between decisions. The response study holds for 0.1 s.
@@ -75,6 +77,7 @@ class DaemonConfig:
     engine: EngineConfig = field(default_factory=EngineConfig)
     broadcast_to: LinkUrl | None = None
     signing: SigningOptions | None = None
+    metrics: tuple[str, int] | None = None
     log: Path | None = None
     input_log: Path | None = None
     period_s: float = CONTROL_PERIOD_S
@@ -134,6 +137,8 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     require_signature: bool | None = None
     signing_link_id: int | None = None
     signing_state: str | None = None
+    metrics: str | None = None
+    dry_run: bool | None = None
     halfplane: dict[str, float] | None = None
     graded: dict[str, float] | None = None
     rotation: dict[str, float] | None = None
@@ -275,6 +280,7 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
             broadcast=or_default(flat.broadcast, engine.broadcast),
             broadcast_form=_named(Form, "broadcast-form", or_default(flat.broadcast_form, engine.broadcast_form)),
             operator_id=or_default(flat.operator_id, engine.operator_id),
+            dry_run=or_default(flat.dry_run, engine.dry_run),
         )
     except ConfigError:
         raise
@@ -286,6 +292,7 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
         engine=engine,
         broadcast_to=None if flat.broadcast_to is None else parse_link_url(flat.broadcast_to),
         signing=SigningOptions.of(flat.signing_key, flat.require_signature, flat.signing_link_id, flat.signing_state),
+        metrics=None if flat.metrics is None else parse_metrics_address(flat.metrics),
         log=None if flat.log is None else Path(flat.log),
         input_log=None if flat.input_log is None else Path(flat.input_log),
     )
@@ -331,6 +338,7 @@ def as_toml(config: DaemonConfig) -> str:
         f"takeoff_aware = {str(engine.takeoff_aware).lower()}",
         f"takeoff_height = {engine.takeoff_height_m}",
         f"allow_v1 = {str(engine.allow_v1).lower()}",
+        f"dry_run = {str(engine.dry_run).lower()}",
         f"broadcast = {str(engine.broadcast).lower()}",
         f'broadcast_form = "{engine.broadcast_form}"',
     ]
@@ -352,6 +360,8 @@ def as_toml(config: DaemonConfig) -> str:
             f"signing_link_id = {config.signing.link_id}",
             f"signing_state = {_quoted(str(config.signing.state))}",
         ]
+    if config.metrics is not None:
+        lines.append(f'metrics = "{config.metrics[0]}:{config.metrics[1]}"')
     if engine.airframe_height_m is not None:
         lines.append(f"airframe_height = {engine.airframe_height_m}")
     if config.log is not None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ridlink.captures.recorder import Recorder
 from ridlink.daemon.config import DaemonConfig, as_toml
+from ridlink.daemon.figures import figures
 from ridlink.daemon.input_log import InputLog
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.summary import Spread, Summary
@@ -26,6 +27,8 @@ from ridlink.engine import Engine, StepOutput
 from ridlink.errors import RidlinkError
 from ridlink.links import Address, Link, open_link, open_signed_link
 from ridlink.mavlink.signing import SignatureCause
+from ridlink.metrics import AVOID_METRICS, MetricsServer
+from ridlink.own_ship.requests import steers
 from ridlink.periodic import Periodic
 
 STOP_SPACING_S = 0.05
@@ -73,6 +76,7 @@ class AvoidDaemon:
         self._recorder: Recorder | None = None
         self._input_log: InputLog | None = None
         self._counters: Counter[str] = Counter()
+        self._broadcasts = 0
         self._decision_ms = Spread()
         self._decision_cpu_ms = Spread()
         self._gap_ms = Spread()
@@ -85,6 +89,8 @@ class AvoidDaemon:
         self._stalls: deque[str] = deque(maxlen=4)
         self._hold = False
         self._told_of_signatures = False
+        self._metrics: MetricsServer | None = None
+        self._metrics_due = Periodic(1.0)
 
     async def run(self, stop: asyncio.Event) -> Summary:
         """Fly until told to stop; then three zero setpoints, and the links are closed.
@@ -104,6 +110,8 @@ class AvoidDaemon:
             self._air = await open_link(self.config.remote_id, self._from_air)
             if self.config.broadcast_to is not None:
                 self._transmitter = await open_link(self.config.broadcast_to, lambda _, __: None)
+            if self.config.metrics is not None:
+                self._metrics = MetricsServer(self.config.metrics, AVOID_METRICS)
             if self.config.log is not None:  # after the links: a port in use must not cost the log of another daemon
                 self._recorder = Recorder(self.config.log, overwrite=True)
             if self.config.input_log is not None:
@@ -118,6 +126,8 @@ class AvoidDaemon:
             for link in (self._vehicle, self._air, self._transmitter):
                 if link is not None:
                     link.close()
+            if self._metrics is not None:
+                await asyncio.to_thread(self._metrics.close)
             if self._recorder is not None:
                 await asyncio.to_thread(self._recorder.close, LAST_RECORDS_S)
             if self._input_log is not None:
@@ -131,6 +141,11 @@ class AvoidDaemon:
         if signing is None:
             return await open_link(self.config.vehicle, self._from_vehicle)
         return await open_signed_link(self.config.vehicle, self._from_vehicle, signing)
+
+    @property
+    def metrics_port(self) -> int | None:
+        """Where metrics are served; None while they are not."""
+        return None if self._metrics is None else self._metrics.port
 
     # --- time -----------------------------------------------------------------------------------------------------
 
@@ -199,6 +214,7 @@ class AvoidDaemon:
         if self._input_log is not None:
             self._input_log.step(now_s, hold, self.engine.warm, utc_s, output, self.engine.rung.reason)
             self._input_log.took(took)
+        self._leave_figures(output)
         self._report(output)
 
     async def _end(self) -> None:
@@ -237,7 +253,7 @@ class AvoidDaemon:
         transmitter = self._transmitter or self._air
         for datagram in output.broadcasts:
             if transmitter is not None:
-                transmitter.send(datagram)
+                self._broadcasts += transmitter.send(datagram)
                 self._record(datagram)
         for frame, address in output.replies:
             if self._vehicle is not None and isinstance(address, tuple):
@@ -254,6 +270,9 @@ class AvoidDaemon:
     def _to_vehicle(self, frame: bytes) -> None:
         if self._vehicle is None:
             return
+        if self.config.engine.dry_run and steers(frame):
+            self._counters["dry_run_withheld"] += 1
+            return
         address = self.engine.vehicle_source
         self._vehicle.send(frame, address if isinstance(address, tuple) else None)
         self._record(frame)
@@ -261,6 +280,20 @@ class AvoidDaemon:
     def _record(self, data: bytes) -> None:
         if self._recorder is not None:
             self._recorder.receive(data)
+
+    def _leave_figures(self, output: StepOutput) -> None:
+        if self._metrics is None or not self._metrics_due.due(output.decision.time_s):
+            return
+        self._metrics.publish(
+            figures(
+                self.engine,
+                output,
+                decision_ms=self._decision_ms,
+                gap_ms=self._gap_ms,
+                broadcasts=self._broadcasts,
+                events=self.rejects(),
+            )
+        )
 
     # --- words ----------------------------------------------------------------------------------------------------
 
@@ -303,6 +336,8 @@ class AvoidDaemon:
             detection_given_m=_finite(detection.given_m if detection is not None else None),
             detection_short=detection is not None and detection.short,
         )
+        if self.config.engine.dry_run and command is not None:
+            self._emit("dry_run", velocity_ned_mps=[round(value, 2) for value in command])
 
     def _refused_signatures(self) -> list[str]:
         """What to say when the vehicle link refuses frames: without it, a key set up wrongly looks like silence."""
@@ -325,7 +360,7 @@ class AvoidDaemon:
         """Totals so far."""
         totals = self.engine.summary()
         return Summary(
-            setpoints=totals.setpoints,
+            setpoints=0 if self.config.engine.dry_run else totals.setpoints,
             reports_received=totals.reports_received,
             decision_ms=self._decision_ms.summary(),
             decision_cpu_ms=self._decision_cpu_ms.summary(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import asdict, dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,14 @@ class Spread:
         """One more value."""
         self._recent.append(value)
         self._most = max(self._most, value)
+
+    def quantiles(self, last: int, scale: float) -> dict[str, float]:
+        """Median, 99th percentile and maximum of the last so many, times a scale, by quantile; empty without any."""
+        recent = list(islice(reversed(self._recent), last))
+        if not recent:
+            return {}
+        figures = np.percentile(np.array(recent), (50, 99, 100)) * scale
+        return dict(zip(("0.5", "0.99", "1"), figures.tolist(), strict=True))
 
     def summary(self) -> dict[str, float]:
         """Those three, rounded."""

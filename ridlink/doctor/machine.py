@@ -27,6 +27,7 @@ PORTS = {
 EXTRAS = {
     "mavsdk": ("mavsdk", "flying vehicles with MAVSDK"),
     "web": ("starlette", "the page in the browser"),
+    "metrics": ("prometheus_client", "metrics for Prometheus"),
     "mqtt": ("aiomqtt", "publishing the traffic on a broker"),
     "export": ("pyarrow", "Parquet and MCAP, campaigns"),
     "plot": ("matplotlib", "figures"),

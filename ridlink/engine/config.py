@@ -67,6 +67,7 @@ class EngineConfig:
         broadcast: Transmit the own Remote ID as well.
         broadcast_form: For whom that is meant.
         operator_id: Identity of the operator in it; empty for none.
+        dry_run: What is decided does not leave: nobody is told that we avoid, and another writer is no reason to yield.
     """
 
     goal: Goal | None = None
@@ -99,6 +100,7 @@ class EngineConfig:
     broadcast: bool = False
     broadcast_form: Form = Form.AIR
     operator_id: str = ""
+    dry_run: bool = False
 
     @property
     def solver_settings(self) -> HalfplaneSettings | GradedSettings | RotationSettings:

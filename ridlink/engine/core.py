@@ -269,14 +269,15 @@ class Engine:
     def _transmit(self, broadcast: Broadcast, output: StepOutput, now_s: float, utc_s: float | None) -> None:
         """Add the own Remote ID, with the velocity that was sent in this step."""
         lock, telemetry = self.telemetry.lock, self.telemetry
+        steers = telemetry.external_mode and not self.config.dry_run
         output.broadcasts = broadcast.datagrams(
             self.encoder,
             telemetry,
             now_s=now_s,
             utc_s=utc_s,
             uas_id=self._uas_id,
-            commanded=output.decision.commanded_ned_mps if telemetry.external_mode else None,
-            avoiding=self.rung.state is State.ENGAGED and telemetry.external_mode,
+            commanded=output.decision.commanded_ned_mps if steers else None,
+            avoiding=self.rung.state is State.ENGAGED and steers,
         )
         if lock is not None and telemetry.home is None and self._home_due.due(now_s):
             output.to_vehicle += message_requests(self.encoder, lock.sysid, HOME_POSITION_US)
@@ -375,7 +376,7 @@ class Engine:
             stalled=self._hold_next,
             warming=not self.warm,
             own_jumped=telemetry.jumped(now_s),
-            other_writer=telemetry.other_writer.must_yield(now_s),
+            other_writer=not self.config.dry_run and telemetry.other_writer.must_yield(now_s),
             has_goal=self.goal is not None,
             deciding_fails=self.steering.fatal,
         )

@@ -7,6 +7,8 @@ from ridlink.own_ship.telemetry import AUTOPILOT_COMPONENT
 
 SET_MESSAGE_INTERVAL = 511
 """MAV_CMD."""
+SET_POSITION_TARGET_LOCAL_NED, COMMAND_LONG = 84, 76
+"""Message ids."""
 
 WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 85: 100_000, 193: 500_000, 245: 500_000}
 """GLOBAL_POSITION_INT, GPS_RAW_INT, POSITION_TARGET_LOCAL_NED, EKF_STATUS_REPORT and EXTENDED_SYS_STATE, which an
@@ -24,6 +26,14 @@ def command(encoder: Encoder, number: int, parameters: tuple[float, ...], sysid:
     return encoder.encode(
         "COMMAND_LONG", command=number, target_system=sysid, target_component=AUTOPILOT_COMPONENT, **fields
     )
+
+
+def steers(frame: bytes) -> bool:
+    """Whether a frame of ours moves a vehicle or changes its mode: all but words and requests for messages."""
+    msgid = int.from_bytes(frame[7:10], "little")
+    if msgid == SET_POSITION_TARGET_LOCAL_NED:
+        return True
+    return msgid == COMMAND_LONG and int.from_bytes(frame[38:40], "little") != SET_MESSAGE_INTERVAL
 
 
 def message_requests(encoder: Encoder, sysid: int, wanted: dict[int, int] | None = None) -> list[bytes]:

@@ -1,0 +1,161 @@
+"""Prometheus metrics over HTTP, off the control path: who flies leaves its figures once a second, threads serve them.
+
+What is left is replaced as a whole, so that a reader sees the figures of one instant and the loop waits for nobody.
+Loopback unless asked otherwise. Needs the extra `metrics` (prometheus-client).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+
+from ridlink.errors import ConfigError, LinkError, MissingExtraError
+
+DEFAULT_HOST = "127.0.0.1"
+
+Value = float | Mapping[str, float]
+"""A figure, or figures by the value of a label."""
+
+
+class Kind(StrEnum):
+    """What a figure does as time goes by."""
+
+    GAUGE = "gauge"
+    COUNTER = "counter"
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One metric.
+
+    Args:
+        kind: Whether it only grows.
+        text: What it says.
+        label: Name of its label; empty for none.
+    """
+
+    kind: Kind
+    text: str
+    label: str = ""
+
+
+AVOID_METRICS: Mapping[str, Metric] = MappingProxyType(
+    {
+        "ridlink_state": Metric(Kind.GAUGE, "1 for the state of the failsafe ladder, 0 for the others.", "state"),
+        "ridlink_tracks": Metric(Kind.GAUGE, "Aircraft that are followed."),
+        "ridlink_tracks_doubtful": Metric(Kind.GAUGE, "Of these, ones that do not move as they say."),
+        "ridlink_conflicts": Metric(Kind.GAUGE, "Neighbours whose disc is entered if all fly on."),
+        "ridlink_nearest_margin_metres": Metric(Kind.GAUGE, "Distance to the nearest disc; absent without traffic."),
+        "ridlink_time_to_violation_seconds": Metric(Kind.GAUGE, "Until the first disc is entered; absent if never."),
+        "ridlink_own_error_metres": Metric(
+            Kind.GAUGE, "Own position error, three standard deviations; absent if unknown."
+        ),
+        "ridlink_setpoints": Metric(Kind.COUNTER, "Setpoints sent."),
+        "ridlink_reports_received": Metric(Kind.COUNTER, "LOCATION messages taken."),
+        "ridlink_infeasible_steps": Metric(Kind.COUNTER, "Decisions without an admissible velocity."),
+        "ridlink_broadcasts": Metric(Kind.COUNTER, "Datagrams of the own Remote ID sent."),
+        "ridlink_decision_seconds": Metric(Kind.GAUGE, "Time of a step, of the last minute.", "quantile"),
+        "ridlink_setpoint_gap_seconds": Metric(Kind.GAUGE, "Between two setpoints, of the last minute.", "quantile"),
+        "ridlink_events": Metric(Kind.COUNTER, "What was dropped, clamped, refused or noticed.", "cause"),
+    }
+)
+"""Of `ridlink avoid`. Counters bear `_total` after their name."""
+
+MQTT_METRICS: Mapping[str, Metric] = MappingProxyType(
+    {
+        "ridlink_mqtt_published": Metric(Kind.COUNTER, "Messages that the broker took."),
+        "ridlink_mqtt_connections": Metric(Kind.COUNTER, "Times that the broker was reached."),
+        "ridlink_mqtt_waiting": Metric(Kind.GAUGE, "Messages that wait for the broker."),
+        "ridlink_mqtt_overtaken": Metric(Kind.COUNTER, "Messages for which a newer one of their topic went."),
+        "ridlink_mqtt_dropped": Metric(Kind.COUNTER, "Messages for which there was no room."),
+        "ridlink_mqtt_events": Metric(Kind.COUNTER, "What was refused or noticed.", "cause"),
+    }
+)
+"""Of `ridlink mqtt`."""
+
+
+def parse_metrics_address(text: str) -> tuple[str, int]:
+    """Host and port of ``HOST:PORT``, ``:PORT`` or ``PORT``.
+
+    Raises:
+        ConfigError: If it is none of these.
+    """
+    host, _, port = text.strip().rpartition(":")
+    if not (port.isascii() and port.isdecimal() and int(port) <= 65535):
+        raise ConfigError(f"metrics {text!r}: write HOST:PORT, as in {DEFAULT_HOST}:9464")
+    return host.strip("[]") or DEFAULT_HOST, int(port)
+
+
+class MetricsServer:
+    """Serves figures until it is closed.
+
+    Args:
+        address: Host and port; port 0 lets the kernel choose.
+        metrics: What is served.
+
+    Raises:
+        MissingExtraError: If prometheus-client is not installed.
+        LinkError: If the port cannot be had.
+
+    Attributes:
+        port: Where it listens.
+    """
+
+    def __init__(self, address: tuple[str, int], metrics: Mapping[str, Metric]) -> None:
+        try:
+            from prometheus_client import CollectorRegistry, start_http_server
+        except ImportError as error:
+            raise MissingExtraError("metrics", "--metrics") from error
+        self._metrics = metrics
+        self._values: Mapping[str, Value] = {}
+        registry = CollectorRegistry()
+        registry.register(self)  # type: ignore[arg-type]
+        host, port = address
+        try:
+            self._server, self._thread = start_http_server(port, host, registry)
+        except OSError as error:
+            raise LinkError(f"metrics {host}:{port}: {error.strerror or error}; choose another port") from error
+        self.port = int(self._server.server_port)
+
+    def publish(self, values: Mapping[str, Value]) -> None:
+        """Replace all figures; what is left out is absent."""
+        self._values = values
+
+    def describe(self) -> list[object]:
+        """Nothing is collected before anything was published; part of prometheus-client's interface."""
+        return []
+
+    def collect(self) -> Iterator[object]:
+        """The figures as they were left last; part of prometheus-client's interface, called by its threads."""
+        from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
+
+        values = self._values
+        for name, metric in self._metrics.items():
+            if name not in values:
+                continue
+            family = CounterMetricFamily if metric.kind is Kind.COUNTER else GaugeMetricFamily
+            found = family(name, metric.text, labels=[metric.label] if metric.label else None)
+            value = values[name]
+            if isinstance(value, Mapping):
+                for label, figure in value.items():
+                    found.add_metric([label], figure)
+            else:
+                found.add_metric([], value)
+            yield found
+
+    def close(self) -> None:
+        """Release the port."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join(1.0)
+
+
+def metrics_table(metrics: Mapping[str, Metric]) -> str:
+    """The metrics as a table of Markdown."""
+    rows = ["| metric | label | what it says |", "| --- | --- | --- |"]
+    for name, metric in metrics.items():
+        full = name + ("_total" if metric.kind is Kind.COUNTER else "")
+        rows.append(f"| `{full}` | {f'`{metric.label}`' if metric.label else ''} | {metric.text} |")
+    return "\n".join(rows)

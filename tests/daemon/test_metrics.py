@@ -1,0 +1,96 @@
+"""Metrics over HTTP while a daemon flies, and a daemon that only says what it would do."""
+
+from __future__ import annotations
+
+import asyncio
+import urllib.error
+import urllib.request
+from typing import Any
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from ridlink.engine import EngineConfig, Goal
+from ridlink.errors import ConfigError, LinkError
+from ridlink.metrics import AVOID_METRICS, MQTT_METRICS, Kind, MetricsServer, parse_metrics_address
+from tests.daemon.emulated import PATIENCE_S, Emulated, at
+from tests.daemon.harness import run, running
+
+
+def read(port: int) -> dict[str, Any]:
+    """Samples by name, with their labels."""
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=PATIENCE_S) as answer:
+        families = text_string_to_metric_families(answer.read().decode())
+        return {(s.name, *s.labels.values()): s.value for family in families for s in family.samples}  # type: ignore[misc]
+
+
+def test_a_flight_is_seen_from_outside() -> None:
+    async def test() -> None:
+        async with running(metrics=("127.0.0.1", 0)) as flight:
+            port = flight.daemon.metrics_port
+            assert port is not None and flight.air.link is not None
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: bool(flight.air.heard))
+            flight.air.link.send(Emulated(9, ned_m=(250.0, 0.0, -50.0)).remote_id(0.0))
+            flight.air.link.send(b"junk")
+            found: dict[Any, float] = {}
+            async with asyncio.timeout(4 * PATIENCE_S):
+                while found.get(("ridlink_events_total", "garbage")) != 1.0:
+                    await vehicle.changed()
+                    found = await asyncio.to_thread(read, port)
+            assert found[("ridlink_setpoints_total",)] > 0.0
+            assert found["ridlink_state", "engaged"] == 1.0 and found["ridlink_state", "hold"] == 0.0
+            assert found[("ridlink_tracks",)] == 1.0
+            assert found[("ridlink_reports_received_total",)] == 1.0
+            assert 0.0 < found["ridlink_decision_seconds", "0.5"] <= found["ridlink_decision_seconds", "1"]
+            assert found[("ridlink_own_error_metres",)] == pytest.approx(3.0, abs=0.1)
+            await flight.end()
+            with pytest.raises(urllib.error.URLError):
+                await asyncio.to_thread(read, port)
+
+    run(test)
+
+
+def test_a_dry_run_says_what_it_would_send_and_sends_no_setpoint() -> None:
+    async def test() -> None:
+        engine = EngineConfig(goal=Goal(*at(300.0)), dry_run=True, broadcast=True)
+        async with running(engine=engine) as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: any(event["event"] == "dry_run" for event in flight.events))
+            await vehicle.until(lambda: flight.events[-1].get("velocity_ned_mps", [0.0])[0] > 1.0)
+            assert not vehicle.setpoints()
+            names = {message.name for message in vehicle.vehicle.heard}
+            assert {"HEARTBEAT", "RIDLINK_STATUS"} <= names
+            summary = await flight.end()
+            assert summary.setpoints == 0 and summary.rejects["dry_run_withheld"] > 10
+            assert any(len(data) > 60 for data in flight.air.heard)  # everything else leaves
+
+    run(test)
+
+
+def test_figures_of_one_instant_with_their_kinds() -> None:
+    server = MetricsServer(("127.0.0.1", 0), MQTT_METRICS)
+    try:
+        assert read(server.port) == {}
+        server.publish({"ridlink_mqtt_waiting": 3, "ridlink_mqtt_events": {"refused": 2}, "ridlink_mqtt_published": 1})
+        assert read(server.port) == {
+            ("ridlink_mqtt_published_total",): 1.0,
+            ("ridlink_mqtt_waiting",): 3.0,
+            ("ridlink_mqtt_events_total", "refused"): 2.0,
+        }
+        with pytest.raises(LinkError, match="choose another port"):
+            MetricsServer(("127.0.0.1", server.port), AVOID_METRICS)
+    finally:
+        server.close()
+    assert all(name.endswith(("metres", "seconds")) or metric.kind for name, metric in AVOID_METRICS.items())
+    assert not [name for name in (*AVOID_METRICS, *MQTT_METRICS) if name.endswith("_total")]
+    assert {metric.kind for metric in AVOID_METRICS.values()} == set(Kind)
+
+
+def test_addresses_of_metrics() -> None:
+    assert parse_metrics_address("9464") == parse_metrics_address(":9464") == ("127.0.0.1", 9464)
+    assert parse_metrics_address("0.0.0.0:9464") == ("0.0.0.0", 9464)
+    assert parse_metrics_address("[::1]:9464") == ("::1", 9464)
+    for wrong in ("", "host", "host:", "host:70000", "host:-1", "1:1_0"):
+        with pytest.raises(ConfigError, match=r"127\.0\.0\.1:9464"):
+            parse_metrics_address(wrong)
