@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 SOURCES := pyproject.toml hatch_build.py message_spec/ridlink.xml message_spec/generate.py
 
 # The pure core, which the tests must cover by branches. Compiled kernels cannot be traced: see `make coverage`.
-KERNELS := ridlink/avoidance/contact.py,ridlink/avoidance/encounter.py,ridlink/avoidance/graded.py,ridlink/avoidance/halfplane.py,ridlink/avoidance/headings.py,ridlink/avoidance/packing.py,ridlink/avoidance/priority.py,ridlink/avoidance/programme.py,ridlink/avoidance/rotation.py,ridlink/avoidance/route.py,ridlink/avoidance/worlds.py
+KERNELS := ridlink/avoidance/contact.py,ridlink/avoidance/encounter.py,ridlink/avoidance/graded.py,ridlink/avoidance/halfplane.py,ridlink/avoidance/headings.py,ridlink/avoidance/packing.py,ridlink/avoidance/priority.py,ridlink/avoidance/programme.py,ridlink/avoidance/reach.py,ridlink/avoidance/rotation.py,ridlink/avoidance/route.py,ridlink/avoidance/worlds.py
 CORE    := ridlink/errors.py,ridlink/units.py,ridlink/geodesy.py,ridlink/mavlink/*,ridlink/remote_id/*,ridlink/traffic/*,ridlink/separation/*,ridlink/avoidance/*,ridlink/own_ship/*,ridlink/failsafe.py,ridlink/setpoint.py,ridlink/engine/*
 CORE_TESTS := tests/mavlink tests/remote_id tests/traffic tests/separation tests/avoidance tests/test_broadcast.py tests/test_detection.py tests/test_engine.py tests/test_faults_engine.py tests/test_errors.py tests/test_failsafe.py tests/test_geodesy.py tests/test_guard.py tests/test_own_ship.py tests/test_recovery.py tests/test_setpoint.py tests/test_units.py
 WORKERS ?= 2

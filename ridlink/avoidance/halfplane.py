@@ -18,6 +18,8 @@ from ridlink.avoidance.contact import contact_half_planes
 from ridlink.avoidance.encounter import EPSILON, half_plane, lean, passing_side, rule_side, time_to_entry
 from ridlink.avoidance.kernel import copy_lanes, kernel, larger, norm, smaller
 from ridlink.avoidance.programme import BOUND, EXCESS, N_1, N_2, measure, nearest_admissible
+from ridlink.avoidance.reach import REACH_SIDES as REACH_SIDES
+from ridlink.avoidance.reach import keep_within, reach_half_planes
 from ridlink.avoidance.route import approach_speed, nearest_point, route_aim
 from ridlink.avoidance.rows import (
     AGE,
@@ -67,8 +69,8 @@ from ridlink.avoidance.rows import RESULT_COLUMNS as RESULT_COLUMNS
 (
     HORIZON, RESPONSE, BARRIER, BARRIER_SHARE, SMOOTHING, RIGHT_TURN, START_TURN, AGE_ACCELERATION, BUFFER_SHARE,
     ARRIVAL, HEAD_ON_COSINE, HEAD_ON_SPEED, OBSTACLE_HORIZON, OBSTACLE_DECELERATION, OBSTACLE_RESPONSE, ROUTE_MARGIN,
-    CONTACT_STEP,
-) = range(17)  # fmt: skip
+    CONTACT_STEP, ACCELERATION,
+) = range(18)  # fmt: skip
 
 TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
@@ -287,12 +289,13 @@ def nearest_neighbour(neighbours, count, margin_m):  # type: ignore[no-untyped-d
 
 
 @kernel(forceinline=True)
-def name_binding(lines, hard, first, last, ends, slack_mps, result):  # type: ignore[no-untyped-def]
+def name_binding(lines, hard, walls, first, last, ends, slack_mps, result):  # type: ignore[no-untyped-def]
     """Write what the velocity touches or exceeds, at least what it is nearest to: obstacles, three neighbours.
 
     Args:
         lines: Half-planes, measured at that velocity.
         hard: Index of the first one of an obstacle.
+        walls: Index after the last one.
         first: Index of the first one of a neighbour.
         last: Index after the last one.
         ends: Half-planes for each neighbour.
@@ -306,7 +309,7 @@ def name_binding(lines, hard, first, last, ends, slack_mps, result):  # type: ig
         return
     excess = lines[EXCESS]
     touching = -(max(slack_mps, 0.0) + TOUCHING_MPS)
-    for k in range(hard, first):
+    for k in range(hard, walls):
         if excess[k] >= touching:
             result[R_OBSTACLE] = 1.0
     named = place = 0
@@ -355,6 +358,9 @@ def avoid_one(  # type: ignore[no-untyped-def]
     begin = hard = LANES * count
     first, near_obstacle = obstacle_half_planes(own, pieces, piece_start, settings, lines, hard, pair)
     result[R_HARD] = first - hard
+    walls, change = first, settings[ACCELERATION] * INTERVAL_S
+    if not math.isinf(change):
+        first = reach_half_planes(own, change, lines, first)
     used, right, left, start, margin, violation = neighbour_half_planes(
         own, neighbours, count, range_m, preferred, settings, lines, first
     )
@@ -375,13 +381,14 @@ def avoid_one(  # type: ignore[no-untyped-def]
 
     x = result[R_VELOCITY : R_VELOCITY + 2]
     feasible = nearest_admissible(lines, begin, hard, first, used, limit, preferred, chosen, work, x)
-    speed = norm(x[0], x[1])
-    if speed > limit:
-        x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
+    keep_within(own, change, limit, x)
 
-    slack = -measure(lines, begin, used, x[0], x[1])
-    name_binding(lines, hard, first, used, 2 if settings[RESPONSE] > 0.0 else 1, slack, result)
-    moved = norm(x[0] - preferred[0], x[1] - preferred[1]) > TOUCHING_MPS
+    slack = -max(measure(lines, begin, walls, x[0], x[1]), measure(lines, first, used, x[0], x[1]))
+    name_binding(lines, hard, walls, first, used, 2 if settings[RESPONSE] > 0.0 else 1, slack, result)
+    pair = work[len(work) - 1]
+    pair[0], pair[1] = preferred[0], preferred[1]
+    keep_within(own, change, limit, pair)
+    moved = norm(x[0] - pair[0], x[1] - pair[1]) > TOUCHING_MPS
     result[R_STATUS] = FREE
     if not feasible:
         result[R_STATUS] = INFEASIBLE
@@ -395,8 +402,8 @@ def avoid_one(  # type: ignore[no-untyped-def]
 
     # Smoothed, and put back behind obstacles: a mean of two velocities that keep out may be one that does not.
     blend = settings[SMOOTHING]
-    pair = work[len(work) - 1]
     pair[0] = own[COMMAND] + blend * (x[0] - own[COMMAND])
     pair[1] = own[COMMAND + 1] + blend * (x[1] - own[COMMAND + 1])
     nearest_admissible(lines, begin, hard, first, first, limit, pair, chosen, work, result[R_COMMAND : R_COMMAND + 2])
+    keep_within(own, change, limit, result[R_COMMAND : R_COMMAND + 2])
     return route

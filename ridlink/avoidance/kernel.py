@@ -15,7 +15,7 @@ from ridlink.compiled import kernel_decorator
 
 _MODULES = (
     "contact", "encounter", "graded", "halfplane", "headings", "kernel", "packing", "priority", "programme", "rotation",
-    "route", "rows", "worlds",
+    "reach", "route", "rows", "worlds",
 )  # fmt: skip
 
 kernel = kernel_decorator((Path(__file__).with_name(f"{name}.py") for name in _MODULES), counted=False)

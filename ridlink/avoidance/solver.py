@@ -227,13 +227,14 @@ class HalfplaneSolver(_RowSolver):
 
     def _reserve(self, count: int, obstacles: Obstacles) -> None:
         lanes = rows.LANES * len(self._neighbours)
-        self._lines = new_lines(obstacles.piece_count, 2 * lanes, lanes)
+        self._lines = new_lines(obstacles.piece_count + halfplane.REACH_SIDES, 2 * lanes, lanes)
         self._chosen, self._work = (new_choice(self._lines.shape[1]) for _ in range(2))
         self._ring = np.zeros((ring_size(obstacles.hull_start), 2))
 
     def _has_room(self, obstacles: Obstacles) -> bool:
         spare = self._lines.shape[1] - 3 * rows.LANES * len(self._neighbours)
-        return obstacles.piece_count <= spare and ring_size(obstacles.hull_start) <= len(self._ring)
+        hard = obstacles.piece_count + halfplane.REACH_SIDES
+        return hard <= spare and ring_size(obstacles.hull_start) <= len(self._ring)
 
     def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
         route: int = halfplane.avoid_one(

@@ -18,6 +18,9 @@ FloatArray = NDArray[np.float64]
 Int8Array = NDArray[np.int8]
 
 
+_MAY_BE_INFINITE = ("arrival_deceleration_mps2", "obstacle_deceleration_mps2", "acceleration_mps2")
+
+
 @dataclass(frozen=True, slots=True)
 class HalfplaneSettings:
     """Constants of the half-plane solver; one set serves both autopilots it was tried with.
@@ -56,6 +59,9 @@ class HalfplaneSettings:
             nor entered further, where all that are near avoid too and obey at once: each keeps to its half of what
             separates the discs before anything else that neighbours ask of it, and standing still always does. 0, the
             default, is off: a vehicle that answers late cannot promise it.
+        acceleration_mps2: Commands change by no more than this in 0.1 s, whatever the half-planes ask; the velocity is
+            the best one among those that can be reached so. Infinite, the default, leaves the shaping to the autopilot:
+            a limit below 5 m/s^2 is a lag on top of its own, and costs metres.
     """
 
     horizon_s: float = 8.0
@@ -75,14 +81,15 @@ class HalfplaneSettings:
     obstacle_response_s: float = 0.6
     route_margin_m: float = 3.0
     contact_step_s: float = 0.0
+    acceleration_mps2: float = math.inf
 
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
-            infinite = item.name in ("arrival_deceleration_mps2", "obstacle_deceleration_mps2") and value == math.inf
+            infinite = item.name in _MAY_BE_INFINITE and value == math.inf
             if not (math.isfinite(value) or infinite):
                 raise ValueError(f"{item.name} must be finite, got {value}")
-        for name in ("horizon_s", "arrival_deceleration_mps2", "obstacle_horizon_s", "obstacle_deceleration_mps2"):
+        for name in ("horizon_s", "obstacle_horizon_s", *_MAY_BE_INFINITE):
             if getattr(self, name) <= 0.0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
         for name in (
@@ -101,7 +108,7 @@ class HalfplaneSettings:
             raise ValueError(f"head_on_cosine must lie in [-1, 0], got {self.head_on_cosine}")
 
     def as_vector(self) -> FloatArray:
-        """Values in field order, the form in which the kernels take them, shape (17,)."""
+        """Values in field order, the form in which the kernels take them, shape (18,)."""
         return np.array([getattr(self, item.name) for item in fields(self)], dtype=np.float64)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from ridlink.avoidance import headings
 from ridlink.avoidance.graded import grade_one
-from ridlink.avoidance.halfplane import avoid_one
+from ridlink.avoidance.halfplane import REACH_SIDES, avoid_one
 from ridlink.avoidance.kernel import copy_lanes, kernel
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import place_report
@@ -266,7 +266,7 @@ def new_memory(worlds: int, vehicles: int) -> np.ndarray:
 def halfplane_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
     """The scratch arguments of `avoid_worlds`, in its order, for so many worlds of so many vehicles."""
     blocks = blocks_for(vehicles)
-    lines = new_lines(obstacles.piece_count, 2 * LANES * blocks, LANES * blocks)
+    lines = new_lines(obstacles.piece_count + REACH_SIDES, 2 * LANES * blocks, LANES * blocks)
     choice = new_choice(lines.shape[1])
     return (
         *_picture(worlds, vehicles),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ridlink.avoidance import graded, headings, rotation, rows
 from ridlink.avoidance.graded import grade_one
-from ridlink.avoidance.halfplane import avoid_one
+from ridlink.avoidance.halfplane import REACH_SIDES, avoid_one
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import give_way, new_turns
@@ -126,7 +126,7 @@ class PairDecider:
         if isinstance(settings, HalfplaneSettings):
             self._kernel: Any = avoid_pairs
             self._route, self._turns = np.zeros(shape, np.int64), new_turns(*shape)
-            lines = new_lines(obstacles.piece_count, 2 * rows.LANES * blocks, rows.LANES * blocks)
+            lines = new_lines(obstacles.piece_count + REACH_SIDES, 2 * rows.LANES * blocks, rows.LANES * blocks)
             choice = new_choice(lines.shape[1])
             self._constants: tuple[Any, ...] = (obstacles.hull_vertex_ne_m, obstacles.hull_start)
             self._scratch: tuple[Any, ...] = (

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from ridlink.avoidance import HalfplaneSettings, Memory, Obstacles, OwnShip, Status, Traffic
 from ridlink.avoidance.halfplane import avoid_one
+from ridlink.avoidance.rows import LANES
 from ridlink.avoidance.solver import HalfplaneSolver, warm_up
 
 SOLVER = HalfplaneSolver()
@@ -136,6 +137,48 @@ def test_alone_the_preferred_velocity_may_be_given_instead_of_a_goal():
     assert decision.command_ne_mps == pytest.approx([6.5, 2.0])
     fast = SOLVER.solve(own_ship(), Traffic.empty(), preferred_ne_mps=(30.0, 40.0), cruise_mps=10.0)
     assert fast.velocity_ne_mps == pytest.approx([6.0, 8.0])
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    crowd, st.tuples(speed, speed), st.tuples(speed, speed), st.floats(0.5, 20.0), st.booleans(), st.floats(0.1, 1.0),
+)  # fmt: skip
+def test_with_an_acceleration_limit_every_answer_can_be_reached(rows, velocity, command, most, walled, smoothing):
+    """The velocity and the command, in overlaps and at obstacles too; within the speed limit where that can be."""
+    constants = replace(HalfplaneSettings(), acceleration_mps2=most, smoothing=smoothing)
+    own = own_ship((0.0, 60.0), velocity, command)
+    decision = solve(
+        own, traffic(*rows), HalfplaneSolver(constants), obstacles=SQUARE if walled else None, own_clearance_m=12.0
+    )  # fmt: skip
+    for vector in (decision.velocity_ne_mps, decision.command_ne_mps):
+        assert np.linalg.norm(vector - command) <= 0.1 * most + 1e-9
+        assert np.linalg.norm(vector) <= max(10.0, np.linalg.norm(command)) + 1e-9
+
+
+def test_of_the_velocities_that_can_be_reached_it_takes_the_best_one():
+    """No point of a fine grid is nearer to the preferred one, but for half a per cent of the change."""
+    constants = replace(HalfplaneSettings(), acceleration_mps2=20.0)
+    limited, free = HalfplaneSolver(constants), HalfplaneSolver()
+    random, change = np.random.default_rng(5), 2.0
+    axis = np.linspace(-change, change, 161)
+    grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    grid = grid[np.linalg.norm(grid, axis=1) <= 0.99 * change]
+    compared = 0
+    for _ in range(60):
+        command = random.uniform(-5.0, 5.0, 2)
+        own = own_ship(velocity=command, command=command)
+        others = traffic(*np.hstack([random.uniform(-90.0, 90.0, (3, 2)), random.uniform(-5.0, 5.0, (3, 2))]))
+        decision = solve(own, others, limited)
+        if decision.status is Status.INFEASIBLE:
+            continue
+        solve(own, others, free)
+        lines = free._lines[:, LANES : 3 * LANES]
+        met = ((command + grid) @ lines[:2] >= lines[2] - 1e-9).all(axis=1)
+        preferred = decision.preferred_ne_mps
+        best = np.linalg.norm(command + grid[met] - preferred, axis=1).min(initial=np.inf)
+        assert np.linalg.norm(decision.velocity_ne_mps - preferred) <= best + 1e-9
+        compared += 1
+    assert compared > 20
 
 
 def test_it_slows_down_towards_the_goal_and_stops_there():

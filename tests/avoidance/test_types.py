@@ -34,6 +34,7 @@ def test_the_kernels_read_the_settings_in_field_order():
         "obstacle_response_s": halfplane.OBSTACLE_RESPONSE,
         "route_margin_m": halfplane.ROUTE_MARGIN,
         "contact_step_s": halfplane.CONTACT_STEP,
+        "acceleration_mps2": halfplane.ACCELERATION,
     }
     assert list(names) == [item.name for item in fields(HalfplaneSettings)]
     assert list(names.values()) == list(range(len(names)))

@@ -1,0 +1,44 @@
+"""Velocities that can be commanded next where commands may change by so much only.
+
+They fill a circle round the last command. To the programme it is a polygon within that circle, so that everything stays
+linear; the last word, for rounding and for obstacles that could not be met, has the circle itself.
+
+Axes: north-east, m/s.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ridlink.avoidance.kernel import kernel, norm
+from ridlink.avoidance.programme import BOUND, N_1, N_2
+from ridlink.avoidance.rows import COMMAND, LANES
+
+REACH_SIDES = 4 * LANES
+"""Of the polygon that stands for the circle of velocities that can be reached: half a per cent within it."""
+
+
+@kernel(forceinline=True)
+def reach_half_planes(own, change_mps, lines, first):  # type: ignore[no-untyped-def]
+    """Hard half-planes round the velocities that can be commanded next, the sides of a polygon within the circle of
+    those that are no further than `change_mps` from the last command, from column `first` of `lines` on; returns the
+    column after them."""
+    for k in range(REACH_SIDES):
+        n_1, n_2 = math.cos(2.0 * math.pi / REACH_SIDES * k), math.sin(2.0 * math.pi / REACH_SIDES * k)
+        lines[N_1, first + k], lines[N_2, first + k] = n_1, n_2
+        apothem = change_mps * math.cos(math.pi / REACH_SIDES)
+        lines[BOUND, first + k] = n_1 * own[COMMAND] + n_2 * own[COMMAND + 1] - apothem
+    return first + REACH_SIDES
+
+
+@kernel(forceinline=True)
+def keep_within(own, change_mps, limit, x):  # type: ignore[no-untyped-def]
+    """Take a velocity back into the limit, and to what can be reached from the last command."""
+    speed = norm(x[0], x[1])
+    if speed > limit:
+        x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
+    off_1, off_2 = x[0] - own[COMMAND], x[1] - own[COMMAND + 1]
+    change = norm(off_1, off_2)
+    if change > change_mps:
+        x[0] = own[COMMAND] + off_1 * change_mps / change
+        x[1] = own[COMMAND + 1] + off_2 * change_mps / change
