@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FormatStrFormatter, LogLocator
 
 from ridlink.analysis.campaign import DEFINITION_NAMES, USUAL, setting_words
 from ridlink.analysis.figures import GREY, new_figure, plain_numbers
@@ -38,6 +38,9 @@ VARIED = {
 }
 """What a figure of sensitivity may have on its horizontal axis."""
 
+WIDE = 1.6
+"""Times whose ends have a greater ratio stand on a logarithmic axis."""
+
 
 def front_figure(rows: Sequence[Row], numbers: Sequence[int]) -> Figure:
     """Median mission time against the upper bound of collided flights, and the line of what nothing else dominates."""
@@ -50,7 +53,8 @@ def front_figure(rows: Sequence[Row], numbers: Sequence[int]) -> Figure:
         for x, y, row in points:
             colour = COLOUR_OF[row["definition"]]
             axes.plot(
-                x, y, MARKER_OF.get(row["solver"], "P"), color=colour, markersize=7.0, linestyle="none",
+                x, y, MARKER_OF.get(row["solver"], "P"), color=colour, linestyle="none",
+                markersize=10.0 if row["solver"] == "g3" else 7.0,
                 markerfacecolor=colour if row["macs"] else "none", markeredgewidth=1.4,
             )  # fmt: skip
         _scale(axes)
@@ -76,17 +80,20 @@ def _draw_front(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
 
 
 def _scale(axes: Axes) -> None:
-    axes.set_xscale("log")
+    """Logarithms; of times only where they spread widely."""
+    left, right = axes.get_xlim()
+    spreads = right > WIDE * left
+    if spreads:
+        axes.set_xscale("log")
     axes.set_yscale("log")
     low, high = np.log10(axes.get_ylim())
     axes.set_ylim(10.0 ** np.floor(low + 1e-9), min(10.0 ** np.ceil(high), 100.0))
     left, right = axes.get_xlim()
-    axes.set_xlim(left / 1.05, right * 1.05)
+    axes.set_xlim(left / 1.02, right * 1.02)
     plain_numbers(axes)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)))
-    axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
-    axes.xaxis.set_minor_locator(LogLocator(subs=tuple(range(1, 10))))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    if spreads:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)))
+        axes.xaxis.set_minor_locator(LogLocator(subs=tuple(range(1, 10))))
     axes.set_xlabel("median mission time [s]")
     axes.set_ylabel("collided flights, below [%]")
 
