@@ -38,6 +38,7 @@ LAYERS = {
     "ridlink.metrics": 6,
     "ridlink.impair": 6,
     "ridlink.doctor": 6,
+    "ridlink.conductor": 6,
     "ridlink.mqtt": 6,
     "ridlink.review": 6,
     "ridlink.view": 6,

@@ -36,6 +36,7 @@ COMMANDS = {
     "dialect": "ridlink.cli.dialect:dialect",
     "doctor": "ridlink.cli.doctor:doctor",
     "encode": "ridlink.cli.encode:encode",
+    "fly": "ridlink.cli.fly:fly",
     "impair": "ridlink.cli.impair:impair",
     "mqtt": "ridlink.cli.mqtt:mqtt",
     "record": "ridlink.cli.record:record",

@@ -173,7 +173,10 @@ class Pilot:
 
     @property
     def position_target_ned_m(self) -> Vector | None:
-        """Where it is going, about its own home; None while it flies a velocity."""
+        """Where it is going, about its own home, also on its way up; None while it flies a velocity."""
+        if isinstance(self.guidance, Climb):
+            north, east, _ = self.local_position_ned_m
+            return north, east, -self.guidance.height_m
         if not isinstance(self.guidance, GoTo):
             return None
         target, origin = self.guidance.target_ned_m, self.origin_ned_m

@@ -43,6 +43,11 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     "--solver", type=click.Choice(SOLVERS), default="halfplane", show_default=True, help="What chooses the velocity."
 )
 @click.option("--vertical", is_flag=True, help="Daemons climb or descend, too, where turning is not enough.")
+@click.option(
+    "--from-ground",
+    is_flag=True,
+    help="Begin on the ground: MAVSDK conductors arm every vehicle, take it off, hand it over and land it.",
+)
 @click.option("--compare", is_flag=True, help=f"Fly the same seed under {', '.join(COMPARED)}, one after the other.")
 @click.option(
     "--processes",
@@ -75,6 +80,7 @@ def demo(
     eta: float,
     solver: str,
     vertical: bool,
+    from_ground: bool,
     compare: bool,
     processes: bool,
     headless: bool,
@@ -110,7 +116,7 @@ def demo(
     from sitl_sim.demo.options import DemoOptions, any_free_ports
     from sitl_sim.demo.screen import Screen, comparison_table, show, verdict_table
 
-    config = fleet_config(fleet, Start.HOLDING)
+    config = fleet_config(fleet, Start.GROUND if from_ground else Start.HOLDING)
     options = DemoOptions(
         scenario=fleet["scenario"],
         definition=Definition(definition),

@@ -21,9 +21,11 @@ from ridlink.scenario import Scenario, resolve_scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, separation_discs
 from sitl_sim.demo.conductor import Conductor
-from sitl_sim.demo.daemons import Daemons, assignments
+from sitl_sim.demo.conductors import Conductors
+from sitl_sim.demo.daemons import Assignment, Daemons, assignments
 from sitl_sim.demo.options import DemoOptions
 from sitl_sim.demo.screen import Screen
+from sitl_sim.fleet_config import HOST
 from sitl_sim.server import FleetServer
 from sitl_sim.world import FloatArray, World
 
@@ -99,6 +101,7 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
     recorder: Recorder | None = None
     daemons: Daemons | None = None
     conductor: Conductor | None = None
+    conductors: Conductors | None = None
     landed = asyncio.Event()
     flying: asyncio.Task[None] | None = None
     summaries: list[dict[str, Any]] = []
@@ -123,15 +126,27 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         await _warm(screen, options.solver, options.processes, len(assigned))
         if onlooker is not None:
             await onlooker.begin(server, _title(options, scenario), options.definition)
+        if options.from_ground and assigned:
+            conductors = _conductors(scenario, assigned, ports.vehicles, screen)
+            screen.say(f"{len(assigned)} vehicles arm and climb, each with its conductor ...")
+            await conductors.take_off()
         daemons = Daemons(assigned, each_its_own=options.processes)
         await daemons.start()
-        await conductor.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
-        if not server.mission_begun:  # one in which nobody cooperates has begun with `run`
+        if conductors is not None:
+            await conductors.hand_over()
+        else:
+            await conductor.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
+        if not server.mission_begun:  # by those who are handed over, or where nobody cooperates
             server.begin_mission()
         await _watch(server, daemons, screen, _title(options, scenario), flying)
+        if conductors is not None and server.world.arrived.all():
+            screen.say("All have arrived, and land ...")
+            await conductors.wait_landed()
         summaries = await daemons.stop()
         daemons = None
     finally:
+        if conductors is not None:
+            await conductors.close()
         if daemons is not None:
             await daemons.stop()
         if conductor is not None:
@@ -144,7 +159,13 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         await server.close()
         if recorder is not None:
             await asyncio.to_thread(recorder.close)
-    return _result(options, server, summaries, log)
+    return _result(options, server, summaries, log, None if conductors is None else len(conductors.landed))
+
+
+def _conductors(scenario: Scenario, assigned: Sequence[Assignment], ports: Sequence[int], screen: Screen) -> Conductors:
+    urls = [f"udpout:{HOST}:{ports[each.system_id - 1]}" for each in assigned]
+    heights = [-scenario.vehicles[each.system_id - 1].start_ned_m[2] for each in assigned]
+    return Conductors(urls, heights, screen.say)
 
 
 async def _open(server: FleetServer) -> None:
@@ -193,8 +214,9 @@ async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: s
 
 
 def _result(
-    options: DemoOptions, server: FleetServer, summaries: Sequence[dict[str, Any]], log: Path
+    options: DemoOptions, server: FleetServer, summaries: Sequence[dict[str, Any]], log: Path, landed: int | None
 ) -> dict[str, Any]:
+    """What a flight came to; a fleet from the ground must have come down as well."""
     verdict = server.world.verdict()
     judged = verdict.as_dict()
     details = judged.pop("details", [])
@@ -203,6 +225,7 @@ def _result(
         "definition": str(options.definition),
         "seed": options.fleet.seed,
         **judged,
+        **({} if landed is None else {"landed": landed}),
         "setpoints": sum(summary["setpoints"] for summary in summaries),
         "reports_received": sum(summary["reports_received"] for summary in summaries),
         "decision_ms": _worst(summaries, "decision_ms", ("p50", "p99", "max")),
@@ -212,7 +235,7 @@ def _result(
         "vertical": options.vertical,
         "autopilot": options.fleet.autopilot,
         "gnss": options.fleet.gnss,
-        "passed": verdict.passed,
+        "passed": verdict.passed and landed in (None, len(summaries)),
         "details": details,
         "log": str(log),
     }

@@ -26,7 +26,8 @@ class DemoOptions:
         count: Number of vehicles, where the scenario takes one.
         speed_mps: Cruise speed of vehicles of which the scenario says nothing.
         interval_s: Time between two Remote ID updates; None: the scenario's.
-        fleet: Seed, autopilot, GNSS, radio, home and ports of the fleet; it holds at its start until the handover.
+        fleet: Seed, autopilot, GNSS, radio, home and ports of the fleet; it holds at its start until the handover, or
+            stands on the ground until it is conducted.
         processes: Each daemon in a process of its own; otherwise all share one, apart from the fleet's.
         log: Where the flight is recorded; None: a new file in the temporary folder.
     """
@@ -43,9 +44,16 @@ class DemoOptions:
     processes: bool = False
     log: Path | None = None
 
+    @property
+    def from_ground(self) -> bool:
+        """Whether conductors arm the vehicles, take them off and land them."""
+        return self.fleet.start is Start.GROUND
+
     def __post_init__(self) -> None:
-        if self.fleet.start is not Start.HOLDING:
+        if self.fleet.start is Start.AIRBORNE:
             raise ValueError("a demonstration's fleet holds until it is handed over")
+        if self.from_ground and self.fleet.autopilot == "ideal":
+            raise ConfigError("ideal vehicles are gone where they arrive: fly --from-ground with px4 or ardupilot")
         if not 0.0 < self.eta < 1.0:
             raise ConfigError(f"eta must lie between 0 and 1, ends excluded, got {self.eta:g}")
         if self.log is not None and not self.log.resolve().parent.is_dir():

@@ -28,6 +28,7 @@ def flights(quick: bool) -> list[list[str]]:
         ["--scenario", scenario, "--seed", "1", "--processes"] for scenario in ("circle8", "head-on", "crossing")
     ]
     chosen += [["--scenario", "circle8", "--seed", "2", "--autopilot", "ardupilot"]]
+    chosen += [["--from-ground", "--autopilot", autopilot] for autopilot in ("px4", "ardupilot")]
     chosen += [["--scenario", "overtake", "--seed", "1"], ["--scenario", "square24", "--seed", "1"]]
     return chosen
 
@@ -47,6 +48,8 @@ def faults(code: int, result: dict[str, Any]) -> list[str]:
         found.append(f"exit {code}")
     if result["arrived"] != result["vehicles"]:
         found.append(f"{result['arrived']} of {result['vehicles']} arrived")
+    if result.get("landed", result["vehicles"]) != result["vehicles"]:
+        found.append(f"{result['landed']} of {result['vehicles']} landed")
     if result["macs"]:
         found.append(f"{result['macs']} MACs")
     if result["decision_ms"]["p99"] > DECISION_P99_MS:

@@ -1,0 +1,222 @@
+"""``ridlink fly``: takes a vehicle off, hands it over to a daemon, lands it."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
+from ridlink.cli.options import above_zero
+from ridlink.cli.signals import stopped_by_signals
+
+if TYPE_CHECKING:
+    import asyncio
+    from asyncio.subprocess import Process
+
+    from ridlink.conductor import Conductor, End
+    from ridlink.links import LinkUrl
+
+RUNNING = "running"
+DAEMON_ENDS_S = 5.0
+
+
+@click.command(short_help="Take off with MAVSDK, hand over to a daemon, land.")
+@click.option(
+    "--vehicle",
+    default="udpout:127.0.0.1:14580",
+    show_default=True,
+    metavar="URL",
+    help="Link to the autopilot; another one than the daemon's.",
+)
+@click.option(
+    "--takeoff",
+    "height_m",
+    type=float,
+    required=True,
+    callback=above_zero,
+    metavar="M",
+    help="Arm, and climb to this height over home.",
+)
+@click.option(
+    "--daemon",
+    metavar="OPTIONS",
+    help="Start `ridlink avoid OPTIONS` beside it and hand over to it; 'running': to one that runs already.",
+)
+@click.option("--land", is_flag=True, help="Land at the end; otherwise the vehicle is left holding.")
+@click.option(
+    "--health-timeout",
+    "health_s",
+    type=float,
+    default=60.0,
+    show_default=True,
+    callback=above_zero,
+    metavar="S",
+    help="So long a vehicle may take to be ready.",
+)
+@click.option("--json", "as_json", is_flag=True, help="One JSON object a step on standard output.")
+def fly(vehicle: str, height_m: float, daemon: str | None, land: bool, health_s: float, as_json: bool) -> int:
+    """Take one vehicle off, hand it over to its avoidance daemon, wait until it has arrived, and land it.
+
+    \b
+    ridlink fly --takeoff 50 --daemon "--goal 47.3995,8.5456" --land
+    ridlink fly --vehicle udpin:0.0.0.0:14550 --takeoff 20 --daemon running --land
+
+    For PX4 and ArduPilot. The command itself is the order to arm. Whoever changes the mode meanwhile has the vehicle;
+    Ctrl-C ends the daemon and holds, or lands. Ends with 0 if all was flown, with 1 if something was refused or did not
+    come about.
+    """
+    import asyncio
+
+    from ridlink.conductor import FlightError
+    from ridlink.links import parse_link_url
+
+    options = None if daemon in (None, RUNNING) else _split(daemon)
+    flight = _Flight(parse_link_url(vehicle), height_m, daemon, land, health_s, as_json)
+    try:
+        asyncio.run(flight.run(options))
+    except FlightError as error:
+        click.echo(f"ridlink: {error}", err=True)
+        flight.outcome = "failed"
+        flight.reason = str(error)
+    if as_json:
+        click.echo(json.dumps(flight.final()))
+    return EXIT_DONE if flight.outcome == "done" else EXIT_NEGATIVE
+
+
+def _split(text: str | None) -> list[str]:
+    """The options of a daemon, checked before anything flies.
+
+    Raises:
+        click.UsageError: If `ridlink avoid` would not take them.
+    """
+    from ridlink.cli.avoid import avoid
+
+    try:
+        options = shlex.split(text or "")
+        avoid.make_context("ridlink avoid", list(options), resilient_parsing=False)
+    except (ValueError, click.UsageError) as error:
+        words = error.format_message() if isinstance(error, click.UsageError) else str(error)
+        raise click.UsageError(f"--daemon: {words} as options of 'ridlink avoid', as in '--goal 47.39,8.54'") from None
+    return options
+
+
+class _Flight:
+    """What is to be flown, and what has been."""
+
+    def __init__(
+        self, link: LinkUrl, height_m: float, daemon: str | None, land: bool, health_s: float, as_json: bool
+    ) -> None:
+        self._link, self._height_m, self._daemon, self._land = link, height_m, daemon, land
+        self._health_s, self._as_json = health_s, as_json
+        self._process: Process | None = None
+        self._began_s = time.monotonic()
+        self.outcome, self.reason = "", ""
+        self._up = self._arrived = self._landed = False
+
+    def say(self, text: str) -> None:
+        """One line of progress."""
+        click.echo(f"{time.monotonic() - self._began_s:6.1f} s  {text}", err=True)
+        if self._as_json:
+            click.echo(json.dumps({"event": "progress", "t": round(time.time(), 3), "text": text}))
+
+    def final(self) -> dict[str, Any]:
+        """What it came to."""
+        return {
+            "event": "final", "outcome": self.outcome, "reason": self.reason, "took_off": self._up,
+            "arrived": self._arrived, "landed": self._landed, "time_s": round(time.monotonic() - self._began_s, 1),
+        }  # fmt: skip
+
+    async def run(self, options: list[str] | None) -> None:
+        """Fly; the daemon that was started for it is ended whatever happens."""
+        import asyncio
+
+        from ridlink.conductor import Conductor, FlightError, connect, mavsdk_ground_station
+
+        stop = stopped_by_signals(asyncio.get_running_loop())
+        async with mavsdk_ground_station() as mavsdk:
+            self.say(f"looking for an autopilot on {self._link}")
+            conductor = Conductor(await connect(mavsdk, self._link), self.say, self._daemon_has_ended)
+            await conductor.open()
+            try:
+                await self._fly(conductor, options, stop)
+            except FlightError:
+                if self._up and self._land and not self._landed:
+                    await conductor.land()
+                    self._landed = True
+                raise
+            finally:
+                await conductor.close()
+                await self._end_daemon()
+
+    async def _fly(self, conductor: Conductor, options: list[str] | None, stop: asyncio.Event) -> None:
+        if options is not None:
+            await self._start_daemon(options)
+        if self._daemon is not None:
+            await conductor.find_daemon()
+        await conductor.wait_healthy(self._health_s)
+        if stop.is_set():
+            self.outcome = "stopped"
+            return
+        await conductor.take_off(self._height_m)
+        self._up = True
+        self.outcome = "done"
+        end = None
+        if self._daemon is not None and not stop.is_set():
+            await conductor.hand_over()
+            end = await conductor.follow(stop)
+        elif stop.is_set():
+            self.outcome = "stopped"
+        await self._down(conductor, end)
+
+    async def _down(self, conductor: Conductor, end: End | None) -> None:
+        from ridlink.conductor import End, FlightError
+
+        self._arrived = end is End.ARRIVED
+        match end:
+            case End.TAKEN:
+                raise FlightError(end)
+            case End.ARRIVED:
+                self.say("arrived")
+            case End.STOPPED:
+                self.outcome = "stopped"
+            case End.LANDING:
+                self.say("comes down by itself")
+        if self._land or end is End.LANDING:
+            await conductor.land()
+            self._landed = True
+        elif end is not None:
+            await conductor.hold()
+        if end is End.DAEMON_LOST:
+            raise FlightError(end)
+
+    # --- the daemon ---------------------------------------------------------------------------------------------------
+
+    async def _start_daemon(self, options: list[str]) -> None:
+        import asyncio
+
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "ridlink", "avoid", *options,
+            stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL,
+        )  # fmt: skip
+        self.say(f"started: ridlink avoid {shlex.join(options)}")
+
+    def _daemon_has_ended(self) -> bool:
+        return self._process is not None and self._process.returncode is not None
+
+    async def _end_daemon(self) -> None:
+        import asyncio
+
+        if self._process is None:
+            return
+        if self._process.returncode is None:
+            self._process.terminate()
+        try:
+            await asyncio.wait_for(self._process.wait(), DAEMON_ENDS_S)
+        except TimeoutError:
+            self._process.kill()
+            await self._process.wait()

@@ -1,0 +1,28 @@
+"""How a conducted flight can end."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from ridlink.errors import RidlinkError
+
+
+class FlightError(RidlinkError):
+    """What was asked for cannot be flown: not healthy, refused, or not done in time; the text says why."""
+
+
+class End(StrEnum):
+    """How a flight under a daemon ended."""
+
+    ARRIVED = "arrived"
+    LANDING = "landing"
+    """The vehicle comes down by itself."""
+    TAKEN = "somebody else changed the mode, and has the vehicle"
+    """Somebody else changed the mode, and has it."""
+    DAEMON_LOST = "the daemon fell silent"
+    STOPPED = "stopped"
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the daemon flew to the end."""
+        return self in (End.ARRIVED, End.LANDING)

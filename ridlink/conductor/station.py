@@ -1,0 +1,57 @@
+"""MAVSDK as a ground station, and the links it opens; the first place that knows the library."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from ridlink.errors import LinkError, MissingExtraError
+from ridlink.links import LinkUrl
+
+try:
+    from mavsdk import log_subscribe
+    from mavsdk.asyncio import ComponentType, Configuration, Mavsdk, MavsdkConnectionError
+except ImportError as error:
+    raise MissingExtraError("mavsdk", "the conductor") from error
+
+DISCOVERY_S = 10.0
+
+
+@asynccontextmanager
+async def mavsdk_ground_station() -> AsyncIterator[Mavsdk]:
+    """MAVSDK as a ground station that keeps its log to itself: standard output belongs to results."""
+    log_subscribe(lambda *_: True)
+    async with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
+        yield mavsdk
+
+
+def mavsdk_url(link: LinkUrl) -> str:
+    """A connection string as MAVSDK spells it."""
+    host = f"[{link.host}]" if ":" in link.host else link.host
+    return f"{link.scheme}://{host}:{link.port}"
+
+
+async def connect(mavsdk: Mavsdk, link: LinkUrl, timeout_s: float = DISCOVERY_S) -> Any:
+    """The first autopilot on a link, a system of MAVSDK.
+
+    Raises:
+        LinkError: If the link cannot be opened, or nobody is there.
+    """
+    await open_connection(mavsdk, link)
+    system = await mavsdk.first_autopilot(timeout_s=timeout_s)
+    if system is None:
+        raise LinkError(f"no autopilot is heard on {link} within {timeout_s:g} s")
+    return system
+
+
+async def open_connection(mavsdk: Mavsdk, link: LinkUrl) -> None:
+    """Open one more link.
+
+    Raises:
+        LinkError: If it cannot be opened.
+    """
+    try:
+        await mavsdk.add_any_connection(mavsdk_url(link))
+    except MavsdkConnectionError as error:
+        raise LinkError(f"{link} cannot be opened: {error}") from error
