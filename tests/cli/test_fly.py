@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from ridlink.avoidance.solver import warm_up
+from ridlink.avoidance.types import SolverKind
 from ridlink.cli import cli
 from ridlink.scenario import Event, Scenario, VehicleSpec
 from sitl_sim.server import FleetServer
@@ -39,6 +41,7 @@ async def conduct(*arguments: str) -> tuple[int, list[dict[str, Any]], str]:
 @needs_mavsdk
 def test_it_takes_off_hands_over_arrives_and_lands_with_either_autopilot() -> None:
     """With MAVSDK and a daemon as processes, so it lasts as long as such a flight."""
+    warm_up(SolverKind.HALFPLANE)  # else both daemons compile while they hover
 
     async def act(server: FleetServer) -> None:
         url = f"udpout:127.0.0.1:{server.ports.vehicles[0]}"
