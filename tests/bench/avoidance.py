@@ -1,4 +1,4 @@
-"""Decisions of the half-plane solver in batches: ``python -m tests.bench.avoidance``.
+"""Decisions of the half-plane and the rotation solver in batches: ``python -m tests.bench.avoidance``.
 
 Vehicles are spread evenly, 24 to a square of 600 m, at 10 m/s in all directions with discs of 24 m. In worlds of up to
 24 everybody hears everybody. The kernels have no grid to find neighbours in: for more vehicles, or fewer neighbours,
@@ -15,12 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.avoidance import HalfplaneSettings, Obstacles, rows
+from ridlink.avoidance import HalfplaneSettings, Obstacles, RotationSettings, rows
 from ridlink.campaign.deciding import new_decider
 from tests.bench.measure import ROUNDS, interleaved
 
 SPEED_MPS, DISC_M, ERROR_SHARE, SPACING_M = 10.0, 24.0, 0.8, 600.0 / 24**0.5
 EVERYWHERE_M = 1e9
+HALFPLANES, ROTATION = HalfplaneSettings(), RotationSettings.paper()
+Settings = HalfplaneSettings | RotationSettings
 WORLDS, VEHICLES = 500, 24
 CROWDS = ((8, 7), (24, 10), (24, 23), (100, 10), (100, 23), (1000, 10), (1000, 23), (10_000, 10), (10_000, 23))
 """Vehicles, and how many of them each hears."""
@@ -49,12 +51,12 @@ def nearest(position: np.ndarray, count: int) -> np.ndarray:
 class Batch:
     """The same step of W worlds of N vehicles again and again."""
 
-    def __init__(self, position: np.ndarray, velocity: np.ndarray, deciding: np.ndarray, threads: int = 1) -> None:
+    def __init__(
+        self, position: np.ndarray, velocity: np.ndarray, deciding: np.ndarray, settings: Settings, threads: int = 1
+    ) -> None:
         shape = position.shape[:2]
         self.decisions = int(deciding.sum())
-        self._decider = new_decider(
-            HalfplaneSettings(), (shape[0], shape[1]), Obstacles.from_polygons(()), threads=threads
-        )
+        self._decider = new_decider(settings, (shape[0], shape[1]), Obstacles.from_polygons(()), threads=threads)
         own, heard = np.zeros((*shape, rows.OWN_COLUMNS)), np.zeros((*shape, 8))
         own[..., 0:2], own[..., 2:4], own[..., 4:6], own[..., 6:8] = (
             position, velocity, velocity, position + 60.0 * velocity,
@@ -76,28 +78,28 @@ class Batch:
         return float((status == rows.INFEASIBLE).mean())
 
 
-def worlds(random: np.random.Generator, threads: int = 1) -> Batch:
+def worlds(random: np.random.Generator, settings: Settings = HALFPLANES, threads: int = 1) -> Batch:
     """500 worlds of 24 in which everybody hears everybody."""
     shape = (WORLDS, VEHICLES)
-    return Batch(*drawn(random, shape, SPACING_M * VEHICLES**0.5), np.ones(shape, np.bool_), threads)
+    return Batch(*drawn(random, shape, SPACING_M * VEHICLES**0.5), np.ones(shape, np.bool_), settings, threads)
 
 
-def crowd(random: np.random.Generator, vehicles: int, neighbours: int) -> Batch:
+def crowd(random: np.random.Generator, vehicles: int, neighbours: int, settings: Settings) -> Batch:
     """One crowd of which each hears its nearest."""
     position, velocity = drawn(random, (vehicles,), SPACING_M * vehicles**0.5)
     if neighbours == vehicles - 1:
-        return Batch(position[None], velocity[None], np.ones((1, vehicles), np.bool_))
+        return Batch(position[None], velocity[None], np.ones((1, vehicles), np.bool_), settings)
     near = nearest(position, neighbours)
     deciding = np.zeros(near.shape, np.bool_)
     deciding[:, 0] = True
-    return Batch(position[near], velocity[near], deciding)
+    return Batch(position[near], velocity[near], deciding, settings)
 
 
-def crowds() -> list[dict[str, Any]]:
+def crowds(settings: Settings) -> list[dict[str, Any]]:
     """Time of a decision on one thread, interleaved; small crowds are stepped until they are worth a measurement."""
     random = np.random.default_rng(1)
-    batches = {(vehicles, neighbours): crowd(random, vehicles, neighbours) for vehicles, neighbours in CROWDS}
-    batches[WORLDS * VEHICLES, VEHICLES - 1] = worlds(random)
+    batches = {(vehicles, neighbours): crowd(random, vehicles, neighbours, settings) for vehicles, neighbours in CROWDS}
+    batches[WORLDS * VEHICLES, VEHICLES - 1] = worlds(random, settings)
     times = {key: max(1, 20_000 // batch.decisions) for key, batch in batches.items()}
 
     def steps(key: tuple[int, int]) -> None:
@@ -134,7 +136,7 @@ def threads() -> float:
     """How many times faster two threads are than one, over the worlds, by the wall clock; 1 on one core."""
     least = []
     for count in (1, min(2, len(os.sched_getaffinity(0)))):
-        batch = worlds(np.random.default_rng(1), count)
+        batch = worlds(np.random.default_rng(1), threads=count)
         batch.step()
         taken = []
         for _ in range(3 * ROUNDS):
@@ -163,16 +165,19 @@ def python_rvo2(vehicles: int, neighbours: int) -> float | None:
 
 def report() -> dict[str, Any]:
     """Measure everything and print it."""
-    table, faster = crowds(), threads()
-    print(f"\ndecisions in batches, CPU time on one thread, median of {ROUNDS} interleaved rounds")
-    print(f"{'vehicles':>20}{'neighbours':>12}{'a decision':>14}{'decisions':>14}{'infeasible':>12}  (spread)")
-    for row in table:
-        name = f"{row['worlds']} x {VEHICLES}" if row["worlds"] > 1 else f"{row['vehicles']:,}"
-        print(
-            f"{name:>20}{row['neighbours']:>12}{row['decision_ns']:>11.0f} ns{row['per_s']:>12,.0f}/s"
-            f"{row['infeasible']:>12.1%}  ({row['decision_min_ns']:.0f}-{row['decision_max_ns']:.0f})"
-        )
-    print(f"a neighbour more: {slope(table):.1f} ns; two threads over {WORLDS} worlds: {faster:.2f} times one")
+    table, rotation, faster = crowds(HALFPLANES), crowds(ROTATION), threads()
+    for solver, found in (("half-planes", table), ("rotation", rotation)):
+        print(f"\ndecisions by {solver} in batches, CPU time on one thread, median of {ROUNDS} interleaved rounds")
+        print(f"{'vehicles':>20}{'neighbours':>12}{'a decision':>14}{'decisions':>14}{'infeasible':>12}  (spread)")
+        for row in found:
+            name = f"{row['worlds']} x {VEHICLES}" if row["worlds"] > 1 else f"{row['vehicles']:,}"
+            print(
+                f"{name:>20}{row['neighbours']:>12}{row['decision_ns']:>11.0f} ns{row['per_s']:>12,.0f}/s"
+                f"{row['infeasible']:>12.1%}  ({row['decision_min_ns']:.0f}-{row['decision_max_ns']:.0f})"
+            )
+    print(
+        f"half-planes: a neighbour more {slope(table):.1f} ns; two threads over {WORLDS} worlds: {faster:.2f} times one"
+    )
     peer = {key: python_rvo2(*key) for key in ((24, 23), (1000, 10))}
     for (vehicles, neighbours), taken in peer.items():
         if taken is None:
@@ -181,6 +186,7 @@ def report() -> dict[str, Any]:
         print(f"Python-RVO2, {vehicles:,} vehicles, {neighbours} neighbours: {taken:,.0f} ns a decision")
     return {
         "batches": table,
+        "rotation_batches": rotation,
         "neighbour_ns": slope(table),
         "two_threads": faster,
         "python_rvo2_ns": {f"{key[0]} x {key[1]}": taken for key, taken in peer.items()},
