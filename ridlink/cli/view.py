@@ -81,7 +81,7 @@ def view(
 async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: tuple[str, ...], opens: bool) -> None:
     import asyncio
 
-    from ridlink.avoidance.solver import warm_up
+    from ridlink.view.kernels import load_kernels
     from ridlink.view.live import Feed, watch_link
     from ridlink.view.server import ViewServer
 
@@ -89,15 +89,18 @@ async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: t
     feed = Feed(show)
     server = ViewServer(show, host, port, names=names, health=feed.health)
     await server.start()
+    loading: asyncio.Task[None] | None = None
     try:
         announce(server.url, opens, " (Ctrl-C ends)")
-        warming = asyncio.create_task(asyncio.to_thread(warm_up))
-        warming.add_done_callback(lambda done: show.look_at_vehicles() if not done.cancelled() else None)
+        loading = asyncio.create_task(load_kernels(show))
         if url is not None:
             await watch_link(url, feed, server, stop)
         else:
             await stop.wait()
     finally:
+        if loading is not None:
+            loading.cancel()
+            await asyncio.gather(loading, return_exceptions=True)
         await server.close()
 
 

@@ -5,6 +5,7 @@ instants        every tenth of a second as a compact array; a bounded history of
 wire            instants as the JSON text that the page reads
 book            the whole history under one definition: encounters, and who was nearest when
 velocity_space  what the selected vehicle may fly, as its solver would see it
+kernels         the solver's kernels, loaded while pages are served
 show            one source and all that can be asked about it; no clock, no socket
 conversation    what one page asks, and what it is answered next
 guard           which requests are answered at all

@@ -16,6 +16,8 @@ from ridlink.view.instants import History, Instant
 MOST_ENCOUNTERS = 500
 MOST_POINTS = 2000
 GONE_AFTER_S = 2.0
+CROWD, IN_A_CROWD = 100, 5
+"""With more vehicles than that, encounters are followed from each fifth instant to the next, straight in between."""
 
 Seen = Callable[[Instant], tuple[Scene, Pairs]]
 """An instant as a scene with its pairs."""
@@ -67,8 +69,9 @@ class Book:
         if 4 * surplus > len(self._least) // 2:
             del self._least[: 2 * surplus]
             self._first = history.first
-        for phase, encounter in self._log.step(scene, pairs):
-            self._note(phase, encounter)
+        if len(moment) <= CROWD or self._next % IN_A_CROWD == 0:
+            for phase, encounter in self._log.step(scene, pairs):
+                self._note(phase, encounter)
         return True
 
     def end(self) -> None:

@@ -6,11 +6,11 @@ import asyncio
 import time
 from collections.abc import Mapping, Sequence
 
-from ridlink.avoidance.solver import warm_up
 from ridlink.errors import LinkError
 from ridlink.observer import Sky
 from ridlink.remote_id.text import display_text
 from ridlink.separation.definitions import Definition
+from ridlink.view.kernels import load_kernels
 from ridlink.view.live import Feed
 from ridlink.view.scenery import Pair, Scenery
 from ridlink.view.server import DEFAULT_PORT, ViewServer
@@ -82,8 +82,7 @@ class Page:
         self._show.restart(scenery)
         self._feed = Feed(self._show, sky=Sky(origin=fleet.home), truth=truth)
         self._running = asyncio.create_task(self._feed.run(self.server))
-        await asyncio.to_thread(warm_up)
-        self._show.look_at_vehicles()
+        await load_kernels(self._show)
 
     def hear(self, data: bytes) -> None:
         """A datagram of the air."""

@@ -22,7 +22,7 @@ from ridlink.avoidance.types import OwnShip, Traffic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, FrameParser, parse_datagram
 from tests.avoidance import study_rvo2
-from tests.bench import avoidance, decode, fleet, response
+from tests.bench import avoidance, decode, fleet, response, view
 from tests.bench.measure import ROUNDS, interleaved
 
 FRAMES = 20_000
@@ -158,6 +158,7 @@ def main() -> int:
     capture_rows = decode.report()
     response_rows = response.report((output.parent if output else _made(Path("build"))) / "step_responses.png")
     fleet_rows = fleet.report()
+    view_rows = view.report()
     crowd_rows = study_rvo2.report()
     if output:
         output.write_text(
@@ -169,6 +170,7 @@ def main() -> int:
                     **capture_rows,
                     **response_rows,
                     **fleet_rows,
+                    **view_rows,
                     **crowd_rows,
                 },
                 indent=1,
