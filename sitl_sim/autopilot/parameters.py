@@ -52,6 +52,7 @@ _PX4 = (
 )
 _ARDUPILOT = (
     ("ANGLE_MAX", 3000, INT32, 1000, 8000),
+    ("ARMING_CHECK", 1, INT32, 0, 2_097_151),
     ("FS_GCS_ENABLE", 0, INT32, 0, 7),
     ("FS_GCS_TIMEOUT", 5.0, REAL32, 2.0, 120.0),
     ("GUID_OPTIONS", 0, INT32, 0, 255),

@@ -31,6 +31,8 @@ _SENSORS = 0x1 | 0x2 | 0x4 | 0x8 | 0x20 | 0x200000 | 0x2000000 | 0x10000000
 """Gyro, accelerometer, magnetometer, barometer, GPS, AHRS, battery, pre-arm check."""
 
 _GPS_SENSOR, _PREARM_CHECK = 0x20, 0x10000000
+_GEOFENCE = 0x100000
+"""A fence that is not there is not breached either: ArduPilot says that it is healthy, and ground stations look."""
 _RTK_FIXED, _NO_FIX_ARDUPILOT = 6, 1
 _LOST_H_ACC_MM = 100_000
 
@@ -149,7 +151,7 @@ class Telemetry:
         return {
             "onboard_control_sensors_present": _SENSORS,
             "onboard_control_sensors_enabled": _SENSORS,
-            "onboard_control_sensors_health": healthy,
+            "onboard_control_sensors_health": healthy | (0 if self._flavour.is_px4 else _GEOFENCE),
             "load": 150,
             "voltage_battery": round(navigation.battery_v * 1e3),
             "current_battery": _centiamperes(navigation.battery_a),

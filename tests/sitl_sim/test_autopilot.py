@@ -202,6 +202,8 @@ def test_heartbeat_and_health_are_what_mavsdk_asks_for(flavour: str) -> None:
     status = flight.last("SYS_STATUS")
     needed = 0x1 | 0x2 | 0x4 | 0x20 | 0x10000000
     assert status.onboard_control_sensors_health & needed == needed
+    fence = status.onboard_control_sensors_health & 0x100000  # without it MAVProxy says "fence breach"
+    assert bool(fence) == (flavour == "ardupilot") and not status.onboard_control_sensors_present & 0x100000
     home = flight.last("HOME_POSITION")
     assert home.altitude == pytest.approx(HOME.altitude_m * 1e3, abs=10)
     position = flight.last("GLOBAL_POSITION_INT")
