@@ -20,7 +20,7 @@ help:
 	@echo "make test   install the test extras, run linters, type checks and every test"
 	@echo "make coverage  branch coverage of the kernels, run as plain Python"
 	@echo "make bench  print the benchmark tables"
-	@echo "make e2e    fly the acceptance flights in real time (about 20 minutes)"
+	@echo "make e2e    look at the page in Chromium, fly the acceptance flights in real time (about 20 minutes)"
 	@echo "make soak   fly for half an hour, feed a million damaged inputs to the readers and as many datagrams to a daemon, fly 680 times without and behind a bad network"
 	@echo "make lint   ruff and mypy alone"
 	@echo "make clean  remove what the build and the tests left"
@@ -72,6 +72,7 @@ bench: $(VENV)/.installed-dev
 	@$(BIN)/python -m tests.bench
 
 e2e: $(VENV)/.installed-dev
+	@$(BIN)/python -m pytest -q -s -m e2e tests/e2e
 	@test '$(FLIGHTS)' = none || $(BIN)/python -m tests.e2e $(FLIGHTS)
 
 soak: $(VENV)/.installed-dev

@@ -1,0 +1,410 @@
+"""The live page in a browser: a running demo, watched, dragged back, judged under another definition, opened again.
+
+Needs Chromium and Playwright; ``make e2e`` runs it, ``make test`` does not. Pictures of what was seen stay in
+``e2e-out/``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import shutil
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.observer.flights import Flyer, frames
+
+pytestmark = pytest.mark.e2e
+
+ROOT = Path(__file__).resolve().parents[2]
+PICTURES = ROOT / "e2e-out"
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/")
+WIDE, NARROW = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
+
+
+def _kept(line: str, said: list[str]) -> str:
+    said.append(line)
+    return line
+
+
+@contextmanager
+def ridlink(*arguments: str) -> Iterator[str]:
+    """A command that serves the page, and its address as it says it on standard error."""
+    command = [sys.executable, "-m", "ridlink", *arguments]
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+        assert process.stderr is not None
+        lines = iter(process.stderr.readline, "")
+        said: list[str] = []
+        found = next((match for match in (ADDRESS.search(_kept(line, said)) for line in lines) if match), None)
+        threading.Thread(
+            target=lambda: said.extend(lines), daemon=True
+        ).start()  # or the pipe fills, and it stands still
+        try:
+            assert found is not None, f"no address: {''.join(said)}"
+            yield found.group()
+        finally:
+            process.terminate()
+            try:
+                process.wait(timeout=30)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install 'ridlink[e2e]'")
+    chromium = os.environ.get("CHROMIUM") or shutil.which("chromium") or "/usr/bin/chromium"
+    if not Path(chromium).exists():
+        pytest.skip("needs Chromium: apt-get install chromium, or name one in CHROMIUM")
+    PICTURES.mkdir(exist_ok=True)
+    with playwright.sync_playwright() as p:
+        launched = p.chromium.launch(executable_path=chromium, args=FLAGS)
+        yield launched
+        launched.close()
+
+
+class Visit:
+    """A page that was opened, and everything that went wrong on it."""
+
+    def __init__(self, browser: Any, address: str, *, size: dict[str, int] = WIDE, scheme: str = "dark") -> None:
+        self.address = address
+        self.wrong: list[str] = []
+        self.context = browser.new_context(viewport=size, color_scheme=scheme)
+        self.page = self.context.new_page()
+        self.page.on("console", self._console)
+        self.page.on("pageerror", lambda error: self.wrong.append(f"error: {error}"))
+        self.page.on("request", self._request)
+        self.page.on("dialog", lambda dialog: self.wrong.append(f"dialog: {dialog.message}"))
+        self.page.on(
+            "response", lambda got: self.wrong.append(f"{got.status} {got.url}") if got.status >= 400 else None
+        )
+        self.open(address)
+
+    def _console(self, message: Any) -> None:
+        if message.type in ("error", "warning"):
+            self.wrong.append(f"console: {message.text}")
+
+    def _request(self, request: Any) -> None:
+        host = re.match(r"\w+://[^/]+/", request.url)
+        if host is None or host.group().split("://")[1] != ADDRESS.match(self.address).group().split("://")[1]:  # type: ignore[union-attr]
+            self.wrong.append(f"asked another host: {request.url}")
+
+    def open(self, address: str) -> None:
+        response = self.page.goto(address)
+        assert "default-src 'self'" in response.headers["content-security-policy"]
+        self.page.wait_for_selector("#map[data-vehicles]")
+
+    def shown(self) -> dict[str, str]:
+        """What the page says that it shows."""
+        return self.page.evaluate("({...document.getElementById('map').dataset})")  # type: ignore[no-any-return]
+
+    def number(self, name: str) -> float:
+        return float(self.shown()[name])
+
+    def until(self, condition: str, timeout_s: float = 60.0) -> None:
+        """Wait until a JavaScript condition on ``shown`` (the data attributes of the plan) and ``document`` holds.
+
+        Looked at in every frame by a function of our own: Playwright's would be refused by the page's policy.
+        """
+        look = """new Promise((resolve, reject) => {
+            const shown = document.getElementById('map').dataset, ends = performance.now() + %d;
+            const look = () => {
+                let holds = false;
+                try { holds = %s; } catch (error) { reject(error); }
+                if (holds) resolve(true);
+                else if (performance.now() > ends) resolve(false);
+                else requestAnimationFrame(look);
+            };
+            look();
+        })"""
+        assert self.page.evaluate(look % (1000 * timeout_s, condition.strip())), (
+            f"{condition}: {self.shown()}, {self.wrong}"
+        )
+
+    def positions(self) -> dict[str, tuple[float, float]]:
+        """Where the table says that everybody is; it is written less often than the plan is drawn."""
+        self.page.eval_on_selector("#vehicles", "table => { delete table.dataset.shown; }")
+        self.page.wait_for_selector("#vehicles[data-shown]")
+        rows = self.page.eval_on_selector_all(
+            "#vehicles tr", "rows => rows.map(row => [row.dataset.name, row.dataset.north, row.dataset.east])"
+        )
+        return {name: (float(north), float(east)) for name, north, east in rows}
+
+    def picture(self, name: str) -> None:
+        self.page.screenshot(path=PICTURES / f"{name}.png")
+
+    def close(self) -> None:
+        self.context.close()
+        assert self.wrong == []
+
+
+@pytest.fixture(scope="module")
+def demo() -> Iterator[str]:
+    with ridlink("demo", "--seed", "1", "--view-port", "0", "--stay") as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Eight who fly straight over one point, one second apart, and avoid nobody."""
+    path = tmp_path_factory.mktemp("page") / "crossing.tlog"
+    courses = [math.radians(45.0 * i) for i in range(8)]
+    flyers = [
+        Flyer(
+            i + 1,
+            (-(120.0 + 10.0 * i) * math.cos(course), -(120.0 + 10.0 * i) * math.sin(course)),
+            (10.0 * math.cos(course), 10.0 * math.sin(course)),
+            identity=f"CROSS-{i + 1}".encode(),
+        )
+        for i, course in enumerate(courses)
+    ]
+    write_tlog(path, flyers, seconds=30.0)
+    with ridlink("view", str(path), "--port", "0") as address:
+        yield address
+
+
+def moved(before: tuple[float, float], after: tuple[float, float]) -> float:
+    return ((after[0] - before[0]) ** 2 + (after[1] - before[1]) ** 2) ** 0.5
+
+
+def test_a_demo_is_watched_dragged_back_and_judged(browser: Any, demo: str) -> None:
+    visit = Visit(browser, demo)
+    page = visit.page
+
+    # Eight vehicles, and they move.
+    visit.until("shown.vehicles === '8'")
+    page.get_by_role("tab", name="Vehicles").click()
+    visit.until("document.querySelectorAll('#vehicles tr[data-name^=RDLK][data-north]').length === 8")
+    before, at = visit.positions(), visit.number("t")
+    visit.until(
+        f"""[...document.querySelectorAll('#vehicles tr')].every(row => {{
+            const [north, east] = ({json.dumps(before)})[row.dataset.name] ?? [NaN, NaN];
+            return Math.hypot(row.dataset.north - north, row.dataset.east - east) > 40;
+        }})""",
+        timeout_s=120.0,
+    )
+    assert visit.shown()["following"] == "true"
+    visit.picture("demo-live")
+
+    # Rings grow with the definition.
+    page.get_by_label("Candidate 2", exact=True).check()
+    visit.until("shown.definition === 'candidate2' && shown.rings !== ''")
+    small = [float(radius) for radius in visit.shown()["rings"].split(",")]
+    page.get_by_label("Remote ID", exact=True).check()
+    visit.until("shown.definition === 'remote-id' && Number(shown.rings.split(',')[2]) > 40")
+    large = [float(radius) for radius in visit.shown()["rings"].split(",")]
+    assert small[0] < small[1] < small[2] < large[2] and large[2] > 40.0
+    page.get_by_label("Candidate 2", exact=True).check()
+
+    # Dragged back, vehicles are where they were.
+    scrubber = page.locator("#scrubber").bounding_box()
+    y = scrubber["y"] + scrubber["height"] / 2
+    share = at / float(page.get_attribute("#scrubber", "max"))
+    page.mouse.move(scrubber["x"] + scrubber["width"] - 9, y)
+    page.mouse.down()
+    page.mouse.move(scrubber["x"] + 8 + share * (scrubber["width"] - 16), y, steps=12)
+    page.mouse.up()
+    visit.until("shown.following === 'false' && Math.abs(shown.t - shown.shown) < 0.02")
+    assert abs(visit.number("t") - at) < 3.0
+    earlier = visit.positions()
+    assert all(moved(earlier[name], before[name]) < 25.0 for name in before), (earlier, before)
+    visit.picture("demo-dragged-back")
+    visit.close()
+
+
+def test_an_encounter_is_clicked_and_its_address_opened_again(browser: Any, recording: str) -> None:
+    visit = Visit(browser, recording)
+    page = visit.page
+    page.wait_for_selector("#encounters tr", timeout=60_000)
+    row = page.locator("#encounters tr").first
+    row.click()
+    visit.until("shown.following === 'false' && Math.abs(shown.t - shown.shown) < 0.02")
+    assert row.get_attribute("aria-selected") == "true"
+    visit.until("location.search.includes(`t=${Number(shown.t).toFixed(1)}&`)")
+    first = visit.shown()
+    again = Visit(browser, page.url)
+    again.until("shown.following === 'false' && Math.abs(shown.t - shown.shown) < 0.02 && shown.position !== ''")
+    second = again.shown()
+    assert abs(float(first["t"]) - float(second["t"])) <= 0.051  # the address holds tenths
+    assert (first["selected"], first["definition"]) == (second["selected"], second["definition"])
+    here, there = (tuple(map(float, each["position"].split(","))) for each in (first, second))
+    assert moved(here, there) < 1.0, (first, second)  # type: ignore[arg-type]
+    again.picture("encounter")
+    again.close()
+    visit.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
+def test_it_fits_on_a_laptop_and_on_a_phone(browser: Any, recording: str, size: dict[str, int], scheme: str) -> None:
+    visit = Visit(browser, recording + "?t=12.5&d=candidate2", size=size, scheme=scheme)
+    visit.until("shown.vehicles === '8' && shown.rings !== ''")
+    visit.page.wait_for_selector("#encounters tr")
+    assert visit.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "scrolls sideways"
+    for name in ("#play", "#scrubber", "#map", "#definitions", "#clock"):
+        box = visit.page.locator(name).bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= size["width"], name
+    ground = visit.page.evaluate("getComputedStyle(document.body).backgroundColor")
+    bright = sum(map(int, re.findall(r"\d+", ground)[:3])) / 3
+    assert bright > 128 if scheme == "light" else bright < 128
+    visit.picture(f"page-{'wide' if size is WIDE else 'narrow'}-{scheme}")
+    visit.close()
+
+
+def test_it_is_driven_by_keys(browser: Any, recording: str) -> None:
+    visit = Visit(browser, recording)
+    press = visit.page.keyboard.press
+    visit.until("Number(shown.vehicles) > 0 && shown.selected !== ''")
+    press(" ")
+    press("Home")
+    visit.until(
+        "Math.abs(shown.t - document.querySelector('#scrubber').min) < 0.02 && Math.abs(shown.t - shown.shown) < 0.02"
+    )
+    start = visit.number("t")
+    press("ArrowRight")
+    press("ArrowRight")
+    press(".")
+    visit.until(f"Math.abs(shown.t - {start} - 2.1) < 0.02")
+    press(" ")
+    visit.until(f"Number(shown.t) > {start} + 2.5")
+    press(" ")
+    selected = visit.shown()["selected"]
+    press("]")
+    visit.until(f"shown.selected !== {selected!r}")
+    press("[")
+    visit.until(f"shown.selected === {selected!r}")
+    press("2")
+    visit.until("document.querySelector('#definitions input:checked').value === 'remote-id'")
+    press("?")
+    visit.until("document.querySelector('#help').open")
+    press("Escape")
+    visit.until("!document.querySelector('#help').open && shown.selected !== ''")
+    press("Escape")
+    visit.until("shown.selected === ''")
+    visit.close()
+
+
+HOSTILE = [
+    b"<b id=x>a</b>",
+    b"<svg/onload=alert(1)",
+    b'"onfocus="alert(1)',
+    b"\x1b[2J\x1b]0;x\x07",
+    b"=cmd|' /C calc'!A0",
+    b"+/#",
+    b"\x9b" * 20,
+]
+
+
+def test_names_of_strangers_are_text(browser: Any, tmp_path: Path) -> None:
+    """Whatever an aircraft calls itself: no element, no handler, no control character comes of it."""
+    path = tmp_path / "<img src=x onerror=alert(1)>.tlog"
+    flyers = [Flyer(i + 1, (60.0 * i, -50.0), (0.0, 10.0), identity=name) for i, name in enumerate(HOSTILE)] + [
+        Flyer(100, (0.0, 60.0), (0.0, -10.0), identity=b"honest")
+    ]
+    write_tlog(path, flyers, seconds=12.0)
+    with ridlink("view", str(path), "--port", "0") as address:
+        visit = Visit(browser, address)
+        visit.until(f"shown.vehicles === '{len(flyers)}'")
+        for name in ("Encounters", "Vehicles", "Link"):
+            visit.page.get_by_role("tab", name=name).click()
+            visit.picture(f"hostile-{name.lower()}")
+        visit.page.get_by_role("tab", name="Vehicles").click()
+        for row in visit.page.locator("#vehicles tr").all():
+            row.click()
+            name = row.get_attribute("data-name")
+            visit.until(
+                f"shown.selected === {json.dumps(name)} && document.getElementById('vehicle-name').textContent !== ''"
+            )
+        assert visit.page.evaluate("document.querySelectorAll('td *, #vehicle-name *, #title *, img, b#x').length") == 0
+        text = visit.page.inner_text("body")
+        assert "<b id=x>a</b>" in text and "honest" in text
+        assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", text + visit.page.title())
+        visit.until("new URLSearchParams(location.search).get('v') === shown.selected")
+        again = Visit(browser, visit.page.url)
+        again.until("shown.position !== ''")
+        assert again.shown()["selected"] == visit.shown()["selected"]
+        again.close()
+        visit.close()
+
+
+def test_250_vehicles_are_as_fluid_as_an_empty_page(browser: Any, tmp_path: Path) -> None:
+    """Median time between frames while a recording of 250 vehicles plays; the figures are printed (``pytest -s``)."""
+    path = tmp_path / "crowd.tlog"
+    write_tlog(path, crowd(250), seconds=8.0)
+    blank = browser.new_context().new_page()
+    empty = frame_times(blank, 5.0)
+    blank.context.close()
+    with ridlink("view", str(path), "--port", "0") as address:
+        visit = Visit(browser, address)
+        visit.until("shown.vehicles === '250'")
+        times = frame_times(visit.page, 6.0)
+        visit.picture("crowd")
+        visit.close()
+    for name, each in (("empty page", empty), ("250 vehicles", times)):
+        median, p95 = quantile(each, 0.5), quantile(each, 0.95)
+        print(f"{name:14} median {median:5.1f} ms   p95 {p95:5.1f} ms   max {max(each):5.1f} ms")
+    assert quantile(times, 0.5) < 1.5 * quantile(empty, 0.5)
+
+
+def frame_times(page: Any, seconds: float) -> list[float]:
+    """Times between animation frames [ms]."""
+    return page.evaluate(  # type: ignore[no-any-return]
+        """seconds => new Promise((resolve, reject) => {
+             const times = [], begun = performance.now();
+             let last = begun;
+             const frame = () => {
+               const now = performance.now();
+               times.push(now - last);
+               last = now;
+               if (now - begun < 1000 * seconds) requestAnimationFrame(frame); else resolve(times);
+             };
+             requestAnimationFrame(frame);
+           })""",
+        seconds,
+    )
+
+
+def quantile(values: list[float], share: float) -> float:
+    return sorted(values)[int(share * (len(values) - 1))]
+
+
+def crowd(count: int) -> list[Flyer]:
+    """Vehicles on a lattice, 60 m apart, each with a course of its own."""
+    side = math.ceil(math.sqrt(count))
+    return [
+        Flyer(
+            1 + i % 250,
+            (60.0 * (i // side), 60.0 * (i % side)),
+            (8.0 * math.cos(2.4 * i), 8.0 * math.sin(2.4 * i)),
+            identity=f"CROWD-{i:04d}".encode(),
+        )
+        for i in range(count)
+    ]
+
+
+def write_tlog(path: Path, flyers: list[Flyer], seconds: float) -> None:
+    """A recording of what they broadcast."""
+    epoch_us = 1_750_000_000_000_000
+    with path.open("wb") as file:
+        for time_s, frame in frames(flyers, seconds):
+            file.write(struct.pack(">Q", epoch_us + round(time_s * 1e6)) + frame.raw)
