@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
 import socket
-from collections.abc import Awaitable, Callable
+import types
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterator
 
 import pytest
 
@@ -48,10 +49,31 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
     asyncio.run(main())
 
 
-async def until(condition: Callable[[], bool]) -> None:
+class Told(Counter[str]):
+    """Counts that can be waited for."""
+
+    def __init__(self, counts: Counter[str]) -> None:
+        self.changed = asyncio.Event()
+        super().__init__(counts)
+
+    def __setitem__(self, cause: str, count: int) -> None:
+        super().__setitem__(cause, count)
+        self.changed.set()
+
+
+async def counted(link: Link, cause: str) -> None:
+    """Wait until a link has counted something."""
+    told = link.counters = Told(link.counters)
     async with asyncio.timeout(PATIENCE_S):
-        while not condition():
-            await asyncio.sleep(0.001)  # the loop must turn for sockets to be read
+        while not told[cause]:
+            told.changed.clear()
+            await told.changed.wait()
+
+
+@types.coroutine
+def turn() -> Iterator[None]:
+    """One turn of the loop."""
+    yield
 
 
 def heartbeat(seq: int = 0) -> bytes:
@@ -118,7 +140,7 @@ def test_datagrams_that_take_long_to_read_leave_the_loop_its_turns() -> None:
             for _ in range(8):
                 flood.sendto(b"x", server.local_address)
         while read < 8:
-            await asyncio.sleep(0)
+            await turn()
             turns.append(read)
         server.close()
         assert max(after - before for before, after in zip([0, *turns], turns, strict=False)) == 1
@@ -152,7 +174,7 @@ def test_f24_refused_datagrams_are_counted_and_the_link_lives_on() -> None:
         client = await open_link(f"udpout:127.0.0.1:{port}", inbox)
         for _ in range(5):
             client.send(b"into the void")
-        await until(lambda: client.counters["refused"] > 0)
+        await counted(client, "refused")
         server = await open_link(f"udpin:127.0.0.1:{port}", at_server := Inbox())
         client.send(b"now")
         client.send(b"and again")
@@ -182,7 +204,7 @@ def test_f24_a_socket_that_the_machine_takes_away_is_made_anew_on_its_port(schem
         with open(os.devnull, "wb") as nothing:  # as after an interface went down: the descriptor is no socket any more
             os.dup2(nothing.fileno(), link._socket.fileno())
         assert not link.send(b"lost")
-        await until(lambda: link.counters["socket_made_anew"] == 1)
+        await counted(link, "socket_made_anew")
         if scheme == "udpin":
             assert link.local_address[1] == port
             peer.send(b"again")
@@ -205,8 +227,8 @@ def test_f24_a_socket_that_cannot_be_made_is_tried_again_within_a_second() -> No
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as squatter:
             squatter.bind(link.local_address)  # the port is taken while we are away
             link.send(b"lost", ("127.0.0.1", 9))
-            await until(lambda: link.counters["socket_lost"] >= 1)
-        await until(lambda: link.counters["socket_made_anew"] == 1)
+            await counted(link, "socket_lost")
+        await counted(link, "socket_made_anew")
         link.close()
         closed = await open_link("udpin:127.0.0.1:0", inbox)
         assert isinstance(closed, UdpLink)
@@ -232,18 +254,18 @@ def test_receive_buffer_is_asked_for_and_the_answer_can_be_read() -> None:
 
 def test_f25_a_handler_that_raises_costs_its_datagram_only() -> None:
     async def test() -> None:
-        heard: list[bytes] = []
+        inbox = Inbox()
 
-        def fragile(data: bytes, _: Address) -> None:
+        def fragile(data: bytes, address: Address) -> None:
             if data == b"poison":
                 raise RuntimeError("no")
-            heard.append(data)
+            inbox(data, address)
 
         server = await open_link("udpin:127.0.0.1:0", fragile)
         client = await open_link(f"udpout:127.0.0.1:{server.local_address[1]}", Inbox())
         client.send(b"poison")
         client.send(b"good")
-        await until(lambda: heard == [b"good"])
+        assert await inbox.count(1) == [b"good"]
         assert server.counters["handler_error"] == 1
         assert server.counters["handler_error_RuntimeError"] == 1
         server.close()
@@ -255,12 +277,19 @@ def test_f25_a_handler_that_raises_costs_its_datagram_only() -> None:
 def test_a_handler_may_close_its_link() -> None:
     async def test() -> None:
         links: list[Link] = []
-        server = await open_link("udpin:127.0.0.1:0", lambda data, address: links[0].close())
+        closed = asyncio.Event()
+
+        def close(_: bytes, __: Address) -> None:
+            links[0].close()
+            closed.set()
+
+        server = await open_link("udpin:127.0.0.1:0", close)
         links.append(server)
         client = await open_link(f"udpout:127.0.0.1:{server.local_address[1]}", Inbox())
         client.send(b"1")
         client.send(b"2")
-        await until(lambda: not server.send(b"", ("127.0.0.1", 9)))
+        await asyncio.wait_for(closed.wait(), PATIENCE_S)
+        assert not server.send(b"", ("127.0.0.1", 9))
         client.close()
 
     run(test)
@@ -331,7 +360,7 @@ def test_tcp_streams_come_out_as_frames() -> None:
         server.send(frames[1], at_server.datagrams[0][1])
         assert await at_client.count(2) == frames[:2]
         client.close()
-        await until(lambda: server.counters["peer_left"] == 1)
+        await counted(server, "peer_left")
         assert not server.send(frames[0])
         server.close()
 
@@ -349,9 +378,11 @@ def test_tcp_client_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
         client.send(heartbeat())
         await at_server.count(1)
         server.close()
-        await until(lambda: client.counters["refused"] > 0)
+        await counted(client, "refused")
         server = await open_link(f"tcpin:127.0.0.1:{port}", at_server)
-        await until(lambda: client.send(heartbeat(1)))
+        assert isinstance(client, TcpLink) and client._retry is not None
+        await asyncio.wait_for(client._retry, PATIENCE_S)  # ends when there is a connection again
+        assert client.send(heartbeat(1))
         await at_server.count(2)
         client.close()
         server.close()
@@ -361,9 +392,11 @@ def test_tcp_client_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_tcp_peer_that_does_not_read_loses_what_is_stale() -> None:
     async def test() -> None:
-        server = await open_link("tcpin:127.0.0.1:0", Inbox())
-        with contextlib.closing(socket.create_connection(server.local_address)):
-            await until(lambda: server.send(bytes(16_000)))
+        inbox = Inbox()
+        server = await open_link("tcpin:127.0.0.1:0", inbox)
+        with socket.create_connection(server.local_address) as deaf:
+            deaf.sendall(heartbeat())
+            await inbox.count(1)
             for _ in range(2000):
                 if not server.send(bytes(16_000)):
                     break
@@ -384,7 +417,7 @@ def test_tcp_peers_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
             first.sendall(heartbeat())
             await at_server.count(1)
             with socket.create_connection(server.local_address):
-                await until(lambda: server.counters["too_many_peers"] == 1)
+                await counted(server, "too_many_peers")
         server.close()
 
     run(test)
