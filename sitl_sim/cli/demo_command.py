@@ -95,7 +95,7 @@ def demo(
     """Fly emulated vehicles through one point, each with its avoidance daemon, and judge it.
 
     Every message is real MAVLink on UDP of this machine. The daemons know what Remote ID tells them; only the referee
-    knows where the vehicles truly are. Ends with 0 if every vehicle arrived and none collided, with 1 otherwise.
+    and the page know where the vehicles truly are. Ends with 0 if every vehicle arrived and none collided, with 1 otherwise.
 
     \b
     Examples:
