@@ -94,8 +94,9 @@ def demo(
 ) -> int:
     """Fly emulated vehicles through one point, each with its avoidance daemon, and judge it.
 
-    Every message is real MAVLink on UDP of this machine. The daemons know what Remote ID tells them; only the referee
-    and the page know where the vehicles truly are. Ends with 0 if every vehicle arrived and none collided, with 1 otherwise.
+    Every message is real MAVLink on UDP of this machine. The daemons know what Remote ID tells them; only the
+    referee and the page know where the vehicles truly are. Ends with 0 if every vehicle arrived and none collided,
+    with 1 otherwise.
 
     \b
     Examples:
