@@ -371,13 +371,17 @@ def avoid_one(  # type: ignore[no-untyped-def]
     # Starting and stalled are the same to the speed; both turns together would lead away from the goal.
     if start > 0.0:
         start *= settings[START_TURN] * slowness(preferred, own[VELOCITY], own[VELOCITY + 1], limit)
-    turn = settings[RIGHT_TURN] * (right - left) + own[EXTRA_TURN] + max(start - max(own[EXTRA_TURN], 0.0), 0.0)
-    if turn != 0.0:
-        c, s = math.cos(turn), math.sin(turn)
-        preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]
     speed = norm(preferred[0], preferred[1])
     if speed > limit:
         preferred[0], preferred[1] = preferred[0] * limit / speed, preferred[1] * limit / speed
+    extra = own[EXTRA_TURN]
+    if extra != 0.0 and measure(lines, first, used, preferred[0], preferred[1]) <= EPSILON:
+        # A turn that outlives its cause leads round the goal for ever: whose way is free flies straight on.
+        extra = 0.0
+    turn = settings[RIGHT_TURN] * (right - left) + extra + max(start - max(extra, 0.0), 0.0)
+    if turn != 0.0:
+        c, s = math.cos(turn), math.sin(turn)
+        preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]
 
     x = result[R_VELOCITY : R_VELOCITY + 2]
     feasible = nearest_admissible(lines, begin, hard, first, used, limit, preferred, chosen, work, x)

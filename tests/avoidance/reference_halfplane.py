@@ -495,13 +495,18 @@ def avoid_one(
 
     # Starting and stalled are the same to the speed; both turns together would lead away from the goal.
     start *= settings[START_TURN] * slowness(preferred, v_1, v_2, limit)
-    turn = settings[RIGHT_TURN] * (right - left) + own[EXTRA_TURN] + max(start - max(own[EXTRA_TURN], 0.0), 0.0)
-    if turn != 0.0:
-        c, s = math.cos(turn), math.sin(turn)
-        preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]
     speed = norm(preferred[0], preferred[1])
     if speed > limit:
         preferred[0], preferred[1] = preferred[0] * limit / speed, preferred[1] * limit / speed
+    # A turn that outlives its cause leads round the goal for ever: whose way is free flies straight on.
+    free = all(
+        lines[k, 0] * preferred[0] + lines[k, 1] * preferred[1] >= lines[k, 2] - EPSILON for k in range(firm, used)
+    )
+    extra = 0.0 if free else own[EXTRA_TURN]
+    turn = settings[RIGHT_TURN] * (right - left) + extra + max(start - max(extra, 0.0), 0.0)
+    if turn != 0.0:
+        c, s = math.cos(turn), math.sin(turn)
+        preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]
 
     x = result[R_VELOCITY : R_VELOCITY + 2]
     feasible = nearest_admissible(lines, hard, firm, used, limit, preferred, work, x)

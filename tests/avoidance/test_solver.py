@@ -315,6 +315,15 @@ def test_the_turns_of_starting_and_of_a_stall_are_not_added():
         assert bearing(decision.preferred_ne_mps) == pytest.approx(turn)
 
 
+def test_whose_way_is_free_does_not_turn_however_long_it_was_stalled():
+    """Otherwise the turn outlives its cause, and leads a vehicle that is alone again round its goal for ever."""
+    others = (Traffic.empty(), traffic((-100.0, 0.0, 0.0, 0.0)), traffic((0.0, 150.0, 5.0, 0.0)))
+    for free in others:
+        decision = solve(own_ship(), free, extra_right_turn_rad=1.2)
+        assert decision.preferred_ne_mps == pytest.approx([10.0, 0.0])
+        assert decision.status is Status.FREE
+
+
 def test_time_margin_and_neighbour_of_the_picture():
     decision = solve(own_ship(), traffic((300.0, 0.0, 0.0, 0.0), (124.0, 0.0, -10.0, 0.0), radius=24.0))
     assert decision.nearest_index == 1
