@@ -342,6 +342,17 @@ def test_ardupilot_takes_off_in_guided_to_the_height_given() -> None:
     assert flight.mode == GUIDED and flight.height_m == pytest.approx(6.0, abs=0.5)
 
 
+def test_ardupilot_tells_a_place_while_it_climbs_as_its_guided_take_off_does() -> None:
+    """A velocity that changes in GUIDED would look as if somebody else sent setpoints."""
+    flight = Flight("ardupilot")
+    flight.command(SET_MODE, 1, GUIDED)
+    flight.command(ARM, 1)
+    flight.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 6.0)
+    flight.advance(1.0)
+    target = flight.last("POSITION_TARGET_LOCAL_NED")
+    assert target.type_mask == 0x0DF8 and target.z == -6.0
+
+
 def test_a_setpoint_during_takeoff_ends_the_climb_of_ardupilot() -> None:
     flight = Flight("ardupilot")
     flight.command(ARM, 1)

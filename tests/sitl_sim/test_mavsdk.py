@@ -30,10 +30,11 @@ def test_mavsdk_does_with_either_autopilot_all_that_it_can() -> None:
     fly_both_autopilots(act)
 
 
-def test_twenty_vehicles_take_off_and_land_at_once() -> None:
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+def test_twenty_vehicles_take_off_and_land_at_once(flavour: str) -> None:
     async def act(server: FleetServer) -> None:
         addresses = [f"127.0.0.1:{port}" for port in server.ports.vehicles]
         assert (await run_client("many", *addresses, client=CLIENT))["landed"] == list(range(1, 21))
 
-    server = fly(built_in("circle8", 20), act, sigma_m=0.0)
+    server = fly(built_in("circle8", 20), act, sigma_m=0.0, autopilot=flavour)
     assert not any(autopilot.pilot.armed for autopilot in server.autopilots)
