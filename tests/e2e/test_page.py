@@ -219,7 +219,8 @@ def test_a_demo_is_watched_dragged_back_and_judged(browser: Any, demo: str) -> N
     # Dragged back, vehicles are where they were.
     scrubber = page.locator("#scrubber").bounding_box()
     y = scrubber["y"] + scrubber["height"] / 2
-    share = at / float(page.get_attribute("#scrubber", "max"))
+    begin, end = (float(page.get_attribute("#scrubber", name)) for name in ("min", "max"))
+    share = (at - begin) / (end - begin)
     page.mouse.move(scrubber["x"] + scrubber["width"] - 9, y)
     page.mouse.down()
     page.mouse.move(scrubber["x"] + 8 + share * (scrubber["width"] - 16), y, steps=12)
