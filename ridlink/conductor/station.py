@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -23,7 +24,12 @@ async def mavsdk_ground_station() -> AsyncIterator[Mavsdk]:
     """MAVSDK as a ground station that keeps its log to itself: standard output belongs to results."""
     log_subscribe(lambda *_: True)
     async with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
-        yield mavsdk
+        try:
+            yield mavsdk
+        finally:
+            # MAVSDK aborts the process if anything of it is still held when it ends, and a worker thread of the loop
+            # holds what it was last asked until it goes on.
+            await asyncio.get_running_loop().shutdown_default_executor()
 
 
 def mavsdk_url(link: LinkUrl) -> str:

@@ -13,7 +13,8 @@ import json
 import math
 import sys
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from typing import Any
 
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
@@ -49,8 +50,16 @@ def waypoint(latitude_deg: float, longitude_deg: float, height_m: float) -> Miss
     )  # fmt: skip
 
 
-async def fly(address: str) -> dict[str, Any]:
+@asynccontextmanager
+async def ground_station() -> AsyncIterator[Mavsdk]:
+    """MAVSDK, which aborts the process if a worker thread of the loop still holds a part of it when it ends."""
     async with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
+        yield mavsdk
+        await asyncio.get_running_loop().shutdown_default_executor()
+
+
+async def fly(address: str) -> dict[str, Any]:
+    async with ground_station() as mavsdk:
         await mavsdk.add_any_connection(f"udpout://{address}")
         system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
         assert system is not None, "no autopilot found"
@@ -125,7 +134,7 @@ async def mission(missions: MissionAsync, latitude_deg: float, longitude_deg: fl
 
 
 async def many(addresses: list[str]) -> dict[str, Any]:
-    async with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
+    async with ground_station() as mavsdk:
         for address in addresses:
             await mavsdk.add_any_connection(f"udpout://{address}")
         systems = await until(mavsdk.get_systems, lambda systems: len(systems) == len(addresses))
