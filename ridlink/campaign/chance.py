@@ -19,6 +19,9 @@ from ridlink.separation.reference import CATEGORIES, MAX_AIRFRAME_M, MIN_AIRFRAM
 
 FloatArray = NDArray[np.float64]
 
+PAPER_MEAN_SPEED_MPS = CATEGORIES[3].max_speed_mps
+"""Of the fleets of the paper's simulation."""
+
 PAPER_SPEED_RANGE_MPS = (10.0, CATEGORIES[4].max_speed_mps)
 """Speeds outside are drawn again: the paper's fleet flies, it does not hover."""
 
@@ -82,7 +85,7 @@ def draw_fleet(count: int, seed: int, run: int, category: int | None = None) -> 
     """
     random = generator(seed, run, Source.FLEET)
     if category is None:
-        mean, sigma = CATEGORIES[3].max_speed_mps, CATEGORIES[3].speed_sigma_mps
+        mean, sigma = PAPER_MEAN_SPEED_MPS, CATEGORIES[3].speed_sigma_mps
         slowest, fastest = PAPER_SPEED_RANGE_MPS
     else:
         drawn = CATEGORIES[category]

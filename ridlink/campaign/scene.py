@@ -9,13 +9,15 @@ obstacle of 80 m its mission times come out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ridlink.errors import ConfigError
 from ridlink.scenario import Scenario
+from ridlink.separation.reference import MAX_AIRFRAME_M
 
 FloatArray = NDArray[np.float64]
 
@@ -24,6 +26,9 @@ Polygon = tuple[tuple[float, float], ...]
 CIRCLE_RADIUS_M = 100.0
 SQUARE_SIDE_M = 600.0
 SQUARE_OBSTACLE_SIDE_M = 80.0
+
+MOST_DRAWN = 1000
+"""Vehicles of the largest fleet that is drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +120,40 @@ def square(count: int = 24, side_m: float = SQUARE_SIDE_M, obstacle_side_m: floa
     edge = obstacle_side_m / 2.0
     block = ((-edge, -edge), (edge, -edge), (edge, edge), (-edge, edge))
     return Scene("square24" if count == 24 else f"square{count}", start, goal, (block,))
+
+
+def drawn_scene(name: str) -> Scene | None:
+    """The scene of a name, whose fleets are drawn: `circle8` and `square24`, the paper's, or others like them.
+
+    Args:
+        name: `circleN` or `squareN` for N vehicles, `circleN@R` for another radius, `squareN@S` for another side, in
+            metres; the obstacle in the square grows with it.
+
+    Returns:
+        The scene; None if this is no such name.
+
+    Raises:
+        ConfigError: If it is, and there is no such scene.
+    """
+    match = re.fullmatch(r"(circle|square)([0-9]{1,9})(?:@([0-9]{1,9}(?:\.[0-9]{1,9})?))?", name)
+    if match is None:
+        return None
+    kind, count, size = match[1], int(match[2]), float(match[3]) if match[3] else None
+    if not 2 <= count <= MOST_DRAWN:
+        raise ConfigError(f"{name}: 2 to {MOST_DRAWN} vehicles, not {count}")
+    if size == 0.0:
+        raise ConfigError(f"{name}: the {'radius' if kind == 'circle' else 'side'} must be positive")
+    if kind == "square" and count % 4:
+        raise ConfigError(f"{name}: a square has the same number of vehicles on each side: give a multiple of 4")
+    if kind == "circle":
+        scene = circle(count, size or CIRCLE_RADIUS_M)
+    else:
+        side_m = size or SQUARE_SIDE_M
+        scene = square(count, side_m, SQUARE_OBSTACLE_SIDE_M * (side_m / SQUARE_SIDE_M))
+    apart_m = float(np.linalg.norm(scene.start_ne_m[1:] - scene.start_ne_m[0], axis=1).min())
+    if apart_m <= MAX_AIRFRAME_M:
+        raise ConfigError(f"{name}: vehicles start {apart_m:.2f} m apart, airframes of {MAX_AIRFRAME_M:g} m touch")
+    return scene if size is None else replace(scene, name=name)
 
 
 def scene_of(scenario: Scenario, sigma_m: float) -> Scene:

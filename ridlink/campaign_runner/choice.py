@@ -12,11 +12,11 @@ import numpy as np
 
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings
-from ridlink.campaign.chance import CORRELATION_TIME_S, ErrorModel
+from ridlink.campaign.chance import CORRELATION_TIME_S, PAPER_MEAN_SPEED_MPS, ErrorModel
 from ridlink.campaign.link import Link
 from ridlink.campaign.plan import BASELINE, IDEAL_HALFPLANES, PAIR_READING_SIGMAS, Plan, baseline, graded_plan
 from ridlink.campaign.response import Dynamics
-from ridlink.campaign.scene import Scene, circle, scene_of, square
+from ridlink.campaign.scene import Scene, circle, drawn_scene, scene_of
 from ridlink.errors import ConfigError
 from ridlink.scenario import resolve_scenario
 from ridlink.separation.definitions import Definition
@@ -25,9 +25,6 @@ from ridlink.technologies import TECHNOLOGIES
 
 PAPER_DEFINITIONS = (Definition.SNMAC, Definition.REMOTE_ID, Definition.CANDIDATE1, Definition.CANDIDATE2)
 PAPER_SCENARIOS = ("circle8", "square24")
-
-DRAWN_SCENES: dict[str, Callable[[], Scene]] = {"circle8": circle, "square24": square}
-"""Scenes whose fleets are drawn; others say who flies."""
 
 GRADED: dict[str, Callable[[], GradedSettings]] = {
     "graded": GradedSettings.g2, "g2": GradedSettings.g2, "g3": GradedSettings.g3,
@@ -167,20 +164,20 @@ class Choice:
             correlation_s=conditions.correlation_s, common_share=conditions.common_share, bias_m=conditions.bias_m,
             range_m=conditions.range_m or TECHNOLOGIES[conditions.technology].range_m,
         )  # fmt: skip
-        if name in DRAWN_SCENES:
-            scene = DRAWN_SCENES[name]()
+        scene = drawn_scene(name)
+        if scene is not None:
             speed_mps = conditions.speed_mps
             if speed_mps is None and conditions.category is None and set(self.dynamics) != {Dynamics.IDEAL}:
                 speed_mps = REAL_SPEED_MPS
-            pace_mps = CATEGORIES[conditions.category].cruise_speed_mps if conditions.category else speed_mps
             if speed_mps is not None:
                 scene = replace(scene, speed_mps=np.full(len(scene), speed_mps))
-            if pace_mps is not None:
-                way_m = float(np.hypot(*(scene.goal_ne_m - scene.start_ne_m).T).max())
-                base = replace(base, duration_s=max(base.duration_s, round(way_m / (SLOWEST_PACE * pace_mps))))
-            return replace(base, scene=scene)
+            if conditions.category:
+                speed_mps = CATEGORIES[conditions.category].cruise_speed_mps
+            way_m = float(np.hypot(*(scene.goal_ne_m - scene.start_ne_m).T).max())
+            slowest_s = round(way_m / (SLOWEST_PACE * (speed_mps or PAPER_MEAN_SPEED_MPS)))
+            return replace(base, scene=scene, duration_s=max(base.duration_s, slowest_s))
         if conditions.speed_mps is not None or conditions.category is not None:
-            raise ConfigError(f"{name}: says itself who flies; --speed and --category go with {_either(DRAWN_SCENES)}")
+            raise ConfigError(f"{name}: says itself who flies; --speed and --category go with circleN and squareN")
         scenario = resolve_scenario(name)
         return replace(
             base, scene=scene_of(scenario, sigma_m), duration_s=scenario.duration_s, interval_s=scenario.interval_s
@@ -228,10 +225,6 @@ class Choice:
             plan, settings=graded.settings, bound_sigmas=graded.bound_sigmas, obstacle_bound_m=graded.obstacle_bound_m,
             filtered=graded.filtered if conditions.filtered is None else conditions.filtered,
         )  # fmt: skip
-
-
-def _either(names: Sequence[str] | dict[str, Any]) -> str:
-    return " and ".join(names)
 
 
 def _plain(plan: Plan) -> dict[str, Any]:

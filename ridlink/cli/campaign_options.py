@@ -118,7 +118,8 @@ cell_options = option_group(
     click.option(
         "--scenario", "scenarios", type=Names(), default="circle8,square24", show_default=True,
         metavar="NAME|FILE.toml,...",
-        help="circle8 and square24, with fleets drawn as the paper's; head-on, crossing, overtake; files.",
+        help="circle8 and square24, with fleets drawn as the paper's; circleN[@RADIUS] and squareN[@SIDE], the same "
+        "with other numbers [m]; head-on, crossing, overtake; files.",
     ),
     click.option(
         "--definition", "definitions", type=Names(DEFINITIONS),
@@ -185,11 +186,11 @@ air_options = option_group(
 fleet_options = option_group(
     click.option(
         "--category", type=click.IntRange(1, 4), metavar="1-4",
-        help="Fleets of circle8 and square24 as a category of Table III.  [default: the paper's fleet]",
+        help="Fleets of circleN and squareN as a category of Table III.  [default: the paper's fleet]",
     ),
     click.option(
         "--speed", "speed_mps", type=click.FloatRange(0.5, 100.0), metavar="M/S",
-        help="Cruise speed of everybody in circle8 and square24.  [default: drawn; 10 with px4 or ardupilot]",
+        help="Cruise speed of everybody in circleN and squareN.  [default: drawn; 10 with px4 or ardupilot]",
     ),
     click.option(
         "--correlation", "correlation_s", type=click.FloatRange(0.1, 1e6), default=10.0, show_default=True,

@@ -9,7 +9,8 @@ import pytest
 from ridlink.avoidance import GradedSettings, RotationSettings, SolverKind
 from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.plan import Plan, graded_plan, paper_plan
-from ridlink.campaign.scene import Scene, circle, square
+from ridlink.campaign.scene import Scene, circle, drawn_scene, square
+from ridlink.errors import ConfigError
 from ridlink.scenario import built_in
 from ridlink.separation import Definition
 
@@ -69,3 +70,30 @@ def test_a_scene_refuses_what_does_not_fit():
         Scene("x", place, place, cooperative=np.array([True]))
     with pytest.raises(ValueError, match="each side: got 10"):
         square(10)
+
+
+def test_a_name_draws_the_papers_scene_or_one_of_another_size():
+    assert drawn_scene("circle8").name == "circle8" and len(drawn_scene("square24")) == 24
+    wide = drawn_scene("circle16@200")
+    assert (wide.name, len(wide)) == ("circle16@200", 16)
+    assert np.allclose(np.hypot(*wide.start_ne_m.T), 200.0) and np.allclose(wide.goal_ne_m, -wide.start_ne_m)
+    large = drawn_scene("square32@900")
+    assert np.abs(large.start_ne_m).max() == 450.0 and np.abs(large.polygons_ne_m[0]).max() == 60.0
+    assert drawn_scene("head-on") is None and drawn_scene("circle") is None and drawn_scene("circle8@-1") is None
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("circle1", "2 to 1000 vehicles, not 1"),
+        ("circle999999999", "2 to 1000 vehicles, not 999999999"),
+        ("square10", "give a multiple of 4"),
+        ("circle100@10", "start 0.63 m apart, airframes of 7.5 m touch"),
+        ("square24@40", "start 4.71 m apart, airframes of 7.5 m touch"),
+        ("circle8@0", "radius must be positive"),
+        ("square8@0.0", "side must be positive"),
+    ],
+)
+def test_a_scene_that_cannot_be_drawn_is_refused_with_its_name(name, why):
+    with pytest.raises(ConfigError, match=f"^{name}: .*{why}"):
+        drawn_scene(name)

@@ -294,7 +294,7 @@ def test_another_campaign_is_refused_and_the_difference_is_named(
         (["--interval", "0"], 2, "0.0 is not in the range"),
         (["--stock", "1.5"], 2, "1.5 is not in the range"),
         (["--scenario", "head-on", "--speed", "12"], 2, "says itself who flies"),
-        (["--scenario", "circle9"], 2, "unknown scenario 'circle9': known are circle8, square24"),
+        (["--scenario", "circles"], 2, "unknown scenario 'circles': known are circle8, square24"),
         (["--scenario", "missing.toml"], 3, "missing.toml: No such file"),
         (["--sigma", "nan"], 2, "'nan' is not"),
         (["--runs", "0"], 2, "0 is not in the range"),
