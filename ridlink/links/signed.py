@@ -30,7 +30,7 @@ from ridlink.links.udp import open_udp_link
 from ridlink.links.url import LinkUrl, Scheme
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import BadFrame, parse_datagram
-from ridlink.mavlink.signing import KEY_LENGTH, LATEST_CLOCK, UNITS_PER_S, SignatureCause, Signing
+from ridlink.mavlink.signing import KEY_LENGTH, LATEST_CLOCK, UNITS_PER_S, SignatureCause, Signing, signing_timestamp
 
 SAVED_EVERY_S = 5.0
 AHEAD = 6 * UNITS_PER_S
@@ -179,7 +179,8 @@ class SignedLink(Link):
     def _state(self, ahead: int) -> bytes:
         signing = self._signing
         streams = [(*stream, at) for stream, at in signing.streams.items()]
-        return msgspec.json.encode(_State(min(signing.timestamp + ahead, LATEST_CLOCK), streams))
+        latest = max(signing.timestamp, signing_timestamp(self._utc()))  # what the next frame will be signed with
+        return msgspec.json.encode(_State(min(latest + ahead, LATEST_CLOCK), streams))
 
     def _save(self, content: bytes, *, last: bool = False) -> None:
         with self._saving:

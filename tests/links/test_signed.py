@@ -14,7 +14,7 @@ import pytest
 
 from ridlink.errors import ConfigError
 from ridlink.links import LinkUrl, SigningOptions, open_signed_link, parse_link_url
-from ridlink.links.signed import AHEAD, SignedLink, open_signing, read_key, save_signing
+from ridlink.links.signed import SAVED_EVERY_S, SignedLink, open_signing, read_key, save_signing
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.signing import EPOCH_UTC_S, UNITS_PER_S, Signing
@@ -157,17 +157,21 @@ def test_f23_a_crash_uses_no_timestamp_twice(key_file: Path) -> None:
         link = await opened(Ear(), key_file)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.bind(("127.0.0.1", 0))
+            peer.settimeout(PATIENCE_S)
             link.send(Encoder(1, 196).encode("HEARTBEAT"), peer.getsockname())
+            sent = peer.recv(500)
         assert link._inner is not None and link._timer is not None
         link._timer.cancel()
         link._inner.close()  # and no word to the file, as after kill -9
-        assert open_signing(SigningOptions(key_file)).timestamp >= AHEAD
+        again = signed(Encoder(1, 196), open_signing(SigningOptions(key_file)), 0.0)  # no battery: it is 1970 again
+        first, second = (int.from_bytes(frame[-12:-6], "little") for frame in (sent, again))
+        assert second - first > SAVED_EVERY_S * UNITS_PER_S, "later than all until the file is written again"
         link._closed = True
 
     asyncio.run(test())
 
 
-def test_a_key_is_taken_from_its_owners_file_alone(key_file: Path) -> None:
+def test_f34_a_key_is_taken_from_its_owners_file_alone(key_file: Path) -> None:
     assert read_key(key_file) == KEY
     key_file.write_text(KEY.hex() + "\n")
     assert read_key(key_file) == KEY
