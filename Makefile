@@ -13,7 +13,7 @@ WORKERS ?= 2
 # Of `make e2e`: nothing for all acceptance flights, quick for one seed each, none.
 FLIGHTS ?=
 
-.PHONY: demo test lint coverage bench e2e soak clean help
+.PHONY: demo test lint coverage bench e2e soak proof mutation clean help
 
 help:
 	@echo "make demo   install into $(VENV), fly 8 emulated vehicles through one point, and show them in a browser"
@@ -22,6 +22,8 @@ help:
 	@echo "make bench  print the benchmark tables"
 	@echo "make e2e    look at the page in Chromium, fly the acceptance flights in real time (about 20 minutes)"
 	@echo "make soak   fly for half an hour, feed a million damaged inputs to the readers and as many datagrams to a daemon, fly 680 times without and behind a bad network"
+	@echo "make proof  take the protections of docs/faults.md out one at a time, and see the test of each fail (quarter of an hour)"
+	@echo "make mutation  change the last line of defence operator by operator, and see how much of it tests notice (half an hour)"
 	@echo "make lint   ruff and mypy alone"
 	@echo "make clean  remove what the build and the tests left"
 
@@ -81,6 +83,12 @@ soak: $(VENV)/.installed-dev
 	@$(BIN)/python -m tests.soak.hostile
 	@$(BIN)/python -m tests.soak.flights broadcast
 	@$(BIN)/python -m tests.soak.flights lossy
+
+proof: $(VENV)/.installed-dev
+	@$(BIN)/python -m tests.soak.proof
+
+mutation: $(VENV)/.installed-dev
+	@$(BIN)/python -m tests.soak.mutation
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .coverage ridlink/mavlink/dialect.py

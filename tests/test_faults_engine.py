@@ -145,9 +145,10 @@ def test_f17_after_a_stop_of_five_seconds_what_waited_in_the_socket_is_no_own_st
         flight.now_s += STEP_S
     for datagram in waiting[:20]:  # as many as one turn of the loop reads
         flight.engine.receive_vehicle(datagram, flight.now_s, source="autopilot")
-    output = flight.step()
-    assert output.decision.state is not State.ENGAGED
-    assert output.decision.commanded_ned_mps in (None, (0.0, 0.0, 0.0))
+    for _ in range(2):  # the first one would hold after a pause in any case
+        output = flight.step()
+        assert output.decision.state is not State.ENGAGED
+        assert output.decision.commanded_ned_mps in (None, (0.0, 0.0, 0.0))
     assert flight.engine.counters["own_position_delayed"] > 0
 
 

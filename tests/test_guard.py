@@ -16,7 +16,7 @@ from ridlink.own_ship import ARDUPILOT, PX4
 from ridlink.traffic.position_filter import moved
 from sitl_sim.autopilot import Start
 from tests.daemon.emulated import Emulated
-from tests.daemon.invariants import Observer
+from tests.daemon.invariants import ASKED, GUARDING, Observer
 from tests.sitl_sim import test_autopilot_missions as missions
 from tests.sitl_sim.flight import COMPANION, HOME, START_NED_M, Flight
 
@@ -30,7 +30,7 @@ class Guarded(Flight):
     def __init__(self, flavour: str, *, begun: Start = Start.HOLDING, **options: Any) -> None:
         super().__init__(flavour, begun, gnss="white")
         self.engine = Engine(EngineConfig(guard=True, airframe_m=0.6, **options))
-        self.observer = Observer(may={511, 176, 224})
+        self.observer = Observer(may=ASKED | GUARDING)
         self.intruder: Emulated | None = None
         self.nearest_m = math.inf
         self.phases: list[Phase] = []

@@ -142,7 +142,7 @@ def test_the_larger_of_receiver_and_estimator_counts_and_is_capped() -> None:
     assert telemetry.state(0.0).error_bound_m == 185.0  # type: ignore[union-attr]
 
 
-def test_an_old_position_is_less_certain() -> None:
+def test_f14_an_old_position_is_less_certain() -> None:
     telemetry, autopilot = flying()
     autopilot.position(0.0, vx=1000)
     assert telemetry.state(0.3).error_bound_m == pytest.approx(2.7)  # type: ignore[union-attr]

@@ -38,7 +38,9 @@ def test_the_wire_form_is_velocity_only_in_local_ned() -> None:
 
 
 @given(st.lists(st.tuples(anything, st.integers(0, 3000)), min_size=1, max_size=30))
-def test_every_stream_keeps_the_limits_whatever_is_asked(steps: list[tuple[tuple[float, float, float], int]]) -> None:
+def test_i1_the_stream_keeps_the_limits_whatever_is_asked(
+    steps: list[tuple[tuple[float, float, float], int]],
+) -> None:
     stream, encoder = SetpointStream(LIMITS), Encoder(1, 196)
     last, last_ms, time_ms = STOP, 0, 0
     for wanted, later_ms in steps:

@@ -228,7 +228,7 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_csv_is_one_file_a_message_and_formulas_are_texts(log: Path, tmp_path: Path) -> None:
+def test_f32_csv_is_one_file_a_message_and_formulas_are_texts(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "tables"
     done = run(log, "-f", "csv", "-o", out)
     names = ["OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_LOCATION", "OPEN_DRONE_ID_SYSTEM", "RIDLINK_SEPARATION"]

@@ -107,7 +107,7 @@ def test_an_unknown_message_shows_its_payload() -> None:
      ("OPEN_DRONE_ID_OPERATOR_ID", "operator_id"), ("STATUSTEXT", "text")],
 )  # fmt: skip
 @given(raw=st.one_of(st.just(HOSTILE[:20]), st.binary(max_size=20)))
-def test_strings_are_inert(name: str, field: str, raw: bytes) -> None:
+def test_f32_strings_are_inert(name: str, field: str, raw: bytes) -> None:
     record = record_of(Encoder(1, 1).encode(name, **{field: raw}))
     text = strict(json_line(record))["fields"][field]
     assert text.isascii() and text.isprintable()

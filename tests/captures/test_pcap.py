@@ -317,7 +317,7 @@ def test_junk_between_packets_costs_no_packet(kind: str, junk: bytes) -> None:
 
 
 @pytest.mark.parametrize("kind", FILES)
-def test_a_damaged_length_costs_one_packet(kind: str) -> None:
+def test_f33_a_damaged_length_costs_one_packet(kind: str) -> None:
     data = FILES[kind]
     packets, _ = packets_of(data)
     at = packets[10].offset + {"pcap": 8, "big": 11, "pcapng": 4}[kind]
@@ -330,7 +330,7 @@ def test_a_damaged_length_costs_one_packet(kind: str) -> None:
             assert len({packet.time_us for packet in packets} - times) <= (1 if value else 0), (value, more)
 
 
-def test_a_length_on_file_allocates_nothing() -> None:
+def test_f33_a_length_on_file_allocates_nothing() -> None:
     hostile = pcap(timed(AIR[:1]), 127) + struct.pack("<IIII", START_US // 10**6, 0, 0xFFFFFFF0, 0xFFFFFFF0)
     found, rejects = packets_of(hostile + b"".join(pcap_record("<", START_US, packet) for packet in AIR))
     assert len(found) == 21 and rejects.counts == {"bad_packet_header": 1}
@@ -373,7 +373,7 @@ def test_interfaces_without_end_are_refused() -> None:
     assert len(found) == 1 and rejects.counts == {"too_many_interfaces": 1500 - 1024}
 
 
-def test_memory_does_not_grow_with_the_file() -> None:
+def test_f33_memory_does_not_grow_with_the_file() -> None:
     """The reader holds one packet and one chunk, whatever it has read before."""
     record = pcap_record("<", START_US, AIR[0])
     held = []

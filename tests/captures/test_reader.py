@@ -84,7 +84,7 @@ def test_absent_files_directories_and_unknown_formats(tmp_path: Path) -> None:
         open_capture(tmp_path, "ulog")
 
 
-def test_a_hostile_file_name_is_inert_in_the_error(tmp_path: Path) -> None:
+def test_f32_a_hostile_file_name_is_inert_in_the_error(tmp_path: Path) -> None:
     path = tmp_path / "\x1b[2Jé.tlog"
     path.write_bytes(b"")
     with pytest.raises(CaptureError) as caught:

@@ -48,7 +48,7 @@ def test_a_file_that_cannot_be_made_or_exists_is_an_error_at_the_start(tmp_path:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_a_disk_that_refuses_ends_the_recording_only() -> None:
+def test_f29_a_disk_that_refuses_ends_the_recording_only() -> None:
     recorder = Recorder("/dev/full", overwrite=True)
     recorder.receive(Emulated().heartbeat())
     recorder.close()
@@ -57,7 +57,7 @@ def test_a_disk_that_refuses_ends_the_recording_only() -> None:
     assert recorder.messages == 0
 
 
-def test_a_slow_disk_costs_records_not_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_f29_a_slow_disk_costs_records_not_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     gate = threading.Event()
     write = TlogWriter.write
 

@@ -50,6 +50,7 @@ class Emulated:
         self.armed, self.fix_type = True, 3
         self.error_m, self.airframe_m = error_m, airframe_m
         self.landed_state: int | None = None
+        self.knows_ellipsoid = True
         self.observer = Observer(target=sysid)
         self.obeyed = False
         self.heard: list[Message] = []
@@ -70,7 +71,7 @@ class Emulated:
         latitude, longitude, altitude = self._place()
         place = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7), "alt": round(altitude * 1e3)}
         vx, vy, vz = (round(100 * value) for value in self.velocity)
-        ellipsoid = round((altitude + GEOID_M) * 1e3)
+        ellipsoid = round((altitude + GEOID_M) * 1e3) if self.knows_ellipsoid else 0
         relative = round((altitude - HOME.altitude_m) * 1e3)
         encode = self.encoder.encode
         return encode(
@@ -148,12 +149,14 @@ class LoopbackVehicle:
         self.began_s = 0.0
         self.silent = False
         self.frozen = False
+        self.words = 0
         self.last = b""
         self.sources: set[Address] = set()
         self.second = Observer(target=emulated.sysid)
         self._second_link: Link | None = None
         self._link: Link | None = None
         self._changed = asyncio.Event()
+        self._spoken = asyncio.Event()
         self._ended = asyncio.Event()
         self._failure: BaseException | None = None
 
@@ -207,6 +210,8 @@ class LoopbackVehicle:
                 if not self.frozen:
                     self.send(self.vehicle.position_messages(now_s) + self.vehicle.target_message(now_s))
             self.vehicle.advance(PERIOD_S)
+            self.words += 1
+            self._spoken.set()
             # No grid: the clock of an autopilot drifts against that of the daemon.
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(PERIOD_S):
@@ -221,6 +226,14 @@ class LoopbackVehicle:
             raise self._failure
         self._changed.clear()
         await self._changed.wait()
+
+    async def speaks(self, times: int) -> None:
+        """Wait until it has told its state so many more times: how time passes while the daemon says nothing."""
+        enough = self.words + times
+        async with asyncio.timeout(PATIENCE_S):
+            while self.words < enough:
+                self._spoken.clear()
+                await self._spoken.wait()
 
     async def until(self, condition: Callable[[], bool]) -> None:
         """Wait for something that comes with a datagram."""

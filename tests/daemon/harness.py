@@ -11,7 +11,9 @@ from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.service import AvoidDaemon
 from ridlink.daemon.summary import Summary
 from ridlink.engine import EngineConfig, Goal
-from ridlink.links import Link, open_link
+from ridlink.impair.model import Impairment
+from ridlink.impair.proxy import open_proxy
+from ridlink.links import Link, open_link, parse_link_url
 from tests.daemon.emulated import PATIENCE_S, Emulated, LoopbackVehicle, at
 
 
@@ -57,12 +59,35 @@ class Running:
 
 
 @asynccontextmanager
-async def running(*, emulated: Emulated | None = None, **options: Any) -> AsyncIterator[Running]:
+async def _impaired(port: int, impairment: Impairment | None) -> AsyncIterator[int]:
+    """Where to speak to a port behind a bad network; the port itself without one."""
+    if impairment is None:
+        yield port
+        return
+    near, far = parse_link_url("udpin:127.0.0.1:0"), parse_link_url(f"udpout:127.0.0.1:{port}")
+    proxy = await open_proxy(near, far, back=impairment)
+    try:
+        yield proxy.near.local_address[1]
+    finally:
+        proxy.close()
+
+
+@asynccontextmanager
+async def running(
+    *, emulated: Emulated | None = None, impairment: Impairment | None = None, **options: Any
+) -> AsyncIterator[Running]:
+    """A daemon that flies.
+
+    Args:
+        emulated: The vehicle.
+        impairment: What becomes of the Remote ID on its way to the daemon.
+        options: Of `DaemonConfig`.
+    """
     engine = options.pop("engine", EngineConfig(goal=Goal(*at(300.0))))
     events: list[dict[str, Any]] = []
-    async with Air() as air:
+    async with Air() as air, _impaired(air.port, impairment) as air_port:
         config = DaemonConfig(
-            vehicle="udpin:127.0.0.1:0", remote_id=f"udpout:127.0.0.1:{air.port}", engine=engine, **options
+            vehicle="udpin:127.0.0.1:0", remote_id=f"udpout:127.0.0.1:{air_port}", engine=engine, **options
         )
         daemon = AvoidDaemon(config, on_event=events.append)
         stop = asyncio.Event()

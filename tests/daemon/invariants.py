@@ -31,6 +31,10 @@ SAID = {
 }  # fmt: skip
 ASKED = {511}
 """MAV_CMD_SET_MESSAGE_INTERVAL, the one command that is given without `--guard`."""
+GUARDING = {176, 224}
+"""MAV_CMD_DO_SET_MODE and DO_SET_MISSION_CURRENT, which a guard may give as well."""
+LEAST_BETWEEN_WORDS_S = 0.95
+"""One second, less what a clock of 100 ms makes of it."""
 LATE_SETPOINTS = 2
 """Two periods of 100 ms: what is under way when a pilot takes over."""
 
@@ -55,9 +59,9 @@ class Observer:
     limits: VelocityLimits = field(default_factory=VelocityLimits)
     target: int = 1
     may: set[int] = field(default_factory=lambda: set(ASKED))
-    setpoints: list[Message] = field(default_factory=list)
     steerable: bool = True
     """Armed and in GUIDED or OFFBOARD, or a PX4 that wants a stream before."""
+    setpoints: list[Message] = field(default_factory=list)
     _last: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _last_ms: int = 0
     _unwanted: int = 0

@@ -2,90 +2,20 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
-import struct
-from collections.abc import Awaitable, Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
 from ridlink.engine import EngineConfig, Goal
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
-from ridlink.mavlink.crc import checksum
-from ridlink.traffic.picture import TrafficPicture
-from ridlink.traffic.snapshot import Snapshot
-from tests.daemon.emulated import PATIENCE_S, Emulated, at
-from tests.daemon.harness import Running, run, running
-
-
-class Hostile:
-    """Whoever sends to the Remote ID port of a flying daemon."""
-
-    def __init__(self, flight: Running) -> None:
-        self.flight, self.engine = flight, flight.daemon.engine
-        self.other = Emulated(9, ned_m=(150.0, 60.0, -50.0))
-
-    @property
-    def picture(self) -> TrafficPicture:
-        return self.engine.picture
-
-    def counted(self, cause: str) -> int:
-        return self.engine.counters[cause]
-
-    async def send(self, *datagrams: bytes) -> None:
-        """Send, and wait until a datagram sent last was read: a message that nobody knows."""
-        link = self.flight.air.link
-        assert link is not None
-        before = self.counted("mavlink_1_frame")
-        for datagram in datagrams:
-            assert link.send(datagram)
-        link.send(v1_frame())
-        await self.flight.vehicle.until(lambda: self.counted("mavlink_1_frame") > before)
-
-    def snapshot(self) -> Snapshot:
-        loop_s = self.engine._last_step_s
-        assert loop_s is not None
-        own = self.engine.telemetry.state(loop_s)
-        assert own is not None
-        return self.picture.snapshot(own, loop_s)
-
-    def radius_m(self) -> np.ndarray:
-        """Radii of the discs now, without what age adds."""
-        loop_s, snapshot = self.engine._last_step_s, self.snapshot()
-        own = self.engine.telemetry.state(loop_s or 0.0)
-        assert own is not None
-        return self.engine.steering.decider.discs(own, 0.0, snapshot).radius_m
-
-
-def v1_frame() -> bytes:
-    """A MAVLink 1 HEARTBEAT."""
-    body = bytes((9, 0, 9, 1, 0)) + struct.pack("<IBBBBB", 0, 2, 12, 0, 0, 3)
-    return b"\xfe" + body + checksum(body, CRC_EXTRAS[0]).to_bytes(2, "little")
-
-
-def location(**fields: Any) -> bytes:
-    """A LOCATION of vehicle 9 with any integers at all."""
-    north = at(150.0, 60.0)
-    plain: dict[str, Any] = {
-        "status": 2, "latitude": round(north[0] * 1e7), "longitude": round(north[1] * 1e7), "direction": 18000,
-        "speed_horizontal": 500, "altitude_geodetic": 597.0, "timestamp": 65535.0,
-    }  # fmt: skip
-    return Encoder(9, 1).encode("OPEN_DRONE_ID_LOCATION", **(plain | fields))
-
-
-def flown(test: Callable[[Hostile], Awaitable[None]], engine: EngineConfig | None = None) -> None:
-    async def main() -> None:
-        async with running(engine=engine or EngineConfig(goal=Goal(*at(300.0)), vehicle_sysid=1)) as flight:
-            await flight.vehicle.until(lambda: len(flight.vehicle.setpoints()) >= 2)
-            async with asyncio.timeout(PATIENCE_S):
-                await flight.air.changed.wait()  # it knows us by our HEARTBEAT
-            await test(Hostile(flight))
-            count = len(flight.vehicle.setpoints())
-            await flight.vehicle.until(lambda: len(flight.vehicle.setpoints()) > count)
-
-    run(main)
+from ridlink.failsafe import State
+from ridlink.impair.model import Impairment
+from ridlink.mavlink.codec import Encoder
+from tests.daemon.emulated import Emulated, at
+from tests.daemon.harness import run, running
+from tests.daemon.hostile import Hostile, flown, location, v1_frame
 
 
 @pytest.mark.parametrize(
@@ -199,14 +129,18 @@ def test_f06_a_datagram_twice_is_one_and_an_old_frame_is_none() -> None:
     flown(test)
 
 
-def test_f06_version_1_is_taken_where_it_is_allowed() -> None:
+@pytest.mark.parametrize("allowed", [False, True])
+def test_f06_version_1_is_heard_where_it_is_allowed_only(allowed: bool) -> None:
     async def test() -> None:
-        engine = EngineConfig(goal=Goal(*at(300.0)), allow_v1=True)
-        async with running(engine=engine) as flight:
+        config = EngineConfig(goal=Goal(*at(300.0)), allow_v1=allowed)
+        async with running(engine=config) as flight:
             await flight.vehicle.until(lambda: len(flight.vehicle.setpoints()) >= 2)
+            engine = flight.daemon.engine
             flight.vehicle.send(v1_frame())
-            await flight.vehicle.until(lambda: flight.daemon.engine.counters["foreign_autopilot"] == 1)
-            assert flight.daemon.engine.counters["mavlink_1_frame"] == 0
+            flight.vehicle.send(b"what was sent before was read")
+            await flight.vehicle.until(lambda: engine.counters["garbage"] == 1)
+            assert engine.counters["foreign_autopilot"] == allowed
+            assert engine.counters["mavlink_1_frame"] == (not allowed)
 
     run(test)
 
@@ -240,6 +174,15 @@ def test_f09_our_identity_at_our_place_is_an_echo_and_elsewhere_an_intruder_with
     flown(test)
 
 
+def test_f09_a_stranger_at_our_place_is_no_echo() -> None:
+    async def test(hostile: Hostile) -> None:
+        hostile.other.position = hostile.vehicle.vehicle.position.copy()
+        await hostile.send(hostile.other.remote_id(1.0))
+        assert len(hostile.picture) == 1 and hostile.counted("own_echo") == 0
+
+    flown(test)
+
+
 def test_f10_who_falls_silent_coasts_and_grows() -> None:
     async def test(hostile: Hostile) -> None:
         hostile.other.velocity[:] = (-5.0, 0.0, 0.0)
@@ -254,6 +197,29 @@ def test_f10_who_falls_silent_coasts_and_grows() -> None:
     flown(test)
 
 
+def test_f11_the_way_back_from_a_conflict_that_is_gone_is_slow_for_two_seconds() -> None:
+    async def test(hostile: Hostile) -> None:
+        vehicle = hostile.vehicle
+        ahead = float(vehicle.vehicle.position[0]) + 17.0
+        wall = [Emulated(20 + k, ned_m=(ahead, 6.0 * (k - 2), -50.0)) for k in range(5)]
+        await hostile.send(*(each.remote_id(1.0) for each in wall))
+        await vehicle.until(lambda: bool(hostile.last.conflicts) and hostile.last.state is State.ENGAGED)
+        await hostile.send(*(each.remote_id(1.1, status=1) for each in wall))  # landed, all of them
+        await vehicle.until(lambda: not hostile.last.conflicts)
+        gone_s, count = hostile.last.time_s, len(vehicle.setpoints())
+        await vehicle.until(lambda: not hostile.last.recovering)
+        assert hostile.last.time_s - gone_s > 1.7
+        back = vehicle.setpoints()[count - 1 : -1]
+        for before, after in pairwise(back):
+            faster = math.hypot(after.vx, after.vy) > math.hypot(before.vx, before.vy)
+            change = math.hypot(after.vx - before.vx, after.vy - before.vy)
+            elapsed_s = (after.time_boot_ms - before.time_boot_ms + 2) / 1e3  # two roundings
+            assert not faster or change <= 2.5 * elapsed_s + 1e-3, "half of the acceleration"
+        assert back[-1].vx > 2.0, "it is on its way again"
+
+    flown(test)
+
+
 def test_f12_a_flood_is_refused_in_part_said_once_and_costs_nobody_who_is_known() -> None:
     async def test(hostile: Hostile) -> None:
         vehicle = hostile.flight.vehicle
@@ -263,18 +229,89 @@ def test_f12_a_flood_is_refused_in_part_said_once_and_costs_nobody_who_is_known(
         def ghost(number: int) -> bytes:
             return location(id_or_mac=b"g%d" % number, latitude=round(far[0] * 1e7), longitude=round(far[1] * 1e7))
 
-        for chunk in range(24):
-            ghosts = [ghost(100 * chunk + k) for k in range(100)]
+        for chunk in range(4):  # ten datagrams of sixty each
+            ghosts = [b"".join(ghost(600 * chunk + 60 * k + n) for n in range(60)) for k in range(10)]
             await hostile.send(*ghosts, hostile.other.remote_id(0.1 * (chunk + 1)))
         assert hostile.counted("newcomer_refused") > 100
         assert len(hostile.picture) <= 2000
         (known,) = [track for track in hostile.picture.tracks.values() if track.key[3] is None]
-        assert known.report.timestamp_s == pytest.approx(2.4)
+        assert known.report.timestamp_s == pytest.approx(0.4)
         await vehicle.until(
             lambda: any(message.name == "STATUSTEXT" and b"flood" in message.text for message in vehicle.vehicle.heard)
         )
 
     flown(test)
+
+
+def test_f13_ghosts_that_close_in_from_all_sides_are_met_with_the_least_bad_velocity() -> None:
+    async def test(hostile: Hostile) -> None:
+        vehicle = hostile.vehicle
+        centre = vehicle.vehicle.position.copy()
+        ring = [(math.cos(a), math.sin(a)) for a in 2.0 * math.pi * np.arange(12) / 12]
+        ghosts = [Emulated(20 + k, ned_m=(27.0 * n, 27.0 * e, 0.0)) for k, (n, e) in enumerate(ring)]
+        for ghost, (north, east) in zip(ghosts, ring, strict=True):
+            ghost.position += centre
+            ghost.velocity[:] = (-2.5 * north, -2.5 * east, 0.0)
+        first = len(vehicle.setpoints())
+        for k in range(25):
+            count = len(vehicle.setpoints())
+            await hostile.send(*(ghost.remote_id(0.1 * k) for ghost in ghosts))
+            await vehicle.until(lambda count=count: len(vehicle.setpoints()) > count)  # type: ignore[misc]
+            assert hostile.last.state is State.ENGAGED
+            for ghost in ghosts:
+                ghost.advance(0.1)
+        assert hostile.engine.summary().infeasible_steps > 5, "no velocity keeps out of all discs"
+        assert math.dist(vehicle.vehicle.position, centre) < 2.0, "nor does it fly at one of them"
+        assert math.hypot(vehicle.setpoints()[-1].vx, vehicle.setpoints()[-1].vy) < 1.0
+        norths = [message.vx for message in vehicle.setpoints()[first:] if abs(message.vx) >= 0.5]
+        assert sum(a * b < 0.0 for a, b in pairwise(norths)) <= 3, "one change of sign a second"
+
+    flown(test)
+
+
+def test_f19_a_height_over_another_reference_is_our_own_height() -> None:
+    async def test(hostile: Hostile) -> None:
+        hostile.other.position[2] = -200.0  # 150 m above us
+        await hostile.send(hostile.other.remote_id(0.0))
+        assert len(hostile.snapshot()) == 0, "known to fly far above"
+        above_m = hostile.other.remote_id(0.1, altitude_geodetic_m=None, altitude_barometric_m=747.0)
+        await hostile.send(above_m)
+        assert len(hostile.snapshot()) == 1
+
+    flown(test)
+
+
+def test_f19_without_the_own_height_above_the_ellipsoid_everybody_flies_at_it() -> None:
+    own = Emulated()
+    own.knows_ellipsoid = False
+
+    async def test(hostile: Hostile) -> None:
+        hostile.other.position[2] = -200.0
+        await hostile.send(hostile.other.remote_id(0.0))
+        assert len(hostile.snapshot()) == 1
+
+    flown(test, emulated=own)
+
+
+def test_f20_behind_a_bad_network_the_measured_interval_sizes_the_disc() -> None:
+    bad = Impairment(loss=0.5, burst=3.0, delay_s=0.02, jitter_s=0.02, duplicate=0.2)
+
+    async def test(hostile: Hostile) -> None:
+        link, other = hostile.flight.air.link, hostile.other
+        assert link is not None
+        other.velocity[:] = (-5.0, 0.0, 0.0)
+        for k in range(30):
+            count = len(hostile.vehicle.setpoints())
+            link.send(other.remote_id(0.1 * k))
+            other.advance(0.1)
+            await hostile.vehicle.until(lambda count=count: len(hostile.vehicle.setpoints()) > count)  # type: ignore[misc]
+        (interval_s,) = hostile.snapshot().interval_s
+        assert interval_s > 0.13
+        assert hostile.counted("report_repeated") > 0
+        (radius_m,) = hostile.radius_m()
+        assert radius_m == pytest.approx(6.0 + 0.6 + 5.0 * min(interval_s, 1.0), abs=0.05)
+
+    flown(test, impairment=bad)
 
 
 def test_f21_every_frame_of_a_datagram_counts_whatever_lies_between_and_64_at_most() -> None:

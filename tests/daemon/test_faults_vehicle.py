@@ -1,4 +1,4 @@
-"""F14 to F17, F23, F27 and two daemons on one vehicle: what the vehicle link does to a daemon that flies."""
+"""F14 to F18, F23, F27 and two daemons on one vehicle: what the vehicle link does to a daemon that flies."""
 
 from __future__ import annotations
 
@@ -6,23 +6,37 @@ import asyncio
 import os
 import signal
 import sys
+import threading
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.service import AvoidDaemon
 from ridlink.engine import EngineConfig, Goal
-from ridlink.failsafe import State
-from ridlink.links import SigningOptions
+from ridlink.failsafe import FailsafeSettings, State
+from ridlink.links import SigningOptions, parse_link_url
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, message_spec
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.signing import Signing
-from tests.cli.test_avoid import free_port
-from tests.daemon.emulated import GUIDED, LOITER, OFFBOARD, PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, at
+from tests.cli.test_avoid import START_S, daemon, free_port
+from tests.daemon.emulated import (
+    GUIDED,
+    LOITER,
+    OFFBOARD,
+    PATIENCE_S,
+    POSITION_MODE,
+    Emulated,
+    LoopbackVehicle,
+    at,
+)
 from tests.daemon.harness import Running, run, running
+from tests.daemon.hostile import Hostile, flown
 
 AUTOPILOTS = pytest.mark.parametrize(
     ("autopilot", "mode", "other_mode"), [(12, OFFBOARD, POSITION_MODE), (3, GUIDED, LOITER)], ids=["px4", "ardupilot"]
@@ -105,6 +119,24 @@ def test_f14_gnss_lost_in_mid_conflict_holds_and_comes_back() -> None:
     run(test)
 
 
+def test_f14_an_own_state_that_stays_away_ends_the_stream_on_purpose_after_a_hold() -> None:
+    async def test() -> None:
+        impatient = FailsafeSettings(hold_after_s=0.4, stop_after_s=1.0)
+        async with running(engine=EngineConfig(goal=Goal(*at(300.0)), failsafe=impatient)) as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: bool(vehicle.setpoints()) and vehicle.setpoints()[-1].vx > 0.5)
+            vehicle.frozen = True
+            await vehicle.until(lambda: state(flight) is State.HOLD)
+            await vehicle.until(lambda: state(flight) is State.STOPPED)
+            count = len(vehicle.setpoints())
+            assert [message.vx for message in vehicle.setpoints()[-3:]] == [0.0, 0.0, 0.0], "zero goes first"
+            vehicle.frozen = False  # it comes back, and nobody asked
+            await vehicle.speaks(25)
+            assert len(vehicle.setpoints()) <= count + 1 and state(flight) is State.STOPPED
+
+    run(test)
+
+
 def test_f16_a_jump_of_the_own_position_holds_for_a_second() -> None:
     async def test() -> None:
         async with running() as flight:
@@ -134,7 +166,79 @@ def test_f15_an_autopilot_that_restarts_is_not_steered_again_unasked() -> None:
     run(test)
 
 
-def test_two_daemons_on_one_vehicle_the_second_notices_and_stands_by() -> None:
+def test_f15_an_autopilot_that_falls_silent_is_not_steered_again_unasked() -> None:
+    async def test() -> None:
+        impatient = FailsafeSettings(heartbeat_lost_s=0.5)
+        async with running(engine=EngineConfig(goal=Goal(*at(300.0)), failsafe=impatient)) as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 4)
+            vehicle.silent = True
+            await vehicle.until(lambda: state(flight) is State.STANDBY)
+            assert flight.daemon.engine.rung.reason == "no heartbeat of the autopilot"
+            count = len(vehicle.setpoints())
+            vehicle.silent = False
+            await vehicle.speaks(25)
+            assert len(vehicle.setpoints()) <= count + 1 and state(flight) is State.STANDBY
+
+    run(test)
+
+
+def test_f17_a_process_that_was_stopped_comes_back_with_one_hold_and_no_burst() -> None:
+    async def test() -> None:
+        goal = ",".join(f"{value:.7f}" for value in at(300.0))
+        async with daemon("--goal", goal) as (process, port), LoopbackVehicle(Emulated(), port) as vehicle:
+            async with asyncio.timeout(START_S):
+                while not (vehicle.setpoints() and vehicle.setpoints()[-1].vx > 0.5):
+                    await vehicle.changed()
+            process.send_signal(signal.SIGSTOP)
+            await vehicle.speaks(5)  # what was under way arrives
+            count = len(vehicle.setpoints())
+            await vehicle.speaks(25)
+            assert len(vehicle.setpoints()) == count
+            process.send_signal(signal.SIGCONT)
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= count + 6)
+            after = vehicle.setpoints()[count:]
+            assert (after[0].vx, after[0].vy, after[0].vz) == (0.0, 0.0, 0.0)
+            assert all(b.time_boot_ms - a.time_boot_ms >= 20 for a, b in pairwise(after)), "no burst"
+            await vehicle.until(lambda: vehicle.setpoints()[-1].vx > 0.5)
+
+    run(test)
+
+
+def test_f18_a_neighbour_across_the_antimeridian_is_near_and_one_track() -> None:
+    east_m = 12_942_985.0  # from home to the antimeridian
+
+    async def test(hostile: Hostile) -> None:
+        assert abs(hostile.last.own.position.longitude_deg) > 179.99  # type: ignore[union-attr]
+        other = Emulated(9, ned_m=(0.0, east_m - 2.0, -50.0))
+        other.velocity[:] = (0.0, 5.0, 0.0)
+        for k in range(9):  # from one side to the other
+            await hostile.send(other.remote_id(0.1 * k))
+            count = len(hostile.vehicle.setpoints())
+            await hostile.vehicle.until(lambda count=count: len(hostile.vehicle.setpoints()) > count)  # type: ignore[misc]
+            other.advance(0.1)
+        (track,) = hostile.picture.tracks.values()
+        assert track.longitude_deg < 0.0 < hostile.last.own.position.longitude_deg  # type: ignore[union-attr]
+        assert track.filter.resets == 0
+        assert np.hypot(*hostile.snapshot().position_ned_m[0, :2]) < 200.0
+
+    goal = EngineConfig(goal=Goal(at(0.0)[0], -179.999))
+    flown(test, goal, emulated=Emulated(ned_m=(0.0, east_m - 60.0, -50.0)))
+
+
+def test_f18_beyond_85_degrees_nothing_is_flown() -> None:
+    async def test() -> None:
+        polar = Emulated(ned_m=(4_290_000.0, 0.0, -50.0))
+        async with running(emulated=polar) as flight:
+            await flight.vehicle.until(lambda: "latitude" in flight.daemon.engine.rung.reason)
+            assert flight.daemon.engine.rung.reason == "waiting: latitude beyond 85 degrees"
+            await flight.vehicle.speaks(25)
+            assert {(message.vx, message.vy) for message in flight.vehicle.setpoints()} <= {(0.0, 0.0)}
+
+    run(test)
+
+
+def test_i3_two_daemons_on_one_vehicle_the_second_notices_and_stands_by() -> None:
     async def test() -> None:
         async with running() as first:
             vehicle, stop = first.vehicle, asyncio.Event()
@@ -153,6 +257,43 @@ def test_two_daemons_on_one_vehicle_the_second_notices_and_stands_by() -> None:
             assert state(first) is State.ENGAGED and second.engine.rung.state is State.STANDBY
             assert first.daemon.engine.counters["other_writer"] > 0
             stop.set()
+            await task
+
+    run(test)
+
+
+@AUTOPILOTS
+def test_f27_started_beside_a_vehicle_that_waits_in_its_mode_the_first_setpoint_is_zero(
+    autopilot: int, mode: int, other_mode: int
+) -> None:
+    async def test() -> None:
+        async with running(emulated=Emulated(autopilot=autopilot)) as flight:
+            vehicle = flight.vehicle
+            assert vehicle.vehicle.mode == mode != other_mode
+            await vehicle.until(lambda: bool(vehicle.setpoints()) and vehicle.setpoints()[-1].vx > 0.0)
+            assert (vehicle.setpoints()[0].vx, vehicle.setpoints()[0].vy) == (0.0, 0.0)
+
+    run(test)
+
+
+def test_f27_a_px4_in_offboard_gets_zero_velocity_while_the_kernels_are_still_loaded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    release = threading.Event()
+    monkeypatch.setattr("ridlink.daemon.warming.warm_up", lambda _: release.wait())
+
+    async def test() -> None:
+        stop, port, air = asyncio.Event(), free_port(), free_port()
+        vehicle_url, air_url = (parse_link_url(f"{way}:127.0.0.1:{p}") for way, p in (("udpin", port), ("udpout", air)))
+        config = DaemonConfig(vehicle_url, air_url, EngineConfig(goal=Goal(*at(300.0))))
+        task = asyncio.create_task(AvoidDaemon(config).run(stop))
+        try:
+            async with LoopbackVehicle(Emulated(), port) as vehicle:
+                await vehicle.until(lambda: len(vehicle.setpoints()) >= 3)
+                assert {(message.vx, message.vy) for message in vehicle.setpoints()} == {(0.0, 0.0)}
+        finally:
+            stop.set()
+            release.set()
             await task
 
     run(test)

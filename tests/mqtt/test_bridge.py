@@ -137,7 +137,7 @@ def test_states_arrive_and_the_end_is_announced() -> None:
     run(body)
 
 
-def test_a_broker_that_comes_back_gets_the_newest_first_and_nobody_is_disturbed() -> None:
+def test_f30_a_broker_that_comes_back_gets_the_newest_first_and_nobody_is_disturbed() -> None:
     async def body() -> None:
         port = free_port()
         said: asyncio.Queue[str] = asyncio.Queue()

@@ -16,7 +16,7 @@ def drained(outbox: Outbox) -> list[Outgoing]:
 
 
 @given(st.lists(topics, max_size=60), st.integers(1, 4))
-def test_only_the_newest_of_each_topic_waits_and_never_more_than_there_is_room_for(put: list[str], room: int) -> None:
+def test_f30_the_newest_of_each_topic_waits_and_never_more_than_there_is_room_for(put: list[str], room: int) -> None:
     outbox = Outbox(room)
     newest: dict[str, bytes] = {}
     for number, topic in enumerate(put):

@@ -13,7 +13,7 @@ TOPICS = Topics("field-1")
 
 
 @given(st.text(max_size=200))
-def test_no_name_leaves_its_level(name: str) -> None:
+def test_f32_no_name_leaves_its_level(name: str) -> None:
     for topic in (TOPICS.state(name), TOPICS.aircraft_availability(name), TOPICS.encounter((name, name))):
         assert topic.count("/") == TOPICS.root.count("/") + (3 if "/uas/" in topic else 2)
         assert topic.isascii() and topic.isprintable()

@@ -77,7 +77,7 @@ def test_a_location_of_sentinels_knows_nothing_and_rejects_nothing() -> None:
         ("timestamp", -math.inf, "timestamp_s"),
     ],
 )
-def test_a_field_out_of_range_is_lost_alone(wire_field: str, value: float, si_field: str) -> None:
+def test_f01_a_field_out_of_range_is_lost_alone(wire_field: str, value: float, si_field: str) -> None:
     good: dict[str, Any] = {
         "latitude": 508765432, "longitude": 43210987, "direction": 9000, "speed_horizontal": 1225,
         "speed_vertical": 150, "altitude_barometric": 120.5, "altitude_geodetic": 165.5, "height": 45.0,

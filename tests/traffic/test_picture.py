@@ -277,7 +277,7 @@ def test_repeats_and_nonsense_are_counted() -> None:
     assert made.counters["position_unusable"] == 1
 
 
-def test_silent_tracks_are_dropped() -> None:
+def test_f10_silent_tracks_are_dropped() -> None:
     made = picture(report())
     made.drop_silent(14.9)
     assert len(made) == 1
@@ -286,7 +286,7 @@ def test_silent_tracks_are_dropped() -> None:
     assert made.counters["track_lost"] == 1
 
 
-def test_a_full_picture_gives_up_whoever_matters_least() -> None:
+def test_f12_a_full_picture_gives_up_whoever_matters_least() -> None:
     small = replace(SETTINGS, max_tracks=3)
     made = picture(*(report(sysid=k, north=100.0 * k) for k in (1, 2, 3)), settings=small)
     made.snapshot(OWN, 10.0)
