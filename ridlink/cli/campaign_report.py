@@ -14,11 +14,12 @@ def report(folder: Path) -> None:
     """Write into the folder of a campaign what came out of it, beside what the paper prints.
 
     report.json and report.html hold the table with a verdict for every printed figure, and every cell against the
-    paper's Candidates, run by run; the page asks for nothing outside of itself. The pictures are PNG and SVG (extra:
-    ridlink[plot]).
+    paper's Candidates, run by run; the page asks for nothing outside of itself. report.md holds the tables for
+    documents. The pictures are PNG and SVG (extra: ridlink[plot]).
     """
     from ridlink.analysis.campaign import FlownCell, judge_cells
     from ridlink.analysis.campaign_figures import draw_campaign
+    from ridlink.analysis.campaign_markdown import markdown_report
     from ridlink.analysis.campaign_page import report_page
     from ridlink.analysis.campaign_pairs_page import dominance_table, pairs_table, pooled_table
     from ridlink.analysis.pairs import against_lossless, against_points, dominance, pooled
@@ -51,6 +52,7 @@ def report(folder: Path) -> None:
     for name, text in (
         ("report.json", json.dumps(document, indent=1)),
         ("report.html", report_page(title, judged, tables, drawn)),
+        ("report.md", markdown_report(flown, points, together)),
     ):
         (folder / name).write_text(text)
         written.append(folder / name)

@@ -22,7 +22,7 @@ def flown(definition, median_s, macs=0, snmac_s=7.0, **world):
         "dynamics": "ideal", "sigma_m": 10.0, "interval_s": 0.1, "loss": 0.0, **world,
     })  # fmt: skip
     row = {
-        **asdict(cell), "runs": RUNS, "flights": 80,
+        **asdict(cell), "runs": RUNS, "flights": 80, "unfinished": 0,
         "macs": macs, "mac_rate": macs / 80, "mac_rate_ci95": clopper_pearson(macs, 80),
         "median_s": median_s, "median_ci95": (median_s, median_s), "ratio_to_snmac": median_s / snmac_s,
     }  # fmt: skip

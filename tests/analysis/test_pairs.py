@@ -2,6 +2,7 @@
 
 import pytest
 
+from ridlink.analysis.campaign_markdown import markdown_report
 from ridlink.analysis.pairs import against_lossless, against_points, dominance, pooled
 from tests.analysis.test_campaign import flown
 
@@ -54,3 +55,25 @@ def test_flights_of_all_scenes_are_counted_and_not_claimed():
     (some,) = pooled([cells[0], flown("chance", 20.0, macs=2, scenario="square24")])
     assert some.said == "2 of 160, so 1.5e-03 to 4.4e-02 at 95 %"
     assert pooled(cells[:1]) == []
+
+
+def test_the_tables_for_documents_have_a_line_a_setting_and_a_column_a_world():
+    cells = [
+        flown("candidate1", 8.2), flown("candidate2", 8.0, macs=4), flown("candidate2", 7.9, solver="g2"),
+        flown("candidate2", 7.0, solver="g2", gnss="bias"), flown("candidate2", 7.5, solver="g2", loss=0.3),
+    ]  # fmt: skip
+    text = markdown_report(cells, against_points(cells), pooled(cells))
+    lines = text.splitlines()
+    assert lines[2] == "| setting | circle8 white-radial | circle8 bias | circle8 white-radial 30% lost |"
+    assert lines[4:7] == [
+        "| Candidate 1, rotation | 8.2 / 0 |  |  |",
+        "| Candidate 2, rotation | 8.0 / 4 |  |  |",
+        "| Candidate 2, g2 | 7.9 / 0 | 7.0 / 0 | 7.5 / 0 |",
+    ]
+    # The Candidates themselves are compared with nobody; what was flown in one scene only is not taken together.
+    against = [line for line in lines if line.count("|") == 8][2:]
+    assert [line.split(" | ")[1:3] for line in against] == [
+        ["Candidate 2, g2", "Candidate 1, rotation"], ["Candidate 2, g2", "Candidate 2, rotation"],
+    ]  # fmt: skip
+    assert " -0.3 (-0.3 to -0.3) | -0.30 (-0.30 to -0.30) | 0 : 0 | 0 : 0 |" in against[0]
+    assert "together" not in text

@@ -408,7 +408,9 @@ def test_a_report_beside_the_paper(whole: Path, tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     pictures = {f"{name}.{kind}" for name in ("mission-times", "collisions", "time-against-safety")
                 for kind in ("png", "svg")}  # fmt: skip
-    assert {Path(line).name for line in done.stdout.splitlines()} == pictures | {"report.json", "report.html"}
+    assert {Path(line).name for line in done.stdout.splitlines()} == pictures | {
+        "report.json", "report.html", "report.md",
+    }  # fmt: skip
     cells = {cell["row"]["definition"]: cell for cell in json.loads((folder / "report.json").read_text())["cells"]}
     assert cells["candidate2"]["ratio"]["verdict"] == "not reproducible"
     assert "3.7 m" in cells["candidate2"]["ratio"]["why"]
@@ -418,6 +420,7 @@ def test_a_report_beside_the_paper(whole: Path, tmp_path: Path) -> None:
     assert 0.5 < low <= beside["median_s"] <= high < 3.0
     assert beside["fewer_runs"] > 10 * beside["more_runs"]
     assert beside["p_value"] < 1e-6
+    assert "| Candidate 1, rotation | " in (folder / "report.md").read_text()
     page = (folder / "report.html").read_text()
     assert "Against the paper's Candidates" in page
     assert page.count("<img") == page.count('src="data:image/svg+xml;base64,') == 3

@@ -1,0 +1,86 @@
+"""The tables of a campaign as Markdown, for documents: one line a setting, one column a scene and kind of errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from ridlink.analysis.campaign import WORDS, FlownCell, setting_words, world_words
+from ridlink.analysis.pairs import PAPERS_POINTS, Pair, Pooled, cell_of
+from ridlink.campaign.plan import Cell
+
+ERRORS = {"gauss-markov": "G-M"}
+"""Short names for heads of columns."""
+
+CHANCE = 1e-4
+"""Smaller probabilities are said to be smaller."""
+
+
+def markdown_report(cells: Sequence[FlownCell], points: Sequence[Pair], together: Sequence[Pooled]) -> str:
+    """Times and collisions of all cells, all cells against the paper's Candidates, scenes taken together.
+
+    Args:
+        cells: A complete campaign.
+        points: Its cells against those of the Candidates.
+        together: Collisions over all scenes.
+    """
+    ours = [pair for pair in points if (pair.cell.definition, pair.cell.solver) not in PAPERS_POINTS]
+    parts = [
+        "Median s / collided flights (late: not arrived by the cut-off):", _matrix(cells),
+        "Less the other, paired, 95 %: median s; mean s; runs with more : fewer collided flights, exact sign test:",
+        _table(("scene", "setting", "against", "median", "mean", "collided flights", "runs"), map(_against, ours)),
+        "Collided flights of all scenes together:",
+        _table(("errors", "setting", "collided"), map(_together, together)),
+    ]  # fmt: skip
+    pairs = zip(parts[::2], parts[1::2], strict=True)
+    return "\n\n".join(f"{title}\n\n{table}" for title, table in pairs if table) + "\n"
+
+
+def _matrix(cells: Sequence[FlownCell]) -> str:
+    found: dict[str, dict[str, str]] = {}
+    for each in cells:
+        cell, row = cell_of(each.row), each.row
+        late = f" ({row['unfinished']} late)" if row["unfinished"] else ""
+        median = "-" if row["median_s"] is None else f"{row['median_s']:.1f}"
+        line = found.setdefault(setting_words(cell.definition, cell.solver), {})
+        line[_world(cell)] = f"{median} / {row['macs']}{late}"
+    worlds = list(dict.fromkeys(world for line in found.values() for world in line))
+    lines = ((setting, *(line.get(world, "") for world in worlds)) for setting, line in found.items())
+    return _table(("setting", *worlds), lines)
+
+
+def _against(pair: Pair) -> tuple[str, ...]:
+    found = pair.difference
+    chance = "< 0.0001" if found.p_value < CHANCE else f"{found.p_value:.2g}"
+    runs = f"{found.more_runs} : {found.fewer_runs}"
+    return (
+        _world(pair.cell), setting_words(pair.cell.definition, pair.cell.solver),
+        setting_words(pair.against.definition, pair.against.solver),
+        _span(found.median_s, found.median_ci95, 1), _span(found.mean_s, found.mean_ci95, 2),
+        f"{pair.macs} : {pair.macs_against}", runs if runs == "0 : 0" else f"{runs}, p {chance}",
+    )  # fmt: skip
+
+
+def _together(each: Pooled) -> tuple[str, ...]:
+    known = each.conditions
+    errors = ", ".join(filter(None, (ERRORS.get(known["gnss"], known["gnss"]), world_words(known))))
+    return errors, setting_words(known["definition"], known["solver"]), each.said
+
+
+def _world(cell: Cell) -> str:
+    unusual = world_words({name: getattr(cell, name) for name in WORDS})
+    return " ".join(filter(None, (cell.scenario, ERRORS.get(cell.gnss, cell.gnss), unusual)))
+
+
+def _span(value: float | None, interval: tuple[float, float] | None, digits: int) -> str:
+    if value is None or interval is None:
+        return "-"
+    # What rounds to zero has no sign.
+    value, low, high = (round(each, digits) + 0.0 for each in (value, *interval))
+    return f"{value:+.{digits}f} ({low:+.{digits}f} to {high:+.{digits}f})"
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    if not lines:
+        return ""
+    return "\n".join((f"| {' | '.join(heads)} |", "|" + " --- |" * len(heads), *lines))
