@@ -74,20 +74,20 @@ def _pairs(scene: Scene, radius_m: FloatArray) -> Pairs:
     to_north, to_east = np.ascontiguousarray(scene.velocity_ne_mps.T)
     r_north, r_east = north - north[:, None], east - east[:, None]
     distance_square = r_north * r_north + r_east * r_east
+    beyond = distance_square - radius_m * radius_m
     apart = scene.apart()
+    counts = ~apart & (distance_square <= CONSIDERED_M**2)
     entry = np.full(distance_square.shape, np.inf)
-    # Each pair once, and only those that count.
-    counted = np.flatnonzero(np.triu(~apart & (distance_square <= CONSIDERED_M**2), 1))
-    i, j = np.divmod(counted, max(len(scene), 1))
-    r_north, r_east = r_north.take(counted), r_east.take(counted)
-    v_north, v_east = to_north[j] - to_north[i], to_east[j] - to_east[i]
-    square = v_north * v_north + v_east * v_east
-    closing = -(r_north * v_north + r_east * v_east)
-    radius = radius_m.take(counted)
-    beyond = distance_square.take(counted) - radius * radius
+    entry[counts & (beyond < 0.0)] = 0.0
+    # The root is for those that come nearer, half of them, and outside.
+    closing = -(r_north * (to_north - to_north[:, None]) + r_east * (to_east - to_east[:, None]))
+    nearing = np.flatnonzero(counts & (closing > 0.0) & (beyond >= 0.0))
+    i, j = np.divmod(nearing, max(len(scene), 1))
+    square = (to_north[j] - to_north[i]) ** 2 + (to_east[j] - to_east[i]) ** 2
+    closing, beyond = closing.take(nearing), beyond.take(nearing)
     root = closing * closing - square * beyond
-    enters = (closing > 0.0) & (root > 0.0) & (square > 1e-12)
+    enters = np.flatnonzero((root > 0.0) & (square > 1e-12))
     # (closing - sqrt(root)) / square, in the form that does not cancel.
-    divisor = np.where(enters, closing + np.sqrt(np.maximum(root, 0.0)), 1.0)
-    entry.put(counted, np.where(beyond < 0.0, 0.0, np.where(enters, beyond / divisor, np.inf)))
-    return Pairs(radius_m, np.sqrt(distance_square), np.minimum(entry, entry.T), apart)
+    entry.put(nearing.take(enters), beyond.take(enters) / (closing.take(enters) + np.sqrt(root.take(enters))))
+    np.fill_diagonal(entry, np.inf)
+    return Pairs(radius_m, np.sqrt(distance_square), entry, apart)

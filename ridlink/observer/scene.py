@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ridlink.traffic.altitude import known_apart, vertical_bound
+from ridlink.traffic.altitude import RESERVE_M, known_apart, vertical_bound
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -86,13 +86,19 @@ class Scene:
 
     def _known_apart(self) -> BoolArray:
         above = self.altitude_m[None, :] - self.altitude_m[:, None]
+        apart = np.zeros(above.shape, np.bool_)
+        i, j = np.nonzero(above > RESERVE_M)  # each pair once; no bound is below its reserve
+        if not len(i):
+            return apart
+        above = above[i, j]
         error, height, climb = self.vertical_error_m, self.airframe_height_m, self.climb_mps
         bound = vertical_bound(
             above,
-            error_m=(error[:, None], error[None, :]),
-            height_m=(height[:, None], height[None, :]),
-            climb_mps=(climb[:, None], climb[None, :]),
-            age_s=np.maximum(self.age_s[:, None], self.age_s[None, :]),
+            error_m=(error[i], error[j]),
+            height_m=(height[i], height[j]),
+            climb_mps=(climb[i], climb[j]),
+            age_s=np.maximum(self.age_s[i], self.age_s[j]),
             horizon_s=VERTICAL_HORIZON_S,
         )
-        return known_apart(above, bound)
+        apart[i, j] = apart[j, i] = known_apart(above, bound)
+        return apart

@@ -64,6 +64,10 @@ _THREE_SIGMA_FACTOR = {
     AccuracyConvention.ONE_SIGMA: 3.0,
     AccuracyConvention.AS_IS: 1.0,
 }
+_THREE_SIGMA_M: dict[str, dict[int, float]] = {
+    convention: {code: bound * factor for code, bound in HORIZONTAL_BOUNDS_M.items()}
+    for convention, factor in _THREE_SIGMA_FACTOR.items()
+}
 
 
 def horizontal_bound_m(code: int) -> float | None:
@@ -127,9 +131,8 @@ def three_sigma_bound_m(code: int, convention: AccuracyConvention | str = Accura
     Raises:
         ValueError: If the convention is unknown.
     """
-    bound = HORIZONTAL_BOUNDS_M.get(code)
-    factor = _THREE_SIGMA_FACTOR[AccuracyConvention(convention)]
-    return None if bound is None else bound * factor
+    bounds = _THREE_SIGMA_M.get(convention)  # an enumeration is hashed and compared as the text that it is
+    return (_THREE_SIGMA_M[AccuracyConvention(convention)] if bounds is None else bounds).get(code)
 
 
 def code_of_three_sigma(

@@ -109,6 +109,9 @@ class SeparationFlags(IntFlag):
     COMMANDED_VELOCITY_GIVEN = 8
 
 
+_AVOIDING = int(SeparationFlags.AVOIDING)  # an enumeration's own "&" takes a microsecond
+
+
 @dataclass(frozen=True, slots=True)
 class Separation:
     """RIDLINK_SEPARATION (61400). Errors are three standard deviations; the airframe size is a diameter."""
@@ -129,7 +132,7 @@ class Separation:
     @property
     def avoiding(self) -> bool:
         """The sender takes its reciprocal half of every avoidance."""
-        return bool(self.flags & SeparationFlags.AVOIDING)
+        return bool(self.flags & _AVOIDING)
 
 
 RemoteIdMessage = BasicId | Location | Authentication | SelfId | System | OperatorId | Separation

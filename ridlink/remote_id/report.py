@@ -16,6 +16,8 @@ from ridlink.remote_id.messages import Location, Separation
 SourceKey = tuple[int, int, bytes | None]
 """Identity of a sender: system id, component id and, for relayed data, ``id_or_mac``."""
 
+_NO_EXTENSION = Separation()
+
 
 @dataclass(frozen=True, slots=True)
 class RemoteIdReport:
@@ -118,7 +120,7 @@ def report_of(
     latitude, longitude = location.latitude_deg, location.longitude_deg
     if latitude is None or longitude is None:
         latitude = longitude = None
-    extension = separation if separation is not None else Separation()
+    extension = separation if separation is not None else _NO_EXTENSION
     commanded: tuple[float, float, float] | None = None
     vx, vy, vz = extension.commanded_vx_mps, extension.commanded_vy_mps, extension.commanded_vz_mps
     if vx is not None and vy is not None and vz is not None:

@@ -150,31 +150,35 @@ def separation_discs(
     interval = np.asarray(interval_s, dtype=np.float64)
     if not np.all(np.isfinite(interval)) or np.any(interval < 0.0):
         raise ValueError("interval_s must be finite and not negative")
-    airframe = (bounded_airframe(own_airframe_m) + bounded_airframe(airframe_m)) / 2.0
-    own_error, error = bounded_error(own_error_bound_m), bounded_error(error_bound_m)
-    displacement = interval * (bounded_speed(own_speed_mps) + bounded_speed(speed_mps))
     # Every definition answers in the same shape, whatever it looks at.
-    airframe, own_error, error, displacement, coded, _ = np.broadcast_arrays(
-        airframe,
-        own_error,
-        error,
-        displacement,
-        bounded_error(own_accuracy_bound_m) + bounded_error(accuracy_bound_m),
-        neighbours,
-    )
-    largest = np.maximum(airframe, MAX_AIRFRAME_M)
-    nothing = np.zeros_like(airframe)
+    shape = np.broadcast_shapes(
+        *map(
+            np.shape,
+            (own_airframe_m, own_error_bound_m, own_accuracy_bound_m, own_speed_mps, airframe_m, error_bound_m,
+             accuracy_bound_m, speed_mps, interval, neighbours),
+        )
+    )  # fmt: skip
+
+    def filled(values: ArrayLike) -> FloatArray:
+        part = np.asarray(values)
+        return part if part.shape == shape else np.broadcast_to(part, shape).copy()
+
+    airframe = filled((bounded_airframe(own_airframe_m) + bounded_airframe(airframe_m)) / 2.0)
+    if definition is Definition.SNMAC:
+        return Discs(np.maximum(airframe, SNMAC_PAIR_RADIUS_M), np.zeros(shape), np.zeros(shape))
+    displacement = filled(interval * (bounded_speed(own_speed_mps) + bounded_speed(speed_mps)))
+    own_error, error = bounded_error(own_error_bound_m), bounded_error(error_bound_m)
     match definition:
-        case Definition.SNMAC:
-            return Discs(np.maximum(airframe, SNMAC_PAIR_RADIUS_M), nothing, nothing.copy())
         case Definition.REMOTE_ID:
-            return Discs(largest, nothing + 2.0 * UNKNOWN_ERROR_BOUND_M, displacement.copy())
+            errors = np.full(shape, 2.0 * UNKNOWN_ERROR_BOUND_M)
+            return Discs(np.maximum(airframe, MAX_AIRFRAME_M), errors, displacement)
         case Definition.ODID_ACCURACY:
-            return Discs(largest, coded.copy(), displacement.copy())
+            coded = filled(bounded_error(own_accuracy_bound_m) + bounded_error(accuracy_bound_m))
+            return Discs(np.maximum(airframe, MAX_AIRFRAME_M), coded, displacement)
         case Definition.CANDIDATE1:
-            return Discs(largest, own_error + error, displacement.copy())
+            return Discs(np.maximum(airframe, MAX_AIRFRAME_M), filled(own_error + error), displacement)
         case Definition.CANDIDATE2:
-            return Discs(airframe.copy(), own_error + error, displacement.copy())
+            return Discs(airframe, filled(own_error + error), displacement)
         case Definition.CHANCE:
             kept = chance_error_sum(own_error, error, eta=eta, neighbours=neighbours, bound=bound)
-            return Discs(airframe.copy(), kept, displacement.copy())
+            return Discs(airframe, filled(kept), displacement)
