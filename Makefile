@@ -10,6 +10,8 @@ KERNELS := ridlink/avoidance/contact.py,ridlink/avoidance/encounter.py,ridlink/a
 CORE    := ridlink/errors.py,ridlink/units.py,ridlink/geodesy.py,ridlink/mavlink/*,ridlink/remote_id/*,ridlink/traffic/*,ridlink/separation/*,ridlink/avoidance/*,ridlink/own_ship/*,ridlink/failsafe.py,ridlink/setpoint.py,ridlink/engine/*
 CORE_TESTS := tests/mavlink tests/remote_id tests/traffic tests/separation tests/avoidance tests/test_broadcast.py tests/test_detection.py tests/test_engine.py tests/test_faults_engine.py tests/test_errors.py tests/test_failsafe.py tests/test_geodesy.py tests/test_guard.py tests/test_own_ship.py tests/test_recovery.py tests/test_setpoint.py tests/test_units.py
 WORKERS ?= 2
+# Tests of whole programs mostly wait: for vehicles that fly in real time, for processes, for timeouts.
+WAITING ?= 3
 # Of `make e2e`: nothing for all acceptance flights, quick for one seed each, none.
 FLIGHTS ?=
 
@@ -59,7 +61,7 @@ test: lint
 	@echo "Branch coverage of the pure core by its own tests, at least 90 % (compiled kernels: make coverage) ..."
 	@$(BIN)/coverage report --include='$(CORE)' --omit='ridlink/mavlink/dialect.py,$(KERNELS)' --skip-covered --fail-under=90
 	@echo "pytest, everything else ..."
-	@$(BIN)/python -m pytest -q -n $(WORKERS) $(addprefix --ignore=,$(CORE_TESTS))
+	@$(BIN)/python -m pytest -q -n $(WAITING) $(addprefix --ignore=,$(CORE_TESTS))
 
 coverage: $(VENV)/.installed-dev
 	@echo "The kernels as plain Python, so that they can be traced ..."
