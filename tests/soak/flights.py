@@ -15,7 +15,7 @@ import argparse
 import asyncio
 import socket
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from ridlink.avoidance.solver import warm_up
@@ -23,7 +23,8 @@ from ridlink.avoidance.types import SolverKind
 from ridlink.campaign.statistics import clopper_pearson
 from ridlink.engine import Engine
 from ridlink.impair.model import Impairer, Impairment
-from ridlink.scenario import resolve_scenario
+from ridlink.links import Address
+from ridlink.scenario import Scenario, resolve_scenario
 from ridlink.separation.definitions import Definition
 from sitl_sim.autopilot import Start
 from sitl_sim.demo.daemons import assignments
@@ -32,6 +33,8 @@ from sitl_sim.server import FleetServer
 from sitl_sim.vehicle import TICK_S
 
 TICKS_PER_STEP = round(0.1 / TICK_S)
+PATIENCE_S = 10.0
+"""For what was sent over loopback."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,44 @@ class Flown:
     errors: int
 
 
+class Fleet(FleetServer):
+    """A fleet in lockstep that says when it has begun, and when it has read what was sent to it."""
+
+    def __init__(self, scenario: Scenario, config: FleetConfig) -> None:
+        super().__init__(scenario, config)
+        self.begun = asyncio.Event()
+        self._read = 0
+        self._more = asyncio.Event()
+
+    def begin_mission(self) -> None:
+        super().begin_mission()
+        self.begun.set()
+
+    def _vehicle_handler(self, index: int) -> Callable[[bytes, Address], None]:
+        take = super()._vehicle_handler(index)
+
+        def counted(datagram: bytes, address: Address) -> None:
+            take(datagram, address)
+            self._count()
+
+        return counted
+
+    def _on_air_datagram(self, datagram: bytes, address: Address) -> None:
+        super()._on_air_datagram(datagram, address)
+        self._count()
+
+    def _count(self) -> None:
+        self._read += 1
+        self._more.set()
+
+    async def has_read(self, datagrams: int) -> None:
+        """Wait until it has read so many since its beginning."""
+        async with asyncio.timeout(PATIENCE_S):
+            while self._read < datagrams:
+                self._more.clear()
+                await self._more.wait()
+
+
 class Pilot:
     """One engine on two real sockets, stepped in virtual time.
 
@@ -89,6 +130,7 @@ class Pilot:
 
     def __init__(self, engine: Engine, vehicle_port: int, air_port: int, impairer: Impairer) -> None:
         self.engine = engine
+        self.sent = 0
         self._impairer = impairer
         self._vehicle, self._air = _connected(vehicle_port), _connected(air_port)
         self._waiting: list[tuple[float, bytes]] = []
@@ -111,8 +153,10 @@ class Pilot:
         output = self.engine.step(now_s, utc_s=utc_s)
         for frame in output.to_vehicle:
             self._vehicle.send(frame)
+            self.sent += 1
         for frame in (*output.to_air, *output.broadcasts):
             self._air.send(frame)
+            self.sent += 1
 
 
 def _connected(port: int) -> socket.socket:
@@ -144,7 +188,7 @@ async def fly(cell: Cell, seed: int) -> Flown:
         air_port=0,
     )
     scenario = resolve_scenario(cell.scenario, None)
-    server, landed = FleetServer(scenario, config), asyncio.Event()
+    server, landed = Fleet(scenario, config), asyncio.Event()
     await server.start()
     pilots: list[Pilot] = []
     flying = asyncio.create_task(server.run(landed))
@@ -155,14 +199,14 @@ async def fly(cell: Cell, seed: int) -> Flown:
             bad = Impairer(Impairment(loss=cell.loss, burst=cell.burst), (seed, index))
             pilots.append(Pilot(engine, server.ports.vehicles[index], server.ports.air, bad))
         tick = 0
-        await asyncio.sleep(0)  # lets `run` begin
+        await server.begun.wait()
         while not server.world.finished:
             now_s, utc_s = server.clock.now_s(), server.clock.utc_s()
             for index, pilot in enumerate(pilots):
                 pilot.hear(now_s, utc_s)
                 if tick % TICKS_PER_STEP == index % TICKS_PER_STEP:  # daemons do not step all at once
                     pilot.step(now_s, utc_s)
-            await asyncio.sleep(0)  # lets the fleet read its sockets
+            await server.has_read(sum(pilot.sent for pilot in pilots))
             server.advance(TICK_S)
             tick += 1
     finally:
