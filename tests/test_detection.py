@@ -119,7 +119,6 @@ def heard(sysid: int, at_s: float, distance_m: float | None, status: int = 2) ->
         source=(sysid, 1), status=status, latitude_deg=47.0, longitude_deg=8.0, received_at_s=at_s
     )  # fmt: skip
     track = new_track(("rid", sysid, 1, None, 0), report, at_s, filtered=False)
-    assert track is not None
     track.first_heard_m = distance_m
     return track
 

@@ -179,6 +179,6 @@ def separation_discs(
             return Discs(np.maximum(airframe, MAX_AIRFRAME_M), filled(own_error + error), displacement)
         case Definition.CANDIDATE2:
             return Discs(airframe, filled(own_error + error), displacement)
-        case Definition.CHANCE:
+        case _:  # Definition.CHANCE
             kept = chance_error_sum(own_error, error, eta=eta, neighbours=neighbours, bound=bound)
             return Discs(airframe, filled(kept), displacement)

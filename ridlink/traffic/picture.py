@@ -133,7 +133,7 @@ class TrafficPicture:
         source: Hashable,
     ) -> None:
         """A new track; beside others with the same identity where there are some."""
-        if report.latitude_deg is None:
+        if report.latitude_deg is None or report.longitude_deg is None:
             self.counters[Update.NO_POSITION] += 1
             return
         if not self._gate.admit(source, report.received_at_s):
@@ -157,8 +157,6 @@ class TrafficPicture:
             filtered=self.settings.filtered,
             trusted_clock=age_s is not None,
         )
-        if track is None:
-            return
         if others:  # which of them is the true one nobody can say
             track.doubt.add(bound_m(report, self.settings.unknown_error_m), report.received_at_s)
         if self._own is not None:

@@ -221,10 +221,14 @@ def bound_m(report: RemoteIdReport, unknown_error_m: float) -> float:
 
 def new_track(
     key: TrackKey, report: RemoteIdReport, measured_at_s: float, *, filtered: bool, trusted_clock: bool = False
-) -> Track | None:
-    """A track that begins with a report; None where that has no position."""
+) -> Track:
+    """A track that begins with a report.
+
+    Raises:
+        ValueError: If that has no position.
+    """
     if report.latitude_deg is None or report.longitude_deg is None:
-        return None
+        raise ValueError("a track begins with a position")
     smoother = PositionFilter() if filtered else PositionFilter(time_constant_s=0.0)
     smoother.update(report.latitude_deg, report.longitude_deg, report.velocity_ned_mps, 0.0, measured_at_s)
     return Track(

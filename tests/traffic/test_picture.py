@@ -301,6 +301,20 @@ def test_f12_a_full_picture_gives_up_whoever_matters_least() -> None:
     assert len(made) == 1
 
 
+def test_f12_who_left_meanwhile_is_not_given_up_once_more() -> None:
+    small = replace(SETTINGS, max_tracks=3)
+    made = picture(*(report(sysid=k, north=100.0 * k) for k in (1, 2, 3)), settings=small)
+    made.snapshot(OWN, 10.0)
+    made.receive("rid", report(sysid=7, north=50.0))  # instead of the third; the second is next
+    del made.tracks[next(key for key in made.tracks if key[1] == 2)]
+    made.receive("rid", report(sysid=8, north=60.0))
+    made.receive("rid", report(sysid=9, north=40.0))
+    assert sorted(key[1] for key in made.tracks) == [7, 8, 9]
+    made.receive("rid", report(sysid=6, north=30.0))  # until the next look, nobody is left to judge
+    assert sorted(key[1] for key in made.tracks) == [7, 8, 9]
+    assert made.counters["track_evicted"] == 2 and made.counters["track_refused"] == 1
+
+
 def test_f12_a_flood_of_identities_does_not_displace_a_real_threat() -> None:
     small = replace(SETTINGS, max_tracks=50)
     made = picture(report(sysid=200, north=80.0), settings=small)

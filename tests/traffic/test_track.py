@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ridlink.remote_id.report import RemoteIdReport
-from ridlink.traffic.track import Track, Update, hours_apart_s, new_track
+from ridlink.traffic.track import Relation, Track, Update, hours_apart_s, new_track
 
 REPORT = RemoteIdReport(
     source=(5, 1), status=2, latitude_deg=47.0, longitude_deg=8.0, velocity_ned_mps=(3.0, 4.0, 0.0),
@@ -18,9 +19,7 @@ REPORT = RemoteIdReport(
 
 
 def track(report: RemoteIdReport = REPORT, *, filtered: bool = False) -> Track:
-    made = new_track(("rid", *report.key, 0), report, report.received_at_s, filtered=filtered)
-    assert made is not None
-    return made
+    return new_track(("rid", *report.key, 0), report, report.received_at_s, filtered=filtered)
 
 
 def update(at: Track, report: RemoteIdReport) -> Update:
@@ -89,7 +88,8 @@ def test_a_report_without_a_position_leaves_the_track_coasting() -> None:
     nowhere = replace(REPORT, latitude_deg=None, longitude_deg=None, timestamp_s=101.0, received_at_s=11.0)
     assert update(seen, nowhere) is Update.NO_POSITION
     assert seen.received_at_s == 10.0
-    assert new_track(("rid", 1, 1, None, 0), nowhere, 0.0, filtered=True) is None
+    with pytest.raises(ValueError, match="position"):
+        new_track(("rid", 1, 1, None, 0), nowhere, 0.0, filtered=True)
 
 
 def test_f10_fast_senders_are_dropped_after_five_seconds_and_slow_ones_after_ten() -> None:
@@ -103,6 +103,51 @@ def test_f10_fast_senders_are_dropped_after_five_seconds_and_slow_ones_after_ten
     for second in range(1, 4):
         update(silent_about_it, replace(REPORT, timestamp_s=100.0 + second, received_at_s=10.0 + second))
     assert not silent_about_it.expired(22.9) and silent_about_it.expired(23.1)
+
+
+def relation(at: Track, report: RemoteIdReport, *, trusted_clock: bool = False) -> Relation:
+    return at.relation(report, trusted_clock=trusted_clock, unknown_error_m=40.0, unknown_speed_mps=30.0)
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        ({}, Relation.FOLLOWS),  # 3 m of error each, and one and a half times 30 m/s for a second
+        ({"latitude_deg": 47.0 + 50.0 / 111_000}, Relation.FOLLOWS),
+        ({"latitude_deg": 47.0 + 52.0 / 111_000}, Relation.STRANGE),
+        ({"latitude_deg": 47.0 + 80.0 / 111_000, "speed_horizontal_mps": 50.0}, Relation.FOLLOWS),
+        ({"latitude_deg": 47.0 + 80.0 / 111_000, "horizontal_error_m": None}, Relation.FOLLOWS),
+        ({"timestamp_s": None}, Relation.FOLLOWS),
+        ({"timestamp_s": None, "latitude_deg": 47.1}, Relation.STRANGE),
+        ({"timestamp_s": 100.0}, Relation.FOLLOWS),  # the same instant, perhaps with its extension
+        ({"timestamp_s": 100.0, "latitude_deg": 47.1}, Relation.OUTDATED),
+        ({"timestamp_s": 99.9}, Relation.OUTDATED),
+        ({"timestamp_s": 103.0}, Relation.FOLLOWS),
+        ({"timestamp_s": 103.1}, Relation.STRANGE),  # two seconds ahead of what has passed
+        ({"latitude_deg": None, "longitude_deg": None}, Relation.STRANGE),
+        ({"longitude_deg": None}, Relation.STRANGE),
+    ],
+)
+def test_f07_what_a_report_is_to_a_track(fields: dict[str, object], expected: Relation) -> None:
+    assert relation(track(), replace(REPORT, **({"timestamp_s": 101.0, "received_at_s": 11.0} | fields))) is expected
+
+
+def test_f05_a_clock_that_is_known_to_be_right_is_believed_against_one_that_is_not() -> None:
+    seen, earlier = track(), replace(REPORT, timestamp_s=99.0, received_at_s=11.0)
+    assert relation(seen, earlier) is Relation.OUTDATED
+    assert relation(seen, earlier, trusted_clock=True) is Relation.STRANGE
+    seen.trusted_clock = True
+    assert relation(seen, earlier, trusted_clock=True) is Relation.OUTDATED
+
+
+def test_nowhere_is_infinitely_far() -> None:
+    nowhere = replace(REPORT, longitude_deg=None)
+    seen = track()
+    assert seen.metres_to(REPORT) == 0.0 and seen.metres_to(nowhere) == math.inf
+    seen.report = nowhere
+    assert seen.metres_to(REPORT) == math.inf
+    seen.report = replace(REPORT, latitude_deg=None)
+    assert seen.metres_to(REPORT) == math.inf
 
 
 def test_unknown_velocity_is_no_velocity() -> None:
