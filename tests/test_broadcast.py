@@ -71,6 +71,14 @@ def test_location_and_separation_go_in_step_and_static_messages_every_three_seco
     assert [k for k, each in enumerate(names) if set(each) >= STATIC] == [0, 30, 60]
 
 
+def test_static_messages_go_at_their_own_time() -> None:
+    aircraft = Aircraft()
+    aircraft.hear(aircraft.vehicle.telemetry(0.0), 0.0)
+    aircraft.say(0.0)
+    aircraft.say(2.95)
+    assert {message.name for message in aircraft.say(3.0)} == STATIC, "LOCATION is not due again before 3.05 s"
+
+
 def test_what_is_said_is_what_the_autopilot_says() -> None:
     vehicle = Emulated(7, ned_m=(30.0, -20.0, -60.0), error_m=2.4)
     vehicle.velocity = np.array([3.0, 4.0, -1.0])

@@ -38,6 +38,7 @@ def test_an_operators_request_engages_and_the_first_setpoint_is_zero() -> None:
     assert (first.state, first.stream) == (State.ENGAGED, Stream.ZERO)
     second = climb(first, FLYING)
     assert (second.state, second.stream) == (State.ENGAGED, Stream.DECISION)
+    assert first.requested and second.requested
 
 
 def test_nothing_engages_unasked() -> None:
@@ -111,7 +112,7 @@ def test_what_ends_an_engagement_is_not_undone_by_its_return(change: dict[str, o
 )
 def test_doubt_holds_and_goes_by(change: dict[str, object]) -> None:
     held = climb(ENGAGED, replace(FLYING, **change))
-    assert (held.state, held.stream) == (State.HOLD, Stream.ZERO)
+    assert (held.state, held.stream, held.requested) == (State.HOLD, Stream.ZERO, True)
     back = climb(held, FLYING)
     assert (back.state, back.stream) == (State.ENGAGED, Stream.DECISION)
 

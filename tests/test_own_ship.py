@@ -11,6 +11,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.jump import JumpWatch
+from ridlink.own_ship.requests import HOME_POSITION_US, WANTED_MESSAGES_US, command, message_requests, steers
 from ridlink.traffic.position_filter import moved, offset_m
 
 HERE = (47.3977, 8.5456)
@@ -305,7 +306,9 @@ def test_f16_what_a_jump_is_and_how_long_it_counts() -> None:
     assert [watch.error_m(t) for t in (1.0, 6.0, 11.0, 30.0)] == pytest.approx([16.1, 8.05, 0.0, 0.0])
     assert watch.update(7.0, bound_m=3.0, travelled_m=0.0, now_s=2.0)
     assert watch.error_m(2.0) == pytest.approx(16.1 * 0.9), "a smaller jump takes nothing back"
+    assert watch.error_m(1.0) == watch.error_m(2.0), "nor is there more of it for a position that was measured before"
     assert watch.count == 2
+    assert JumpWatch().update(2.1, bound_m=0.0, travelled_m=0.0, now_s=1.0), "two metres, for whoever claims none"
 
 
 def test_f16_a_centimetre_is_no_jump_however_exact_the_receiver_says_it_is() -> None:
@@ -422,3 +425,41 @@ def test_positions_as_targets_are_foreign_once_we_stream() -> None:
         assert telemetry.other_writer.contested(2.9) is streaming
     telemetry.other_writer.sent(None, 3.0)
     assert not telemetry.other_writer.must_yield(9.0)
+
+
+@pytest.mark.parametrize("fields", [{}, {"latitude": 900_000_001}, {"latitude": 1, "longitude": -1_800_000_001}])
+def test_a_home_that_cannot_be_is_none(fields: dict[str, int]) -> None:
+    telemetry, autopilot = flying()
+    autopilot.say(0.1, "HOME_POSITION", **fields)
+    assert telemetry.home is None
+    autopilot.say(0.2, "HOME_POSITION", latitude=470_000_000, longitude=80_000_000, altitude=490_500)
+    autopilot.say(0.3, "HOME_POSITION", **fields)
+    assert telemetry.home is not None
+    assert (telemetry.home.latitude_deg, telemetry.home.longitude_deg, telemetry.home.altitude_m) == (47.0, 8.0, 490.5)
+
+
+# --- what is asked of an autopilot ---
+
+
+def said(frame: bytes) -> Message:
+    (found,) = parse_datagram(frame, CRC_EXTRAS)
+    assert isinstance(found, Frame)
+    return decode_message(found)
+
+
+def test_messages_are_asked_for_by_id_and_interval() -> None:
+    for wanted in (None, HOME_POSITION_US):
+        asked = [said(frame) for frame in message_requests(Encoder(7, 196), 7, wanted)]
+        intervals = {int(message.param1): int(message.param2) for message in asked}
+        assert intervals == (wanted or WANTED_MESSAGES_US)
+        assert {(message.command, message.target_system, message.target_component) for message in asked} == {
+            (511, 7, 1)
+        }
+
+
+def test_setpoints_and_commands_steer_and_words_and_requests_do_not() -> None:
+    encoder = Encoder(1, 196)
+    assert steers(encoder.encode("SET_POSITION_TARGET_LOCAL_NED"))
+    assert steers(command(encoder, 176, (1.0, 6.0, 0.0), 1))
+    assert not any(steers(frame) for frame in message_requests(encoder, 1))
+    assert not steers(encoder.encode("HEARTBEAT")) and not steers(encoder.encode("STATUSTEXT", text=b"x"))

@@ -87,6 +87,23 @@ def test_a_velocity_within_limits_passes_unchanged_when_there_is_time(wanted: tu
     assert clamp_velocity(wanted, STOP, 0.5, loose) == wanted
 
 
+def test_limits_hold_to_the_last_bit_of_the_wire() -> None:
+    """Not by a tolerance: an observer who reads float32 sees nothing above them."""
+    at_limits = (LIMITS.horizontal_mps * 0.6, LIMITS.horizontal_mps * 0.8, LIMITS.vertical_mps)
+    fast = clamp_velocity((30.0, 40.0, 9.0), at_limits, 0.5, LIMITS)
+    message = decoded(encode_setpoint(Encoder(1, 196), fast, 0, 1, 1))
+    assert 14.9999 < math.hypot(message.vx, message.vy) < LIMITS.horizontal_mps
+    assert 1.9999 < message.vz < LIMITS.vertical_mps
+    slewed = clamp_velocity((10.0, 0.0, 0.0), STOP, 0.1, LIMITS)
+    assert 0.49999 < decoded(encode_setpoint(Encoder(1, 196), slewed, 0, 1, 1)).vx < 0.5
+
+
+def test_the_slew_goes_straight_towards_what_is_wanted() -> None:
+    sent = clamp_velocity((6.0, 1.0, 1.0), (3.0, 5.0, 1.0), 0.5, LIMITS)  # 5 m/s away, of which half
+    assert sent == pytest.approx((4.5, 3.0, 1.0), abs=1e-4)
+    assert clamp_velocity((4.0, 0.0, -2.0), (4.0, 0.0, 2.0), 0.2, LIMITS) == pytest.approx((4.0, 0.0, 1.0), abs=1e-4)
+
+
 def test_a_long_gap_does_not_buy_a_leap() -> None:
     north, _, _ = clamp_velocity((15.0, 0.0, 0.0), STOP, 60.0, LIMITS)
     assert north == pytest.approx(2.5, rel=1e-5)
@@ -123,6 +140,7 @@ def test_a_speed_limit_that_nothing_flies_is_refused() -> None:
 def test_the_defaults_are_those_of_the_contract() -> None:
     assert VelocityLimits() == VelocityLimits(15.0, 2.0, 5.0)
     assert VelocityLimits(100.0, 100.0).horizontal_mps == 100.0
+    assert VelocityLimits(0.5, 0.5, 0.5).acceleration_mps2 == 0.5, "slow is allowed"
 
 
 def test_what_is_cut_is_counted_and_what_is_not_is_not() -> None:
@@ -136,6 +154,13 @@ def test_what_is_cut_is_counted_and_what_is_not_is_not() -> None:
         stream.next(Encoder(1, 196), (wanted[0], wanted[1], wanted[2]), 2000, 1, 1)
         assert stream.counters["setpoint_limited"] == 1
     assert stream.sent == 2
+
+
+@pytest.mark.parametrize(("wanted_mps", "counted"), [(0.505, 0), (0.52, 1), (1.0, 1)])
+def test_a_centimetre_per_second_is_not_worth_a_count(wanted_mps: float, counted: int) -> None:
+    stream = SetpointStream(VelocityLimits())
+    stream.next(Encoder(1, 196), (wanted_mps, 0.0, 0.0), 100, 1, 1)  # half a metre per second is what the slew allows
+    assert stream.counters["setpoint_limited"] == counted
 
 
 def test_the_first_setpoint_may_leave_zero_by_the_slew_only() -> None:

@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.conftest import QUICK
+
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("ridlink", "sitl_sim", "message_spec", "tests", "docs")
 LONGEST_S = 240.0
@@ -72,7 +74,7 @@ def run_tests(where: Path, *arguments: str) -> Outcome:
     """
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *arguments]
     # Unbroken modules have their bytecode from the original; what is broken is compiled anew every time.
-    environment = {**os.environ, "PYTHONPATH": str(where), "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "200"}
+    environment = {**os.environ, "PYTHONPATH": str(where), "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "200", QUICK: "1"}
     try:
         done = subprocess.run(command, cwd=where, env=environment, capture_output=True, text=True, timeout=LONGEST_S)
     except subprocess.TimeoutExpired:

@@ -19,6 +19,7 @@ import time
 import tomllib
 from pathlib import Path
 
+from tests.conftest import QUICK
 from tests.soak.copies import PASSED, ROOT, changed, copy_of_project
 from tests.soak.mutants import Mutant, mutants
 
@@ -42,9 +43,10 @@ MUTATED = {
     "ridlink/traffic/doubt.py": TRAFFIC,
     "ridlink/traffic/flood.py": TRAFFIC,
     "ridlink/traffic/track.py": TRAFFIC,
-    "ridlink/engine/guard.py": ["tests/test_guard.py"],
+    "ridlink/engine/guard.py": ["tests/test_guard_rules.py"],
+    "ridlink/engine/intake.py": ["tests/test_intake.py"],
     "ridlink/engine/recovery.py": ["tests/test_recovery.py"],
-    "ridlink/engine/takeoff.py": ["tests/test_guard.py"],
+    "ridlink/engine/takeoff.py": ["tests/test_takeoff.py"],
     "ridlink/mavlink/frames.py": ["tests/mavlink/test_frames.py"],
     "ridlink/mavlink/signing.py": ["tests/mavlink/test_signing.py"],
     "ridlink/remote_id/convert.py": ["tests/remote_id/test_convert.py"],
@@ -54,7 +56,7 @@ MUTATED = {
 def _in_the_child(where: Path, tests: list[str]) -> int:
     """Run tests of a copy; this process is a fork and ends with it."""
     os.chdir(where)
-    os.environ["PYTHONPATH"] = str(where)
+    os.environ |= {"PYTHONPATH": str(where), QUICK: "1"}
     sys.path[:] = [str(where), *(entry for entry in sys.path if Path(entry or ".").resolve() != ROOT)]
     sys.dont_write_bytecode = True
     for name in [name for name in sys.modules if name.partition(".")[0] in ("tests", "ridlink", "sitl_sim")]:
