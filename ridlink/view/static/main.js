@@ -27,7 +27,9 @@ const NOBODY = {
   demo: "Nobody is in the air yet: the demo is starting …", air: "Nobody is heard on the air.",
   link: "Nobody is heard on this link.", file: "Nobody is in the air at this instant.",
 };
-const TRANSPORT_EVERY_MS = 40;
+// What changes beside the plan changes in the same frame as the plan where it can: each frame with a change is composed
+// anew, every canvas of it, whatever it was that changed.
+const TRANSPORT_EVERY_MS = 40, TRANSPORT_ALONE_MS = 100;
 const FIGURES_EVERY_MS = 100;
 const TABLES_EVERY_MS = 400;
 
@@ -160,7 +162,8 @@ class Page {
     const { clock, frame, plan } = this;
     clock.tick(now, this.live, !this.known && this.loader.waiting);
     if (!clock.following) this.want(now);
-    if (this.dirty || plan.stale || frame.growing || plan.visiblyElse(clock.t)) {
+    const drawn = this.dirty || plan.stale || frame.growing || plan.visiblyElse(clock.t);
+    if (drawn) {
       this.known = frame.at(this.history, clock.t, now, !clock.following && this.loader.complete);
       this.dirty = !this.known;
       if (this.known || plan.stale) {
@@ -169,11 +172,10 @@ class Page {
         this.reveal();
       }
     }
+    if (now - this.transportAt < (drawn ? TRANSPORT_EVERY_MS : TRANSPORT_ALONE_MS)) return;
+    this.transportAt = now;
     this.strip.draw(clock, now);
-    if (now - this.transportAt > TRANSPORT_EVERY_MS) {
-      this.transportAt = now;
-      this.transport.draw(this.strip.range, this.live, this.hello.utc0 ?? null);
-    }
+    this.transport.draw(this.strip.range, this.live, this.hello.utc0 ?? null);
     if (now - this.figuresAt > FIGURES_EVERY_MS) this.figures(now);
     if (now - this.tablesAt > TABLES_EVERY_MS) this.tables(now);
   }

@@ -8,7 +8,9 @@ import {
 const TURN = 2 * Math.PI;
 const ARROW_S = 2; // an arrow ends where its vehicle is so much later
 const FAR_PX_PER_M = 1, HIDDEN_PX = 5; // seen from afar, a true position that its dart covers is left out
+const CROWD = 60;
 const MANY_PAIRS = 30; // with more of them, harmless pairs are shown of the selected vehicle alone
+const SMOOTH_PX = 5; // a trail has a point only every so many
 const MANY_INSIDE = 10; // with more of them, those of others are fainter
 
 export function drawTraffic(context, view, scene, palette) {
@@ -79,20 +81,23 @@ function outside(view, x, y, r) {
 function trails(context, view, scene, chosen, palette) {
   const { frame } = scene;
   context.strokeStyle = palette.trail;
-  context.lineJoin = "round";
+  context.lineJoin = "bevel";
   for (const [third, alpha] of [[0, 0.2], [1, 0.42], [2, 0.75]]) {
     context.globalAlpha = alpha;
-    context.lineWidth = 1.25;
+    context.lineWidth = frame.count > CROWD ? 1 : 1.25; // hairlines are drawn several times as fast
     context.beginPath();
     for (let i = 0; i < frame.count; i += 1) {
       const points = scene.trails.of(frame.names[i]);
       if (!points) continue;
       const from = Math.floor(points.length / 6 * third) * 2;
       const to = third === 2 ? points.length : Math.floor(points.length / 6 * (third + 1)) * 2 + 2;
+      let lastX = NaN, lastY = NaN;
       for (let at = from; at < to; at += 2) {
         const x = view.x(points[at + 1]), y = view.y(points[at]);
         if (at === from) context.moveTo(x, y);
+        else if (at < to - 2 && Math.abs(x - lastX) + Math.abs(y - lastY) < SMOOTH_PX) continue;
         else context.lineTo(x, y);
+        [lastX, lastY] = [x, y];
       }
       if (third === 2) context.lineTo(view.x(frame.value(i, E)), view.y(frame.value(i, N)));
     }
@@ -196,7 +201,7 @@ function arrows(context, view, frame, palette) {
 
 function darts(context, view, frame, palette) {
   const { values } = frame;
-  const size = frame.count > 60 ? 6 : 8;
+  const size = frame.count > CROWD ? 6 : 8;
   for (const [kind, colour] of [[0, palette.vehicle], [STRANGER, palette.stranger], [STALE, palette.stale]]) {
     context.fillStyle = colour;
     context.strokeStyle = palette.ground;
