@@ -43,15 +43,19 @@ def limit_norm(vectors: FloatArray, limit: FloatArray) -> FloatArray:
 
 
 class _DelayLine:
-    """Values of the last ticks, read with a delay of its own for each vehicle, linear between ticks."""
+    """Values of the last ticks, read with a delay of its own for each vehicle and axis, linear between ticks.
+
+    Args:
+        delay_s: Shape (m, 3).
+    """
 
     def __init__(self, delay_s: FloatArray) -> None:
         ticks = delay_s / TICK_S
         if np.any(ticks > _HISTORY_TICKS - 2):
             raise ValueError(f"a delay is at most {(_HISTORY_TICKS - 2) * TICK_S:.2f} s")
         self._whole = np.floor(ticks + 1e-9).astype(np.int64)
-        self._part = np.maximum(ticks - self._whole, 0.0)[:, None]
-        self._rows = np.arange(len(delay_s))
+        self._part = np.maximum(ticks - self._whole, 0.0)
+        self._rows, self._axes = np.arange(len(delay_s))[:, None], np.arange(3)
         self._history = np.zeros((_HISTORY_TICKS, len(delay_s), 3))
         self._head = 0
 
@@ -59,9 +63,9 @@ class _DelayLine:
         """Take the values (m, 3) of this tick, give those of ``delay_s`` ago."""
         self._head = (self._head + 1) % _HISTORY_TICKS
         self._history[self._head] = values
-        newer = self._history[(self._head - self._whole) % _HISTORY_TICKS, self._rows]
-        older = self._history[(self._head - self._whole - 1) % _HISTORY_TICKS, self._rows]
-        return newer + self._part * (older - newer)
+        newer = self._history[(self._head - self._whole) % _HISTORY_TICKS, self._rows, self._axes]
+        older = self._history[(self._head - self._whole - 1) % _HISTORY_TICKS, self._rows, self._axes]
+        return np.asarray(newer + self._part * (older - newer))
 
     def fill(self, rows: npt.NDArray[np.int64], values: FloatArray) -> None:
         """As if the values had always been these."""
@@ -102,7 +106,7 @@ class _ShapedGroup:
         self._vertical_jerk_limit = _column(models, "vertical_jerk_mps3")
         self._gain = _column(models, "gain_per_s")
         self._blend = 1.0 - np.exp(-TICK_S / _column(models, "lag_s"))[:, None]
-        self._delay = _DelayLine(_column(models, "delay_s"))
+        self._delay = _DelayLine(np.repeat(_column(models, "delay_s")[:, None], 3, axis=1))
         self._target = np.zeros((len(models), 3))
         self._target_acceleration = np.zeros((len(models), 3))
         self._gust_per_s = _column(models, "gust_per_s")[:, None]
@@ -161,7 +165,8 @@ class _FeedbackGroup:
         self._blend = 1.0 - np.exp(-TICK_S / axes("lag_s", "vertical_lag_s"))
         self._second_blend = 1.0 - np.exp(-TICK_S / _column(models, "second_lag_s"))[:, None]
         self._limit = GRAVITY_MPS2 * np.tan(np.radians(_column(models, "tilt_limit_deg")))
-        self._delay = _DelayLine(_column(models, "delay_s"))
+        self._climb_limit = _column(models, "climb_acceleration_mps2")
+        self._delay = _DelayLine(axes("delay_s", "vertical_delay_s"))
         self._integral = np.zeros((len(models), 3))
         self._tilting = np.zeros((len(models), 3))
         self._thrust = np.zeros((len(models), 3))
@@ -172,7 +177,7 @@ class _FeedbackGroup:
         asked = self._p * error + self._integral - self._d * self._acceleration
         possible = asked.copy()
         possible[:, :2] = limit_norm(asked[:, :2], self._limit)
-        possible[:, 2] = np.clip(asked[:, 2], -GRAVITY_MPS2, GRAVITY_MPS2)
+        possible[:, 2] = np.clip(asked[:, 2], -self._climb_limit, GRAVITY_MPS2)
         # what cannot be had is taken off the error that is integrated (PositionControl's anti-windup gain 2 / P)
         self._integral += self._i * (error - (asked - possible) * (2.0 / self._p)) * TICK_S
         self._tilting += self._blend * (self._delay.push(possible) - self._tilting)

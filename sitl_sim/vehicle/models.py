@@ -68,9 +68,10 @@ class VelocityFeedback:
         p_per_s, i_per_s2, d: MPC_XY_VEL_P_ACC, _I_ACC, _D_ACC.
         vertical_p_per_s, vertical_i_per_s2: MPC_Z_VEL_P_ACC, _I_ACC.
         drag_per_s, vertical_drag_per_s: Deceleration for each m/s of airspeed.
-        delay_s: Pure delay of the loop.
+        delay_s, vertical_delay_s: Pure delay of the loop.
         lag_s, second_lag_s: First-order lags of attitude, one behind the other.
         vertical_lag_s: Lag of thrust.
+        climb_acceleration_mps2: Upwards at full thrust, gravity taken off; downwards it is gravity at no thrust.
     """
 
     speed_limit_mps: float
@@ -87,7 +88,9 @@ class VelocityFeedback:
     delay_s: float
     lag_s: float
     second_lag_s: float
+    vertical_delay_s: float
     vertical_lag_s: float
+    climb_acceleration_mps2: float
 
 
 Model = Ideal | ShapedTarget | VelocityFeedback

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sitl_sim.vehicle import TICK_S
-from tests.sitl_sim.measured import DISPLACEMENTS, EAST, NORTH, SETTLE_S, STEPS, STOPS, respond
+from tests.sitl_sim.measured import DISPLACEMENTS, EAST, NORTH, SETTLE_S, STEPS, STOPS, respond, respond_as_measured
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,7 @@ def _rows() -> list[dict[str, Any]]:
     for column, autopilot in ((5, "ardupilot"), (6, "px4")):
         for row in STEPS:
             if row[column] is not None:
-                model_s = respond(autopilot, row[1], row[2]).t63_s(row[3], row[4])
+                model_s = respond_as_measured(autopilot, row[0]).t63_s(row[3], row[4])
                 rows.append(
                     {"what": f"{autopilot} {row[0]}, t63", "unit": "s", "measured": row[column], "model": model_s}
                 )
@@ -65,20 +65,20 @@ def _draw(plot: Path) -> None:
 
 
 def _draw_step(axes: Axes, row: Any) -> None:
-    name, before, after, axis, to_mps, *measured_s = row
+    name, before, _, axis, to_mps, *measured_s = row
     displaced = next((each for each in DISPLACEMENTS if each[0] == name), None)
     right = axes.twinx() if displaced else None
     for column, (autopilot, colour) in enumerate(COLOURS.items()):
-        response = respond(autopilot, before, after)
+        response = respond_as_measured(autopilot, name)
         time_s = np.arange(len(response.velocity)) * TICK_S
         axes.plot(time_s, response.velocity[:, axis], color=colour, label=autopilot)
-        start = response.velocity[0, axis]
         if measured_s[column] is not None:
-            axes.plot(measured_s[column], start + 0.63 * (to_mps - start), "o", color=colour, fillstyle="none")
+            at = before[axis] + 0.63 * (to_mps - before[axis])
+            axes.plot(measured_s[column], at, "o", color=colour, fillstyle="none")
         if right is not None and displaced is not None:
-            moved = response.moved - response.velocity[0] * time_s[:, None]
-            right.plot(time_s[time_s <= 5.2], np.linalg.norm(moved, axis=1)[time_s <= 5.2], ":", color=colour)
-            right.plot(SECONDS, displaced[3 + column], "x", color=colour)
+            time_s = time_s[time_s <= 5.2]
+            right.plot(time_s, response.aside_m(time_s), ":", color=colour)
+            right.plot(SECONDS, displaced[1 + column], "x", color=colour)
     axes.set_title(f"{name} m/s ({'NED'[axis] if axis != EAST else 'E'})", fontsize=9)
     axes.set_xlim(0.0, SETTLE_S)
     axes.axhline(to_mps, color="grey", linewidth=0.6, linestyle="--")
