@@ -1,7 +1,8 @@
 """What waits for the broker: the latest of every topic, a bounded number of them, the oldest given up first.
 
 A broker that is slow or away must cost neither memory nor time: an old position is worth nothing once there is a newer
-one, so a message that still waits is replaced by the next of its topic, in its place at the end of the queue.
+one, so a message that still waits is replaced by the next of its topic, which takes its turn. However fast some topics
+are renewed, and however many of one kind there are, none goes unheard for another's sake.
 """
 
 from __future__ import annotations
@@ -28,8 +29,11 @@ class Outgoing(NamedTuple):
         return self.topic, self.about
 
 
+Lane = OrderedDict[tuple[str, str], Outgoing]
+
+
 class Outbox:
-    """A bounded queue of the latest values.
+    """A bounded queue of the latest values, in two lanes that take turns: QoS 0, and what the broker acknowledges.
 
     Attributes:
         replaced: Messages that a newer one of their topic overtook while they waited.
@@ -41,28 +45,33 @@ class Outbox:
             raise ValueError(f"capacity must be at least 1, not {capacity}")
         self.replaced = self.dropped = 0
         self._capacity = capacity
-        self._waiting: OrderedDict[tuple[str, str], Outgoing] = OrderedDict()
+        self._lanes: tuple[Lane, Lane] = (OrderedDict(), OrderedDict())
+        self._next = 0
 
     def __len__(self) -> int:
-        return len(self._waiting)
+        return len(self._lanes[0]) + len(self._lanes[1])
 
     def put(self, message: Outgoing) -> None:
-        """Queue a message; it takes the place of an older one of its topic."""
-        if self._waiting.pop(message.key, None) is not None:
+        """Queue a message; it takes the place of an older one of its topic, and its turn."""
+        lane = self._lanes[message.qos > 0]
+        if message.key in lane:
             self.replaced += 1
-        self._waiting[message.key] = message
-        if len(self._waiting) > self._capacity:
-            self._waiting.popitem(last=False)
+        lane[message.key] = message
+        if len(self) > self._capacity:
+            max(self._lanes, key=len).popitem(last=False)
             self.dropped += 1
 
     def put_back(self, message: Outgoing) -> None:
         """Queue what could not be sent before everything else, unless something newer of its topic waits."""
-        if message.key in self._waiting or len(self._waiting) >= self._capacity:
+        lane = self._lanes[message.qos > 0]
+        if message.key in lane or len(self) >= self._capacity:
             self.replaced += 1
             return
-        self._waiting[message.key] = message
-        self._waiting.move_to_end(message.key, last=False)
+        lane[message.key] = message
+        lane.move_to_end(message.key, last=False)
 
     def take(self) -> Outgoing | None:
-        """The message that waits longest, None if there is none."""
-        return self._waiting.popitem(last=False)[1] if self._waiting else None
+        """The message of one lane that waits longest, then that of the other; None if there is none."""
+        lane = self._lanes[self._next] or self._lanes[1 - self._next]
+        self._next = 1 - self._next
+        return lane.popitem(last=False)[1] if lane else None

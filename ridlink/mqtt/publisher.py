@@ -17,11 +17,18 @@ from ridlink.mqtt.outbox import Outgoing
 from ridlink.mqtt.topics import Topics
 from ridlink.observer import Encounter, EncounterLog, Phase, Scene, Sky, aircraft_states
 from ridlink.observer.states import rounded
+from ridlink.periodic import Periodic
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 
 SCHEMA = 1
-ENCOUNTERS_EVERY_S = 0.1
+STEP_S = 0.1
+"""Time between two steps: encounters are followed in all of them, states are published in those that are nearest to
+their rate."""
+
+MEETINGS_HZ = 1.0
+"""How often an encounter that goes on is told at most; in dense traffic there are many more pairs than aircraft."""
+
 ONLINE, OFFLINE = b"online", b"offline"
 
 
@@ -69,8 +76,7 @@ class Publisher:
         self._settings = settings
         self._version = version
         self._encounters = EncounterLog(settings.definition, eta=settings.eta)
-        self._states_due_s = -math.inf
-        self._encounters_due_s = -math.inf
+        self._states_due = Periodic(1.0 / settings.rate_hz, early_s=STEP_S / 2.0)
         self._known: dict[int, str] = {}
         self._violating: set[tuple[int, int]] = set()
         self._updated_s: dict[tuple[int, int], float] = {}
@@ -101,20 +107,17 @@ class Publisher:
         ]
 
     def step(self, now_s: float, utc_s: float) -> list[Outgoing]:
-        """What is to be published now.
+        """What is to be published now. To be asked every `STEP_S`, give or take what a busy machine adds.
 
         Args:
             now_s: The clock of `receive`.
             utc_s: Seconds since 1970-01-01 UTC, for those who read it.
         """
         out = self._arrivals_and_departures(now_s)
-        if now_s >= self._encounters_due_s:
-            self._encounters_due_s = now_s + ENCOUNTERS_EVERY_S
-            scene = self.sky.at(now_s)
-            out += self._meetings(scene, utc_s)
-            if now_s >= self._states_due_s:
-                self._states_due_s = now_s + 1.0 / self._settings.rate_hz - ENCOUNTERS_EVERY_S / 2.0
-                out += self._states(scene, utc_s)
+        scene = self.sky.at(now_s)
+        out += self._meetings(scene, utc_s)
+        if self._states_due.due(now_s):
+            out += self._states(scene, utc_s)
         return out
 
     def farewell(self) -> list[Outgoing]:
@@ -159,7 +162,7 @@ class Publisher:
                 out.append(self._meeting(Phase.CLOSE, encounter, called, scene.time_s, utc_s))
                 phase = Phase.OPEN if phase is Phase.UPDATE else phase
             told_s = self._updated_s.get(key, -math.inf)
-            if phase is not Phase.UPDATE or scene.time_s - told_s >= 1.0 / self._settings.rate_hz:
+            if phase is not Phase.UPDATE or scene.time_s - told_s >= 1.0 / min(self._settings.rate_hz, MEETINGS_HZ):
                 self._updated_s[key] = scene.time_s
                 out.append(self._meeting(phase, encounter, pair, scene.time_s, utc_s))
             if phase is Phase.CLOSE:

@@ -6,6 +6,7 @@ Names come from strangers. In a topic every byte of them but letters, digits, ``
 
 from __future__ import annotations
 
+from functools import lru_cache
 from urllib.parse import quote
 
 from ridlink.errors import ConfigError
@@ -15,6 +16,7 @@ DEFAULT_PREFIX = "ridlink"
 LONGEST_NAME = 120
 
 
+@lru_cache(4096)
 def level(name: str) -> str:
     """A name as one level of a topic."""
     return quote(name[:LONGEST_NAME], safe="").replace("~", "%7E")

@@ -7,6 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from ridlink.errors import ConfigError
 from ridlink.mqtt import Publisher, PublisherSettings, Topics
@@ -47,6 +49,17 @@ def test_states_have_the_names_of_the_decoder_and_no_nan() -> None:
     assert last["disc_radius_m"] == pytest.approx(0.3 + 10.5 + 1.0, abs=0.1)
     assert last["nearest"]["uas"] == "BRA/VO#"
     assert last["nearest"]["distance_m"] == pytest.approx(160.0, abs=3.0)
+
+
+@settings(max_examples=20)
+@given(rate=st.sampled_from([1.0, 3.0, 10.0]), late=st.lists(st.floats(0.0, 0.03), min_size=100, max_size=100))
+def test_the_rate_is_kept_on_a_machine_whose_steps_are_a_little_late(rate: float, late: list[float]) -> None:
+    publisher = Publisher(PublisherSettings(TOPICS, rate_hz=rate))
+    for _, frame in frames([ONE], 0.1):
+        publisher.receive(frame, 0.0)
+    steps = [publisher.step(0.1 * number + delay, UTC_S) for number, delay in enumerate(late)]
+    told = [len([one for one in step if one.topic.endswith("/state")]) for step in steps]
+    assert abs(sum(told) - 10.0 * rate) <= 1.0 and max(told) == 1
 
 
 def test_names_are_escaped_in_topics_only() -> None:
