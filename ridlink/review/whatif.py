@@ -31,31 +31,11 @@ FOLD_EVERY = 100
 Pair = tuple[int, int]
 
 
-@dataclass(slots=True)
-class _Ledger:
-    """What one definition said of one pair."""
-
-    names: tuple[str, str]
-    seen_s: float
-    alerts: int = 0
-    alert_s: float = 0.0
-    entered: int = 0
-    macs: int = 0
-    unannounced: int = 0
-    warning_s: float = math.inf
-    margin_m: float = math.inf
-    margin_at_s: float = math.nan
-    begun_s: float = math.nan
-    last_s: float = -math.inf
-    is_inside: bool = False
-
-
-@dataclass(slots=True)
-class Judgement:
-    """What one definition would have said.
+@dataclass(slots=True, kw_only=True)
+class Tally:
+    """What a definition said, of one pair or of all.
 
     Attributes:
-        definition: Which.
         alerts: How many, and `alert_s` how long in all [s].
         entered: Of them, those in which the disc was entered.
         macs: How many there were, and `unannounced` of them those without an alert before.
@@ -64,7 +44,6 @@ class Judgement:
         pair, margin_at_s: Whose that was, and when; seconds since 1970.
     """
 
-    definition: Definition
     alerts: int = 0
     alert_s: float = 0.0
     entered: int = 0
@@ -74,6 +53,43 @@ class Judgement:
     margin_m: float = math.inf
     pair: tuple[str, str] = ("", "")
     margin_at_s: float = math.nan
+
+    def add(self, other: Tally) -> None:
+        """What was said of others, besides."""
+        self.alerts += other.alerts
+        self.alert_s += other.alert_s
+        self.entered += other.entered
+        self.macs += other.macs
+        self.unannounced += other.unannounced
+        self.warning_s = min(self.warning_s, other.warning_s)
+        self.note(other.margin_m, other.margin_at_s, other.pair)
+
+    def note(self, margin_m: float, at_s: float, pair: tuple[str, str]) -> None:
+        """A margin, which counts if it is less than all before."""
+        if margin_m < self.margin_m:
+            self.margin_m, self.margin_at_s, self.pair = margin_m, at_s, pair
+
+
+@dataclass(slots=True, kw_only=True)
+class _Ledger(Tally):
+    """Of one pair that is in the air."""
+
+    seen_s: float
+    begun_s: float = math.nan
+    last_s: float = -math.inf
+    is_inside: bool = False
+
+
+@dataclass(slots=True, kw_only=True)
+class Judgement(Tally):
+    """What one definition would have said of everybody.
+
+    Attributes:
+        definition: Which.
+        open: What it says of pairs that are still in the air.
+    """
+
+    definition: Definition
     open: dict[Pair, _Ledger] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
@@ -94,15 +110,7 @@ class Judgement:
 
     def _fold(self, keys: Iterable[Pair]) -> None:
         for key in keys:
-            one = self.open.pop(key)
-            self.alerts += one.alerts
-            self.alert_s += one.alert_s
-            self.entered += one.entered
-            self.macs += one.macs
-            self.unannounced += one.unannounced
-            self.warning_s = min(self.warning_s, one.warning_s)
-            if one.margin_m < self.margin_m:
-                self.margin_m, self.margin_at_s, self.pair = one.margin_m, one.margin_at_s, one.names
+            self.add(self.open.pop(key))
 
 
 class WhatIf:
@@ -120,7 +128,7 @@ class WhatIf:
     def __init__(
         self, definitions: Sequence[Definition], *, ahead_s: float = AHEAD_S, eta: float = DEFAULT_ETA
     ) -> None:
-        self.judgements = [Judgement(definition) for definition in dict.fromkeys(definitions)]
+        self.judgements = [Judgement(definition=definition) for definition in dict.fromkeys(definitions)]
         self._ahead_s = ahead_s
         self._eta = eta
         self._begin()
@@ -189,18 +197,15 @@ class WhatIf:
             one.alert_s += float(approach.lasted_s[i, j])
             if inside[i, j] and not one.is_inside:
                 one.entered, one.is_inside = one.entered + 1, True
-            if margin[i, j] < one.margin_m:
-                one.margin_m, one.margin_at_s = float(margin[i, j]), float(approach.time_s[i, j])
+            one.note(float(margin[i, j]), float(approach.time_s[i, j]), one.pair)
         others = np.where(alerting, np.inf, margin)
         i, j = divmod(int(others.argmin()), len(scene))
-        if others[i, j] < judgement.margin_m:
-            judgement.margin_m, judgement.margin_at_s = float(others[i, j]), float(approach.time_s[i, j])
-            judgement.pair = scene.names[i], scene.names[j]
+        judgement.note(float(others[i, j]), float(approach.time_s[i, j]), (scene.names[i], scene.names[j]))
 
     def _ledger(self, judgement: Judgement, scene: Scene, i: int, j: int) -> _Ledger:
         key, names = _key(scene, i, j), (scene.names[i], scene.names[j])
-        one = judgement.open.setdefault(key, _Ledger(names, scene.time_s))
-        one.names, one.seen_s = names, scene.time_s
+        one = judgement.open.setdefault(key, _Ledger(pair=names, seen_s=scene.time_s))
+        one.pair, one.seen_s = names, scene.time_s
         return one
 
     def _tidy(self, scene: Scene) -> None:

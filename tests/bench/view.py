@@ -7,6 +7,7 @@ selected.
 from __future__ import annotations
 
 import asyncio
+import itertools
 import os
 import re
 import socket
@@ -96,14 +97,16 @@ def spoken(vehicles: int) -> list[list[bytes]]:
 
 
 async def speak(said: list[list[bytes]], port: int) -> None:
-    loop = asyncio.get_running_loop()
+    """Say all of it in its rhythm, over and over, until cancelled."""
+    loop, due = asyncio.get_running_loop(), asyncio.Event()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        begun_s, step = loop.time(), 0
-        while True:
+        begun_s = loop.time()
+        for step in itertools.count():
             for datagram in said[step % len(said)]:
                 sender.sendto(datagram, ("127.0.0.1", port))
-            step += 1
-            await asyncio.sleep(max(0.0, begun_s + step / 10.0 - loop.time()))
+            loop.call_at(begun_s + (step + 1) / 10.0, due.set)
+            await due.wait()
+            due.clear()
 
 
 async def watch(address: str, counts: list[int]) -> None:
