@@ -9,6 +9,7 @@ import click
 
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import capture_kind, definition_of
+from ridlink.cli.reviewing import exit_code
 from ridlink.cli.signals import stopped_by_signals
 
 if TYPE_CHECKING:
@@ -60,9 +61,11 @@ def view(
     sized_by = definition_of(definition)
     memory_bytes = memory_mb * 2**20
     url: LinkUrl | None = None
+    code = EXIT_DONE
     if files:
-        scenery, history = read_history(files, kind, memory_bytes=memory_bytes, on_progress=_progress)
+        scenery, history, sources = read_history(files, kind, memory_bytes=memory_bytes, on_progress=_progress)
         _clear_line()
+        code = exit_code(sources, 0, is_strict=False)
         if history.thinned:
             click.echo(f"ridlink: kept one instant in {2**history.thinned} to stay within {memory_mb} MB "
                        "(--memory)", err=True)  # fmt: skip
@@ -75,7 +78,7 @@ def view(
         scenery = Scenery(where, "air" if source is None else "link", live=True, utc0_s=time.time())
         show = Show(scenery, sized_by, memory_bytes=memory_bytes)
     asyncio.run(_serve(show, url, host, port, names, opens))
-    return EXIT_DONE
+    return code
 
 
 async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: tuple[str, ...], opens: bool) -> None:

@@ -80,12 +80,12 @@ class Frame:
         """A circle of a radius on the axis below."""
         return self.dot(x, y, style, round(self.length(radius), 1))
 
-    def text(self, x: float, y: float, text: str, style: str) -> str:
-        """Words beside a point: on the right of it, on the left where the right has no room."""
+    def text(self, x: float, y: float, text: str, style: str, *, below: bool = False) -> str:
+        """Words beside a point, above or below it: on the right, on the left where the right has no room."""
         across, down = self.at(x, y).tolist()
         has_room = across < self.width * SHARE_WITH_ROOM
         across, anchor = (across + BESIDE, "") if has_room else (across - BESIDE, " end")
-        down = max(down - BESIDE, MARGIN_TOP + LETTERS)
+        down = down + BESIDE + LETTERS if below else max(down - BESIDE, MARGIN_TOP + LETTERS)
         return f'<text class="{style}{anchor}" x="{across:.1f}" y="{down:.1f}">{escape(text)}</text>'
 
     def axes(self, x_name: str, y_name: str) -> str:

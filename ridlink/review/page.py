@@ -91,7 +91,7 @@ def report_page(summary: Summary, worst: Sequence[Met], *, drawn: int) -> str:
         f"<p>An encounter begins when two are inside the disc of {summary.definition} or would enter it within "
         f"{HORIZON_S:g} s if both flew on. A margin is the least distance of centres less the radius of the disc; "
         "below zero the disc was entered. Everything is as it was reported: where a vehicle truly was is not known. An "
-        "error is three standard deviations as its sender states them.</p>",
+        "error is three standard deviations as its sender states it.</p>",
     ]
     if worst:
         parts += [_table(summary, worst, drawn), _legend()]

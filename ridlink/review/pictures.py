@@ -41,7 +41,7 @@ def plan(met: Met) -> str:
             parts.append(frame.circle(east[k], north[k], error, f"error {style}"))
         parts.append(frame.line(east, north, f"track {style}"))
         parts.append(frame.dot(east[0], north[0], f"start {style}", 3.0))
-        parts.append(frame.text(east[0], north[0], name, f"name {style}"))
+        parts.append(frame.text(east[0], north[0], name, f"name {style}", below=bool(north[k] > north[0])))
     parts.append(frame.line([east[k] for east in easts], [north[k] for north in norths], "closest"))
     for style, north, east in zip(TRACK_STYLES, norths, easts, strict=True):
         parts.append(frame.dot(east[k], north[k], f"here {style}"))

@@ -56,8 +56,8 @@ def read_history(
     *,
     memory_bytes: int = MEMORY_BYTES,
     on_progress: Callable[[float, float], None] = lambda share, time_s: None,
-) -> tuple[Scenery, History]:
-    """Everything that recordings tell about who was in the air.
+) -> tuple[Scenery, History, list[Source]]:
+    """Everything that recordings tell about who was in the air, and how reading them went.
 
     Args:
         paths: Files of one flight, or ``-`` for standard input.
@@ -83,7 +83,10 @@ def read_history(
     for source in sources:
         if source.error is not None and not len(history):
             raise source.error
-    title = ", ".join(display_name(os.path.basename(source.name)) for source in sources)
+    title = ", ".join(
+        display_name(os.path.basename(source.name)) + (" (in part)" if source.error is not None else "")
+        for source in sources
+    )
     if not len(history):
         raise CaptureError(f"{title}: nobody in it tells a position by Remote ID")
-    return Scenery(title, "file", live=False, utc0_s=filling.begin_s, origin=walk.sky.origin), history
+    return Scenery(title, "file", live=False, utc0_s=filling.begin_s, origin=walk.sky.origin), history, sources

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import re
 import signal
 import socket
 import subprocess
 import sys
+import tty
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +72,31 @@ def test_a_recording_is_shown_until_a_signal(log: Path) -> None:
         process.send_signal(signal.SIGTERM)
         out, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0 and out == ""
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_what_could_be_read_before_the_disk_failed_is_shown_and_told(log: Path) -> None:
+    reading, writing = os.openpty()  # a terminal whose other end is gone answers as a broken disk does
+    tty.setraw(writing)
+    command = [sys.executable, "-m", "ridlink", "view", "-", "--port", "0"]
+    process = subprocess.Popen(command, stdin=reading, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    os.close(reading)
+    try:
+        data = log.read_bytes()
+        while data:
+            data = data[os.write(writing, data) :]
+        os.close(writing)
+        assert process.stderr is not None
+        assert process.stderr.readline() == "ridlink: standard input: Input/output error\n"
+        found = ADDRESS.search(process.stderr.readline())
+        assert found is not None
+        hello = asyncio.run(first(found[0], "hello"))
+        assert hello["title"] == "standard input (in part)" and hello["t1"] > 1.0
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 3
     finally:
         process.kill()
         process.communicate()

@@ -25,8 +25,8 @@ def written(path: Path, flyers: list[Flyer], until_s: float, *begins_us: int) ->
 
 def test_a_recording_that_needs_more_memory_is_kept_in_coarser_steps(tmp_path: Path) -> None:
     path = written(tmp_path / "long.tlog", HEAD_ON, 20.0, BEGIN_US)
-    scenery, whole = read_history([path])
-    _, coarse = read_history([path], memory_bytes=whole.bytes // 3)
+    scenery, whole, _ = read_history([path])
+    _, coarse, _ = read_history([path], memory_bytes=whole.bytes // 3)
     assert (whole.thinned, coarse.thinned) == (0, 2)
     assert coarse.bytes <= whole.bytes // 3
     whole_s, coarse_s = ([one.time_s for one in history] for history in (whole, coarse))
@@ -36,7 +36,7 @@ def test_a_recording_that_needs_more_memory_is_kept_in_coarser_steps(tmp_path: P
 
 def test_logs_one_behind_the_other_are_shown_one_after_the_other(tmp_path: Path) -> None:
     path = written(tmp_path / "twice.tlog", HEAD_ON, 6.0, BEGIN_US + 100_000_000, BEGIN_US)
-    _, history = read_history([path])
+    _, history, _ = read_history([path])
     times = [one.time_s for one in history]
     assert times == sorted(times) and times[-1] < 20.0, "not a hundred seconds of nothing in between"
     flown = [float(one.table[0, 0]) for one in history if len(one)]

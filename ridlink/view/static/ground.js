@@ -42,7 +42,7 @@ function figures(context, view, step, palette) {
   context.fillStyle = palette.grid_text;
   context.textAlign = "center";
   context.textBaseline = "top";
-  for (let east = Math.ceil(view.east(0) / step) * step; view.x(east) < view.width - 92; east += step) {
+  for (let east = Math.ceil(view.east(0) / step) * step; view.x(east) < view.width - 104; east += step) {
     if (view.x(east) > 70) context.fillText(text(east), view.x(east), 6);
   }
   context.fillText("E m →", view.width - 72, 6);
