@@ -20,6 +20,7 @@ from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message, encode_payload, message_spec
 from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
 from sitl_sim.autopilot.commands import Commands, MavCommand, read_command
+from sitl_sim.autopilot.files import refuse_file_transfer
 from sitl_sim.autopilot.link import Address, Link, packed
 from sitl_sim.autopilot.mission_protocol import MissionProtocol
 from sitl_sim.autopilot.modes import FLAVOURS
@@ -132,6 +133,7 @@ class Autopilot:
             "PARAM_REQUEST_READ": lambda message, _, __: parameters.read(message),
             "PARAM_SET": lambda message, _, __: parameters.set(message),
             "REQUEST_DATA_STREAM": self._on_request_data_stream,
+            "FILE_TRANSFER_PROTOCOL": self._on_file_transfer,
         }
         for name in (
             "COUNT", "ITEM_INT", "ITEM", "REQUEST_LIST", "REQUEST_INT", "REQUEST", "CLEAR_ALL", "SET_CURRENT",
@@ -289,6 +291,9 @@ class Autopilot:
         if message.target_system or message.target_component:
             return []  # an answer to somebody
         return [("PING", {"time_usec": message.time_usec, "seq": message.seq, **_to(frame)})]
+
+    def _on_file_transfer(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
+        return refuse_file_transfer(message, frame.sysid, frame.compid)
 
     def _on_timesync(self, message: Message, frame: Frame, link: Link) -> list[Reply]:
         if message.tc1:

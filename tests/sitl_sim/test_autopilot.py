@@ -685,6 +685,24 @@ def test_timesync_and_ping_are_answered_once() -> None:
     assert flight.last("SYSTEM_TIME").time_unix_usec == UTC_S * 1e6
 
 
+@both
+def test_file_transfer_is_refused_at_once_so_that_nobody_waits_for_it(flavour: str) -> None:
+    """MAVProxy asks for a file of parameters first, and knows none of them until it has an answer."""
+    flight = Flight(flavour)
+
+    def ask(opcode: int) -> tuple[Any, ...]:
+        request = struct.pack("<HBBBBBBI", 7, 3, opcode, 0, 0, 0, 0, 0)
+        (answer,) = flight.send("FILE_TRANSFER_PROTOCOL", target_system=1, target_component=1, payload=request)
+        assert (answer.target_system, answer.target_component) == (255, 190)
+        return (*struct.unpack_from("<HBBBB", answer.payload), answer.payload[12])
+
+    open_for_reading, terminate = 4, 1
+    assert ask(open_for_reading) == (8, 3, 129, 1, open_for_reading, 7)  # NAK, unknown command
+    assert ask(terminate) == (8, 3, 128, 0, terminate, 0)
+    answer_of_somebody = bytes([0, 0, 0, 128])
+    assert flight.send("FILE_TRANSFER_PROTOCOL", target_system=1, payload=answer_of_somebody) == []
+
+
 def test_four_others_are_served_beside_the_companion_until_they_fall_silent() -> None:
     flight = Flight()
     flight.advance(0.1)
@@ -729,7 +747,7 @@ def test_sequence_numbers_of_a_link_have_no_gaps() -> None:
 
 HANDLED = ["HEARTBEAT", "PING", "TIMESYNC", "SET_MODE", "COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_LOCAL_NED",
            "SET_POSITION_TARGET_GLOBAL_INT", "RC_CHANNELS_OVERRIDE", "MANUAL_CONTROL", "ADSB_VEHICLE",
-           "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET", "REQUEST_DATA_STREAM",
+           "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET", "REQUEST_DATA_STREAM", "FILE_TRANSFER_PROTOCOL",
            *(f"MISSION_{name}" for name in ("COUNT", "ITEM_INT", "ITEM", "REQUEST_LIST", "REQUEST_INT", "REQUEST",
                                             "CLEAR_ALL", "SET_CURRENT", "WRITE_PARTIAL_LIST", "ACK"))]  # fmt: skip
 

@@ -1,0 +1,31 @@
+"""MAVLink FTP, of which nothing is here: every request is refused at once, so that clients go on without it.
+
+Ground stations try it for the parameters first. One that is not answered waits for seconds before it asks for them one
+by one, and believes meanwhile that there are none: MAVProxy says "Arming checks disabled" to who arms in that time.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from ridlink.mavlink.codec import Message
+from sitl_sim.autopilot.parameters import Reply
+
+_HEADER = struct.Struct("<HBBBBBBI")
+"""Sequence, session, opcode, size, requested opcode, burst complete, padding, offset."""
+
+_TERMINATE_SESSION, _RESET_SESSIONS = 1, 2
+_ACK, _NAK = 128, 129
+_UNKNOWN_COMMAND = 7
+
+
+def refuse_file_transfer(message: Message, system_id: int, component_id: int) -> list[Reply]:
+    """The answer to FILE_TRANSFER_PROTOCOL (110): ending what never began is acknowledged, everything else unknown."""
+    sequence, session, opcode, _, _, _, _, offset = _HEADER.unpack_from(bytes(message.payload))
+    if opcode in (_ACK, _NAK):
+        return []  # an answer to somebody
+    ends = opcode in (_TERMINATE_SESSION, _RESET_SESSIONS)
+    result, data = (_ACK, b"") if ends else (_NAK, bytes([_UNKNOWN_COMMAND]))
+    answer = _HEADER.pack((sequence + 1) & 0xFFFF, session, result, len(data), opcode, 0, 0, offset) + data
+    reply = {"target_system": system_id, "target_component": component_id, "payload": answer.ljust(251, b"\x00")}
+    return [("FILE_TRANSFER_PROTOCOL", reply)]
