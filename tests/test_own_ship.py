@@ -393,7 +393,7 @@ def test_whoever_comes_second_gives_way_and_the_first_waits_for_that() -> None:
     assert first.contested(11.9) and not first.must_yield(11.9)
     stubborn = contest(begins_s=10.0, lasts_s=12.0).other_writer
     assert stubborn.must_yield(21.9)
-    assert not stubborn.contested(26.0), "without targets nobody is accused"
+    assert not stubborn.contested(26.0) and not stubborn.must_yield(26.0), "without targets nobody is accused"
 
 
 def test_a_writer_that_is_seldom_seen_between_our_own_targets_is_seen_all_the_same() -> None:

@@ -31,7 +31,7 @@ SURVIVORS = Path(__file__).with_name("survivors.toml")
 FROM_OUTSIDE = ("numpy", "numba", "hypothesis", "hypothesis.strategies", "pytest", "msgspec", "pymap3d", "fastcrc")
 
 TRAFFIC = ["tests/traffic"]
-OWN_SHIP = ["tests/test_own_ship.py"]
+OWN_SHIP = ["tests/test_own_ship_rules.py", "tests/test_own_ship.py"]
 MUTATED = {
     "ridlink/failsafe.py": ["tests/test_failsafe.py"],
     "ridlink/setpoint.py": ["tests/test_setpoint.py"],

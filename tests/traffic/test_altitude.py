@@ -49,7 +49,12 @@ def test_what_the_bound_is_made_of(figures: tuple[float, ...], expected: float) 
 
 def test_who_is_not_heard_may_have_begun_to_climb() -> None:
     figures = (100.0, 5.0, 6.0, 0.4, 0.6, 0.0, 0.0)
-    assert bound(*figures, age=4.0) - bound(*figures) == pytest.approx(4.0 * UNHEARD_CLIMB_MPS)
+    assert bound(*figures, age=4.0) - bound(*figures) == pytest.approx(4.0 * UNHEARD_CLIMB_MPS) == 8.0
+
+
+def test_without_a_horizon_the_bound_is_that_of_this_instant() -> None:
+    now = vertical_bound(100.0, error_m=(5.0, 6.0), height_m=(0.4, 0.6), climb_mps=(2.0, -1.0))
+    assert now == pytest.approx(11.5 + RESERVE_M)
 
 
 @given(figures=encounters, which=st.sampled_from(range(7)), unknown=st.sampled_from((math.nan, math.inf, -math.inf)))
