@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ridlink.engine import EngineConfig, Goal
-from ridlink.engine.guard import GIVE_UP_S, Guard, Phase, Seen, is_autonomous, mode_command
+from ridlink.engine.guard import EXTERNAL_MODE, GIVE_UP_S, Guard, Phase, Seen, Wish, is_autonomous, mode_command
 from ridlink.errors import ConfigError
 from ridlink.own_ship import ARDUPILOT, PX4
 from tests.sitl_sim import test_autopilot_missions as missions
@@ -91,3 +91,67 @@ def test_a_guard_has_no_goal_of_its_own() -> None:
         EngineConfig(guard=True, goal=Goal(47.0, 8.0))
     with pytest.raises(ConfigError, match="takeoff-height"):
         EngineConfig(takeoff_height_m=-1.0)
+
+
+# --- times far from zero, the other autopilot, and modes with sub modes ---
+
+T = 1000.0
+
+
+def test_the_modes_of_both_autopilots() -> None:
+    px4 = {
+        main << 16 | sub << 24 for main in range(9) for sub in range(9) if is_autonomous(PX4, main << 16 | sub << 24)
+    }
+    assert px4 == {4 << 16 | 3 << 24, 4 << 16 | 4 << 24, 4 << 16 | 5 << 24}, "hold, mission, return"
+    assert [mode for mode in range(30) if is_autonomous(ARDUPILOT, mode)] == [3, 6], "AUTO, RTL"
+    assert not is_autonomous(8, 3), "of another autopilot nothing is known"
+    assert mode_command(ARDUPILOT, EXTERNAL_MODE[ARDUPILOT]) == (176, (1.0, 4.0, 0.0))
+    assert mode_command(PX4, missions.PX4_MISSION) == (176, (1.0, 4.0, 4.0))
+
+
+def test_nobody_asks_for_anything_while_all_is_clear() -> None:
+    guard = Guard()
+    assert guard.step(seen(), T) == Wish(begin=False, end=False, commands=())
+    assert (guard.phase, guard.found_mode, guard.takeovers) == (Phase.WATCHING, 0, 0)
+
+
+def test_a_px4_gets_half_a_second_of_stream_and_an_ardupilot_is_asked_at_once() -> None:
+    guard = taking_over(T)
+    assert not guard.step(seen(conflict=True), T + 0.4).commands
+    assert guard.step(seen(conflict=True), T + 0.5).commands
+    copter = Guard()
+    flying_auto = seen(autopilot=ARDUPILOT, custom_mode=3, conflict=True)
+    assert copter.step(flying_auto, T).begin
+    assert copter.step(flying_auto, T).commands == (mode_command(ARDUPILOT, 4),)
+    copter.step(replace(flying_auto, custom_mode=4), T + 0.1)
+    assert copter.phase is Phase.RESOLVING
+    copter.step(replace(flying_auto, custom_mode=5), T + 0.2)
+    assert copter.phase is Phase.ENDED, "LOITER is a pilot's"
+
+
+def test_it_tries_for_five_seconds() -> None:
+    guard = taking_over(T)
+    assert not guard.step(seen(conflict=True), T + 5.0).end and guard.phase is Phase.TAKING_OVER
+    assert guard.step(seen(conflict=True), T + 5.1).end and guard.phase is Phase.WATCHING
+
+
+def test_a_sub_mode_of_offboard_is_offboard_and_another_one_of_auto_is_another_mode() -> None:
+    guard = taking_over(T)
+    guard.step(seen(conflict=True, custom_mode=6 << 16 | 1 << 24), T + 1.0)
+    assert guard.phase is Phase.RESOLVING
+    guard = taking_over(T)
+    assert guard.step(seen(conflict=True, custom_mode=missions.PX4_HOLD), T + 0.2).end
+    assert guard.phase is Phase.ENDED, "from the mission to a hold: somebody did that"
+
+
+@pytest.mark.parametrize(
+    ("found", "now", "numbers"),
+    [(1, 1, [176]), (1, 2, [224, 176]), (1, None, [176]), (None, 2, [176]), (None, None, [176])],
+)
+def test_the_item_is_set_back_where_it_was_known_and_has_moved(
+    found: int | None, now: int | None, numbers: list[int]
+) -> None:
+    guard = Guard()
+    guard.step(seen(conflict=True, mission_item=found), T)
+    guard.step(seen(custom_mode=6 << 16, clear=False), T + 1.0)
+    assert [number for number, _ in guard.hand_back(seen(mission_item=now))] == numbers

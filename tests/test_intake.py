@@ -51,6 +51,7 @@ def test_f06_version_1_is_read_where_it_is_allowed(allowed: bool) -> None:
     intake = Intake(allow_v1=allowed)
     assert names(intake, v1_heartbeat()) == (["HEARTBEAT"] if allowed else [])
     assert intake.counters["mavlink_1_frame"] == (not allowed)
+    assert names(Intake(), v1_heartbeat()) == [], "it is not, unless somebody says so"
 
 
 def test_ardupilots_estimator_is_read_by_hand_also_where_zeros_were_cut_off() -> None:

@@ -30,6 +30,14 @@ def test_f30_the_newest_of_each_topic_waits_and_never_more_than_there_is_room_fo
     assert len(left) == min(room, len(newest))
 
 
+@pytest.mark.parametrize("qos", [0, 1])
+def test_f30_where_there_is_no_room_the_oldest_gives_way(qos: int) -> None:
+    outbox = Outbox(3)
+    for topic in ("a", "b", "c", "d", "e"):
+        outbox.put(Outgoing(topic, b"", qos))
+    assert [message.topic for message in drained(outbox)] == ["c", "d", "e"] and outbox.dropped == 2
+
+
 def test_alerts_about_different_pairs_do_not_replace_each_other() -> None:
     outbox = Outbox()
     outbox.put(Outgoing("alert", b"1", about="a~b"))

@@ -152,6 +152,16 @@ def test_f05_the_senders_age_counts_if_it_is_plausible() -> None:
     assert made.counters["timestamp_implausible"] == 1
 
 
+@pytest.mark.parametrize(("age_s", "plausible"), [(-2.0, False), (-0.9, True), (4.9, True), (5.1, False)])
+def test_f05_what_age_of_a_sender_is_plausible(age_s: float, plausible: bool) -> None:
+    made = picture()
+    made.receive("rid", report(timestamp_s=100.0), utc_s=100.0 + age_s)
+    assert made.counters["timestamp_implausible"] == (not plausible)
+    (track,) = made.tracks.values()
+    assert track.trusted_clock is plausible
+    assert track.measured_at_s == pytest.approx(10.0 - (max(age_s, 0.0) if plausible else 0.0))
+
+
 def test_f09_own_echo_is_our_identity_at_our_place() -> None:
     here, elsewhere = report(north=10.0), report(north=200.0)
     for one, echo in ((here, True), (elsewhere, False)):

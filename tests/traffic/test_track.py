@@ -132,10 +132,60 @@ def test_f07_what_a_report_is_to_a_track(fields: dict[str, object], expected: Re
     assert relation(track(), replace(REPORT, **({"timestamp_s": 101.0, "received_at_s": 11.0} | fields))) is expected
 
 
+def test_f07_how_far_a_vehicle_may_have_come() -> None:
+    at_once = {"timestamp_s": 100.5, "received_at_s": 10.0}
+    assert relation(track(), replace(REPORT, **at_once, latitude_deg=47.0 + 5.0 / 111_000)) is Relation.FOLLOWS
+    assert relation(track(), replace(REPORT, **at_once, latitude_deg=47.0 + 8.0 / 111_000)) is Relation.STRANGE
+    fast, away = track(replace(REPORT, speed_horizontal_mps=50.0)), {"timestamp_s": 101.0, "received_at_s": 11.0}
+    slowed = replace(REPORT, **away, latitude_deg=47.0 + 80.0 / 111_000, speed_horizontal_mps=None)
+    assert relation(fast, slowed) is Relation.FOLLOWS, "it flew 50 m/s a moment ago"
+    assert relation(track(), slowed) is Relation.STRANGE
+
+
+def test_a_track_begins_with_nothing_remembered_of_it() -> None:
+    made = track()
+    assert (made.memory, made.urgency_s, made.in_conflict, made.seen_elsewhere) == (0, 0.0, False, False)
+    assert (made.began_at_s, made.interval_s, made.trusted_clock) == (10.0, 0.1, False)
+    assert made.first_heard_m is None and made.doubt.widening_m(10.0) == 0.0
+
+
+def test_the_interval_follows_what_is_measured_by_three_tenths() -> None:
+    made = track()
+    update(made, replace(REPORT, timestamp_s=100.3, received_at_s=10.3))
+    assert made.interval_s == pytest.approx(0.1 + 0.3 * 0.2)
+    update(made, replace(REPORT, timestamp_s=111.0, received_at_s=21.0))
+    assert made.interval_s == pytest.approx(0.16), "an outage is no interval"
+
+
+def test_unfiltered_every_report_is_taken_as_it_is() -> None:
+    made = track()
+    for k in range(1, 5):
+        latitude = 47.0 + (k % 2) * 1.0 / 111_000
+        update(made, replace(REPORT, latitude_deg=latitude, timestamp_s=100.0 + 0.1 * k, received_at_s=10.0 + 0.1 * k))
+        assert made.latitude_deg == pytest.approx(latitude, abs=1e-9)
+
+
+@pytest.mark.parametrize("missing", ["latitude_deg", "longitude_deg"])
+def test_half_a_position_is_none(missing: str) -> None:
+    half = replace(REPORT, **{missing: None}, timestamp_s=101.0, received_at_s=11.0)
+    assert update(track(), half) is Update.NO_POSITION
+    with pytest.raises(ValueError, match="position"):
+        new_track(("rid", 5, 1, None, 0), half, 11.0, filtered=True)
+
+
+def test_reports_without_a_time_are_dated_by_their_receipt() -> None:
+    for first, then in ((None, 101.0), (100.0, None), (None, None)):
+        made = track(replace(REPORT, timestamp_s=first))
+        assert update(made, replace(REPORT, timestamp_s=then, received_at_s=10.0)) is not Update.MOVED
+        assert update(made, replace(REPORT, timestamp_s=then, received_at_s=10.1)) is Update.MOVED
+
+
 def test_f05_a_clock_that_is_known_to_be_right_is_believed_against_one_that_is_not() -> None:
     seen, earlier = track(), replace(REPORT, timestamp_s=99.0, received_at_s=11.0)
     assert relation(seen, earlier) is Relation.OUTDATED
     assert relation(seen, earlier, trusted_clock=True) is Relation.STRANGE
+    newer = replace(REPORT, timestamp_s=100.5, received_at_s=10.5)
+    assert relation(track(), newer, trusted_clock=True) is Relation.FOLLOWS
     seen.trusted_clock = True
     assert relation(seen, earlier, trusted_clock=True) is Relation.OUTDATED
 
