@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -362,8 +363,68 @@ def test_parameters_out_of_range_or_unknown_are_refused(flavour: str) -> None:
     assert any("unknown parameter: NO_SUCH" in text for text in flight.texts) == (flavour == "px4")
 
 
+def test_every_test_that_the_document_names_exists() -> None:
+    document = (Path(__file__).parents[2] / "docs" / "emulator.md").read_text()
+    named = set(re.findall(r"`(test_\w+)`", document))
+    written = {
+        name
+        for file in Path(__file__).parent.glob("test_*.py")
+        for name in re.findall(r"^def (test_\w+)", file.read_text(), re.M)
+    }
+    assert named and named <= written, named - written
+    habits = document.split("### Habits of the real ones")[1].split("**Not emulated:**")[0]
+    rows = [line for line in habits.splitlines() if line.startswith("| ") and "---" not in line]
+    unheld = [row for row in rows if "`test_" not in row and not row.endswith("| held by |")]
+    assert len(rows) > 40 and unheld == []
+
+
 def test_every_parameter_is_documented() -> None:
     document = (Path(__file__).parents[2] / "docs" / "emulator.md").read_text()
     for flavour in FLAVOURS.values():
         for name in Parameters(flavour, 1).names:
             assert f"`{name}`" in document, name
+
+
+@both
+def test_a_stream_that_still_runs_counts_at_once_when_its_mode_returns(flavour: str) -> None:
+    """A pilot's mode wins at once; the setpoints that went on meanwhile are flown as soon as the mode is back."""
+    flight = flying(flavour)
+    flight.fly(3.0, 4.0, 0.0, 0.0)
+    hold, steer = ((4, 3), (6, 0)) if flavour == "px4" else ((17, 0), (GUIDED, 0))
+    assert flight.set_mode(*hold) == ACCEPTED
+    flight.fly(7.0, 4.0, 0.0, 0.0)
+    assert math.hypot(*flight.velocity[:2]) < 1.0
+    assert flight.set_mode(*steer) == ACCEPTED
+    flight.fly(0.2, 4.0, 0.0, 0.0)
+    assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(4.0)
+    flight.fly(3.0, 4.0, 0.0, 0.0)
+    assert flight.velocity[0] > 2.5
+
+
+@pytest.mark.parametrize(("flavour", "every_s", "mode"), [("px4", 0.66, PX4_OFFBOARD), ("ardupilot", 0.5, GUIDED)])
+def test_a_slow_stream_is_enough(flavour: str, every_s: float, mode: int) -> None:
+    """Measured: 1.5 Hz kept PX4 in OFFBOARD, 2 Hz is enough for ArduPilot."""
+    flight = flying(flavour)
+    for _ in range(12):
+        flight.setpoint(4.0, 0.0, 0.0)
+        flight.advance(every_s)
+    assert flight.mode == mode and flight.velocity[0] > 3.0
+
+
+def test_ardupilot_takes_guided_without_a_position_and_does_not_arm() -> None:
+    flight = Flight("ardupilot")
+    flight.advance(0.1)
+    flight.world.receivers.set_outage(0, True)
+    flight.advance(1.0)
+    assert flight.set_mode(GUIDED) == ACCEPTED
+    assert flight.command(ARM, 1) == FAILED
+
+
+@both
+def test_whoever_speaks_is_obeyed_and_the_last_one_wins(flavour: str) -> None:
+    flight = flying(flavour)
+    target = {"target_system": 1, "target_component": 1, "coordinate_frame": 1, "type_mask": 0x0DC7}
+    for speed, sender in ((2.0, Encoder(1, 195)), (3.0, Encoder(42, 1)), (4.0, Encoder(255, 190))):
+        flight.send("SET_POSITION_TARGET_LOCAL_NED", sender=sender, vx=speed, **target)
+        flight.advance(0.1)
+        assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(speed)
