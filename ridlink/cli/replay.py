@@ -64,6 +64,9 @@ def replay(file: str, url: str, kind: str, speed: float, rate: float, types: str
 
     if file == "-" and loop:
         raise click.UsageError("standard input cannot be read twice: no --loop")
+    if url.lower().startswith(("mqtt:", "mqtts:")):
+        raise click.UsageError("a broker is fed by the bridge: write --out udpout:127.0.0.1:14790 here, and run "
+                               "'ridlink mqtt --broker URL --source udpin:127.0.0.1:14790' beside it")  # fmt: skip
     if file != "-":
         open_capture(file, kind).close()  # what cannot be read shows before the link is opened
     wanted = wanted_names(types)

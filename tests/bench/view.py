@@ -18,10 +18,13 @@ from typing import Any
 import numpy as np
 from websockets.asyncio.client import connect
 
+from ridlink.separation.definitions import Definition
 from tests.observer.flights import Flyer, frames
 
 SECONDS = 20.0
-CASES = ((8, 1), (250, 1), (250, 8))
+CASES = ((8, 1, 1), (250, 1, 1), (250, 8, 1), (250, 2, 2), (250, 6, 6))
+"""Vehicles, pages, definitions that these look at."""
+
 REPEATED_S = 2.0
 ADDRESS = re.compile(rb"http(://127\.0\.0\.1:\d+/)")
 BASIC_ID = 12900
@@ -31,19 +34,19 @@ TOGETHER = 3
 def report() -> dict[str, list[dict[str, Any]]]:
     """Print the table."""
     print(f"\nserver of the live page, {SECONDS:g} s each: vehicles that report at 10 Hz, pages that follow")
-    print(f"{'vehicles':>9}{'pages':>7}{'CPU':>8}{'memory':>9}{'instants/s and page':>21}{'of':>9}")
+    print(f"{'vehicles':>9}{'pages':>7}{'definitions':>13}{'CPU':>8}{'memory':>9}{'instants/s and page':>21}{'of':>9}")
     rows = []
-    for vehicles, pages in CASES:
-        row = asyncio.run(measure(vehicles, pages))
+    for vehicles, pages, definitions in CASES:
+        row = asyncio.run(measure(vehicles, pages, definitions))
         rows.append(row)
         print(
-            f"{vehicles:>9}{pages:>7}{row['cpu']:>8.1%}{row['memory_mb']:>6.0f} MB{row['instants_per_s']:>21.1f}"
-            f"{row['instant_bytes'] / 1e3:>6.1f} kB"
+            f"{vehicles:>9}{pages:>7}{definitions:>13}{row['cpu']:>8.1%}{row['memory_mb']:>6.0f} MB"
+            f"{row['instants_per_s']:>21.1f}{row['instant_bytes'] / 1e3:>6.1f} kB"
         )
     return {"view": rows}
 
 
-async def measure(vehicles: int, pages: int) -> dict[str, Any]:
+async def measure(vehicles: int, pages: int, definitions: int) -> dict[str, Any]:
     """One server."""
     said = spoken(vehicles)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
@@ -60,7 +63,8 @@ async def measure(vehicles: int, pages: int) -> dict[str, Any]:
         address = f"ws{found[1].decode()}ws/v1"
         speaking = asyncio.create_task(speak(said, port))
         counts = [0, 0]
-        watching = [asyncio.create_task(watch(address, counts)) for _ in range(pages)]
+        watched = [list(Definition)[-1 - page % definitions] for page in range(pages)]
+        watching = [asyncio.create_task(watch(address, definition, counts)) for definition in watched]
         await asyncio.wait([speaking, *watching], timeout=10.0)  # until its kernels are loaded
         used, counts[0] = cpu_s(process.pid), 0
         await asyncio.wait([speaking, *watching], timeout=SECONDS)
@@ -74,6 +78,7 @@ async def measure(vehicles: int, pages: int) -> dict[str, Any]:
     return {
         "vehicles": vehicles,
         "pages": pages,
+        "definitions": definitions,
         "cpu": used / SECONDS,
         "memory_mb": resident / 1e6,
         "instants_per_s": counts[0] / SECONDS / pages,
@@ -109,9 +114,9 @@ async def speak(said: list[list[bytes]], port: int) -> None:
             due.clear()
 
 
-async def watch(address: str, counts: list[int]) -> None:
+async def watch(address: str, definition: Definition, counts: list[int]) -> None:
     async with connect(address, compression=None, max_size=None) as page:
-        await page.send('{"select":"ID0001"}')
+        await page.send(f'{{"definition":"{definition}","select":"ID0001"}}')
         async for message in page:
             if message.startswith('{"type":"instant"'):  # type: ignore[arg-type]
                 counts[0] += 1

@@ -143,6 +143,7 @@ def test_a_listening_link_waits_for_somebody(tmp_path: Path) -> None:
         (["absent.tlog", "--out", "udpout:127.0.0.1:9"], 3),
         (["{log}", "--out", "udpout:nowhere"], 2),
         (["{log}"], 2),
+        (["{log}", "--out", "mqtt://127.0.0.1:1883"], 2),
         (["{log}", "--out", "udpout:127.0.0.1:9", "--speed", "0"], 2),
         (["{log}", "--out", "udpout:127.0.0.1:9", "--rate", "nan"], 2),
         (["-", "--out", "udpout:127.0.0.1:9", "--loop"], 2),

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
+import tty
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -58,6 +61,22 @@ def test_what_could_be_read_of_a_broken_file_is_reported(log: Path, tmp_path: Pa
     done = run(log, "--no-html")
     assert len(done.stdout.splitlines()) == 1 and "damaged: " in done.stderr and done.return_value == 0
     assert run(log, "--no-html", "--strict").return_value == 4
+
+
+@pytest.mark.parametrize("command", [["report", "-", "--no-html"], ["whatif", "-"]])
+def test_what_was_read_before_the_disk_failed_counts(log: Path, tmp_path: Path, command: list[str]) -> None:
+    reading, writing = os.openpty()  # a terminal whose other end is gone answers as a broken disk does
+    tty.setraw(writing)
+    with ThreadPoolExecutor(1) as pool, open(reading, "rb") as stream:
+        pool.submit(write_whole, writing, log.read_bytes())
+        done = ridlink(*command, stdin=stream, cwd=tmp_path)
+    assert done.returncode == 3 and done.stdout
+    assert b"standard input: Input/output error\n" in done.stderr
+
+
+def write_whole(descriptor: int, data: bytes) -> None:
+    with open(descriptor, "wb") as file:
+        file.write(data)
 
 
 def test_other_files_are_done_when_one_is_none(log: Path, tmp_path: Path) -> None:

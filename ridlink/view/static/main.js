@@ -24,7 +24,7 @@ import { readUrl, UrlKeeper } from "./url.js";
 import { Vehicles } from "./vehicles.js";
 
 const NOBODY = {
-  demo: "Nobody is in the air yet: the demo is starting …", air: "Nobody is heard on the air.",
+  demo: "Nobody is in the air yet: the demo is starting. The first time, its solver is compiled: up to half a minute.", air: "Nobody is heard on the air.",
   link: "Nobody is heard on this link.", file: "Nobody is in the air at this instant.",
 };
 // What changes beside the plan changes in the same frame as the plan where it can: each frame with a change is composed
