@@ -33,12 +33,13 @@ SEVERITY_WARNING = 4
 LONGEST_TEXT = 50
 
 
-def heartbeat(encoder: Encoder, engaged: bool) -> bytes:
-    """HEARTBEAT (0) of an onboard controller that is no autopilot."""
+def heartbeat(encoder: Encoder, engaged: bool, claim: int = 0) -> bytes:
+    """HEARTBEAT (0) of an onboard controller that is no autopilot; the claim is for `own_ship.rival`."""
     return encoder.encode(
         "HEARTBEAT",
         type=TYPE_ONBOARD_CONTROLLER,
         autopilot=AUTOPILOT_INVALID,
+        custom_mode=claim,
         system_status=STATUS_ACTIVE if engaged else STATUS_STANDBY,
         mavlink_version=3,
     )

@@ -10,6 +10,7 @@ from ridlink.failsafe import State
 from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.requests import message_requests
+from ridlink.own_ship.rival import Rivals
 from ridlink.periodic import Periodic
 from ridlink.traffic.track import TrackKey
 
@@ -44,6 +45,7 @@ class Announcer:
         self._heartbeat_due = Periodic(1.0)
         self._status_due = Periodic(1.0)
         self._request_due = Periodic(1.0)
+        self._claimed = 0
         self._warned_at_s: dict[TrackKey, float] = {}
         self._alerted: dict[str, tuple[int, float]] = {}
 
@@ -54,6 +56,7 @@ class Announcer:
         telemetry: OwnShipTelemetry,
         *,
         state: State,
+        rivals: Rivals,
         time_boot_ms: int,
         count: Callable[[], Mapping[str, int]],
         now_s: float,
@@ -65,13 +68,15 @@ class Announcer:
             encoder: Who speaks.
             telemetry: To and of whom.
             state: State of the failsafe ladder.
+            rivals: Our claim to steer, which others hear at once.
             time_boot_ms: Time since start.
             count: What was counted so far, see `ALERTS`; asked once a second.
             now_s: Monotonic time.
         """
         vehicle, record, lock = output.to_vehicle, output.decision, telemetry.lock
-        if self._heartbeat_due.due(now_s):
-            vehicle.append(heartbeat(encoder, state is State.ENGAGED))
+        if self._heartbeat_due.due(now_s) or rivals.claim != self._claimed or rivals.answer:
+            self._claimed, rivals.answer = rivals.claim, False
+            vehicle.append(heartbeat(encoder, state is State.ENGAGED, rivals.claim))
             # The air listens to whoever says which vehicle it is: not before that is known.
             if lock is not None or telemetry.pinned is not None:
                 output.to_air.append(vehicle[-1])

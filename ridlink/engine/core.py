@@ -37,6 +37,7 @@ from ridlink.mavlink.frames import Frame
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
 from ridlink.own_ship.broadcast import Broadcast
 from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, command, message_requests
+from ridlink.own_ship.rival import Rivals
 from ridlink.periodic import Periodic
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage
@@ -63,6 +64,7 @@ class Engine:
         telemetry: Own state and autopilot.
         picture: Traffic.
         setpoints: The stream of setpoints.
+        rivals: Other daemons on this vehicle.
         steering: What makes decisions.
         encoder: Who speaks: the system id of the vehicle, and the component of obstacle avoidance.
         guard: Who takes over from the autopilot's own plan; None without `--guard`.
@@ -103,6 +105,7 @@ class Engine:
         self._broadcast = Broadcast(config.broadcast_settings) if config.broadcast else None
         self._home_due = Periodic(HOME_PERIOD_S)
         self._hold_next = False
+        self.rivals = Rivals()
         self.warm = True
         self.guard = Guard() if config.guard else None
         self._last_record: DecisionRecord | None = None
@@ -130,6 +133,9 @@ class Engine:
                 self._vehicle_remote_id(frame, message, source, now_s, utc_s)
             elif message.name in ("COMMAND_LONG", "COMMAND_INT"):
                 self._command(frame, message, source, now_s)
+            elif message.name == "HEARTBEAT" and frame.compid == AVOIDANCE_COMPONENT:
+                if (lock := self.telemetry.lock) is not None and (lock.sysid, lock.source) == (frame.sysid, source):
+                    self.rivals.hear(message.custom_mode, now_s)
             else:
                 self.telemetry.receive(frame.sysid, frame.compid, message, now_s, source)
         lock = self.telemetry.lock
@@ -226,6 +232,7 @@ class Engine:
         commands = [] if self.guard is None else self._watch(self.guard, own, now_s)
         self.rung = advance(self.rung, self._conditions(own, now_s, since_last), self.config.failsafe)
         self._hold_next = False
+        self.rivals.steer(self.rung.state in (State.ENGAGED, State.HOLD) and not self.config.dry_run, utc_s)
         record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
         if own is not None:
             record = self.steering.look_and_decide(
@@ -248,7 +255,8 @@ class Engine:
             output.decision = replace(record, commanded_ned_mps=self.setpoints.velocity)
         else:
             self.setpoints.restart()
-        self._counters["other_writer"] += self.telemetry.other_writer.contested(now_s)
+        contested = self.telemetry.other_writer.contested(now_s) or self.rivals.gives_way(now_s)
+        self._counters["other_writer"] += contested
         self.telemetry.other_writer.sent(output.decision.commanded_ned_mps, now_s)
         output.replies, self._replies = self._replies, []
         if text := self.steering.detection_warning(record):
@@ -258,6 +266,7 @@ class Engine:
             self.encoder,
             self.telemetry,
             state=self.rung.state,
+            rivals=self.rivals,
             time_boot_ms=self.time_boot_ms(now_s),
             count=lambda: self.counters,
             now_s=now_s,
@@ -376,10 +385,18 @@ class Engine:
             stalled=self._hold_next,
             warming=not self.warm,
             own_jumped=telemetry.jumped(now_s),
-            other_writer=not self.config.dry_run and telemetry.other_writer.must_yield(now_s),
+            other_writer=not self.config.dry_run and self._must_yield(now_s),
             has_goal=self.goal is not None,
             deciding_fails=self.steering.fatal,
         )
+
+    def _must_yield(self, now_s: float) -> bool:
+        """Somebody else steers this vehicle, and is in the right."""
+        if self.rivals.must_yield(now_s):
+            return True
+        if self.rivals.gives_way(now_s):
+            self.telemetry.other_writer.forget()
+        return self.telemetry.other_writer.must_yield(now_s)
 
     # --- frames ---------------------------------------------------------------------------------------------------
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.links import Address, Link, open_link
-from ridlink.mavlink.codec import Encoder, Message
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message
+from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Location, Separation, SeparationFlags
 from ridlink.traffic.position_filter import moved
@@ -137,6 +138,13 @@ class Emulated:
         self.position = self.position + self.velocity * elapsed_s
 
 
+def pass_heartbeats_on(data: bytes, link: Link) -> None:
+    """As autopilots do with what they hear on one link."""
+    for frame in parse_datagram(data, CRC_EXTRAS):
+        if isinstance(frame, Frame) and frame.msgid == 0:
+            link.send(frame.raw)
+
+
 class LoopbackVehicle:
     """An `Emulated` on a real UDP socket, telling its state every 20 ms and its heartbeat at once when it changes.
 
@@ -148,6 +156,7 @@ class LoopbackVehicle:
         self.vehicle, self.port = emulated, port
         self.began_s = 0.0
         self.silent = False
+        self.passes_on = True
         self.frozen = False
         self.words = 0
         self.last = b""
@@ -176,6 +185,8 @@ class LoopbackVehicle:
 
     def _hear(self, data: bytes, address: Address) -> None:
         self.last = data
+        if self._second_link is not None and self.passes_on:
+            pass_heartbeats_on(data, self._second_link)
         try:
             self.vehicle.hear(data)
         except AssertionError as failure:  # the link would only count it
@@ -188,6 +199,8 @@ class LoopbackVehicle:
         self._second_link = await open_link(f"udpout:127.0.0.1:{port}", self._hear_second)
 
     def _hear_second(self, data: bytes, _: Address) -> None:
+        if self._link is not None and self.passes_on:
+            pass_heartbeats_on(data, self._link)
         try:
             self.vehicle.hear(data, self.second)
         except AssertionError as failure:

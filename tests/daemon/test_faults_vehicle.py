@@ -19,7 +19,7 @@ import pytest
 from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.service import AvoidDaemon
 from ridlink.engine import EngineConfig, Goal
-from ridlink.failsafe import FailsafeSettings, State
+from ridlink.failsafe import OTHER_WRITER, FailsafeSettings, State
 from ridlink.links import SigningOptions, parse_link_url
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, message_spec
 from ridlink.mavlink.frames import Frame, parse_datagram
@@ -242,6 +242,7 @@ def test_i3_two_daemons_on_one_vehicle_the_second_notices_and_stands_by() -> Non
     async def test() -> None:
         async with running() as first:
             vehicle, stop = first.vehicle, asyncio.Event()
+            vehicle.passes_on = False  # all that is left to notice is what it flies after
             await vehicle.until(lambda: len(vehicle.setpoints()) > 40)
             config = replace(first.daemon.config, engine=EngineConfig(goal=Goal(*at(0.0, 300.0))))
             second = AvoidDaemon(config)
@@ -249,7 +250,7 @@ def test_i3_two_daemons_on_one_vehicle_the_second_notices_and_stands_by() -> Non
             await second.ready.wait()
             assert second.vehicle_address is not None
             await vehicle.join(second.vehicle_address[1])
-            await vehicle.until(lambda: second.engine.rung.reason == "another writer steers this vehicle")
+            await vehicle.until(lambda: second.engine.rung.reason == OTHER_WRITER)
             count, foreign = len(vehicle.setpoints()), len(vehicle.second.setpoints)
             assert 1 <= foreign <= 35
             await vehicle.until(lambda: len(vehicle.setpoints()) >= count + 12)
@@ -294,6 +295,31 @@ def test_f27_a_px4_in_offboard_gets_zero_velocity_while_the_kernels_are_still_lo
         finally:
             stop.set()
             release.set()
+            await task
+
+    run(test)
+
+
+@pytest.mark.parametrize(("autopilot", "words"), [(12, 0), (3, 0), (12, 50)], ids=["px4", "ardupilot", "px4-1s"])
+def test_of_two_daemons_started_together_exactly_one_flies(autopilot: int, words: int) -> None:
+    async def test() -> None:
+        async with running(emulated=Emulated(autopilot=autopilot)) as one:
+            vehicle, stop = one.vehicle, asyncio.Event()
+            other = AvoidDaemon(replace(one.daemon.config, engine=EngineConfig(goal=Goal(*at(0.0, 300.0)))))
+            task = asyncio.create_task(other.run(stop))
+            await other.ready.wait()
+            assert other.vehicle_address is not None
+            await vehicle.speaks(words)
+            await vehicle.join(other.vehicle_address[1])
+            engines = one.daemon.engine, other.engine
+            await vehicle.until(lambda: OTHER_WRITER in [engine.rung.reason for engine in engines])
+            flies = next(engine for engine in engines if engine.rung.reason != OTHER_WRITER)
+            begun = flies.setpoints.sent
+            await vehicle.until(lambda: flies.setpoints.sent >= begun + 40)
+            assert [engine.rung.state for engine in engines].count(State.ENGAGED) == 1
+            assert flies.rung.state is State.ENGAGED
+            assert not words or flies is one.daemon.engine, "the first one"
+            stop.set()
             await task
 
     run(test)
