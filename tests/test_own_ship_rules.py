@@ -78,7 +78,8 @@ def test_the_larger_error_counts_while_it_is_fresh_and_none_beyond_the_cap() -> 
     trust = receiving()
     trust.estimator(ABSOLUTE, 0.5, T)
     assert trust.error_m(T) == 3.0
-    for accuracy_m, error_m in ((2.0, 6.0), (math.nan, 3.0), (math.inf, 3.0), (-5.0, 3.0), (0.0, 3.0), (100.0, 185.0)):
+    trust.receiver(gps(h_acc=500), T)
+    for accuracy_m, error_m in ((2.0, 6.0), (math.nan, 1.5), (math.inf, 1.5), (-5.0, 1.5), (0.0, 1.5), (100.0, 185.0)):
         trust.estimator(ABSOLUTE, accuracy_m, T)
         assert trust.error_m(T + 4.9) == error_m
     trust.receiver(gps(), T + 5.0)

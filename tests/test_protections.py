@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -39,6 +40,15 @@ def test_a_protection_stands_where_the_table_says_and_its_test_names_the_fault(r
     assert function in functions(ROOT / name)
     assert f"_{row.mark}_" in function
     assert name.removeprefix("tests/") in documented()[row.fault], "docs/faults.md names the file of the test"
+
+
+def test_what_is_said_of_surviving_mutants_is_about_lines_that_are_there() -> None:
+    with (ROOT / "tests" / "soak" / "survivors.toml").open("rb") as file:
+        rows = tomllib.load(file)["survivor"]
+    for row in rows:
+        lines = [line.strip() for line in (ROOT / row["file"]).read_text().splitlines()]
+        assert row["at"] in lines, row
+        assert row["why"] and " -> " in row["change"]
 
 
 def test_every_fault_has_a_protection() -> None:

@@ -102,10 +102,10 @@ def outcome(where: Path, tests: list[str], longest_s: float) -> int | None:
     return os.waitstatus_to_exitcode(status) if ended else None
 
 
-def reasons() -> dict[tuple[str, str], str]:
-    """Why a change makes no difference, by file and change."""
+def reasons() -> dict[tuple[str, str, str], str]:
+    """Why a change makes no difference, by file, line of source and change."""
     with SURVIVORS.open("rb") as file:
-        return {(row["file"], row["change"]): row["why"] for row in tomllib.load(file)["survivor"]}
+        return {(row["file"], row["at"], row["change"]): row["why"] for row in tomllib.load(file)["survivor"]}
 
 
 def judge(where: Path, name: str, tests: list[str]) -> tuple[int, int, list[Mutant]]:
@@ -138,8 +138,9 @@ def main() -> int:
             good &= noticed >= LEAST_SCORE * total
             all_noticed, all_total = all_noticed + noticed, all_total + total
             print(f"{name:34s} {noticed:3d} of {total:3d} noticed, {noticed / total:.0%}", flush=True)
+            lines = (ROOT / name).read_text().splitlines()
             for mutant in alive:
-                reason = why.get((name, mutant.change), "NOT EXPLAINED")
+                reason = why.get((name, lines[mutant.line - 1].strip(), mutant.change), "NOT EXPLAINED")
                 print(f"    line {mutant.line:3d}: {mutant.change}: {reason}", flush=True)
     print(f"{all_noticed} of {all_total} noticed, {all_noticed / all_total:.0%}")
     return int(not good)
