@@ -103,6 +103,18 @@ class TestOneFrame:
         assert isinstance(frame, Frame)
         assert (frame.version, frame.msgid, frame.sysid, frame.compid, frame.checked) == (1, 0, 1, 1, True)
         assert decode_message(frame).fields["type"] == 2
+        body = bytes.fromhex("09c80203000000000002030004") + b"\x03"  # another sender, and number 200
+        (numbered,) = frames_in(parse_datagram(b"\xfe" + body + b"\0\0", {}))
+        assert (numbered.seq, numbered.sysid, numbered.compid, numbered.checked) == (200, 2, 3, False)
+
+    def test_the_lengths_and_bounds_of_the_format(self) -> None:
+        assert MAX_FRAME_LENGTH == 280, "10 of header, 255 of payload, 2 of checksum, 13 of signature"
+        assert (MAX_FRAMES_PER_DATAGRAM, MAX_FALSE_STARTS) == (64, 1024)
+
+    def test_every_bit_of_header_numbers_is_written(self) -> None:
+        for msgid, seq in ((0x0001FF, 0x1FF), (0x01FFFF, 0x100), (0x01FF00, 255), (0x010100, 0)):
+            frame = encode_frame(msgid, b"\x01", 7, seq=seq, sysid=2, compid=3)
+            assert frame[1:10] == bytes((1, 0, 0, seq % 256, 2, 3, *msgid.to_bytes(3, "little")))
 
     def test_trailing_zeros_are_cut_but_one_byte_stays(self) -> None:
         frame = encode_frame(0, bytes(9), CRC_EXTRAS[0], seq=0, sysid=1, compid=1)
