@@ -310,7 +310,7 @@ def test_events_wind_ghosts_and_home_arrive(write: Write) -> None:
         ("north_m = 30.0", "north_m = nan", "event 1: north_m must be a finite number"),
         ("at_s = 10.0", "at_s = -1.0", "scenario.toml:28: event 2: at_s must be at least 0"),
         ("vehicle = 1", "vehicle = 1.5", "event 1: vehicle must be a system id, or 0 for all"),
-        ("vehicle = 1", "vehicle = 9", "there is no vehicle 9"),
+        ("vehicle = 1", "vehicle = 9", "scenario.toml:24: event 1: vehicle must be at most 3: there is no vehicle 9"),
         ("gust_sigma_mps = 1.5", "gusts = 1.5", "scenario.toml:6: wind: gusts is not known here"),
         ("[wind]", "[[wind]]", "wind must be written as [wind]"),
         ("home = [47.0, 8.0, 400.0]", "home = [97.0, 8.0, 400.0]", "scenario.toml:3: home is no place on Earth"),

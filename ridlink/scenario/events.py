@@ -82,12 +82,13 @@ class Event:
         return self.figures[name]
 
 
-def read_event(table: CheckedTable, *, at_s: float | None = None) -> Event:
+def read_event(table: CheckedTable, *, at_s: float | None = None, vehicles: int | None = None) -> Event:
     """An event from a table with ``at_s``, ``vehicle``, ``what`` and the figures of that.
 
     Args:
         table: The table; read completely.
         at_s: Time of an event that need not state it.
+        vehicles: How many there are; None: not known here.
 
     Raises:
         ConfigError: If a key is missing, unknown or out of range.
@@ -96,6 +97,8 @@ def read_event(table: CheckedTable, *, at_s: float | None = None) -> Event:
     vehicle = table.number("vehicle", float(EVERYBODY), least=0.0)
     if vehicle != int(vehicle):
         raise table.error("vehicle", f"must be a system id, or 0 for all, not {vehicle:g}")
+    if vehicles is not None and vehicle > vehicles:
+        raise table.error("vehicle", f"must be at most {vehicles}: there is no vehicle {vehicle:g}")
     what = table.text("what")
     if what not in EVENTS:
         raise table.error("what", f"must be one of {', '.join(EVENTS)}, not '{what}'")

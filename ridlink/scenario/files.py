@@ -69,7 +69,8 @@ def load_scenario(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> 
     obstacles = tuple(_obstacle_spec(table) for table in top.tables("obstacle", needed=False))
     name, duration_s = top.text("name"), top.number("duration_s", above=0.0)
     interval_s = top.number("interval_s", DEFAULT_INTERVAL_S, above=0.0)
-    events = sorted((read_event(table) for table in top.tables("event", needed=False)), key=lambda event: event.at_s)
+    events = [read_event(table, vehicles=len(vehicles)) for table in top.tables("event", needed=False)]
+    events.sort(key=lambda event: event.at_s)
     wind = _wind(top.table("wind")) if top.has("wind") else Wind()
     home_deg_m = _home(top) if top.has("home") else None
     top.nothing_else()

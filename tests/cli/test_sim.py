@@ -75,6 +75,7 @@ def test_json_has_one_line_a_second_and_the_verdict_last() -> None:
     }
     assert (verdict["scenario"], verdict["vehicles"], verdict["arrived"], verdict["macs"]) == ("head-on", 2, 0, 0)
     assert verdict["mission_begun"] and verdict["internal_errors"] == 0
+    assert verdict["refused"] == {"bad_frame": 0, "refused_peer": 0, "not_passed_on": 0}
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
