@@ -36,9 +36,9 @@ PROBE_S = 0.007
 def report() -> dict[str, list[dict[str, Any]]]:
     """Print the table; each fleet has a process of its own."""
     print(f"\nemulated fleets in real time, {SECONDS:g} s each: telemetry of every vehicle, Remote ID at 10 Hz")
-    print(
-        f"{'vehicles':>9}{'CPU':>8}{'CPU each':>10}{'memory':>9}{'each':>8}{'late p50':>10}{'late p99':>10}{'turn p99':>10}{'longest':>10}"
-    )
+    headings = ("CPU", 8), ("CPU each", 10), ("memory", 9), ("each", 8), ("late p50", 10), ("late p99", 10)
+    turns = ("turn p99", 10), ("longest", 10)
+    print(f"{'vehicles':>9}" + "".join(f"{text:>{width}}" for text, width in (*headings, *turns)))
     rows = []
     for count in COUNTS:
         done = subprocess.run([sys.executable, "-m", __name__, str(count)], capture_output=True, check=True)
