@@ -5,7 +5,7 @@ I2  no gap of more than 300 ms; what follows a longer one is a stop
 I3  nothing arms, changes a mode, uploads or steers a vehicle that a pilot has taken back
 I4  no margin is told that is no number
 I5  what is heard of others redirects nothing: targets, own ids
-I6  tracks and time per step are bounded
+I6  tracks are bounded; time per step is CPU time, which a message cannot tell, and is measured by `tests.soak.hostile`
 I7  no cause is told more often than once a second
 I8  is about exit codes, see `tests/cli/test_avoid.py`
 """
@@ -23,7 +23,6 @@ from ridlink.setpoint import VelocityLimits
 LONGEST_GAP_MS = 300
 ROUNDING_MS = 2
 MOST_TRACKS = 2000
-LONGEST_DECISION_US = 300_000
 
 SAID = {
     "HEARTBEAT", "RIDLINK_STATUS", "SET_POSITION_TARGET_LOCAL_NED", "COLLISION", "STATUSTEXT", "COMMAND_ACK",
@@ -90,7 +89,6 @@ class Observer:
             case "RIDLINK_STATUS":
                 self._status_ms = message.time_boot_ms
                 assert message.tracks <= MOST_TRACKS, "I6"
-                assert message.decision_time <= LONGEST_DECISION_US, "I6"
                 assert -(2**31) < message.nearest_margin < 2**31, "I4"
             case "STATUSTEXT":
                 key = (self._status_ms, message.text.rstrip(b"\x00").decode())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
@@ -156,6 +157,17 @@ def test_no_more_streams_than_there_is_room_for() -> None:
     for sysid in range(1, MOST_STREAMS + 20):
         assert judge.refusal(frame_of(signed(sysid=sysid)), NOW_S) is None
     assert len(judge.streams) == MOST_STREAMS
+    kept = [sysid for sysid, _, _ in judge.streams]
+    assert kept == list(range(20, MOST_STREAMS + 20)), "the one heard longest ago goes"
+
+
+def test_the_numbers_of_the_specification_and_ours() -> None:
+    assert datetime(2015, 1, 1, tzinfo=UTC).timestamp() == EPOCH_UTC_S
+    assert (UNITS_PER_S, MOST_BEHIND, MOST_AHEAD, MOST_STREAMS) == (100_000, 6_000_000, 60_000_000, 64)
+    plain = Signing(KEY)
+    assert plain.timestamp == 0 and not plain.streams
+    out = plain.sign(Encoder(1, 1).encode("HEARTBEAT"), HEARTBEAT, EPOCH_UTC_S + 1.0)
+    assert out[-13:-6] == bytes((0, *(100_000).to_bytes(6, "little"))), "link 0, one second after the epoch"
 
 
 def test_timestamps_stay_within_their_48_bits() -> None:
