@@ -26,8 +26,8 @@ class FleetConfig:
 
     Args:
         seed: Seed of every chance in it.
-        autopilot: "px4", "ardupilot" or "ideal". Who has arrived lands; with "ideal" it is gone at once, as in the
-            paper.
+        autopilot: "px4", "ardupilot" or "ideal", for vehicles of which the scenario says nothing. Who has arrived
+            lands; with "ideal" it is gone at once, as in the paper.
         gnss: How sigma becomes an error; the default wanders as real receivers do.
         sigma_m: One standard deviation per axis, for vehicles of which the scenario says nothing.
         gnss_common_share: Share of the variance of position errors that all vehicles have in common.
@@ -97,6 +97,20 @@ class FleetConfig:
         if self.home is not None:
             return self.home
         return DEFAULT_HOME if scenario.home_deg_m is None else Geodetic(*scenario.home_deg_m)
+
+    def autopilots_of(self, scenario: Scenario) -> tuple[str, ...]:
+        """The autopilot of every vehicle of a scenario.
+
+        Raises:
+            ConfigError: If one has its own in an ideal fleet, which obeys at once and leaves the air where it arrives.
+        """
+        for number, vehicle in enumerate(scenario.vehicles, start=1):
+            if vehicle.autopilot is not None and self.autopilot == "ideal":
+                raise ConfigError(
+                    f"vehicle {number} has the autopilot {vehicle.autopilot}: in an ideal fleet nobody has; "
+                    "use --autopilot px4 or ardupilot for the others"
+                )
+        return tuple(vehicle.autopilot or self.autopilot for vehicle in scenario.vehicles)
 
     def check_ports(self, vehicles: int) -> None:
         """Every port is somebody's alone.

@@ -91,10 +91,11 @@ class FleetServer:
         self.config = config = config or FleetConfig()
         self.scenario = scenario
         config.check_ports(len(scenario.vehicles))
+        autopilots = config.autopilots_of(scenario)
         self.world = World(
             scenario,
             seed=config.seed,
-            autopilot=config.autopilot,
+            autopilot=autopilots,
             gnss=config.gnss,
             sigma_m=config.sigma_m,
             airborne=config.start is not Start.GROUND,
@@ -117,7 +118,7 @@ class FleetServer:
                 self.world,
                 index,
                 self._navigation,
-                flavour=config.autopilot,
+                flavour=autopilots[index],
                 utc_clock=utc_clock,
                 start=config.start,
                 companion=(HOST, config.companion_port + index) if config.companion_port else None,

@@ -314,6 +314,7 @@ def test_events_wind_ghosts_and_home_arrive(write: Write) -> None:
         ("gust_sigma_mps = 1.5", "gusts = 1.5", "scenario.toml:6: wind: gusts is not known here"),
         ("[wind]", "[[wind]]", "wind must be written as [wind]"),
         ("home = [47.0, 8.0, 400.0]", "home = [97.0, 8.0, 400.0]", "scenario.toml:3: home is no place on Earth"),
+        ('airframe = "category1"', 'autopilot = "inav"', "vehicle 1: autopilot must be px4 or ardupilot, not 'inav'"),
         ("ghost = true", "ghost = true\ncooperative = true", "cooperative must be false: a ghost avoids nobody"),
         ("ghost = true\n", "", "vehicle 2: route_ned_m is for vehicles with cooperative = false"),
         ("ghost = true", "cooperative = false", "vehicle 2: transmitter_ned_m is for ghosts"),
@@ -327,6 +328,11 @@ def test_what_is_wrong_with_them_is_told_by_line_and_key(write: Write, old: str,
         load_scenario(path)
     assert told in str(refused.value)
     assert str(path) in str(refused.value)
+
+
+def test_a_vehicle_may_have_an_autopilot_of_its_own(write: Write) -> None:
+    own, *others = load_scenario(write(EVENTFUL.replace('airframe = "category1"', 'autopilot = "ardupilot"'))).vehicles
+    assert own.autopilot == "ardupilot" and {each.autopilot for each in others} == {None}
 
 
 def test_ghosts_may_be_anywhere_even_in_another_vehicle() -> None:

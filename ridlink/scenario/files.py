@@ -14,6 +14,7 @@ from ridlink.scenario.built_in import built_in
 from ridlink.scenario.events import read_event
 from ridlink.scenario.geojson import load_tracks
 from ridlink.scenario.model import (
+    AUTOPILOTS,
     DEFAULT_AIRFRAME_M,
     DEFAULT_INTERVAL_S,
     DEFAULT_SPEED_MPS,
@@ -96,8 +97,11 @@ def _vehicle_spec(table: CheckedTable, speed_mps: float) -> VehicleSpec:
         silent=table.truth("silent", False),
         interval_s=table.number("interval_s", 0.0, above=0.0) if table.has("interval_s") else None,
         airframe=table.text("airframe") if table.has("airframe") else None,
+        autopilot=table.text("autopilot") if table.has("autopilot") else None,
     )
     table.nothing_else()
+    if spec.autopilot not in (None, *AUTOPILOTS):
+        raise table.error("autopilot", f"must be {' or '.join(AUTOPILOTS)}, not {spec.autopilot!r}")
     if ghost and spec.cooperative:
         raise table.error("cooperative", "must be false: a ghost avoids nobody")
     if spec.route_ned_m and spec.cooperative:

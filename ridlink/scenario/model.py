@@ -29,6 +29,9 @@ DEFAULT_INTERVAL_S = 0.1
 MAX_AIRFRAME_HEIGHT_M = 1.5
 """Assumed: even the largest airframes of the paper's database (7.5 m of wing) are hardly taller."""
 
+AUTOPILOTS = ("px4", "ardupilot")
+"""Whose autopilot a vehicle may have of its own."""
+
 
 @dataclass(frozen=True, slots=True)
 class VehicleSpec:
@@ -49,6 +52,7 @@ class VehicleSpec:
         silent: True: flies, and sends no Remote ID.
         interval_s: Time between its Remote ID updates; None: the scenario's.
         airframe: Type of airframe, by name or file; None: the one in which its autopilot was measured.
+        autopilot: One of `AUTOPILOTS`; None: the fleet's.
     """
 
     start_ned_m: Point3
@@ -64,6 +68,7 @@ class VehicleSpec:
     silent: bool = False
     interval_s: float | None = None
     airframe: str | None = None
+    autopilot: str | None = None
 
     @property
     def airframe_height_m(self) -> float:

@@ -64,8 +64,9 @@ def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig) -> str:
     text += f"sigma {sigma_m:g} m"
     if vehicle.ghost:
         return f"{text}; a ghost"
-    text += f"; {vehicle.airframe or config.airframe or MEASURED[config.autopilot]}"
+    text += f"; {vehicle.airframe or config.airframe or MEASURED[vehicle.autopilot or config.autopilot]}"
     habits = {
+        f"{vehicle.autopilot}": vehicle.autopilot is not None,
         f"{len(way) - 2} points on its way": bool(vehicle.route_ned_m),
         "avoids nobody": not vehicle.cooperative,
         "stock Remote ID": not vehicle.extended,

@@ -159,6 +159,24 @@ def test_mavutil_fetches_parameters_obeys_its_masks_and_writes_missions() -> Non
     fly_both_autopilots(act, Start.AIRBORNE)
 
 
+def test_a_fleet_may_have_vehicles_of_both_autopilots() -> None:
+    first, second = two_apart(100.0).vehicles
+    scenario = Scenario("mixed", 60.0, (first, replace(second, autopilot="ardupilot")))
+    told: list[tuple[int, int]] = []
+
+    async def act(server: FleetServer) -> None:
+        for port in server.ports.vehicles:
+            client = await Client.open(port)
+            client.send("HEARTBEAT", type=6, autopilot=8)
+            heartbeat = await client.one("HEARTBEAT")
+            told.append((heartbeat.autopilot, heartbeat.custom_mode))
+
+    fly(scenario, act, start=Start.AIRBORNE)
+    assert told == [(12, 6 << 16), (3, 4)], "PX4 in OFFBOARD, ArduPilot in GUIDED"
+    with pytest.raises(ConfigError, match="vehicle 2 has the autopilot ardupilot: in an ideal fleet nobody has"):
+        FleetServer(scenario, FleetConfig(autopilot="ideal", **ANY_PORT))
+
+
 def test_stock_listener_on_the_air_hears_every_vehicle() -> None:
     async def act(server: FleetServer) -> None:
         seen = await run_client("listen", f"127.0.0.1:{server.ports.air}", "8")

@@ -1,7 +1,8 @@
 """Flights in virtual time: an emulated fleet in lockstep and one engine a vehicle, over real UDP sockets on loopback.
 
     python -m tests.soak.flights broadcast [--flights 20]
-        head-on and crossing, PX4 and ArduPilot; nobody broadcasts but the engines (`sim --no-rid`, `avoid --broadcast`)
+        head-on and crossing, PX4, ArduPilot, and two of each in one fleet; nobody broadcasts but the engines
+        (`sim --no-rid`, `avoid --broadcast`)
     python -m tests.soak.flights lossy [--flights 50]
         head-on, crossing and circle8 behind `ridlink impair`'s model: 30 % loss, one by one and in bursts of five
 
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import math
 import socket
 import sys
 from collections.abc import Callable, Iterator
@@ -24,7 +26,7 @@ from ridlink.campaign.statistics import clopper_pearson
 from ridlink.engine import Engine
 from ridlink.impair.model import Impairer, Impairment
 from ridlink.links import Address
-from ridlink.scenario import Scenario, resolve_scenario
+from ridlink.scenario import Point3, Scenario, resolve_scenario
 from ridlink.separation.definitions import Definition
 from sitl_sim.autopilot import Start
 from sitl_sim.demo.daemons import assignments
@@ -35,6 +37,10 @@ from sitl_sim.vehicle import TICK_S
 TICKS_PER_STEP = round(0.1 / TICK_S)
 PATIENCE_S = 10.0
 """For what was sent over loopback."""
+
+MIXED = "two px4 and two ardupilot"
+LANE_M = 60.0
+"""Between the two pairs of a mixed fleet: they are in each other's way."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,7 @@ class Cell:
 
 
 CELLS = {
-    "broadcast": [Cell(s, a, broadcast=True) for s in ("head-on", "crossing") for a in ("px4", "ardupilot")],
+    "broadcast": [Cell(s, a, broadcast=True) for s in ("head-on", "crossing") for a in ("px4", "ardupilot", MIXED)],
     "lossy": [
         Cell(s, a, loss=0.3, burst=burst)
         for s in ("head-on", "crossing", "circle8")
@@ -78,6 +84,29 @@ class Flown:
     nearest_m: float
     median_s: float
     errors: int
+
+
+def mixed(pair: Scenario) -> Scenario:
+    """Both vehicles of a pair twice, beside each other; in every encounter one is a PX4 and one an ArduPilot."""
+    vehicles = []
+    for lane, autopilots in enumerate((("px4", "ardupilot"), ("ardupilot", "px4"))):
+        for vehicle, autopilot in zip(pair.vehicles, autopilots, strict=True):
+            north, east = (vehicle.goal_ned_m[axis] - vehicle.start_ned_m[axis] for axis in (0, 1))
+            beside = lane * LANE_M / math.hypot(north, east)
+            aside = (abs(east) * beside, abs(north) * beside, 0.0)
+            vehicles.append(
+                replace(
+                    vehicle,
+                    autopilot=autopilot,
+                    start_ned_m=_moved(vehicle.start_ned_m, aside),
+                    goal_ned_m=_moved(vehicle.goal_ned_m, aside),
+                )
+            )
+    return replace(pair, vehicles=tuple(vehicles))
+
+
+def _moved(point: Point3, by: Point3) -> Point3:
+    return point[0] + by[0], point[1] + by[1], point[2] + by[2]
 
 
 class Fleet(FleetServer):
@@ -179,7 +208,7 @@ async def fly(cell: Cell, seed: int) -> Flown:
     """One flight, from the first socket to the verdict."""
     config = FleetConfig(
         seed=seed,
-        autopilot=cell.autopilot,
+        autopilot="px4" if cell.autopilot == MIXED else cell.autopilot,
         start=Start.AIRBORNE,
         remote_id=not cell.broadcast,
         speedup=0.0,
@@ -188,6 +217,8 @@ async def fly(cell: Cell, seed: int) -> Flown:
         air_port=0,
     )
     scenario = resolve_scenario(cell.scenario, None)
+    if cell.autopilot == MIXED:
+        scenario = mixed(scenario)
     server, landed = Fleet(scenario, config), asyncio.Event()
     await server.start()
     pilots: list[Pilot] = []
