@@ -49,17 +49,19 @@ async def received_by_mavsdk() -> dict[str, Any]:
     encoder = Encoder(1, 1)
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.setblocking(False)
 
-        async def broadcast() -> None:
+        async def answer() -> None:
+            """Speak whenever MAVSDK does: it sends a heartbeat every second."""
             while True:
                 heartbeat = encoder.encode("HEARTBEAT", type=2, autopilot=12, system_status=4, mavlink_version=3)
                 vehicle.sendto(heartbeat, ("127.0.0.1", port))
                 vehicle.sendto(encoder.encode("RIDLINK_SEPARATION", **SENT), ("127.0.0.1", port))
-                await asyncio.sleep(0.05)  # the vehicle's rhythm, not a wait for anything
+                await asyncio.get_running_loop().sock_recv(vehicle, 2048)
 
         async with Mavsdk(configuration) as sdk:
             await sdk.add_any_connection(f"udpin://127.0.0.1:{port}")
-            sending = asyncio.create_task(broadcast())
+            sending = asyncio.create_task(answer())
             try:
                 system = await sdk.first_autopilot(timeout_s=20)
                 assert system is not None

@@ -12,10 +12,9 @@ import asyncio
 import json
 import math
 import sys
-import time
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
-from typing import Any
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
+from contextlib import aclosing, asynccontextmanager
+from typing import Any, TypeVar
 
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
@@ -31,16 +30,20 @@ NORTH_M_PER_DEG = 111_180.0
 
 NAN = math.nan
 
+T = TypeVar("T")
 
-async def until(question: Callable[[], Awaitable[Any]], wanted: Callable[[Any], bool]) -> Any:
-    """Ask until the answer is wanted."""
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
-        answer = await question()
-        if wanted(answer):
-            return answer
-        await asyncio.sleep(0.05)
-    raise SystemExit(f"{question} never came to what was wanted; last {answer}")
+
+async def until(stream: AsyncGenerator[T, None], wanted: Callable[[T], Any]) -> T:
+    """The first of a stream that is wanted."""
+    latest: T | None = None
+    try:
+        async with asyncio.timeout(PATIENCE_S), aclosing(stream):
+            async for latest in stream:
+                if wanted(latest):
+                    return latest
+    except TimeoutError:
+        pass
+    raise SystemExit(f"{stream} never came to what was wanted; last {latest}")
 
 
 def waypoint(latitude_deg: float, longitude_deg: float, height_m: float) -> MissionItem:
@@ -64,23 +67,23 @@ async def fly(address: str) -> dict[str, Any]:
         system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
         assert system is not None, "no autopilot found"
         telemetry, action, offboard = TelemetryAsync(system), ActionAsync(system), OffboardAsync(system)
-        await until(telemetry.health_all_ok, bool)
+        await until(telemetry.subscribe_health_all_ok(), bool)
         home = await telemetry.home()
         parameters = await set_and_get(ParamAsync(system), await system.autopilot_type())
         await action.set_takeoff_altitude(2.0)
         await action.arm()
-        await until(telemetry.armed, bool)
+        await until(telemetry.subscribe_armed(), bool)
         await action.takeoff()
-        up = await until(telemetry.position_velocity_ned, lambda state: state.position.down_m < -1.5)
+        up = await until(telemetry.subscribe_position_velocity_ned(), lambda state: state.position.down_m < -1.5)
 
         await offboard.set_velocity_ned(VelocityNedYaw(3.0, 0.0, 0.0, 0.0))
         await offboard.start()
-        moving = await until(telemetry.position_velocity_ned, lambda state: state.velocity.north_m_s > 1.8)
+        moving = await until(telemetry.subscribe_position_velocity_ned(), lambda state: state.velocity.north_m_s > 1.8)
         in_air = await telemetry.in_air()
         north = moving.position.north_m
         await offboard.set_position_ned(PositionNedYaw(north, 3.0, -2.0, 0.0))
         there = await until(
-            telemetry.position_velocity_ned,
+            telemetry.subscribe_position_velocity_ned(),
             lambda state: abs(state.position.north_m - north) < 1.0 and abs(state.position.east_m - 3.0) < 0.7,
         )
         await offboard.stop()
@@ -88,12 +91,14 @@ async def fly(address: str) -> dict[str, Any]:
         at = await telemetry.position()
         goal = at.latitude_deg - 3.0 / NORTH_M_PER_DEG
         await action.goto_location(goal, at.longitude_deg, at.absolute_altitude_m, 0.0)
-        went = await until(telemetry.position, lambda at: abs(at.latitude_deg - goal) * NORTH_M_PER_DEG < 0.7)
+        went = await until(
+            telemetry.subscribe_position(), lambda at: abs(at.latitude_deg - goal) * NORTH_M_PER_DEG < 0.7
+        )
 
         flown = await mission(MissionAsync(system), goal, at.longitude_deg)
         await action.land()
-        await until(telemetry.armed, lambda armed: not armed)
-        await until(telemetry.in_air, lambda flying: not flying)
+        await until(telemetry.subscribe_armed(), lambda armed: not armed)
+        await until(telemetry.subscribe_in_air(), lambda flying: not flying)
         return {
             "home_deg": [home.latitude_deg, home.longitude_deg],
             "height_m": -up.position.down_m,
@@ -125,8 +130,8 @@ async def mission(missions: MissionAsync, latitude_deg: float, longitude_deg: fl
     await missions.upload_mission(plan)
     back = await missions.download_mission()
     await missions.start_mission()
-    await until(missions.is_mission_finished, bool)
-    progress = await missions.mission_progress()
+    progress = await until(missions.subscribe_mission_progress(), lambda progress: progress.current == progress.total)
+    assert await missions.is_mission_finished()
     return {
         "read_back": [round((item.latitude_deg - latitude_deg) / step_deg, 2) for item in back.mission_items],
         "progress": [progress.current, progress.total],
@@ -137,22 +142,35 @@ async def many(addresses: list[str]) -> dict[str, Any]:
     async with ground_station() as mavsdk:
         for address in addresses:
             await mavsdk.add_any_connection(f"udpout://{address}")
-        systems = await until(mavsdk.get_systems, lambda systems: len(systems) == len(addresses))
+        systems = await discovered(mavsdk, len(addresses))
         ids = [await system.get_system_id() for system in systems]
         await asyncio.gather(*(up_and_down(system) for system in systems))
         return {"landed": sorted(ids)}
 
 
+async def discovered(mavsdk: Mavsdk, count: int) -> list[Any]:
+    """That many systems, once they are there; those before the question count."""
+    news = mavsdk.on_new_system()
+    async with asyncio.timeout(PATIENCE_S), aclosing(news):
+        waiting = asyncio.ensure_future(anext(news))  # listens before it asks: no system is missed in between
+        while len(systems := await mavsdk.get_systems()) < count:
+            await waiting
+            waiting = asyncio.ensure_future(anext(news))
+        waiting.cancel()
+        await asyncio.wait([waiting])
+    return systems
+
+
 async def up_and_down(system: Any) -> None:
     telemetry, action = TelemetryAsync(system), ActionAsync(system)
-    await until(telemetry.health_all_ok, bool)
+    await until(telemetry.subscribe_health_all_ok(), bool)
     await action.set_takeoff_altitude(1.0)
     await action.arm()
     await action.takeoff()
-    await until(telemetry.in_air, bool)
-    await until(telemetry.position, lambda at: at.relative_altitude_m > 0.6)
+    await until(telemetry.subscribe_in_air(), bool)
+    await until(telemetry.subscribe_position(), lambda at: at.relative_altitude_m > 0.6)
     await action.land()
-    await until(telemetry.armed, lambda armed: not armed)
+    await until(telemetry.subscribe_armed(), lambda armed: not armed)
 
 
 if __name__ == "__main__":

@@ -346,7 +346,10 @@ def test_port_in_use_is_named_and_nothing_stays_open() -> None:
 
 
 def test_ports_are_free_again_after_closing() -> None:
-    server = fly(built_in("circle8", 2), lambda _: asyncio.sleep(0))
+    async def nothing(_: FleetServer) -> None:
+        return None
+
+    server = fly(built_in("circle8", 2), nothing)
     for port in (*server.ports.vehicles, server.ports.air):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
             again.bind(("127.0.0.1", port))
