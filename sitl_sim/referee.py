@@ -17,14 +17,13 @@ from __future__ import annotations
 import itertools
 import math
 import statistics
-from dataclasses import dataclass
-from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from ridlink.scenario import Scenario, distance_to_polygon
+from sitl_sim.verdict import Outcome, VehicleResult, Verdict
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -45,98 +44,12 @@ OBSTACLE_LOOK_M = 0.5
 """Obstacles are looked at at least this often along a vehicle's way; far finer than any of them is thick."""
 
 
-class Outcome(StrEnum):
-    """How the mission of one vehicle ended."""
-
-    FLYING = "flying"
-    ARRIVED = "arrived"
-    COLLIDED = "collided"
-    HIT_OBSTACLE = "hit_obstacle"
-
-
 class Collision(NamedTuple):
     """A mid-air collision: mission time [s] and both indices."""
 
     time_s: float
     first: int
     second: int
-
-
-@dataclass(frozen=True, slots=True)
-class VehicleResult:
-    """What became of one vehicle; None where there is nothing to say."""
-
-    system_id: int
-    outcome: Outcome
-    arrival_time_s: float | None
-    min_separation_m: float | None
-    nearest_system_id: int | None
-    nearest_time_s: float | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {
-            "system_id": self.system_id,
-            "outcome": str(self.outcome),
-            "arrival_time_s": _rounded(self.arrival_time_s),
-            "min_separation_m": _rounded(self.min_separation_m),
-            "nearest_system_id": self.nearest_system_id,
-            "nearest_time_s": _rounded(self.nearest_time_s),
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """The judgement of one flight.
-
-    Args:
-        vehicles: Number of vehicles, without ghosts.
-        arrived: How many arrived, and did not collide on their way down.
-        macs: Mid-air collisions (pairs).
-        obstacle_hits: Vehicles that flew into an obstacle.
-        unmac_violations: Pairs whose reported positions entered their uNMAC radius.
-        unmac_violations_true: Pairs whose true positions did.
-        min_separation_m: Smallest true distance between the centres of any pair, None without a pair.
-        mission_time_median_s, mission_time_max_s: Over those who arrived, None if nobody did.
-        details: One entry a vehicle.
-    """
-
-    vehicles: int
-    arrived: int
-    macs: int
-    obstacle_hits: int
-    unmac_violations: int
-    unmac_violations_true: int
-    min_separation_m: float | None
-    mission_time_median_s: float | None
-    mission_time_max_s: float | None
-    details: tuple[VehicleResult, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether everybody arrived and nobody hit anything."""
-        return self.arrived == self.vehicles and self.macs == 0 and self.obstacle_hits == 0
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON, with the keys of the last line of ``ridlink demo --json``."""
-        return {
-            "vehicles": self.vehicles,
-            "arrived": self.arrived,
-            "macs": self.macs,
-            "obstacle_hits": self.obstacle_hits,
-            "unmac_violations": self.unmac_violations,
-            "unmac_violations_true": self.unmac_violations_true,
-            "min_separation_m": _rounded(self.min_separation_m),
-            "mission_time_s": {
-                "median": _rounded(self.mission_time_median_s),
-                "max": _rounded(self.mission_time_max_s),
-            },
-            "details": [detail.as_dict() for detail in self.details],
-        }
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, 3)
 
 
 class Referee:

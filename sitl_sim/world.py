@@ -23,7 +23,7 @@ from ridlink.scenario import Event, Scenario, Wind
 from ridlink.separation.volumes import unmac_radius
 from sitl_sim.faults import Faults, Machinery
 from sitl_sim.gnss import CORRELATION_TIME_S, ErrorModel, GnssReceivers
-from sitl_sim.referee import ARRIVAL_RADIUS_M, Referee, Verdict
+from sitl_sim.referee import ARRIVAL_RADIUS_M, Referee
 from sitl_sim.vehicle import (
     MEASURED,
     TICK_S,
@@ -34,6 +34,7 @@ from sitl_sim.vehicle import (
     load_airframe,
     model_for_speed,
 )
+from sitl_sim.verdict import Verdict
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -87,6 +87,7 @@ SANS_IO = (
     "sitl_sim.bus",
     "sitl_sim.clock",
     "sitl_sim.fleet",
+    "sitl_sim.verdict",
     "sitl_sim.referee",
     "sitl_sim.world",
     "sitl_sim.radio",

@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from sitl_sim.referee import Outcome
+from sitl_sim.verdict import Outcome
 from sitl_sim.world import VehicleState, World
 
 MAX_ROWS = 24

@@ -12,7 +12,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from ridlink.scenario import ObstacleSpec, Scenario, VehicleSpec
-from sitl_sim.referee import Outcome, Referee
+from sitl_sim.referee import Referee
+from sitl_sim.verdict import Outcome
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ridlink.scenario import Scenario, VehicleSpec, built_in
-from sitl_sim.referee import Outcome
 from sitl_sim.vehicle import TICK_S
+from sitl_sim.verdict import Outcome
 from sitl_sim.world import VehicleState, World, eq8_pair_radius
 
 
