@@ -120,6 +120,8 @@ def test_a_port_in_use_is_an_error_of_its_own() -> None:
         (["--duration", "nan"], "not a finite number"),
         (["--autopilot", "betaflight"], "'betaflight' is not one of"),
         (["--seed", "-3"], "-3"),
+        (["--speedup", "nan"], "not a finite number"),
+        (["--speedup", "0"], "not in the range 0.0<x<=100.0"),
     ],
 )
 def test_wrong_options_are_refused_in_one_line(

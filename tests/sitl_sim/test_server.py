@@ -420,7 +420,8 @@ def test_garbage_on_every_port_changes_nothing() -> None:
         await vehicle.one("COMMAND_ACK")
         await observer.one("OPEN_DRONE_ID_LOCATION")
 
-    fly(two_apart(100.0), act)
+    server = fly(two_apart(100.0), act)
+    assert server.autopilots[0].counters["bad_frame"] > 0
 
 
 # --- time, ground stations, buses, ghosts -----------------------------------------------------------------------------
