@@ -142,6 +142,9 @@ def test_a_sub_mode_of_offboard_is_offboard_and_another_one_of_auto_is_another_m
     guard = taking_over(T)
     assert guard.step(seen(conflict=True, custom_mode=missions.PX4_HOLD), T + 0.2).end
     assert guard.phase is Phase.ENDED, "from the mission to a hold: somebody did that"
+    guard = Guard()
+    assert guard.step(seen(conflict=True, custom_mode=missions.PX4_HOLD), T).begin
+    assert guard.step(seen(conflict=True), T + 0.2).end and guard.phase is Phase.ENDED, "and the other way round"
 
 
 @pytest.mark.parametrize(
