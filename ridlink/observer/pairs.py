@@ -7,12 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ridlink.observer.discs import pair_discs
-from ridlink.observer.scene import BoolArray, FloatArray, Scene
+from ridlink.observer.scene import CONSIDERED_M, BoolArray, FloatArray, Scene
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
-
-CONSIDERED_M = 2000.0
-"""Pairs further apart than this are none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,25 +66,13 @@ def closing_times(scene: Scene, radius_m: FloatArray) -> FloatArray:
 
 
 def _pairs(scene: Scene, radius_m: FloatArray) -> Pairs:
-    # One axis at a time: arrays whose last axis has length 2 are several times as slow.
-    north, east = np.ascontiguousarray(scene.position_ne_m.T)
-    to_north, to_east = np.ascontiguousarray(scene.velocity_ne_mps.T)
-    r_north, r_east = north - north[:, None], east - east[:, None]
-    distance_square = r_north * r_north + r_east * r_east
-    beyond = distance_square - radius_m * radius_m
-    apart = scene.apart()
-    counts = ~apart & (distance_square <= CONSIDERED_M**2)
-    entry = np.full(distance_square.shape, np.inf)
-    entry[counts & (beyond < 0.0)] = 0.0
-    # The root is for those that come nearer, half of them, and outside.
-    closing = -(r_north * (to_north - to_north[:, None]) + r_east * (to_east - to_east[:, None]))
-    nearing = np.flatnonzero(counts & (closing > 0.0) & (beyond >= 0.0))
-    i, j = np.divmod(nearing, max(len(scene), 1))
-    square = (to_north[j] - to_north[i]) ** 2 + (to_east[j] - to_east[i]) ** 2
-    closing, beyond = closing.take(nearing), beyond.take(nearing)
-    root = closing * closing - square * beyond
-    enters = np.flatnonzero((root > 0.0) & (square > 1e-12))
+    gaps = scene.gaps()
+    entry = np.full(radius_m.shape, np.inf)
+    beyond = gaps.distance_square_m2.take(gaps.nearing) - radius_m.take(gaps.nearing) ** 2
+    root = gaps.closing * gaps.closing - gaps.square * beyond
+    enters = np.flatnonzero((beyond >= 0.0) & (root > 0.0) & (gaps.square > 1e-12))
     # (closing - sqrt(root)) / square, in the form that does not cancel.
-    entry.put(nearing.take(enters), beyond.take(enters) / (closing.take(enters) + np.sqrt(root.take(enters))))
-    np.fill_diagonal(entry, np.inf)
-    return Pairs(radius_m, np.sqrt(distance_square), entry, apart)
+    entry.put(gaps.nearing.take(enters), beyond.take(enters) / (gaps.closing.take(enters) + np.sqrt(root.take(enters))))
+    entry = np.minimum(entry, entry.T)
+    entry[gaps.counted & (gaps.distance_m < radius_m)] = 0.0
+    return Pairs(radius_m, gaps.distance_m, entry, scene.apart())
