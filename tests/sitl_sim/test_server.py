@@ -51,12 +51,12 @@ def fly_both_autopilots(act: Callable[[FleetServer], Awaitable[None]], start: St
     asyncio.run(fly_them())
 
 
-async def run(server: FleetServer, act: Callable[[FleetServer], Awaitable[None]]) -> None:
+async def run(server: FleetServer, act: Callable[[FleetServer], Awaitable[None]], patience_s: float = 60.0) -> None:
     await server.start()
     stop = asyncio.Event()
     flying = asyncio.create_task(server.run(stop))
     try:
-        await asyncio.wait_for(act(server), 60.0)
+        await asyncio.wait_for(act(server), patience_s)
     finally:
         stop.set()
         await flying
