@@ -93,6 +93,9 @@ APPROACH_OFFSET_MPS = 0.3
 INTERVAL_S = 0.1
 """Time between decisions; a goal nearer than one step of cruise is flown to in one step."""
 
+MOST_TURN = 1.5
+"""All turns together [rad]: a quarter turn and more would lead away from the goal."""
+
 FAR = 1e300
 """Metres or seconds that stand for infinity where least values are sought: the compiler knows too well what the smaller
 one of infinity and a number is, and what it makes of that does not go by lanes."""
@@ -379,6 +382,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
         # A turn that outlives its cause leads round the goal for ever: whose way is free flies straight on.
         extra = 0.0
     turn = settings[RIGHT_TURN] * (right - left) + extra + max(start - max(extra, 0.0), 0.0)
+    turn = min(turn, MOST_TURN)
     if turn != 0.0:
         c, s = math.cos(turn), math.sin(turn)
         preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]

@@ -504,6 +504,7 @@ def avoid_one(
     )
     extra = 0.0 if free else own[EXTRA_TURN]
     turn = settings[RIGHT_TURN] * (right - left) + extra + max(start - max(extra, 0.0), 0.0)
+    turn = min(turn, 1.5)
     if turn != 0.0:
         c, s = math.cos(turn), math.sin(turn)
         preferred[0], preferred[1] = c * preferred[0] - s * preferred[1], s * preferred[0] + c * preferred[1]

@@ -315,6 +315,15 @@ def test_the_turns_of_starting_and_of_a_stall_are_not_added():
         assert bearing(decision.preferred_ne_mps) == pytest.approx(turn)
 
 
+def test_all_turns_together_stay_below_a_quarter_turn():
+    """Beyond it a vehicle leaves its goal behind: it waited 26 m from one that hovered there, to keep 19 m."""
+    wide = HalfplaneSolver(HalfplaneSettings(right_turn_rad=0.6))
+    crossing = traffic((100.0, 100.0, 0.0, -10.0))
+    for extra, turn in ((0.7, 1.3), (0.9, 1.5), (1.2, 1.5)):
+        decision = solve(own_ship(velocity=(10.0, 0.0)), crossing, solver=wide, extra_right_turn_rad=extra)
+        assert bearing(decision.preferred_ne_mps) == pytest.approx(turn)
+
+
 def test_whose_way_is_free_does_not_turn_however_long_it_was_stalled():
     """Otherwise the turn outlives its cause, and leads a vehicle that is alone again round its goal for ever."""
     others = (Traffic.empty(), traffic((-100.0, 0.0, 0.0, 0.0)), traffic((0.0, 150.0, 5.0, 0.0)))
