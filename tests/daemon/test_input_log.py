@@ -21,7 +21,7 @@ def flown(path: Path, tlog: Path | None = None) -> str:
 
     async def test() -> None:
         async with running(input_log=path, log=tlog) as flight:
-            vehicle, intruder = flight.vehicle, Emulated(9, ned_m=(120.0, 3.0, -50.0))
+            vehicle, intruder = flight.vehicle, Emulated(9, ned_m=(60.0, 3.0, -50.0))
             intruder.velocity[0] = -8.0
             for count in range(3, 20):
                 await vehicle.until(lambda count=count: len(vehicle.setpoints()) >= count)  # type: ignore[misc]
