@@ -102,9 +102,12 @@ def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
         x_1: North of the velocity.
         x_2: East of it.
     """
-    n_1, n_2, bound, excess = lines[N_1], lines[N_2], lines[BOUND], lines[EXCESS]
+    # Counted from zero, or an index could be negative for all that the compiler knows, and it would take one by one.
+    n_1, n_2, bound, excess = (
+        lines[N_1, first:last], lines[N_2, first:last], lines[BOUND, first:last], lines[EXCESS, first:last],
+    )  # fmt: skip
     worst = -math.inf
-    for k in range(first, last):
+    for k in range(len(excess)):
         excess[k] = bound[k] - (n_1[k] * x_1 + n_2[k] * x_2)
         worst = larger(worst, excess[k])
     return worst
