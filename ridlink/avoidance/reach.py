@@ -12,10 +12,11 @@ import math
 
 from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.programme import BOUND, N_1, N_2
-from ridlink.avoidance.rows import COMMAND, LANES
+from ridlink.avoidance.rows import COMMAND
 
-REACH_SIDES = 4 * LANES
-"""Of the polygon that stands for the circle of velocities that can be reached: half a per cent within it."""
+REACH_SIDES = 32
+"""Of the polygon that stands for the circle of velocities that can be reached: half a per cent within it. A multiple of
+LANES."""
 
 
 @kernel(forceinline=True)
