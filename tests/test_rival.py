@@ -137,3 +137,10 @@ def test_a_later_claim_that_is_not_given_up_is_not_waited_for_without_end() -> N
     ours.hear(theirs, 30.0)
     assert ours.must_yield(30.0) and not ours.gives_way(30.0)
     assert not ours.must_yield(30.1 + FRESH_S)
+
+
+def test_ones_own_claim_come_back_is_no_rival() -> None:
+    ours = Rivals()
+    ours.steer(True, UTC_S)
+    ours.hear(ours.claim, 0.1)
+    assert not ours.answer and not ours.must_yield(0.1) and not ours.gives_way(0.1)
