@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 
 from hypothesis import HealthCheck, Phase, settings
 
@@ -18,3 +19,8 @@ settings.register_profile(
     phases=set(Phase) - ({Phase.shrink, Phase.explain} if QUICK in os.environ else set()),
 )
 settings.load_profile("ridlink")
+
+# Who runs the tests in the background, or under nohup, has them ignore what ends a program, and what they start, too.
+for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)

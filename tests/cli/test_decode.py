@@ -187,10 +187,7 @@ def test_of_a_command_that_a_signal_ends_nothing_stays(
     tmp_path: Path, output_format: str, number: signal.Signals
 ) -> None:
     command = [sys.executable, "-m", "ridlink", "decode", "-", "-f", output_format, "-o", str(tmp_path / "out")]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # under nohup it would be ignored, and rightly so
-    ) as process:  # fmt: skip
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdin is not None
         process.stdin.write(tlog_bytes(flight(3000)))  # more than a pipe takes: the reader has begun
         process.stdin.flush()
