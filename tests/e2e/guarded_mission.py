@@ -39,11 +39,11 @@ async def fly(manner: str, address: str) -> dict[str, Any]:
         telemetry, missions, action = TelemetryAsync(system), MissionAsync(system), ActionAsync(system)
         if await system.autopilot_type() == Autopilot.ARDUPILOT:  # which takes no speed from MAVSDK's items
             await ParamAsync(system).set_param_float("WPNAV_SPEED", 400.0)
-        at = await until(telemetry.position, lambda at: at.relative_altitude_m > 1.0)
+        at = await until(telemetry.subscribe_position(), lambda at: at.relative_altitude_m > 1.0)
         places = [at.latitude_deg + north_m / NORTH_M_PER_DEG for north_m in NORTH_M]
         await missions.upload_mission(MissionPlan([waypoint(place, at.longitude_deg, HEIGHT_M) for place in places]))
         await missions.start_mission()
-        await until(telemetry.flight_mode, lambda mode: mode == FlightMode.MISSION)
+        await until(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.MISSION)
 
         async def note_modes() -> None:
             async for mode in telemetry.subscribe_flight_mode():
@@ -51,20 +51,20 @@ async def fly(manner: str, address: str) -> dict[str, Any]:
                     modes.append(mode.name)
 
         noting = asyncio.create_task(note_modes())
-        await until(telemetry.position_velocity_ned, lambda state: state.velocity.north_m_s > 3.0)
+        await until(telemetry.subscribe_position_velocity_ned(), lambda state: state.velocity.north_m_s > 3.0)
         print("under way", flush=True)
         if manner == "pilot":
-            await until(telemetry.flight_mode, lambda mode: mode == FlightMode.OFFBOARD)
-            await until(telemetry.position_velocity_ned, lambda state: abs(state.velocity.east_m_s) > 0.5)
+            await until(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.OFFBOARD)
+            await until(telemetry.subscribe_position_velocity_ned(), lambda state: abs(state.velocity.east_m_s) > 0.5)
             await action.hold()
-            await until(telemetry.flight_mode, lambda mode: mode != FlightMode.OFFBOARD)
+            await until(telemetry.subscribe_flight_mode(), lambda mode: mode != FlightMode.OFFBOARD)
             left = LOOKED_ON
             async for _ in telemetry.subscribe_position():
                 left -= 1
                 if not left:
                     break
         else:
-            await until(missions.is_mission_finished, bool)
+            await until(missions.subscribe_mission_progress(), lambda progress: progress.current == progress.total)
         progress = await missions.mission_progress()
         noting.cancel()
         await asyncio.gather(noting, return_exceptions=True)

@@ -226,7 +226,8 @@ def test_a_demo_is_watched_dragged_back_and_judged(browser: Any, demo: str) -> N
     page.mouse.move(scrubber["x"] + 8 + share * (scrubber["width"] - 16), y, steps=12)
     page.mouse.up()
     visit.until("shown.following === 'false' && Math.abs(shown.t - shown.shown) < 0.02")
-    assert abs(visit.number("t") - at) < 3.0
+    # The scrubber of a live page grows while it is dragged.
+    assert abs(visit.number("t") - at) < 6.0
     earlier = visit.positions()
     assert all(moved(earlier[name], before[name]) < 25.0 for name in before), (earlier, before)
     visit.picture("demo-dragged-back")
