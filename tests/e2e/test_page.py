@@ -219,15 +219,15 @@ def test_a_demo_is_watched_dragged_back_and_judged(browser: Any, demo: str) -> N
     # Dragged back, vehicles are where they were.
     scrubber = page.locator("#scrubber").bounding_box()
     y = scrubber["y"] + scrubber["height"] / 2
-    begin, end = (float(page.get_attribute("#scrubber", name)) for name in ("min", "max"))
-    share = (at - begin) / (end - begin)
     page.mouse.move(scrubber["x"] + scrubber["width"] - 9, y)
     page.mouse.down()
-    page.mouse.move(scrubber["x"] + 8 + share * (scrubber["width"] - 16), y, steps=12)
+    for _ in range(4):  # as by hand: the scrubber of a live page grows under the mouse, so one looks and aims again
+        begin, end = (float(page.get_attribute("#scrubber", name)) for name in ("min", "max"))
+        share = (at - begin) / (end - begin)
+        page.mouse.move(scrubber["x"] + 8 + share * (scrubber["width"] - 16), y, steps=12)
     page.mouse.up()
     visit.until("shown.following === 'false' && Math.abs(shown.t - shown.shown) < 0.02")
-    # The scrubber of a live page grows while it is dragged.
-    assert abs(visit.number("t") - at) < 6.0
+    assert abs(visit.number("t") - at) < 3.0
     earlier = visit.positions()
     assert all(moved(earlier[name], before[name]) < 25.0 for name in before), (earlier, before)
     visit.picture("demo-dragged-back")
