@@ -26,6 +26,12 @@ LONGEST_LINE = 65536
     metavar="S",
     help="Stop after this time.  [default: SIGTERM or Ctrl-C]",
 )
+@click.option(
+    "--until-arrived",
+    is_flag=True,
+    help="End when all have arrived or collided, or the scenario's time is up; exit code 1 unless all arrived and none "
+    "collided.",
+)
 @click.option("--no-rid", is_flag=True, help="Vehicles do not broadcast Remote ID; their daemons may.")
 @click.option(
     "--vehicle-port",
@@ -69,6 +75,7 @@ def sim(
     fleet: dict[str, Any],
     airborne: bool,
     duration_s: float | None,
+    until_arrived: bool,
     no_rid: bool,
     vehicle_port: int,
     companion_port: int,
@@ -91,6 +98,7 @@ def sim(
     Examples:
       ridlink sim -n 1
       ridlink sim --scenario head-on --airborne --autopilot ardupilot
+      ridlink sim --scenario crossing --airborne --no-rid --until-arrived --json
       ridlink sim -n 0                    # the air alone, for your own vehicles
       ridlink sim --scenario tracks.geojson --explain
       echo '{"vehicle":1,"what":"gnss-outage","duration_s":10}' | ridlink sim --airborne --stdin
@@ -125,11 +133,13 @@ def sim(
     if explain:
         click.echo(explained.scenario_text(chosen, config))
         return 0
-    return asyncio.run(_run(FleetServer(chosen, config), duration_s, as_json, from_stdin))
+    return asyncio.run(_run(FleetServer(chosen, config), duration_s, until_arrived, as_json, from_stdin))
 
 
-async def _run(server: FleetServer, duration_s: float | None, as_json: bool, from_stdin: bool) -> int:
-    """Fly until time is up or a signal comes; a second signal ends the process at once."""
+async def _run(
+    server: FleetServer, duration_s: float | None, until_arrived: bool, as_json: bool, from_stdin: bool
+) -> int:
+    """Fly until time is up, all is over or a signal comes; a second signal ends the process at once."""
     import asyncio
     import json
     import signal
@@ -161,14 +171,16 @@ async def _run(server: FleetServer, duration_s: float | None, as_json: bool, fro
                 await asyncio.wait_for(stop.wait(), REPORT_S)
             except TimeoutError:
                 if as_json:
-                    click.echo(json.dumps(server.snapshot(), separators=(",", ":")))
+                    click.echo(json.dumps({"ports": _ports(server), **server.snapshot()}, separators=(",", ":")))
+                if until_arrived and server.world.finished:
+                    stop.set()
         await flying
     finally:
         stop.set()
         await asyncio.gather(flying, return_exceptions=True)
         await server.close()
     click.echo(json.dumps(_verdict(server), separators=(",", ":")) if as_json else _verdict_line(server))
-    return 0
+    return int(until_arrived and not (server.mission_begun and server.world.verdict().passed))
 
 
 async def _read_faults(server: FleetServer) -> None:
@@ -214,6 +226,10 @@ def _greeting(server: FleetServer) -> str:
             companions = tuple(range(config.companion_port, config.companion_port + vehicles))
             text += f", telemetry to {_range(companions)}"
     return f"{text}, air {ports.air}"
+
+
+def _ports(server: FleetServer) -> dict[str, Any]:
+    return {"vehicles": list(server.ports.vehicles), "air": server.ports.air}
 
 
 def _range(ports: tuple[int, ...]) -> str:

@@ -73,9 +73,32 @@ def test_json_has_one_line_a_second_and_the_verdict_last() -> None:
         "position_ned_m": [-200.0, 0.0, -50.0],
         "velocity_ned_mps": [0.0, 0.0, 0.0],
     }
+    assert len(state["ports"]["vehicles"]) == 2 and 0 not in (*state["ports"]["vehicles"], state["ports"]["air"])
     assert (verdict["scenario"], verdict["vehicles"], verdict["arrived"], verdict["macs"]) == ("head-on", 2, 0, 0)
     assert verdict["mission_begun"] and verdict["internal_errors"] == 0
     assert verdict["refused"] == {"bad_frame": 0, "refused_peer": 0, "not_passed_on": 0}
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "code", "outcome"),
+    [
+        ("[0, 30, -50]", "[40, 30, -50]", 0, "2 of 2 arrived, 0 collisions"),
+        ("[40, 0, -50]", "[0, 0, -50]", 1, "0 of 2 arrived, 1 collisions"),
+        ("[0, 30, -50]", "[900, 30, -50]", 1, "1 of 2 arrived, 0 collisions"),
+    ],
+)
+def test_until_arrived_ends_when_all_is_over_and_its_exit_code_is_the_verdict(
+    start: str, goal: str, code: int, outcome: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'name = "mine"\nduration_s = 20.0\n'
+        "[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [40, 0, -50]\ncooperative = false\n"
+        f"[[vehicle]]\nstart_ned_m = {start}\ngoal_ned_m = {goal}\ncooperative = false\n"
+    )
+    done = ridlink_sim(*ANY_PORT, "--scenario", str(path), "--airborne", "--until-arrived", "--speedup", "20")
+    assert done.returncode == code, done.stderr
+    assert outcome in done.stdout
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -175,6 +198,7 @@ def test_help_is_light_and_names_every_documented_option() -> None:
         "--range",
         "--home",
         "--duration",
+        "--until-arrived",
         "--no-rid",
         "--json",
     ):

@@ -19,6 +19,7 @@ import socket
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 from ridlink.avoidance.solver import warm_up
 from ridlink.avoidance.types import SolverKind
@@ -84,6 +85,24 @@ class Flown:
     nearest_m: float
     median_s: float
     errors: int
+
+    def __str__(self) -> str:
+        return (
+            f"arrived {self.arrived}/{self.vehicles}, MACs {self.macs}, "
+            f"nearest {self.nearest_m:.1f} m, median {self.median_s:.1f} s"
+        )
+
+    @classmethod
+    def of(cls, verdict: dict[str, Any], errors: int) -> Self:
+        """What the referee's verdict says."""
+        return cls(
+            verdict["arrived"],
+            verdict["vehicles"],
+            verdict["macs"],
+            verdict["min_separation_m"] or 0.0,
+            verdict["mission_time_s"]["median"] or 0.0,
+            errors,
+        )
 
 
 def mixed(pair: Scenario) -> Scenario:
@@ -246,11 +265,7 @@ async def fly(cell: Cell, seed: int) -> Flown:
         await server.close()
         for pilot in pilots:
             pilot.close()
-    verdict = server.world.verdict().as_dict()
-    return Flown(
-        verdict["arrived"], verdict["vehicles"], verdict["macs"], verdict["min_separation_m"] or 0.0,
-        verdict["mission_time_s"]["median"] or 0.0, server.counters["error"],
-    )  # fmt: skip
+    return Flown.of(server.world.verdict().as_dict(), server.counters["error"])
 
 
 def fly_all(cells: list[Cell], flights: int, first_seed: int) -> dict[Cell, list[Flown]]:
@@ -260,11 +275,7 @@ def fly_all(cells: list[Cell], flights: int, first_seed: int) -> dict[Cell, list
         for cell in cells:
             result = asyncio.run(fly(cell, seed))
             flown[cell].append(result)
-            print(
-                f"{cell}, seed {seed}: arrived {result.arrived}/{result.vehicles}, MACs {result.macs}, "
-                f"nearest {result.nearest_m:.1f} m, median {result.median_s:.1f} s",
-                flush=True,
-            )
+            print(f"{cell}, seed {seed}: {result}", flush=True)
     return flown
 
 
@@ -277,7 +288,11 @@ def main() -> int:
     asked = parser.parse_args()
     cells = [cell for cell in CELLS[asked.table] if asked.only in str(cell)]
     warm_up(SolverKind.HALFPLANE)
-    flown = fly_all(cells, asked.flights or FLIGHTS[asked.table], asked.seed)
+    return concluded(fly_all(cells, asked.flights or FLIGHTS[asked.table], asked.seed))
+
+
+def concluded(flown: dict[Cell, list[Flown]]) -> int:
+    """Print a line for each cell; the exit code."""
     failed = False
     for cell, results in flown.items():
         collided = sum(result.macs > 0 for result in results)
