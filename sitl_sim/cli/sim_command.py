@@ -163,7 +163,7 @@ async def _run(
     if duration_s is not None:
         loop.call_later(duration_s / server.config.speedup, stop.set)
     if from_stdin:
-        await _read_faults(server)
+        _read_faults(server)
     flying = asyncio.create_task(server.run(stop))
     try:
         while not stop.is_set():
@@ -183,11 +183,17 @@ async def _run(
     return int(until_arrived and not (server.mission_begun and server.world.verdict().passed))
 
 
-async def _read_faults(server: FleetServer) -> None:
-    """Inject what comes on stdin, one JSON object a line; a wrong line is told and forgotten."""
+def _read_faults(server: FleetServer) -> None:
+    """Inject what comes on stdin, one JSON object a line; a wrong line is told and forgotten.
+
+    A thread reads it: an event loop waits for pipes and terminals only, and stdin may as well be a file or /dev/null.
+    """
     import asyncio
+    import contextlib
     import json
+    import os
     import sys
+    import threading
 
     from ridlink.errors import ConfigError
     from ridlink.scenario import event_of
@@ -199,22 +205,29 @@ async def _read_faults(server: FleetServer) -> None:
                 raise ConfigError('stdin: must be an object, as in {"vehicle":1,"what":"gnss-outage"}')
             server.world.inject(event_of(values, "stdin", at_s=0.0))
         except (ValueError, RecursionError) as error:
-            click.echo(f"ridlink sim: {error}", err=True)
+            _tell(str(error))
 
-    class Lines(asyncio.Protocol):
-        def __init__(self) -> None:
-            self._rest = b""
+    loop = asyncio.get_running_loop()
 
-        def data_received(self, data: bytes) -> None:
-            *lines, self._rest = (self._rest + data).split(b"\n")
-            for line in lines:
-                if line.strip():
-                    take(line)
-            if len(self._rest) > LONGEST_LINE:
-                self._rest = b""
-                click.echo("ridlink sim: stdin: a line without an end was dropped", err=True)
+    def read() -> None:
+        rest = b""
+        with contextlib.suppress(OSError, RuntimeError):  # closed, or the loop has ended before it
+            while chunk := os.read(sys.stdin.fileno(), LONGEST_LINE):
+                *lines, rest = (rest + chunk).split(b"\n")
+                for line in filter(bytes.strip, lines):
+                    loop.call_soon_threadsafe(take, line)
+                if len(rest) > LONGEST_LINE:
+                    rest = b""
+                    loop.call_soon_threadsafe(_tell, "stdin: a line without an end was dropped")
+            if rest.strip():
+                loop.call_soon_threadsafe(take, rest)
 
-    await asyncio.get_running_loop().connect_read_pipe(Lines, sys.stdin)
+    if sys.stdin is not None:  # else the number is anybody's
+        threading.Thread(target=read, name="stdin", daemon=True).start()
+
+
+def _tell(text: str) -> None:
+    click.echo(f"ridlink sim: {text}", err=True)
 
 
 def _greeting(server: FleetServer) -> str:

@@ -280,3 +280,16 @@ def test_faults_come_from_stdin_and_wrong_lines_are_told() -> None:
     assert seen[0]["vehicles"][0]["state"] == "landing"
     for told in ("what must be one of", "must be an object", "no vehicle 9"):
         assert told in done.stderr
+
+
+@pytest.mark.parametrize("text", ["", '{"vehicle":9,"what":"radio-off"}\n{"vehicle":1,"what":"forced-landing"}'])
+def test_faults_may_come_from_a_file_which_need_not_end_with_a_line_feed(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "faults.jsonl"
+    path.write_text(text)
+    command = [sys.executable, "-m", "ridlink", "sim", *ANY_PORT, "-n", "1", "--airborne", "--duration", "1.2"]
+    with open(path if text else os.devnull, "rb") as stdin:
+        done = subprocess.run([*command, "--stdin", "--json"], stdin=stdin, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0
+    assert done.stderr.splitlines()[1:] == (["ridlink sim: there is no vehicle 9"] if text else [])
+    state = json.loads(done.stdout.splitlines()[0])["vehicles"][0]["state"]
+    assert state == ("landing" if text else "airborne")
