@@ -1,11 +1,11 @@
-"""JSON lines back to frames: the inverse of `ridlink.captures.lines`.
+r"""JSON lines back to frames: the inverse of `ridlink.captures.lines`.
 
 A line that carries the bytes of its frame (``decode --frames``) gives exactly those. Of any other the frame is made
 anew from its fields: MAVLink 2, unsigned, trailing zeros cut off, sequence number and source as in the line. That is
 the frame that was decoded, if it was of that form and all of its values had a place in the line. What has none:
 signatures and the version; payloads of messages that the dialect does not have; ``target_system`` and
 ``target_component`` of Open Drone ID; values out of their range, which read as unknown; NaN and infinity, which are
-``null``.
+``null``; and of a text in which the sender itself wrote ``\xNN``, that these were four characters.
 """
 
 from __future__ import annotations
