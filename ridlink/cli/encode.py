@@ -51,7 +51,8 @@ def encode(file: str, output: str, to: str, strict: bool) -> int:
     if kind is None:
         raise click.UsageError(f"the suffix of {output} is none of {', '.join(FORMATS)}: say --to")
     from ridlink.captures.export.from_lines import frame_of_line
-    from ridlink.errors import WireError
+    from ridlink.errors import CaptureError, WireError
+    from ridlink.remote_id.text import display_name
 
     written = refused = timeless = number = 0
     first = ""
@@ -73,6 +74,8 @@ def encode(file: str, output: str, to: str, strict: bool) -> int:
                 last_us = last_us if found.time_us is None else found.time_us
             out.write(_written(found, kind, last_us))
             written += 1
+        if refused and not written:  # what stands under that name stays
+            raise CaptureError(f"{display_name(file)} has no line that can be encoded; {first}")
     if timeless:
         click.echo(f"ridlink: {file}: {timeless:,} lines without a time got the one before", err=True)
     if refused:

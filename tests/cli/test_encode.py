@@ -250,3 +250,13 @@ def test_nothing_is_left_of_what_cannot_be_read(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "ridlink", "encode", str(tmp_path / "absent.jsonl"), "-o"]
     done = subprocess.run([*command, str(tmp_path / "o.tlog")], capture_output=True, text=True)
     assert done.returncode == 3 and len(done.stderr.splitlines()) == 1 and list(tmp_path.iterdir()) == []
+
+
+def test_where_no_line_can_be_encoded_what_stands_under_the_name_stays(tmp_path: Path) -> None:
+    path, out = lines_file(tmp_path, "no", "lines", "of", "decode"), tmp_path / "out.tlog"
+    out.write_bytes(b"a flight")
+    command = [sys.executable, "-m", "ridlink", "encode", str(path), "-o", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (3, "") and out.read_bytes() == b"a flight"
+    (line,) = done.stderr.splitlines()
+    assert "no line that can be encoded; line 1: " in line
