@@ -20,8 +20,9 @@ from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.accuracy import code_of_three_sigma
-from ridlink.remote_id.convert import to_mavlink, write_position
+from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Location, Separation, SeparationFlags
+from ridlink.remote_id.quantities import write_position
 
 BEGIN_S = 1_700_000_000
 """Time of the first record, seconds since 1970: the same flight is the same bytes."""

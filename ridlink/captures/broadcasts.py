@@ -9,7 +9,8 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.astm import decode_message
 from ridlink.remote_id.astm_pack import BadMember, split_broadcast
-from ridlink.remote_id.convert import ID_LENGTH, to_mavlink
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.quantities import ID_LENGTH
 
 RECEIVER_COMPONENT = 236
 """MAV_COMP_ID_ODID_TXRX_1: who puts on a vehicle's bus what it hears."""

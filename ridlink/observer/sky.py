@@ -19,7 +19,7 @@ from ridlink.mavlink.frames import Frame
 from ridlink.observer.scene import FloatArray, Scene
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import messages_of
-from ridlink.remote_id.convert import Rejects
+from ridlink.remote_id.quantities import Rejects
 from ridlink.remote_id.report import RemoteIdReport, SourceKey
 from ridlink.remote_id.text import display_text
 from ridlink.traffic.position_filter import offset_m

@@ -21,8 +21,8 @@ from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship.telemetry import INFLATE_AFTER_S, LOCK_SILENCE_S, OwnShipTelemetry
 from ridlink.periodic import Periodic
 from ridlink.remote_id.accuracy import code_of_three_sigma
-from ridlink.remote_id.astm import authentication_of
-from ridlink.remote_id.convert import ID_LENGTH, SECONDS_PER_HOUR, to_mavlink
+from ridlink.remote_id.astm_separation import authentication_of
+from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import (
     BasicId,
     Location,
@@ -33,6 +33,7 @@ from ridlink.remote_id.messages import (
     SeparationFlags,
     System,
 )
+from ridlink.remote_id.quantities import ID_LENGTH, SECONDS_PER_HOUR
 from ridlink.separation.reference import ERROR_CAP_M, MIN_AIRFRAME_M, UNKNOWN_ERROR_BOUND_M
 from ridlink.setpoint import Velocity
 from ridlink.traffic.own_state import OwnState

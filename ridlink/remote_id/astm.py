@@ -9,8 +9,7 @@ Reading and writing follow the rules of ``convert``: a sentinel becomes ``None``
 range, alone and counted. Values go to the nearest unit; accuracies, errors, sizes and areas go to the safe side. A
 value that does not fit saturates or goes out as unknown; a code or text that does not fit its bits is a `PayloadError`.
 
-RIDLINK_SEPARATION has no message type of its own: it is an Authentication message of the private type 0xA, laid out in
-``message_spec/README.md``. Message packs are in ``astm_pack``.
+RIDLINK_SEPARATION has no message type of its own (see ``astm_separation``). Message packs are in ``astm_pack``.
 
 Source: ASTM F3411-22a; held byte for byte against opendroneid-core-c.
 """
@@ -26,21 +25,24 @@ from typing import Any
 
 from ridlink.errors import PayloadError
 from ridlink.remote_id import accuracy, messages
-from ridlink.remote_id.convert import (
+from ridlink.remote_id.astm_fields import fitting_bits, fitting_text, nearest, read_altitude, write_altitude
+from ridlink.remote_id.astm_separation import authentication_of, separation_of
+from ridlink.remote_id.messages import MAVLINK_NAMES, RemoteIdMessage
+from ridlink.remote_id.quantities import (
     AUTHENTICATION_FIRST_PAGE_LENGTH,
     AUTHENTICATION_PAGE_LENGTH,
     ID_LENGTH,
+    MAX_UINT8,
+    MAX_UINT16,
     SECONDS_PER_HOUR,
     TEXT_LENGTH,
     Rejects,
     read_position,
     read_seconds_since_2019,
-    write_error,
     write_position,
     write_seconds_since_2019,
     write_up,
 )
-from ridlink.remote_id.messages import MAVLINK_NAMES, RemoteIdMessage, SeparationFlags
 
 MESSAGE_LENGTH = 25
 NEWEST_VERSION = 2
@@ -74,7 +76,6 @@ class Refusal(StrEnum):
 _LOCATION = struct.Struct("<BBBBbiiHHHBBHBx")
 _SYSTEM = struct.Struct("<BBiiHBHHBHIx")
 _FIRST_PAGE = struct.Struct("<BBBBI17s")
-_SEPARATION = struct.Struct("<2sBHBBBBBhhbB")
 
 UNKNOWN_DIRECTION_DEG = 361
 UNKNOWN_SPEED = 255
@@ -84,22 +85,9 @@ MAX_FAST_SPEED = 254
 UNKNOWN_SPEED_VERTICAL = 126
 MAX_SPEED_VERTICAL = 124
 SPEED_VERTICAL_STEP_MPS = 0.5
-ALTITUDE_STEP_M = 0.5
-LOWEST_ALTITUDE_M = -1000.0
 UNKNOWN_TIMESTAMP = 0xFFFF
 MAX_TIMESTAMP = 36000
 AREA_RADIUS_STEP_M = 10.0
-MAX_UINT8 = 0xFF
-MAX_UINT16 = 0xFFFF
-
-SEPARATION_AUTHENTICATION_TYPE = 0xA
-SEPARATION_LETTERS = b"RL"
-SEPARATION_LAYOUT = 1
-SEPARATION_LENGTH = _SEPARATION.size
-VERTICAL_ERROR_STEP_M = 0.5
-VELOCITY_ERROR_STEP_MPS = 0.1
-AIRFRAME_STEP_M = 0.1
-INTERVAL_STEP_S = 0.02
 
 
 def refusal_of(data: bytes) -> Refusal | None:
@@ -159,40 +147,7 @@ def _header(kind: MessageType) -> int:
     return kind << 4 | NEWEST_VERSION
 
 
-def _bits(message: RemoteIdMessage, field: str, limit: int) -> int:
-    """An integer field that must fit its bits."""
-    value: int = getattr(message, field)
-    if not 0 <= value <= limit:
-        name = MAVLINK_NAMES[type(message)]
-        raise PayloadError(f"{name}.{field} is 0 to {limit}, not {value}", message=name, field=field)
-    return value
-
-
-def _text(message: RemoteIdMessage, field: str, length: int) -> bytes:
-    """A byte string that must fit its length."""
-    value: bytes = getattr(message, field)
-    if len(value) > length:
-        name = MAVLINK_NAMES[type(message)]
-        raise PayloadError(f"{name}.{field} takes {length} bytes, not {len(value)}", message=name, field=field)
-    return value.ljust(length, b"\x00")
-
-
-def _nearest(value: float) -> int:
-    """The nearest integer; a half goes up."""
-    return math.floor(value + 0.5)
-
-
 # --- LOCATION ---
-
-
-def _read_altitude(units: int) -> float | None:
-    return units * ALTITUDE_STEP_M + LOWEST_ALTITUDE_M if units else None
-
-
-def _write_altitude(value_m: float | None, whole: Callable[[float], int] = _nearest) -> int:
-    if value_m is None or not LOWEST_ALTITUDE_M < value_m <= LOWEST_ALTITUDE_M + MAX_UINT16 * ALTITUDE_STEP_M:
-        return 0
-    return max(1, whole((value_m - LOWEST_ALTITUDE_M) / ALTITUDE_STEP_M))
 
 
 def _read_location(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> messages.Location:
@@ -230,9 +185,9 @@ def _read_location(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> me
         speed_vertical_mps=climb_mps,
         latitude_deg=latitude_deg,
         longitude_deg=longitude_deg,
-        altitude_barometric_m=_read_altitude(barometric),
-        altitude_geodetic_m=_read_altitude(geodetic),
-        height_m=_read_altitude(height),
+        altitude_barometric_m=read_altitude(barometric),
+        altitude_geodetic_m=read_altitude(geodetic),
+        height_m=read_altitude(height),
         height_reference=status >> 2 & 1,
         horizontal_accuracy=horizontal_code,
         vertical_accuracy=vertical_code,
@@ -252,7 +207,7 @@ def _write_direction(value_deg: float | None) -> tuple[int, int]:
     """The flag for 180 degrees more, and the rest."""
     direction = UNKNOWN_DIRECTION_DEG
     if value_deg is not None and math.isfinite(value_deg):
-        direction = _nearest(value_deg % 360.0) % 360
+        direction = nearest(value_deg % 360.0) % 360
     return (1, direction - 180) if direction >= 180 else (0, direction)
 
 
@@ -261,43 +216,45 @@ def _write_speed(value_mps: float | None) -> tuple[int, int]:
     if value_mps is None or not value_mps >= 0.0:
         return 1, UNKNOWN_SPEED
     if value_mps <= FAST_SPEED_FROM_MPS:
-        return 0, _nearest(value_mps / SLOW_STEP_MPS)
+        return 0, nearest(value_mps / SLOW_STEP_MPS)
     fast = (value_mps - FAST_SPEED_FROM_MPS) / FAST_STEP_MPS
-    return 1, _nearest(fast) if fast < MAX_FAST_SPEED else MAX_FAST_SPEED
+    return 1, nearest(fast) if fast < MAX_FAST_SPEED else MAX_FAST_SPEED
 
 
 def _write_speed_vertical(value_mps: float | None) -> int:
     if value_mps is None or math.isnan(value_mps):
         return UNKNOWN_SPEED_VERTICAL
     limit = MAX_SPEED_VERTICAL * SPEED_VERTICAL_STEP_MPS
-    return _nearest(min(max(value_mps, -limit), limit) / SPEED_VERTICAL_STEP_MPS)
+    return nearest(min(max(value_mps, -limit), limit) / SPEED_VERTICAL_STEP_MPS)
 
 
 def _write_timestamp(value_s: float | None) -> int:
     if value_s is None or not 0.0 <= value_s <= SECONDS_PER_HOUR:
         return UNKNOWN_TIMESTAMP
-    return _nearest(value_s * 10.0)
+    return nearest(value_s * 10.0)
 
 
 def _write_location(message: messages.Location) -> bytes:
     west, direction = _write_direction(message.direction_deg)
     fast, speed = _write_speed(message.speed_horizontal_mps)
     latitude, longitude = write_position(message.latitude_deg, message.longitude_deg)
-    horizontal = _bits(message, "horizontal_accuracy", 15) or accuracy.horizontal_code(message.horizontal_accuracy_m)
-    vertical = _bits(message, "vertical_accuracy", 15) or accuracy.vertical_code(message.vertical_accuracy_m)
-    barometer = _bits(message, "barometer_accuracy", 15) or accuracy.vertical_code(message.barometer_accuracy_m)
-    speed_accuracy = _bits(message, "speed_accuracy", 15) or accuracy.speed_code(message.speed_accuracy_mps)
+    horizontal = fitting_bits(message, "horizontal_accuracy", 15) or accuracy.horizontal_code(
+        message.horizontal_accuracy_m
+    )
+    vertical = fitting_bits(message, "vertical_accuracy", 15) or accuracy.vertical_code(message.vertical_accuracy_m)
+    barometer = fitting_bits(message, "barometer_accuracy", 15) or accuracy.vertical_code(message.barometer_accuracy_m)
+    speed_accuracy = fitting_bits(message, "speed_accuracy", 15) or accuracy.speed_code(message.speed_accuracy_mps)
     return _LOCATION.pack(
         _header(MessageType.LOCATION),
-        _bits(message, "status", 15) << 4 | _bits(message, "height_reference", 1) << 2 | west << 1 | fast,
+        fitting_bits(message, "status", 15) << 4 | fitting_bits(message, "height_reference", 1) << 2 | west << 1 | fast,
         direction,
         speed,
         _write_speed_vertical(message.speed_vertical_mps),
         latitude,
         longitude,
-        _write_altitude(message.altitude_barometric_m),
-        _write_altitude(message.altitude_geodetic_m),
-        _write_altitude(message.height_m),
+        write_altitude(message.altitude_barometric_m),
+        write_altitude(message.altitude_geodetic_m),
+        write_altitude(message.height_m),
         vertical << 4 | horizontal,
         barometer << 4 | speed_accuracy,
         _write_timestamp(message.timestamp_s),
@@ -323,11 +280,11 @@ def _read_system(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> mess
         operator_longitude_deg=longitude_deg,
         area_count=count,
         area_radius_m=radius * AREA_RADIUS_STEP_M,
-        area_ceiling_m=_read_altitude(ceiling),
-        area_floor_m=_read_altitude(floor),
+        area_ceiling_m=read_altitude(ceiling),
+        area_floor_m=read_altitude(floor),
         category_eu=eu >> 4,
         class_eu=eu & 0x0F,
-        operator_altitude_geo_m=_read_altitude(altitude),
+        operator_altitude_geo_m=read_altitude(altitude),
         timestamp_s=read_seconds_since_2019(timestamp),
         id_or_mac=id_or_mac,
     )
@@ -337,15 +294,15 @@ def _write_system(message: messages.System) -> bytes:
     latitude, longitude = write_position(message.operator_latitude_deg, message.operator_longitude_deg)
     return _SYSTEM.pack(
         _header(MessageType.SYSTEM),
-        _bits(message, "classification_type", 7) << 2 | _bits(message, "operator_location_type", 3),
+        fitting_bits(message, "classification_type", 7) << 2 | fitting_bits(message, "operator_location_type", 3),
         latitude,
         longitude,
-        _bits(message, "area_count", MAX_UINT16),
+        fitting_bits(message, "area_count", MAX_UINT16),
         write_up(message.area_radius_m, AREA_RADIUS_STEP_M, MAX_UINT8),
-        _write_altitude(message.area_ceiling_m, math.ceil),  # an area of operation is never understated
-        _write_altitude(message.area_floor_m, math.floor),
-        _bits(message, "category_eu", 15) << 4 | _bits(message, "class_eu", 15),
-        _write_altitude(message.operator_altitude_geo_m),
+        write_altitude(message.area_ceiling_m, math.ceil),  # an area of operation is never understated
+        write_altitude(message.area_floor_m, math.floor),
+        fitting_bits(message, "category_eu", 15) << 4 | fitting_bits(message, "class_eu", 15),
+        write_altitude(message.operator_altitude_geo_m),
         write_seconds_since_2019(message.timestamp_s),
     )
 
@@ -359,8 +316,8 @@ def _read_basic_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages
 
 
 def _write_basic_id(message: messages.BasicId) -> bytes:
-    kinds = _bits(message, "id_type", 15) << 4 | _bits(message, "ua_type", 15)
-    return bytes((_header(MessageType.BASIC_ID), kinds)) + _text(message, "uas_id", ID_LENGTH) + bytes(3)
+    kinds = fitting_bits(message, "id_type", 15) << 4 | fitting_bits(message, "ua_type", 15)
+    return bytes((_header(MessageType.BASIC_ID), kinds)) + fitting_text(message, "uas_id", ID_LENGTH) + bytes(3)
 
 
 def _read_self_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages.SelfId:
@@ -368,8 +325,8 @@ def _read_self_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages.
 
 
 def _write_self_id(message: messages.SelfId) -> bytes:
-    head = bytes((_header(MessageType.SELF_ID), _bits(message, "description_type", MAX_UINT8)))
-    return head + _text(message, "description", TEXT_LENGTH)
+    head = bytes((_header(MessageType.SELF_ID), fitting_bits(message, "description_type", MAX_UINT8)))
+    return head + fitting_text(message, "description", TEXT_LENGTH)
 
 
 def _read_operator_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages.OperatorId:
@@ -377,11 +334,11 @@ def _read_operator_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messa
 
 
 def _write_operator_id(message: messages.OperatorId) -> bytes:
-    head = bytes((_header(MessageType.OPERATOR_ID), _bits(message, "operator_id_type", MAX_UINT8)))
-    return head + _text(message, "operator_id", ID_LENGTH) + bytes(3)
+    head = bytes((_header(MessageType.OPERATOR_ID), fitting_bits(message, "operator_id_type", MAX_UINT8)))
+    return head + fitting_text(message, "operator_id", ID_LENGTH) + bytes(3)
 
 
-# --- AUTHENTICATION, and RIDLINK_SEPARATION within it ---
+# --- AUTHENTICATION ---
 
 
 def _page_capacity(last_page_index: int) -> int:
@@ -404,83 +361,19 @@ def _read_authentication(
 
 
 def _write_authentication(message: messages.Authentication) -> bytes:
-    page = _bits(message, "data_page", LAST_PAGE)
-    head = bytes((_header(MessageType.AUTHENTICATION), _bits(message, "authentication_type", 15) << 4 | page))
+    page = fitting_bits(message, "data_page", LAST_PAGE)
+    head = bytes((_header(MessageType.AUTHENTICATION), fitting_bits(message, "authentication_type", 15) << 4 | page))
     if page:
-        return head + _text(message, "authentication_data", AUTHENTICATION_PAGE_LENGTH)
-    last_page = _bits(message, "last_page_index", LAST_PAGE)
-    length = _bits(message, "length", min(MAX_UINT8, _page_capacity(last_page)))
+        return head + fitting_text(message, "authentication_data", AUTHENTICATION_PAGE_LENGTH)
+    last_page = fitting_bits(message, "last_page_index", LAST_PAGE)
+    length = fitting_bits(message, "length", min(MAX_UINT8, _page_capacity(last_page)))
     return _FIRST_PAGE.pack(
         *head,
         last_page,
         length,
         write_seconds_since_2019(message.timestamp_s),
-        _text(message, "authentication_data", AUTHENTICATION_FIRST_PAGE_LENGTH),
+        fitting_text(message, "authentication_data", AUTHENTICATION_FIRST_PAGE_LENGTH),
     )
-
-
-def separation_of(message: messages.Authentication) -> messages.Separation | None:
-    """The RIDLINK_SEPARATION that an Authentication message carries, ``None`` where it carries something else.
-
-    Its time is that of the Authentication message, in whole seconds after the full hour.
-    """
-    ours = (SEPARATION_AUTHENTICATION_TYPE, 0, 0, SEPARATION_LENGTH)
-    if (message.authentication_type, message.data_page, message.last_page_index, message.length) != ours:
-        return None
-    (letters, layout, horizontal, vertical, velocity, size, height, interval, vx, vy, vz, flags) = _SEPARATION.unpack(
-        message.authentication_data.ljust(SEPARATION_LENGTH, b"\x00")[:SEPARATION_LENGTH]
-    )
-    if letters != SEPARATION_LETTERS or layout != SEPARATION_LAYOUT:
-        return None
-    given = bool(flags & SeparationFlags.COMMANDED_VELOCITY_GIVEN)
-    return messages.Separation(
-        timestamp_s=None if message.timestamp_s is None else message.timestamp_s % SECONDS_PER_HOUR,
-        horizontal_error_m=horizontal / 100.0 if horizontal else None,
-        vertical_error_m=vertical * VERTICAL_ERROR_STEP_M if vertical else None,
-        velocity_error_mps=velocity / 10.0 if velocity else None,
-        airframe_size_m=size / 10.0 if size else None,
-        airframe_height_m=height / 10.0 if height else None,
-        update_interval_s=interval * 20 / 1000.0 if interval else None,
-        commanded_vx_mps=vx / 100.0 if given else None,
-        commanded_vy_mps=vy / 100.0 if given else None,
-        commanded_vz_mps=vz / 10.0 if given else None,
-        flags=flags,
-        id_or_mac=message.id_or_mac,
-    )
-
-
-def _component(value_mps: float, units_per_mps: int, limit: int) -> int:
-    return min(max(round(value_mps * units_per_mps), -limit), limit)
-
-
-def authentication_of(message: messages.Separation, hour_start_s: int | None) -> messages.Authentication:
-    """The Authentication message that a RIDLINK_SEPARATION is where messages have 25 bytes; see `encode_message`."""
-    commanded = (message.commanded_vx_mps, message.commanded_vy_mps, message.commanded_vz_mps)
-    components = [value for value in commanded if value is not None and math.isfinite(value)]
-    flags = _bits(message, "flags", MAX_UINT8) & ~int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
-    vx = vy = vz = 0
-    if len(components) == 3:
-        vx, vy = (_component(value, 100, 0x7FFF) for value in components[:2])
-        vz = _component(components[2], 10, 0x7F)
-        flags |= int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
-    timestamp_s: float | None = None
-    if hour_start_s is not None and message.timestamp_s is not None and math.isfinite(message.timestamp_s):
-        timestamp_s = hour_start_s + math.floor(message.timestamp_s)
-    content = _SEPARATION.pack(
-        SEPARATION_LETTERS,
-        SEPARATION_LAYOUT,
-        write_error(message.horizontal_error_m),
-        write_error(message.vertical_error_m, VERTICAL_ERROR_STEP_M, MAX_UINT8),
-        write_error(message.velocity_error_mps, VELOCITY_ERROR_STEP_MPS, MAX_UINT8),
-        write_up(message.airframe_size_m, AIRFRAME_STEP_M, MAX_UINT8),
-        write_up(message.airframe_height_m, AIRFRAME_STEP_M, MAX_UINT8),
-        write_up(message.update_interval_s, INTERVAL_STEP_S, MAX_UINT8),
-        vx,
-        vy,
-        vz,
-        flags,
-    )
-    return messages.Authentication(SEPARATION_AUTHENTICATION_TYPE, 0, 0, SEPARATION_LENGTH, timestamp_s, content)
 
 
 _Reader = Callable[[bytes, Rejects, bytes | None], RemoteIdMessage]

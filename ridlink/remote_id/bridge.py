@@ -14,10 +14,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from ridlink.mavlink.codec import Message
-from ridlink.remote_id.astm import MESSAGE_LENGTH, decode_message, separation_of
+from ridlink.remote_id.astm import MESSAGE_LENGTH, decode_message
 from ridlink.remote_id.astm_pack import HEADER_LENGTH, MAX_PACK_LENGTH, Member, encode_pack, split_broadcast
-from ridlink.remote_id.convert import ID_LENGTH, MESSAGE_PACK, Rejects, from_mavlink
+from ridlink.remote_id.astm_separation import separation_of
+from ridlink.remote_id.convert import MESSAGE_PACK, from_mavlink
 from ridlink.remote_id.messages import Authentication, Location, RemoteIdMessage, Separation
+from ridlink.remote_id.quantities import ID_LENGTH, Rejects
 
 _NO_ID = bytes(ID_LENGTH)
 

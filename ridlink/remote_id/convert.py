@@ -33,17 +33,21 @@ from ridlink.remote_id.messages import (
     SeparationFlags,
     System,
 )
-from ridlink.units import (
-    ceil_units,
-    cmps_from_mps,
-    deg_from_dege7,
-    dege7_from_deg,
-    m_from_cm,
-    mps_from_cmps,
+from ridlink.remote_id.quantities import (
+    AUTHENTICATION_FIRST_PAGE_LENGTH,
+    AUTHENTICATION_PAGE_LENGTH,
+    ID_LENGTH,
+    SECONDS_PER_HOUR,
+    TEXT_LENGTH,
+    Rejects,
+    read_position,
+    read_seconds_since_2019,
+    write_error,
+    write_position,
+    write_seconds_since_2019,
+    write_up,
 )
-
-Rejects = Counter[str]
-"""Fields that were not taken, by ``MESSAGE.field``."""
+from ridlink.units import cmps_from_mps, m_from_cm, mps_from_cmps
 
 UNKNOWN_DIRECTION_CDEG = 36100
 UNKNOWN_SPEED_HORIZONTAL_CMPS = 25500
@@ -53,12 +57,6 @@ MAX_SPEED_VERTICAL_CMPS = 6200
 UNKNOWN_ALTITUDE_M = -1000.0
 MAX_ALTITUDE_M = 31767.5
 UNKNOWN_TIMESTAMP_S = 65535.0
-SECONDS_PER_HOUR = 3600.0
-ID_LENGTH = 20
-TEXT_LENGTH = 23
-AUTHENTICATION_PAGE_LENGTH = 23
-AUTHENTICATION_FIRST_PAGE_LENGTH = 17
-MAX_UINT16 = 65535
 MAX_INT16 = 32767
 MESSAGE_PACK = "OPEN_DRONE_ID_MESSAGE_PACK"
 
@@ -100,36 +98,7 @@ def _id_or_mac(fields: dict[str, Any]) -> bytes | None:
     return None if value == _NO_ID else value
 
 
-# --- positions, altitudes, times ---
-
-
-def read_position(
-    latitude_dege7: int, longitude_dege7: int, names: tuple[str, str], rejects: Rejects
-) -> tuple[float | None, float | None]:
-    """Latitude and longitude [deg]; 0/0 is unknown, what is out of range is counted under its name."""
-    if latitude_dege7 == 0 and longitude_dege7 == 0:
-        return None, None
-    latitude: float | None = deg_from_dege7(latitude_dege7)
-    longitude: float | None = deg_from_dege7(longitude_dege7)
-    if not -900000000 <= latitude_dege7 <= 900000000:
-        rejects[names[0]] += 1
-        latitude = None
-    if not -1800000000 <= longitude_dege7 <= 1800000000:
-        rejects[names[1]] += 1
-        longitude = None
-    return latitude, longitude
-
-
-def write_position(latitude_deg: float | None, longitude_deg: float | None) -> tuple[int, int]:
-    """Latitude and longitude [1e-7 deg]; 0/0 where one of them is unknown or out of range."""
-    if latitude_deg is None or longitude_deg is None:
-        return 0, 0
-    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
-        return 0, 0
-    latitude, longitude = dege7_from_deg(latitude_deg), dege7_from_deg(longitude_deg)
-    if latitude == 0 and longitude == 0:
-        longitude = 1  # 0/0 would read as unknown; one unit is 11 mm
-    return latitude, longitude
+# --- altitudes, times ---
 
 
 def _read_altitude(value: float, name: str, rejects: Rejects) -> float | None:
@@ -159,16 +128,6 @@ def _write_timestamp(value_s: float | None) -> float:
     if value_s is None or not 0.0 <= value_s <= SECONDS_PER_HOUR:
         return UNKNOWN_TIMESTAMP_S
     return value_s
-
-
-def read_seconds_since_2019(value: int) -> float | None:
-    """Seconds since 2019-01-01 UTC; 0 is unknown."""
-    return float(value) if value else None
-
-
-def write_seconds_since_2019(value_s: float | None) -> int:
-    """Whole seconds since 2019-01-01 UTC, saturated; 0 for unknown."""
-    return min(max(round(value_s), 0), 0xFFFFFFFF) if value_s is not None and math.isfinite(value_s) else 0
 
 
 # --- LOCATION ---
@@ -293,18 +252,6 @@ def _read_separation(fields: dict[str, Any], rejects: Rejects) -> Separation:
 
 def _read_length(value_cm: int) -> float | None:
     return m_from_cm(value_cm) if value_cm else None
-
-
-def write_up(value: float | None, unit: float, limit: int = MAX_UINT16) -> int:
-    """Whole units, rounded up and saturated; 0 for what is unknown, negative or NaN."""
-    if value is None or not value > 0.0:
-        return 0
-    return limit if value >= limit * unit else max(1, ceil_units(value, unit))
-
-
-def write_error(value: float | None, unit: float = 0.01, limit: int = MAX_UINT16) -> int:
-    """An uncertainty as `write_up` has it, but exactly known is one unit: 0 would say unknown."""
-    return 1 if value == 0.0 else write_up(value, unit, limit)
 
 
 def _write_component(value_mps: float) -> int:

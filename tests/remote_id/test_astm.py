@@ -20,7 +20,6 @@ from ridlink.remote_id.astm import (
     decode_message,
     encode_message,
     refusal_of,
-    separation_of,
 )
 from ridlink.remote_id.astm_pack import BadMember, Member, encode_pack, is_pack, join_pack, split_broadcast
 from ridlink.remote_id.messages import (
@@ -199,8 +198,6 @@ def test_no_number_breaks_the_encoder(value: float) -> None:
 degrees = st.floats(-90, 90)
 heights = st.none() | st.floats(-999, 31767)
 codes = st.integers(0, 15)
-lengths = st.none() | st.floats(0, 1e5)
-speeds = st.none() | st.floats(-400, 400)
 locations = st.builds(
     Location, status=codes, direction_deg=st.none() | st.floats(0, 360),
     speed_horizontal_mps=st.none() | st.floats(0, 254), speed_vertical_mps=st.none() | st.floats(-62, 62),
@@ -208,11 +205,6 @@ locations = st.builds(
     altitude_barometric_m=heights, altitude_geodetic_m=heights, height_m=heights, height_reference=st.integers(0, 1),
     horizontal_accuracy=codes, vertical_accuracy=codes, barometer_accuracy=codes, speed_accuracy=codes,
     timestamp_s=st.none() | st.floats(0, 3600), timestamp_accuracy_s=st.none() | st.floats(0, 1.5),
-)  # fmt: skip
-separations = st.builds(
-    Separation, timestamp_s=st.none() | st.floats(0, 3599), horizontal_error_m=lengths, vertical_error_m=lengths,
-    velocity_error_mps=lengths, airframe_size_m=lengths, airframe_height_m=lengths, update_interval_s=lengths,
-    commanded_vx_mps=speeds, commanded_vy_mps=speeds, commanded_vz_mps=speeds, flags=st.integers(0, 255),
 )  # fmt: skip
 any_25_bytes = st.binary(min_size=MESSAGE_LENGTH, max_size=MESSAGE_LENGTH)
 messages_25 = any_25_bytes.map(lambda data: bytes((data[0] % 0x60,)) + data[1:]).filter(lambda d: not refusal_of(d))
@@ -243,21 +235,6 @@ def test_a_location_survives_within_its_steps(sent: Location) -> None:
         assert got.timestamp_accuracy_s is not None and got.timestamp_accuracy_s >= sent.timestamp_accuracy_s - 1e-6
 
 
-@given(separations)
-def test_an_uncertainty_is_never_understated(sent: Separation) -> None:
-    got = decode_message(encode_message(sent))
-    assert isinstance(got, Separation)
-    for name, most, known_at_zero in (
-        ("horizontal_error_m", 655.35, True), ("vertical_error_m", 127.5, True), ("velocity_error_mps", 25.5, True),
-        ("airframe_size_m", 25.5, False), ("airframe_height_m", 25.5, False), ("update_interval_s", 5.1, False),
-    ):  # fmt: skip
-        value, received = getattr(sent, name), getattr(got, name)
-        if value is None or (value == 0.0 and not known_at_zero):
-            assert received is None
-        else:
-            assert received is not None and received >= min(value, most) - 1e-6
-
-
 @given(st.floats(0, 5000), st.none() | st.floats(-900, 3000), st.none() | st.floats(-900, 3000))
 def test_an_area_of_operation_is_never_understated(radius: float, ceiling: float | None, floor: float | None) -> None:
     got = decode_message(encode_message(System(area_radius_m=radius, area_ceiling_m=ceiling, area_floor_m=floor)))
@@ -266,16 +243,6 @@ def test_an_area_of_operation_is_never_understated(radius: float, ceiling: float
     assert (got.area_ceiling_m is None) == (ceiling is None) and (got.area_floor_m is None) == (floor is None)
     assert ceiling is None or got.area_ceiling_m is None or got.area_ceiling_m >= ceiling - 1e-6
     assert floor is None or got.area_floor_m is None or got.area_floor_m <= floor + 1e-6
-
-
-@given(separations, st.integers(0, 1_000_000))
-def test_the_time_of_a_separation_needs_the_hour(sent: Separation, hours: int) -> None:
-    without = decode_message(encode_message(sent))
-    having = decode_message(encode_message(sent, hour_start_s=hours * 3600))
-    assert isinstance(without, Separation) and isinstance(having, Separation)
-    assert without.timestamp_s is None
-    whole = None if sent.timestamp_s is None else float(math.floor(sent.timestamp_s))
-    assert having.timestamp_s == (whole if hours or whole else None)
 
 
 @given(any_25_bytes)
@@ -329,12 +296,3 @@ def test_packs_have_one_to_nine_members(count: int) -> None:
         encode_pack([SelfId(0, b"")] * count)
     with pytest.raises(PayloadError, match="nested"):
         join_pack([b"\xf2" + bytes(24)])
-
-
-def test_only_our_own_letters_layout_and_length_are_a_separation() -> None:
-    ours = decode_message(encode_message(Separation(horizontal_error_m=3.0)))
-    assert isinstance(ours, Separation) and ours.horizontal_error_m == 3.0
-    for vector in SINGLE:
-        if vector["note"].endswith("somebody else's"):
-            message = message_of(vector)
-            assert isinstance(message, Authentication) and separation_of(message) is None

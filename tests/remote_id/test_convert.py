@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES_BY_NAME, Encoder, Message, decode_message, message_spec
 from ridlink.mavlink.frames import Frame, parse_datagram
-from ridlink.remote_id.convert import from_mavlink, read_position, to_mavlink, write_position
+from ridlink.remote_id.convert import from_mavlink, to_mavlink
 from ridlink.remote_id.messages import (
     Authentication,
     BasicId,
@@ -236,18 +236,3 @@ def test_a_mavgen_reader_agrees_on_the_bytes() -> None:
     packed = theirs.open_drone_id_location_encode(**fields).pack(theirs)
     assert Encoder(1, 1).encode(name, **fields) == bytes(packed)
     assert isinstance(from_mavlink(Message(name, 12901, fields)), Location)
-
-
-@pytest.mark.parametrize(("latitude", "longitude"), [(1, 0), (0, 1), (900_000_000, 1_800_000_000)])
-def test_positions_reach_to_the_poles_and_the_antimeridian(latitude: int, longitude: int) -> None:
-    for sign in (1, -1):
-        rejects: Counter[str] = Counter()
-        assert read_position(sign * latitude, sign * longitude, ("lat", "lon"), rejects) == (
-            pytest.approx(sign * latitude / 1e7), pytest.approx(sign * longitude / 1e7),
-        )  # fmt: skip
-        assert not rejects
-        over = read_position(sign * 900_000_001, sign * 1_800_000_001, ("lat", "lon"), rejects)
-        assert over == (None, None) and rejects == {"lat": 1, "lon": 1}
-        assert write_position(sign * latitude / 1e7, sign * longitude / 1e7) == (sign * latitude, sign * longitude)
-    assert write_position(90.1, 0.0) == write_position(0.0, 180.1) == write_position(-90.1, -180.1) == (0, 0)
-    assert write_position(None, 8.0) == write_position(47.0, None) == (0, 0)

@@ -9,7 +9,7 @@ import pytest
 
 from ridlink.geodesy import geodetic_from_ned
 from ridlink.mavlink.codec import Encoder
-from ridlink.remote_id.convert import write_position
+from ridlink.remote_id.quantities import write_position
 from ridlink.review import Report, Source, Walk, together
 from tests.captures.conftest import START_US, tlog_bytes
 from tests.observer.flights import HOME, Flyer

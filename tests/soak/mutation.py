@@ -32,6 +32,7 @@ FROM_OUTSIDE = ("numpy", "numba", "hypothesis", "hypothesis.strategies", "pytest
 
 TRAFFIC = ["tests/traffic"]
 OWN_SHIP = ["tests/test_own_ship_rules.py", "tests/test_own_ship.py"]
+REMOTE_ID = ["tests/remote_id/test_convert.py", "tests/remote_id/test_quantities.py"]
 MUTATED = {
     "ridlink/failsafe.py": ["tests/test_failsafe.py"],
     "ridlink/setpoint.py": ["tests/test_setpoint.py"],
@@ -49,7 +50,8 @@ MUTATED = {
     "ridlink/engine/takeoff.py": ["tests/test_takeoff.py"],
     "ridlink/mavlink/frames.py": ["tests/mavlink/test_frames.py"],
     "ridlink/mavlink/signing.py": ["tests/mavlink/test_signing.py"],
-    "ridlink/remote_id/convert.py": ["tests/remote_id/test_convert.py"],
+    "ridlink/remote_id/convert.py": REMOTE_ID,
+    "ridlink/remote_id/quantities.py": REMOTE_ID,
 }
 
 

@@ -16,14 +16,13 @@ import numpy as np
 from ridlink.captures.fast.tables import Layout, column_of
 from ridlink.remote_id import accuracy
 from ridlink.remote_id.convert import (
-    AUTHENTICATION_FIRST_PAGE_LENGTH,
     MAX_ALTITUDE_M,
     MAX_SPEED_HORIZONTAL_CMPS,
     MAX_SPEED_VERTICAL_CMPS,
-    SECONDS_PER_HOUR,
     UNKNOWN_ALTITUDE_M,
 )
 from ridlink.remote_id.messages import SeparationFlags
+from ridlink.remote_id.quantities import AUTHENTICATION_FIRST_PAGE_LENGTH, SECONDS_PER_HOUR
 from ridlink.remote_id.text import display_text
 
 
