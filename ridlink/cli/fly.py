@@ -135,7 +135,7 @@ class _Flight:
         """Fly; the daemon that was started for it is ended whatever happens."""
         import asyncio
 
-        from ridlink.conductor import Conductor, FlightError, connect, mavsdk_ground_station
+        from ridlink.conductor import Conductor, FlightError, TakenError, connect, mavsdk_ground_station
 
         stop = stopped_by_signals(asyncio.get_running_loop())
         async with mavsdk_ground_station() as mavsdk:
@@ -144,6 +144,8 @@ class _Flight:
             await conductor.open()
             try:
                 await self._fly(conductor, options, stop)
+            except TakenError:
+                raise
             except FlightError:
                 if self._up and self._land and not self._landed:
                     await conductor.land()
@@ -174,12 +176,12 @@ class _Flight:
         await self._down(conductor, end)
 
     async def _down(self, conductor: Conductor, end: End | None) -> None:
-        from ridlink.conductor import End, FlightError
+        from ridlink.conductor import End, FlightError, TakenError
 
         self._arrived = end is End.ARRIVED
         match end:
             case End.TAKEN:
-                raise FlightError(end)
+                raise TakenError
             case End.ARRIVED:
                 self.say("arrived")
             case End.STOPPED:

@@ -11,6 +11,13 @@ class FlightError(RidlinkError):
     """What was asked for cannot be flown: not healthy, refused, or not done in time; the text says why."""
 
 
+class TakenError(FlightError):
+    """Somebody else changed the mode: nothing more is asked of the vehicle."""
+
+    def __init__(self) -> None:
+        super().__init__(End.TAKEN)
+
+
 class End(StrEnum):
     """How a flight under a daemon ended."""
 

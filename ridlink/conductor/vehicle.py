@@ -19,7 +19,7 @@ from importlib.resources import files
 from typing import Any
 
 from ridlink.conductor.daemon_words import AVOIDANCE_COMPONENT, DaemonWords
-from ridlink.conductor.outcome import End, FlightError
+from ridlink.conductor.outcome import End, FlightError, TakenError
 from ridlink.errors import MissingExtraError
 from ridlink.remote_id.text import display_name
 
@@ -58,6 +58,10 @@ HEALTH = {
     "is_home_position_ok": "home position",
 }
 
+PX4_MODES = (FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD)
+"""In which a conducted PX4 is one after the other; an ArduPilot is in GUIDED, which is OFFBOARD to MAVSDK, from the
+beginning."""
+
 Say = Callable[[str], None]
 
 
@@ -77,6 +81,7 @@ class Conductor:
         self._daemon = DaemonWords()
         self._system_id = 0
         self._ardupilot = False
+        self._was_ours = False
         self._last_text = ""
         self._listening: list[asyncio.Task[None]] = []
 
@@ -123,6 +128,7 @@ class Conductor:
 
         Raises:
             FlightError: If it is refused or does not come there.
+            TakenError: If somebody else changes the mode on the way.
         """
         usual_m = await self._asked("take-off height", self._action.get_takeoff_altitude())
         await self._asked("take-off height", self._action.set_takeoff_altitude(height_m))
@@ -144,6 +150,7 @@ class Conductor:
         async def is_up() -> bool:
             if not await self._telemetry.armed():
                 raise FlightError(f"disarmed before it was up{self._because()}")
+            await self._still_ours()
             return float((await self._telemetry.position()).relative_altitude_m) >= enough_m
 
         await self._until(is_up, f"at {height_m:g} m", MANOEUVRE_S + height_m / SLOWEST_CLIMB_MPS)
@@ -167,12 +174,14 @@ class Conductor:
 
         Raises:
             FlightError: If the mode is not confirmed, or the daemon does not engage.
+            TakenError: If somebody else changes the mode meanwhile.
         """
         mode = ARDUCOPTER_GUIDED if self._ardupilot else PX4_OFFBOARD
         asked_s = -math.inf
 
         async def is_steered() -> bool:
             nonlocal asked_s
+            await self._still_ours()
             external = await self._obeys_setpoints()
             if not external and time.monotonic() - asked_s >= ASK_AGAIN_S:
                 asked_s = time.monotonic()
@@ -185,17 +194,31 @@ class Conductor:
     async def follow(self, stop: asyncio.Event) -> End:
         """Watch until the flight under the daemon ends."""
         while True:
-            if stop.is_set():
-                return End.STOPPED
-            if not self._daemon.is_heard(time.monotonic()) or self._is_lost():
+            if self._is_lost():
                 return End.DAEMON_LOST
-            if self._daemon.has_arrived:
-                return End.ARRIVED
             if not await self._obeys_setpoints():
                 mode = await self._telemetry.flight_mode()
                 landing = mode == FlightMode.LAND or not await self._telemetry.armed()
                 return End.LANDING if landing else End.TAKEN
+            if stop.is_set():
+                return End.STOPPED
+            if not self._daemon.is_heard(time.monotonic()):
+                return End.DAEMON_LOST
+            if self._daemon.has_arrived:
+                return End.ARRIVED
             await asyncio.sleep(LOOK_S)
+
+    async def _still_ours(self) -> None:
+        """Between the take-off and the daemon only modes of this flight follow on each other.
+
+        Raises:
+            TakenError: If another one does.
+        """
+        mode = await self._telemetry.flight_mode()
+        if mode in ((FlightMode.OFFBOARD,) if self._ardupilot else PX4_MODES):
+            self._was_ours = True
+        elif self._was_ours:
+            raise TakenError
 
     async def _obeys_setpoints(self) -> bool:
         """OFFBOARD, which is MAVSDK's word for ArduPilot's GUIDED, too, as the heartbeat says."""

@@ -8,6 +8,9 @@ import json
 import subprocess
 import sys
 from asyncio.subprocess import PIPE
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from functools import partial
 from typing import Any
 
 import pytest
@@ -16,9 +19,13 @@ from click.testing import CliRunner
 from ridlink.avoidance.solver import warm_up
 from ridlink.avoidance.types import SolverKind
 from ridlink.cli import cli
-from ridlink.scenario import Event, Scenario, VehicleSpec
+from ridlink.links import open_link
+from ridlink.mavlink.codec import Encoder
+from ridlink.scenario import Event, Scenario, VehicleSpec, built_in
+from sitl_sim.autopilot.modes import Mode
+from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.server import FleetServer
-from tests.sitl_sim.test_server import ANY_PORT, fly, fly_both_autopilots
+from tests.sitl_sim.test_server import ANY_PORT, fly, fly_both_autopilots, run
 
 needs_mavsdk = pytest.mark.skipif(
     importlib.util.find_spec("mavsdk") is None, reason="the extra mavsdk is not installed"
@@ -28,11 +35,46 @@ NEAR = "47.398668,8.545594"
 """Three metres north of where the only vehicle of a circle takes off."""
 
 
+FAR = "47.401742,8.545594"
+"""Four hundred metres north of its circle's middle."""
+
+POSITION = {"px4": 3.0, "ardupilot": 16.0}
+"""Modes in which a pilot steers."""
+
+MOMENTS = ("at 2 m", "handed over")
+"""Words of the conductor upon which the pilot takes over."""
+
+
+def vehicle_of(server: FleetServer) -> str:
+    return f"udpout:127.0.0.1:{server.ports.vehicles[0]}"
+
+
+def daemon_options(server: FleetServer, goal: str) -> list[str]:
+    links = ["--vehicle", vehicle_of(server), "--rid", f"udpout:127.0.0.1:{server.ports.air}"]
+    return [*links, "--goal", goal, "--cruise", "3"]
+
+
+@asynccontextmanager
+async def a_daemon(server: FleetServer, goal: str, *options: str) -> AsyncIterator[asyncio.subprocess.Process]:
+    """`ridlink avoid`, started by somebody else."""
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "ridlink", "avoid", *daemon_options(server, goal), *options), stdout=PIPE
+    )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        await process.communicate()
+    assert process.returncode == 0
+
+
+def fly_command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "ridlink", "fly", "--json", *arguments]
+
+
 async def conduct(*arguments: str) -> tuple[int, list[dict[str, Any]], str]:
     """Exit code, lines of JSON, and what was said on standard error."""
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "ridlink", "fly", "--json", *arguments, stdout=PIPE, stderr=PIPE
-    )
+    process = await asyncio.create_subprocess_exec(*fly_command(*arguments), stdout=PIPE, stderr=PIPE)
     output, said = await process.communicate()
     assert process.returncode is not None
     return process.returncode, [json.loads(line) for line in output.splitlines()], said.decode()
@@ -40,26 +82,72 @@ async def conduct(*arguments: str) -> tuple[int, list[dict[str, Any]], str]:
 
 @needs_mavsdk
 def test_it_takes_off_hands_over_arrives_and_lands_with_either_autopilot() -> None:
-    """With MAVSDK and a daemon as processes, so it lasts as long as such a flight."""
+    """With MAVSDK and a daemon as processes, so it lasts as long as such a flight. The ArduPilot is handed over to a
+    daemon that runs already, and that it leaves running."""
     warm_up(SolverKind.HALFPLANE)  # else both daemons compile while they hover
 
     async def act(server: FleetServer) -> None:
-        url = f"udpout:127.0.0.1:{server.ports.vehicles[0]}"
-        daemon = f"--vehicle {url} --rid udpout:127.0.0.1:{server.ports.air} --goal {NEAR} --cruise 3"
-        code, lines, said = await conduct("--vehicle", url, "--takeoff", "2", "--land", "--daemon", daemon)
+        ardupilot = server.config.autopilot == "ardupilot"
+        async with AsyncExitStack() as beside:
+            running = await beside.enter_async_context(a_daemon(server, NEAR)) if ardupilot else None
+            options = "running" if ardupilot else " ".join(daemon_options(server, NEAR))
+            code, lines, said = await conduct(
+                "--vehicle", vehicle_of(server), "--takeoff", "2", "--land", "--daemon", options
+            )
+            assert running is None or running.returncode is None, "it is not ours to end"
         final = lines[-1]
         assert code == 0, said
         assert (final["event"], final["outcome"]) == ("final", "done")
         assert final["took_off"] and final["arrived"] and final["landed"]
         pilot = server.autopilots[0].pilot
         assert not pilot.armed and not pilot.navigation.in_air
-        assert "handed over: the daemon steers" in said and "engaged: avoiding" in said
+        assert "handed over: the daemon steers" in said and ("engaged: avoiding" in said) is not ardupilot
         position = server.world.position_ned_m[0]
         assert position[0] == pytest.approx(100.0 + 3.0, abs=2.0)
-        if server.config.autopilot == "px4":  # what it took off with is not left behind
+        if not ardupilot:  # what it took off with is not left behind
             assert server.autopilots[0].pilot.speeds._parameters["MIS_TAKEOFF_ALT"] == 2.5
 
     fly_both_autopilots(act)
+
+
+@needs_mavsdk
+def test_a_pilot_who_takes_over_keeps_the_vehicle_that_should_have_landed() -> None:
+    """While a daemon steers, and while it waits for one that does not; all four flights at once."""
+    warm_up(SolverKind.HALFPLANE)
+
+    async def take_over(when: str, server: FleetServer) -> None:
+        # Without an operator's request it lets PX4 have its stream, and steers nothing.
+        async with a_daemon(server, FAR, *(["--standby"] if when == "at 2 m" else [])):
+            conducted = await asyncio.create_subprocess_exec(
+                *fly_command("--vehicle", vehicle_of(server), "--takeoff", "2", "--land", "--daemon", "running"),
+                stdout=PIPE, stderr=PIPE,
+            )  # fmt: skip
+            assert conducted.stderr is not None
+            while when not in (line := (await conducted.stderr.readline()).decode()):
+                assert line, "it ended"
+            remote = await open_link(vehicle_of(server), lambda _, __: None)
+            mode = POSITION[server.config.autopilot]
+            remote.send(
+                Encoder(255, 190).encode(
+                    "COMMAND_LONG", target_system=1, target_component=1, command=176, param1=1.0, param2=mode
+                )
+            )
+            remote.close()
+            output, said = await conducted.communicate()
+            final = json.loads(output.splitlines()[-1])
+            assert conducted.returncode == 1 and "somebody else changed the mode" in said.decode()
+            assert final["outcome"] == "failed" and final["took_off"] and not final["landed"]
+            pilot = server.autopilots[0].pilot
+            assert pilot.mode is Mode.POSITION and pilot.armed and pilot.navigation.in_air
+
+    async def fly_them() -> None:
+        one = built_in("circle8", 1)
+        configs = [FleetConfig(autopilot=flavour, sigma_m=0.0, **ANY_PORT) for flavour in POSITION]
+        await asyncio.gather(
+            *(run(FleetServer(one, config), partial(take_over, when)) for config in configs for when in MOMENTS)
+        )
+
+    asyncio.run(fly_them())
 
 
 @needs_mavsdk

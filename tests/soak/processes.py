@@ -91,8 +91,11 @@ async def fly(cell: Cell, seed: int, folder: Path) -> Flown:
         async with asyncio.timeout(LATE * scenario.duration_s):
             verdict = json.loads([line async for line in sim.stdout][-1])
             await sim.wait()
-    failed = sum(process.returncode != 0 for process in pilots)
-    return Flown.of(verdict, verdict["internal_errors"] + failed)
+    flown = Flown.of(verdict, verdict["internal_errors"] + sum(process.returncode != 0 for process in pilots))
+    if flown.arrived < flown.vehicles:
+        words = [f"{path.name}:\n{path.read_text()}" for path in sorted(folder.glob(f"{flight}-*"))]
+        print(f"{cell}, seed {seed}: not all arrived. What the programs said:", *words, sep="\n", flush=True)
+    return flown
 
 
 async def fly_all(cells: list[Cell], flights: int, first_seed: int, together: int) -> dict[Cell, list[Flown]]:
