@@ -11,12 +11,17 @@ from functools import cache
 from typing import Any
 
 from ridlink.captures.broadcasts import Relay
-from ridlink.captures.pcap import Packet, read_packets
+from ridlink.captures.packet_window import Packet, Window
+from ridlink.captures.pcap import FILE_HEADER_LENGTH, PCAP_MAGICS, PcapReader
+from ridlink.captures.pcapng import PCAPNG_MAGIC, PcapngReader
 from ridlink.captures.raw import parse_alone
 from ridlink.captures.records import Origin, Record, Rejects, TracedRecord
 from ridlink.errors import CaptureError
-from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Frame
+from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Cause, Frame
 from ridlink.remote_id import radio
+
+MAGICS = (*PCAP_MAGICS, PCAPNG_MAGIC)
+"""What a file of packets begins with."""
 
 UDP_TRANSPORT = "udp"
 IP_FRAGMENT = "ip_fragment"
@@ -69,6 +74,24 @@ def read_pcap(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
     if foreign and not understood:
         known = ", ".join(map(str, sorted((*NETWORKS, *RADIOS))))
         raise CaptureError(f"link type {', '.join(map(str, sorted(foreign)))} is not read; these are: {known}")
+
+
+def read_packets(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Packet]:
+    """Packets of a pcap or pcapng file, however it is cut into chunks and whatever the bytes are.
+
+    Args:
+        chunks: The file from its first byte.
+        rejects: Counts what is damaged.
+    """
+    window = Window(chunks, rejects)
+    window.reach(FILE_HEADER_LENGTH)
+    magic = window.peek(0, 4)
+    if magic in PCAP_MAGICS and window.left >= FILE_HEADER_LENGTH:
+        yield from PcapReader(window, *PCAP_MAGICS[magic]).packets()
+    elif magic == PCAPNG_MAGIC:
+        yield from PcapngReader(window, rejects).packets()
+    elif window.left:
+        rejects.add(Cause.TRUNCATED if magic in PCAP_MAGICS else Cause.GARBAGE, 0, window.left)
 
 
 def _heard(packet: Packet, relay: Relay, rejects: Rejects) -> Iterator[Record]:

@@ -15,8 +15,7 @@ from pathlib import PurePath
 from typing import BinaryIO, Self
 
 from ridlink.captures.hexlines import looks_like_hex, read_hex
-from ridlink.captures.packets import read_pcap
-from ridlink.captures.pcap import MAGICS
+from ridlink.captures.packets import MAGICS, read_pcap
 from ridlink.captures.raw import read_raw
 from ridlink.captures.records import Record, Rejects
 from ridlink.captures.tlog import TIME_LENGTH, read_tlog

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ridlink.captures import CaptureKind, open_capture, read_messages
-from ridlink.captures.packets import read_pcap
-from ridlink.captures.pcap import MAX_PACKET_LENGTH, Packet, read_packets
+from ridlink.captures.packet_window import MAX_PACKET_LENGTH, Packet
+from ridlink.captures.packets import read_packets, read_pcap
 from ridlink.captures.records import Record, Rejects, TracedRecord
 from ridlink.cli.decode import decode
 from ridlink.errors import CaptureError
