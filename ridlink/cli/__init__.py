@@ -99,7 +99,10 @@ def cli() -> None:
 
 
 def _fail(text: str, code: int) -> NoReturn:
-    click.echo(f"ridlink: {text}", err=True)
+    """One line whatever names stand in it: a terminal shows them and acts on nothing."""
+    from ridlink.remote_id.text import display_name
+
+    click.echo(f"ridlink: {display_name(text)}", err=True)
     sys.exit(code)
 
 
@@ -110,6 +113,9 @@ def main() -> NoReturn:
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.UsageError as error:
+        if isinstance(error, getattr(click.exceptions, "NoArgsIsHelpError", ())):  # of click since 8.2
+            click.echo(error.format_message(), err=True)
+            sys.exit(EXIT_USAGE)
         command = error.ctx.command_path if error.ctx else "ridlink"
         _fail(f"{error.format_message()} (see '{command} --help')", EXIT_USAGE)
     except (click.Abort, KeyboardInterrupt):

@@ -11,5 +11,12 @@ def display_text(raw: bytes) -> str:
 
 
 def display_name(name: str) -> str:
-    """A file name or other text of the user's own alphabet, with what a terminal would act on as ``\\xNN``."""
-    return "".join(character if character.isprintable() else f"\\x{ord(character):02x}" for character in name)
+    """A file name or other text of the user's own alphabet, with what a terminal would act on as ``\\xNN``.
+
+    So are bytes of a name that are no text, which Python keeps as lone surrogates.
+    """
+    return "".join(character if character.isprintable() else _escaped(ord(character)) for character in name)
+
+
+def _escaped(code: int) -> str:
+    return f"\\x{code - 0xDC00 if 0xDC80 <= code <= 0xDCFF else code:02x}"

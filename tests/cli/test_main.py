@@ -105,6 +105,12 @@ class TestUsage:
         assert done.stdout == ""
         assert done.stderr == "ridlink: No such command 'fly-me-to-the-moon'. (see 'ridlink --help')\n"
 
+    @pytest.mark.parametrize("group", [(), ("campaign",), ("dialect",)])
+    def test_a_group_without_a_command_shows_its_help_and_no_error(self, group: tuple[str, ...]) -> None:
+        done = ridlink_process(*group)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == ridlink_process(*group, "--help").stdout
+
     def test_unknown_option(self) -> None:
         done = ridlink_process("dialect", "xml", "--colour")
         assert done.returncode == 2
@@ -140,6 +146,7 @@ class TestExitCodes:
             (CaptureError("a.tlog: no capture"), 3, "ridlink: a.tlog: no capture"),
             (FileNotFoundError(2, "No such file", "a.tlog"), 3, "ridlink: a.tlog: No such file"),
             (PermissionError(13, "Permission denied"), 3, "ridlink: Permission denied"),
+            (ConfigError("\x1b[2J\xe9\udcff\n: no such place"), 2, "ridlink: \\x1b[2J\xe9\\xff\\x0a: no such place"),
             (click.FileError("a.tlog", "gone"), 3, "ridlink: Could not open file 'a.tlog': gone"),
             (ZeroDivisionError("by nothing"), 70,
              "ridlink: internal error: ZeroDivisionError: by nothing (RIDLINK_DEBUG=1 shows where)"),
