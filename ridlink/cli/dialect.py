@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -17,6 +18,10 @@ FORMS = {
     "typescript": "TypeScript classes, into a folder.",
 }
 FOLDERS_ONLY = ("c", "typescript")
+PLACES = dict.fromkeys(FORMS, "A file or an existing folder; without it, standard output.") | {
+    "xml": "A folder, or a file with a suffix; without it, standard output.",
+    **dict.fromkeys(FOLDERS_ONLY, "A folder."),
+}
 
 
 @click.group(short_help="Write the MAVLink dialect in another language; check an XML.")
@@ -33,11 +38,10 @@ def _write(form: str, output: Path | None) -> None:
         click.echo(_single_file(form, "ridlink"), nl=False)
     elif form in FOLDERS_ONLY:
         generate.write_files(output, _render(form, "ridlink"))
+    elif form == "xml" and (output.is_dir() or not (output.suffix or output.exists())):
+        generate.write_files(output, generate.definition_files())
     elif output.is_dir():
-        if form == "xml":
-            generate.write_files(output, generate.definition_files())
-        else:
-            generate.write_file(output / f"ridlink{generate.SUFFIXES[form]}", _single_file(form, "ridlink"))
+        generate.write_file(output / f"ridlink{generate.SUFFIXES[form]}", _single_file(form, "ridlink"))
     else:
         generate.write_file(output, _single_file(form, output.stem))
 
@@ -47,7 +51,7 @@ def _single_file(form: str, stem: str) -> bytes:
 
     if form == "xml":
         return DIALECT_XML.read_bytes()
-    (content,) = _render(form, stem).values()
+    (content,) = _render(form, stem if re.fullmatch(r"[\w.-]+", stem, re.ASCII) else "ridlink").values()
     return content
 
 
@@ -57,14 +61,14 @@ def _render(form: str, stem: str) -> dict[str, bytes]:
     try:
         return render(form, stem)
     except GenerationError as error:
-        raise ConfigError(" ".join(str(error).split())) from error
+        raise ConfigError(f"mavgen: {str(error).splitlines()[-1]}") from error
 
 
 def _add_command(form: str, help_text: str) -> None:
     @dialect.command(form, help=help_text)
     @click.option(
         "-o", "--output", type=click.Path(path_type=Path), metavar="PATH",
-        help="A folder." if form in FOLDERS_ONLY else "A file or an existing folder; without it, standard output.",
+        help=PLACES[form],
     )  # fmt: skip
     def command(output: Path | None) -> None:
         _write(form, output)

@@ -28,9 +28,10 @@ class TestForms:
         assert (tmp_path / "mine.xml").read_bytes() == DIALECT_XML.read_bytes()
         assert len(list(tmp_path.iterdir())) == 1
 
-    def test_xml_to_a_folder_brings_what_it_includes(self, tmp_path: Path) -> None:
-        assert invoke("xml", "-o", tmp_path).exit_code == 0
-        assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == definition_files()
+    @pytest.mark.parametrize("folder", [".", "new/folder"])
+    def test_xml_to_a_folder_brings_what_it_includes(self, tmp_path: Path, folder: str) -> None:
+        assert invoke("xml", "-o", tmp_path / folder).exit_code == 0
+        assert {path.name: path.read_bytes() for path in (tmp_path / folder).iterdir()} == definition_files()
 
     @pytest.mark.parametrize(("form", "suffix"), [("python", ".py"), ("lua", ".lua")])
     def test_one_file_bindings(self, tmp_path: Path, form: str, suffix: str) -> None:
@@ -41,6 +42,14 @@ class TestForms:
         assert invoke(form, "-o", tmp_path / "other.txt").exit_code == 0
         assert (tmp_path / f"ridlink{suffix}").read_bytes() == printed.stdout_bytes
         assert sorted(path.name for path in tmp_path.iterdir()) == ["other.txt", f"ridlink{suffix}"]
+
+    @pytest.mark.parametrize("name", [b"\xff.py", b'a".py'])
+    def test_a_file_name_that_is_no_python_text_names_no_dialect(self, tmp_path: Path, name: bytes) -> None:
+        path = tmp_path / os.fsdecode(name)
+        assert invoke("python", "-o", path).exit_code == 0
+        names: dict[str, object] = {"__name__": "ridlink_dialect"}
+        exec(compile(path.read_bytes(), "ridlink.py", "exec"), names)
+        assert names["DIALECT"] == "ridlink"
 
     def test_printed_python_runs(self) -> None:
         names: dict[str, object] = {"__name__": "ridlink_dialect"}
