@@ -93,7 +93,7 @@ class CampaignFolder:
         if not shard.exists():
             return None
         try:
-            table = self._parquet.read_table(shard)
+            table = self._parquet.read_table(io.BytesIO(shard.read_bytes()))
             outcomes = _outcomes(table, plan.duration_s)
             found = {name: table[name][0].as_py() for name in (*asdict(plan.cell), "seed")}
         except (self._arrow.ArrowInvalid, OSError, KeyError):
@@ -187,7 +187,8 @@ def read_campaign(path: Path) -> tuple[dict[str, Any], list[tuple[dict[str, Any]
             cell = _folder_of(Cell(**{item.name: row[item.name] for item in fields(Cell)}))
             files = sorted((path / "shards" / cell).glob("*.parquet"))
             duration_s = configuration["scenario"][row["scenario"]]["duration_s"]
-            tables = [parquet.read_table(file) for file in files]
+            # read here, for pyarrow wants names in UTF-8, which a folder's need not be
+            tables = [parquet.read_table(io.BytesIO(file.read_bytes())) for file in files]
             for file, table in zip(files, tables, strict=True):
                 if set(table["seed"].unique().to_pylist()) != {configuration["seed"]}:
                     raise CaptureError(f"{file}: is of another campaign: its seed is not {configuration['seed']}")

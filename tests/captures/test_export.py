@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import importlib
 import json
+import os
 import struct
 import subprocess
 import sys
@@ -285,6 +286,14 @@ def test_parquet_has_types_and_nulls(log: Path, tmp_path: Path) -> None:
     moments = found.column("t").to_pylist()
     assert moments[0].isoformat() == "2023-11-14T22:13:20.124456+00:00"
     assert parquet.read_table(out / "OPEN_DRONE_ID_BASIC_ID.parquet").column("uas_id").to_pylist()[0] == HOSTILE_TEXT
+
+
+@pytest.mark.parametrize("output_format", ["csv", "parquet"])
+def test_a_folder_may_have_a_name_that_is_no_text(log: Path, tmp_path: Path, output_format: str) -> None:
+    pytest.importorskip("pyarrow.parquet", reason="pyarrow is in the extra 'export'")
+    out = tmp_path / os.fsdecode(b"\xff")
+    assert run(log, "-f", output_format, "-o", out).return_value == 0
+    assert (out / f"OPEN_DRONE_ID_LOCATION.{output_format}").stat().st_size > 0
 
 
 @pytest.mark.parametrize("output_format", ["csv", "parquet"])

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import importlib
 import io
-import os
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -214,8 +213,9 @@ class ParquetFolder(ExitStack):
     def _flush(self, name: str) -> None:
         table = self._arrow.concat_tables(self._waiting[name])
         if name not in self._writers:
-            path = os.fspath(self._folder / f"{name}.parquet")
-            writer = self._parquet.ParquetWriter(path, table.schema, compression="zstd")
+            # opened here, for pyarrow wants names in UTF-8, which a folder's need not be
+            stream = self.enter_context((self._folder / f"{name}.parquet").open("wb"))
+            writer = self._parquet.ParquetWriter(stream, table.schema, compression="zstd")
             self._writers[name] = self.enter_context(writer)
         self._writers[name].write_table(table)
         self._waiting[name], self._rows[name] = [], 0
