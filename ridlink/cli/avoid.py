@@ -140,7 +140,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 @click.option(
     "--config",
     "config_file",
-    type=click.Path(exists=True, dir_okay=False),
+    type=click.Path(),
     metavar="FILE.toml",
     help="Keys as these options, with underscores; options win. Obstacles stand here only.",
 )
@@ -152,7 +152,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 @click.option(
     "--replay",
     "replayed",
-    type=click.Path(exists=True, dir_okay=False),
+    type=click.Path(),
     metavar="FILE",
     help="Decide the flight of an input log again, without any link: prints the decisions with --json, and their hash.",
 )

@@ -37,9 +37,9 @@ PASSWORD_VARIABLE = "RIDLINK_MQTT_PASSWORD"
 @click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
 @click.option("--rate", type=float, default=1.0, show_default=True, metavar="HZ", help="States of each aircraft.")
 @click.option("--batch", is_flag=True, help="All states of an instant in one message.")
-@click.option("--password-file", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE",
+@click.option("--password-file", type=click.Path(path_type=Path), metavar="FILE",
               help=f"Password of the broker's user; or {PASSWORD_VARIABLE}.")  # fmt: skip
-@click.option("--ca-file", type=click.Path(exists=True, dir_okay=False), metavar="FILE.pem",
+@click.option("--ca-file", type=click.Path(), metavar="FILE.pem",
               help="Certificates to trust, instead of the system's.")  # fmt: skip
 @click.option("--home-assistant", is_flag=True, help="Announce each aircraft as a device tracker.")
 @click.option("--in", "feed", metavar="TOPIC", help="Take a foreign JSON feed as traffic; needs --relay.")
@@ -86,6 +86,8 @@ def mqtt(
     )
     broker_url, source_url = parse_broker_url(broker), parse_link_url(source)
     relay_url = None if relay is None else parse_link_url(relay)
+    if ca_file is not None and not broker_url.encrypted:
+        raise click.UsageError("--ca-file is for mqtts:, and mqtt: does not encrypt")
     password = _password(password_file)
     metrics_address = None if metrics is None else parse_metrics_address(metrics)
 
@@ -145,10 +147,14 @@ def _password(file: Path | None) -> str | None:
     """The password, from a file that only its owner can read, or from the environment.
 
     Raises:
-        ConfigError: If others can read the file.
+        ConfigError: If others can read the file, or it is no text.
+        OSError: If it cannot be read.
     """
     if file is None:
         return os.environ.get(PASSWORD_VARIABLE)
     if file.stat().st_mode & 0o077:
         raise ConfigError(f"{file}: others can read it; chmod 600 {file}")
-    return file.read_text().rstrip("\n")
+    try:
+        return file.read_text("utf-8").rstrip("\r\n")
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{file}: is not UTF-8 text: {error.reason}") from error

@@ -44,8 +44,10 @@ def parse_broker_url(text: str) -> BrokerUrl:
     try:
         parts = urlsplit(text if "://" in text else f"none://{text}")
         port = parts.port
-    except ValueError as error:
-        raise refuse(str(error)) from error
+    except ValueError as error:  # whose text repeats what stands there: perhaps a part of a password
+        raise refuse("the port is no number from 1 to 65535") from error
+    if port == 0:
+        raise refuse("the port is no number from 1 to 65535")
     if parts.scheme not in PORTS:
         raise refuse(f"'{parts.scheme}://' is no scheme for it" if parts.scheme != "none" else "no scheme")
     if parts.password is not None:

@@ -236,3 +236,11 @@ def test_on_a_terminal_there_is_a_status_line() -> None:
         assert process.returncode == 0
 
     run(test)
+
+
+@pytest.mark.parametrize("option", ["--config", "--replay"])
+def test_a_file_that_cannot_be_read_is_no_usage_error(tmp_path: Path, option: str) -> None:
+    for path in (tmp_path / "absent", tmp_path):
+        found = CliRunner().invoke(cli, ["avoid", option, str(path)])
+        assert isinstance(found.exception, OSError), "main() turns it into one line and exit code 3"
+        assert found.exception.filename == str(path)

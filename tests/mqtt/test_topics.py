@@ -52,6 +52,8 @@ def test_a_broker_is_read(text: str, broker: BrokerUrl) -> None:
         ("http://127.0.0.1", "is no scheme"),
         ("mqtt://", "no host"),
         ("mqtt://127.0.0.1:99999", "write mqtt://"),
+        ("mqtt://127.0.0.1:0", "no number from 1 to 65535"),
+        ("mqtt://me:secret/@127.0.0.1", "no number from 1 to 65535"),
         ("mqtt://me:secret@127.0.0.1", "password-file"),
         ("mqtt://127.0.0.1/topic", "nothing may follow"),
     ],
