@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from ridlink.captures.fast import kernels, tables
+from ridlink.captures.fast import copying, loading, tables
 from ridlink.captures.fast.blocks import BlockReader, announce, empty_words, plain, structured
 from ridlink.captures.records import Rejects
 from ridlink.captures.statistics import SourceCount
@@ -155,14 +155,14 @@ def encode(name: str, rows: np.ndarray, *, timed: bool = False) -> bytes:
     words = (
         packed.view(np.uint8).reshape(len(packed), -1) if len(packed) else np.empty((0, layout.dtype.itemsize), "u1")
     )
-    longest = kernels.TIME_LENGTH * timed + MAX_OVERHEAD + layout.size
-    out = np.empty(kernels.MARGIN + len(packed) * longest + kernels.MARGIN, np.uint8)
-    announce(kernels.pack)
-    end = kernels.pack(
+    longest = loading.TIME_LENGTH * timed + MAX_OVERHEAD + layout.size
+    out = np.empty(loading.MARGIN + len(packed) * longest + loading.MARGIN, np.uint8)
+    announce(copying.pack)
+    end = copying.pack(
         words, spec.msgid, layout.size, spec.crc_extra, plain(tables.checksum_table()), plain(tables.initial_table()),
-        timed, out, kernels.MARGIN,
+        timed, out, loading.MARGIN,
     )  # fmt: skip
-    return out[kernels.MARGIN : end].tobytes()
+    return out[loading.MARGIN : end].tobytes()
 
 
 def _wanted_slots(types: Iterable[str] | None) -> frozenset[int] | None:

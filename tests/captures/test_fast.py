@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ridlink.captures.fast import kernels, tables
+from ridlink.captures.fast import copying, loading, tables
 from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.raw import read_raw
 from ridlink.captures.records import Rejects
@@ -146,7 +146,7 @@ def test_noise_is_judged_alike(tmp_path: Path, kind: str) -> None:
 @settings(max_examples=100)
 def test_the_checksum_is_that_of_the_codec(data: bytes, extra: int) -> None:
     array = np.frombuffer(bytearray(bytes(8) + data + bytes(8)), np.uint8)
-    found = kernels.checksum(array, 8, 8 + len(data), extra, tables.checksum_table(), tables.initial_table())
+    found = loading.checksum(array, 8, 8 + len(data), extra, tables.checksum_table(), tables.initial_table())
     assert found == checksum(data, extra)
 
 
@@ -229,8 +229,8 @@ def test_every_message_of_the_dialect_has_a_layout_that_fits_its_payload() -> No
     for layout in tables.layouts()[1:]:
         assert layout.spec is not None and layout.dtype.fields is not None
         fields = [layout.dtype.fields[tables.column_of(name)] for name in layout.spec.fields]
-        assert fields[0][1] == kernels.HEAD_LENGTH
-        assert fields[-1][1] + fields[-1][0].itemsize == kernels.HEAD_LENGTH + layout.spec.size
+        assert fields[0][1] == copying.HEAD_LENGTH
+        assert fields[-1][1] + fields[-1][0].itemsize == copying.HEAD_LENGTH + layout.spec.size
         assert layout.dtype.itemsize % 8 == 0
 
 

@@ -1,6 +1,8 @@
 """The fast path: whole blocks of a capture to columns, and columns to frames, in compiled loops.
 
 tables   checksum tables, and where each message lies in its records; derived from the dialect
-kernels  the loops
+loading  bytes taken eight at a time, and the checksum over them
+scanning the loops that find frames and check them
+copying  the loops that copy frames into columns, and columns into frames
 blocks   a file read block by block, each with an index of its frames
 """

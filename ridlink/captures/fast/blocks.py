@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import config
 
-from ridlink.captures.fast import kernels, tables
+from ridlink.captures.fast import copying, loading, scanning, tables
 from ridlink.captures.reader import STDIN, Capture, CaptureKind, open_capture
 from ridlink.captures.records import Record, Rejects
 from ridlink.captures.statistics import SourceCount
@@ -27,8 +27,8 @@ RECORDS_PER_BLOCK = 8192
 SHORTEST_FRAME = 8
 KINDS = (CaptureKind.TLOG, CaptureKind.MAVLINK)
 
-_CARRIED = kernels.LOOKAHEAD + kernels.MARGIN
-_START = kernels.MARGIN + _CARRIED
+_CARRIED = scanning.LOOKAHEAD + loading.MARGIN
+_START = loading.MARGIN + _CARRIED
 
 
 class Block:
@@ -56,7 +56,7 @@ class Block:
         self._offsets = offsets
         self._order = np.empty(count, np.int32)
         self._bounds = np.empty(len(tables.layouts()) + 1, np.int64)
-        kernels.group(slots, count, self._bounds, self._order)
+        copying.group(slots, count, self._bounds, self._order)
 
     def present(self) -> list[tuple[int, int]]:
         """Slots that have frames here, and how many."""
@@ -90,7 +90,7 @@ class Block:
         """Write the frames of a slot into an array of words, from a row on; the row after them."""
         first, stop = int(self._bounds[slot]), int(self._bounds[slot + 1])
         layout = tables.layouts()[slot]
-        kernels.gather(
+        copying.gather(
             plain(self._data), self._base, self._order, first, stop, self._starts, self._times, layout.size,
             layout.words, words, row,
         )  # fmt: skip
@@ -139,10 +139,10 @@ class BlockReader:
         self.sources: dict[tuple[int, int], SourceCount] = {}
         capture = open_capture(path, kind)
         self.name, self.kind, self.size = capture.name, capture.kind, capture.size
-        self._state = np.zeros(kernels.STATE_LENGTH, np.int64)
-        self._state[kernels.LAST_CAUSE] = self._state[kernels.LAST_END] = -1
-        self._state[kernels.IN_STEP] = 1
-        self._sources = np.zeros(65536 * kernels.SOURCE_LENGTH, np.int64)
+        self._state = np.zeros(scanning.STATE_LENGTH, np.int64)
+        self._state[scanning.LAST_CAUSE] = self._state[scanning.LAST_END] = -1
+        self._state[scanning.IN_STEP] = 1
+        self._sources = np.zeros(65536 * scanning.SOURCE_LENGTH, np.int64)
         self._capture: Capture | None = None
         if os.fspath(path) != STDIN and Path(path).is_file() and self.kind in KINDS:
             self._path = path
@@ -167,12 +167,12 @@ class BlockReader:
 
     def _from_file(self) -> Iterator[Block]:
         length = self._block_length
-        data = np.zeros(_START + length + kernels.MARGIN, np.uint8)
+        data = np.zeros(_START + length + loading.MARGIN, np.uint8)
         view = data.data
         index = _Index((length + _CARRIED) // SHORTEST_FRAME + 1)
         reference = np.zeros(1, np.uint64)
         state, is_tlog = self._state, self.kind is CaptureKind.TLOG
-        scan = kernels.scan_tlog if is_tlog else kernels.scan_raw
+        scan = scanning.scan_tlog if is_tlog else scanning.scan_raw
         more = (reference,) if is_tlog else ()
         announce(scan)
         arguments = tuple(map(plain, (tables.id_table(), tables.checksum_table(), tables.initial_table())))
@@ -183,12 +183,12 @@ class BlockReader:
                 read += got
                 n, final = _START + got, got < length
                 base = read - n
-                state[kernels.AT] = begin
+                state[scanning.AT] = begin
                 count = scan(
                     plain(data), n, base, final, *arguments, state, self._sources, index.starts, index.slots,
                     index.times, *more,
                 )  # fmt: skip
-                at = int(state[kernels.AT])
+                at = int(state[scanning.AT])
                 self.position = base + at
                 yield Block(data, base, index.starts, index.slots, index.times, count, base + at, 8 * is_tlog)
                 if final:
@@ -198,14 +198,14 @@ class BlockReader:
         self._finish()
 
     def _finish(self) -> None:
-        counts = self._state[kernels.COUNTS : kernels.COUNTS + len(tables.CAUSES)].tolist()
-        firsts = self._state[kernels.FIRST : kernels.FIRST + len(tables.CAUSES)].tolist()
+        counts = self._state[scanning.COUNTS : scanning.COUNTS + len(tables.CAUSES)].tolist()
+        firsts = self._state[scanning.FIRST : scanning.FIRST + len(tables.CAUSES)].tolist()
         for first, cause, count in sorted(zip(firsts, tables.CAUSES, counts, strict=True)):
             if count:  # in the order in which they were met
                 self.rejects.counts[str(cause)] = count
                 self.rejects.first_offset[str(cause)] = first
-        seen = self._sources.reshape(-1, kernels.SOURCE_LENGTH)
-        for key in np.flatnonzero(seen[:, kernels.MESSAGES]):
+        seen = self._sources.reshape(-1, scanning.SOURCE_LENGTH)
+        for key in np.flatnonzero(seen[:, scanning.MESSAGES]):
             messages, gaps, lost, last = map(int, seen[key])
             self.sources[int(key) >> 8, int(key) & 0xFF] = SourceCount(messages, gaps, lost, last - 1)
 
@@ -240,13 +240,13 @@ class _Index:
 def _block_of(batch: Iterable[Record], slot_by_id: dict[int, int], end: int) -> Block:
     records = list(batch)
     index = _Index(len(records))
-    start = kernels.MARGIN
+    start = loading.MARGIN
     for entry, (time_us, frame, _) in enumerate(records):
         index.starts[entry] = start
         index.slots[entry] = slot_by_id.get(frame.msgid, 0)
         index.times[entry] = 2**64 - 1 if time_us is None else time_us
         start += len(frame.raw)
-    margin = bytes(kernels.MARGIN)
+    margin = bytes(loading.MARGIN)
     data = np.frombuffer(bytearray(b"".join((margin, *(record.frame.raw for record in records), margin))), np.uint8)
     offsets = np.array([record.offset for record in records], np.uint64)
     return Block(data, 0, index.starts, index.slots, index.times, len(records), end, 0, offsets)

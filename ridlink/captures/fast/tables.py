@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.captures.fast.kernels import HEAD_LENGTH
+from ridlink.captures.fast.copying import HEAD_LENGTH
 from ridlink.captures.messages import UNKNOWN
 from ridlink.captures.records import BAD_TIMESTAMP
 from ridlink.mavlink.codec import MESSAGES, MessageSpec

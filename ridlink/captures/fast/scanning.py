@@ -1,41 +1,23 @@
-"""The loops over every byte: frames found and checked, then copied into columns; and columns into frames.
+"""The loops that find frames in the bytes of a file and check them: an index of where each starts.
 
 ``scan_raw`` and ``scan_tlog`` take what `ridlink.mavlink.frames` and `ridlink.captures.tlog` take and refuse what they
-refuse; those say why, and tests hold them against each other. Here a frame is an entry of an index: where it starts,
-its slot (the place of its message in ``tables.layouts()``) and its time.
-
-Payloads of MAVLink lie on the wire as C structures lie in memory, so a record of a column array is a head of 24 bytes
-and the payload as it came, filled up with zeros: decoding is copying, eight bytes at a time.
-
-The checksum takes eight bytes at a time too (slicing by eight: one table for each distance from the end of the word),
-and starts with a word that is filled up *in front* with zeros, so that no loop over single bytes is left.
-
-Without a compiler (NUMBA_DISABLE_JIT=1) all of this runs as plain Python on memoryviews and lists.
+refuse; those say why, and tests hold them against each other. A frame is an entry of an index: where it starts, its
+slot (the place of its message in ``tables.layouts()``) and its time.
 """
 
 # mypy: disallow-untyped-decorators=False
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ridlink.captures.fast.loading import TIME_LENGTH, byte_of, checksum, kernel, load
 from ridlink.captures.tlog import EARLIEST_TIME_US as _EARLIEST
 from ridlink.captures.tlog import LATEST_TIME_US as _LATEST
 from ridlink.captures.tlog import PLAUSIBLE_STEP_US as _STEP
-from ridlink.compiled import kernel_decorator
 
-kernel = kernel_decorator([Path(__file__)])
-
-MARGIN = 512
-"""Bytes that must exist in a buffer before and after those that are scanned; their values do not matter."""
-
-HEAD_LENGTH = 24
-"""Bytes of a record before its payload: time, offset, and eight bytes of sequence number, ids and length."""
-
-TIME_LENGTH = 8
 LOOKAHEAD = TIME_LENGTH + 280 + TIME_LENGTH + 1
 """With so many bytes ahead a record of a tlog is judged as with the whole file ahead."""
 
@@ -53,32 +35,9 @@ SOURCE_LENGTH = 4
 """Places in ``sources``, for each system and component id; the last sequence number is kept plus one."""
 
 _NO_TIME = np.uint64(2**64 - 1)
-_ALL = np.uint64(2**64 - 1)
 _EARLIEST_US = np.uint64(_EARLIEST)
 _LATEST_US = np.uint64(_LATEST)
 _STEP_US = np.uint64(_STEP)
-
-
-@kernel(forceinline=True)
-def load(data: Any, at: Any) -> Any:
-    """Eight bytes as the number whose first byte is the lowest."""
-    at = np.uint64(at)  # an unsigned index cannot count from the end: one load instead of eight
-    return (
-        np.uint64(data[at])
-        | np.uint64(data[at + np.uint64(1)]) << np.uint64(8)
-        | np.uint64(data[at + np.uint64(2)]) << np.uint64(16)
-        | np.uint64(data[at + np.uint64(3)]) << np.uint64(24)
-        | np.uint64(data[at + np.uint64(4)]) << np.uint64(32)
-        | np.uint64(data[at + np.uint64(5)]) << np.uint64(40)
-        | np.uint64(data[at + np.uint64(6)]) << np.uint64(48)
-        | np.uint64(data[at + np.uint64(7)]) << np.uint64(56)
-    )
-
-
-@kernel(forceinline=True)
-def byte_of(word: Any, place: Any) -> Any:
-    """One byte of what `load` gave."""
-    return np.int64(word >> np.uint64(8 * place) & np.uint64(0xFF))
 
 
 @kernel(forceinline=True)
@@ -108,35 +67,6 @@ def time_at(data: Any, at: Any, end: Any) -> Any:
     for index in range(at, end):
         value = value << np.uint64(8) | np.uint64(data[index])
     return value
-
-
-@kernel(forceinline=True)
-def checksum(data: Any, start: Any, end: Any, extra: Any, table: Any, initial: Any) -> Any:
-    """CRC-16/MCRF4XX over ``data[start:end]`` and then over ``extra``; at least one byte."""
-    missing = -(end - start) & 7
-    value = initial[missing]
-    at = start - missing
-    word = load(data, at) & (np.uint64(2**64 - 1) << np.uint64(8 * missing))
-    while True:
-        # what does not hang on the checksum so far comes first: it can be done ahead
-        ahead = (
-            (
-                table[1280 + (word >> np.uint64(16) & np.uint64(255))]
-                ^ table[1024 + (word >> np.uint64(24) & np.uint64(255))]
-            )
-            ^ (
-                table[768 + (word >> np.uint64(32) & np.uint64(255))]
-                ^ table[512 + (word >> np.uint64(40) & np.uint64(255))]
-            )
-            ^ (table[256 + (word >> np.uint64(48) & np.uint64(255))] ^ table[word >> np.uint64(56)])
-        )
-        word ^= np.uint64(value)
-        value = ahead ^ (table[1792 + (word & np.uint64(255))] ^ table[1536 + (word >> np.uint64(8) & np.uint64(255))])
-        at += 8
-        if at >= end:
-            break
-        word = load(data, at)
-    return value >> 8 ^ table[(value ^ extra) & 255]
 
 
 @kernel(forceinline=True)
@@ -345,91 +275,3 @@ def scan_tlog(
     state[HAS_REFERENCE] = has_reference
     reference[0] = reference_us
     return count
-
-
-@kernel
-def group(slots: Any, count: Any, bounds: Any, order: Any) -> None:
-    """Entries of the index by slot: those of slot ``s`` are ``order[bounds[s]:bounds[s + 1]]``, in file order."""
-    for place in range(len(bounds)):
-        bounds[place] = 0
-    for entry in range(count):
-        bounds[slots[entry] + 1] += 1
-    total = 0
-    for place in range(len(bounds)):
-        here = bounds[place]
-        bounds[place] = total  # where the slot before begins, moved on below while it is filled
-        total += here
-    for entry in range(count):
-        place = slots[entry] + 1
-        order[bounds[place]] = entry
-        bounds[place] += 1
-
-
-@kernel
-def gather(
-    data: Any, base: Any, order: Any, first: Any, stop: Any, starts: Any, times: Any, size: Any, words: Any, out: Any,
-    row: Any,
-) -> None:  # fmt: skip
-    """Copy frames ``order[first:stop]`` of one slot into ``out[row:]``; the layout is that of ``tables``."""
-    for place in range(first, stop):
-        entry = order[place]
-        start = np.int64(starts[entry])
-        head = load(data, start)
-        length = byte_of(head, 1)
-        if byte_of(head, 0) == 0xFD:
-            payload = start + 10
-            source = head >> np.uint64(32) & np.uint64(0xFFFFFF)
-            msgid = load(data, start + 7) & np.uint64(0xFFFFFF)
-        else:
-            payload = start + 6
-            source = head >> np.uint64(16) & np.uint64(0xFFFFFF)
-            msgid = head >> np.uint64(40) & np.uint64(0xFF)
-        out[row, 0] = times[entry]
-        out[row, 1] = base + start
-        out[row, 2] = source | np.uint64(length) << np.uint64(24) | msgid << np.uint64(32)
-        length = min(length, size)
-        whole = length >> 3
-        for word in range(whole):
-            out[row, 3 + word] = load(data, payload + 8 * word)
-        if whole < words:
-            rest = np.uint64(8 * (length & 7))
-            out[row, 3 + whole] = load(data, payload + 8 * whole) & ~(_ALL << rest)
-            for word in range(whole + 1, words):
-                out[row, 3 + word] = 0
-        row += 1
-
-
-@kernel
-def pack(
-    rows: Any, msgid: Any, size: Any, extra: Any, table: Any, initial: Any, timed: Any, out: Any, at: Any
-) -> Any:  # fmt: skip
-    """Write records as MAVLink 2 frames into ``out[at:]``, each after its time where ``timed``; the byte after them.
-
-    ``rows`` are the bytes of the records. Trailing zeros of a payload are cut off, its first byte stays.
-    """
-    for row in range(len(rows)):
-        if timed:
-            for index in range(TIME_LENGTH):
-                out[at + index] = rows[row, TIME_LENGTH - 1 - index]
-            at += TIME_LENGTH
-        length = size
-        while length > 1 and rows[row, HEAD_LENGTH + length - 1] == 0:
-            length -= 1
-        out[at] = 0xFD
-        out[at + 1] = length
-        out[at + 2] = 0
-        out[at + 3] = 0
-        out[at + 4] = rows[row, 16]
-        out[at + 5] = rows[row, 17]
-        out[at + 6] = rows[row, 18]
-        out[at + 7] = msgid & 0xFF
-        out[at + 8] = msgid >> 8 & 0xFF
-        out[at + 9] = msgid >> 16
-        end = at + 10 + length
-        for index in range(length):
-            out[at + 10 + index] = rows[row, HEAD_LENGTH + index]
-        value = np.int64(checksum(out, at + 1, end, extra, table, initial))
-        out[end] = value & 0xFF
-        out[end + 1] = value >> 8
-        at = end + 2
-    return at
