@@ -15,7 +15,7 @@ import struct
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -86,7 +86,15 @@ def browser() -> Iterator[Any]:
 class Visit:
     """A page that was opened, and everything that went wrong on it."""
 
-    def __init__(self, browser: Any, address: str, *, size: dict[str, int] = WIDE, scheme: str = "dark") -> None:
+    def __init__(
+        self,
+        browser: Any,
+        address: str,
+        *,
+        size: dict[str, int] = WIDE,
+        scheme: str = "dark",
+        prepare: Callable[[Any], None] = lambda page: None,
+    ) -> None:
         self.address = address
         self.wrong: list[str] = []
         self.context = browser.new_context(viewport=size, color_scheme=scheme)
@@ -98,6 +106,7 @@ class Visit:
         self.page.on(
             "response", lambda got: self.wrong.append(f"{got.status} {got.url}") if got.status >= 400 else None
         )
+        prepare(self.page)
         self.open(address)
 
     def _console(self, message: Any) -> None:
@@ -347,6 +356,27 @@ def test_names_of_strangers_are_text(browser: Any, tmp_path: Path) -> None:
         assert again.shown()["selected"] == visit.shown()["selected"]
         again.close()
         visit.close()
+
+
+def test_the_plan_looks_the_same_whether_a_worker_paints_it_or_not(browser: Any, recording: str) -> None:
+    def opened(prepare: Callable[[Any], None]) -> Visit:
+        visit = Visit(browser, recording + "?t=12.5&d=candidate2&v=CROSS-1", prepare=prepare)
+        visit.until("shown.rings !== '' && Math.abs(shown.t - 12.5) < 0.02 && Math.abs(shown.t - shown.shown) < 0.02")
+        return visit
+
+    def looks(visit: Visit) -> bytes:
+        return visit.page.locator("#map").screenshot()  # type: ignore[no-any-return]
+
+    here = opened(lambda page: page.add_init_script("delete window.Worker"))
+    beside = opened(lambda page: None)
+    broken = opened(lambda page: page.route("**/static/painting.js", lambda route: route.abort()))
+    assert [len(visit.page.workers) for visit in (here, beside, broken)] == [0, 1, 0]
+    painted = looks(here)
+    for visit in (beside, broken):
+        assert any(looks(visit) == painted for _ in range(50)), "another picture"
+    here.close()
+    beside.close()
+    broken.context.close()  # its console says what did not load
 
 
 def test_250_vehicles_are_as_fluid_as_an_empty_page(browser: Any, tmp_path: Path) -> None:

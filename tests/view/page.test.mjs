@@ -4,8 +4,9 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 const from = (name) => import(new URL(`../../ridlink/view/static/${name}`, import.meta.url));
-const [{ Clock }, { Frame }, { History }, { Loader }, format, picture, { readUrl, urlOf }] = await Promise.all(
-  ["clock.js", "frame.js", "history.js", "loader.js", "format.js", "picture.js", "url.js"].map(from));
+const [{ Clock }, { Frame }, { History }, { Loader }, { Trails }, format, picture, { readUrl, urlOf }, { viewOf }] =
+  await Promise.all(["clock.js", "frame.js", "history.js", "loader.js", "trails.js", "format.js", "picture.js", "url.js",
+    "view.js"].map(from));
 const { E, FIELDS, N, pack } = picture;
 
 globalThis.matchMedia = () => ({ matches: false });
@@ -48,6 +49,48 @@ test("between two instants a vehicle is between its two positions, by name and n
   const frame = new Frame();
   assert.ok(frame.at(history, 0.25, 0));
   assert.deepEqual([frame.value(0, E), frame.value(1, N)], [5, 102.5]);
+});
+
+// Where each of these came from: name -> [[north, east], ...], oldest first.
+function trailsOf(history, t, names) {
+  const trails = new Trails();
+  trails.update(history, t, 0, names);
+  const { starts, points } = trails.lines;
+  const pairs = (from, to) => Array.from({ length: (to - from) / 2 }, (_, k) => [...points.slice(from + 2 * k, from + 2 * k + 2)]);
+  return Object.fromEntries(names.map((name, i) => [name, pairs(starts[i], starts[i + 1])]));
+}
+
+test("a trail is of whom it was, wherever its name stood in the list", () => {
+  const history = historyOf(
+    instant(0, vehicle("a", 0, 0), vehicle("b", 100, 0)), instant(0.5, vehicle("b", 101, 0), vehicle("a", 1, 0)),
+    instant(1, vehicle("b", 102, 0)), instant(1.5, vehicle("b", 103, 0), vehicle("a", 3, 0)));
+  const found = trailsOf(history, 1.5, ["b", "a", "nobody"]);
+  assert.deepEqual(found, { b: [[100, 0], [101, 0], [102, 0], [103, 0]], a: [[0, 0], [1, 0], [3, 0]], nobody: [] });
+});
+
+test("a trail begins anew where nothing was heard for long, and is gone when nothing is heard any more", () => {
+  const history = historyOf(...[0, 0.5, 8, 8.5].map((t) => instant(t, vehicle("a", t, 0))));
+  assert.deepEqual(trailsOf(history, 8.5, ["a"]).a, [[8, 0], [8.5, 0]]);
+  assert.deepEqual(trailsOf(history, 12, ["a"]).a, []);
+});
+
+test("trails are collected anew when time has moved on by a step, the history has changed or others are in the air", () => {
+  const history = historyOf(...[0, 0.5, 1].map((t) => instant(t, vehicle("a", t, 0), vehicle("b", -t, 0))));
+  const trails = new Trails(), names = ["a"];
+  let before = trails.lines;
+  const anew = (...given) => {
+    trails.update(history, ...given);
+    const changed = trails.lines !== before;
+    before = trails.lines;
+    return changed;
+  };
+  assert.deepEqual([anew(0.5, 0, names), anew(0.9, 0, names), anew(1, 0, names), anew(1, 1, names), anew(1, 1, ["b"])],
+    [true, false, true, true, true]);
+});
+
+test("a view and the numbers it was made of say the same about a place", () => {
+  const view = viewOf({ width: 800, height: 600, scale: 2, x0: 400, y0: 300, ratio: 1 });
+  assert.deepEqual([view.x(10), view.y(10), view.east(view.x(-3)), view.north(view.y(7))], [420, 280, -3, 7]);
 });
 
 test("past the last instant it flies on with its velocity, for a second", () => {

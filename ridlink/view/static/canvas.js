@@ -8,9 +8,11 @@ export function canvasIn(element, name) {
   return canvas;
 }
 
+// Pixels of a canvas in a CSS pixel; a worker does not know.
+export function sharpness() { return Math.min(2, devicePixelRatio || 1); }
+
 // The canvas in the size of the view, cleared.
-export function prepare(canvas, { width, height }) {
-  const ratio = Math.min(2, devicePixelRatio || 1);
+export function prepare(canvas, { width, height, ratio = sharpness() }) {
   const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
   if (canvas.width !== w || canvas.height !== h) {
     canvas.width = w;

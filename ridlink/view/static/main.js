@@ -10,7 +10,6 @@ import { KIND, label, metres, nearness, signedMetres } from "./format.js";
 import { Frame } from "./frame.js";
 import { History } from "./history.js";
 import { listenToKeys, wireTabs } from "./keyboard.js";
-import { Labels } from "./labels.js";
 import { LinkHealth } from "./link.js";
 import { Loader } from "./loader.js";
 import { Palette } from "./palette.js";
@@ -27,11 +26,9 @@ const NOBODY = {
   demo: "Nobody is in the air yet: the demo is starting. The first time, its solver is compiled: up to half a minute.", air: "Nobody is heard on the air.",
   link: "Nobody is heard on this link.", file: "Nobody is in the air at this instant.",
 };
-// What changes beside the plan changes in the same frame as the plan where it can: each frame with a change is composed
-// anew, every canvas of it, whatever it was that changed.
-const TRANSPORT_EVERY_MS = 40, TRANSPORT_ALONE_MS = 100;
-const FIGURES_EVERY_MS = 100;
-const TABLES_EVERY_MS = 400;
+const PLAYHEAD_EVERY_MS = 40;
+// What changes beside the plan: so often, and at most one of them in a frame, so that no frame is a long one.
+const CHORES = [["figures", 100], ["curve", 250], ["tables", 400]];
 
 class Page {
   hello = null;
@@ -43,15 +40,13 @@ class Page {
   dirty = true;
   known = false; // whether the history holds the instant of the clock
   changes = 0;
-  transportAt = 0;
-  figuresAt = 0;
-  tablesAt = 0;
+  playheadAt = 0;
+  doneAt = { figures: 0, curve: 0, tables: 0 };
 
   constructor() {
     this.history = new History();
     this.frame = new Frame();
     this.trails = new Trails();
-    this.labels = new Labels();
     this.urls = new UrlKeeper();
     this.palette = new Palette(() => this.restyle());
     this.clock = new Clock(() => this.tempo());
@@ -153,6 +148,7 @@ class Page {
   restyle() {
     this.plan?.invalidate();
     this.strip?.restyle();
+    this.doneAt.curve = 0;
     this.dirty = true;
   }
 
@@ -162,22 +158,25 @@ class Page {
     const { clock, frame, plan } = this;
     clock.tick(now, this.live, !this.known && this.loader.waiting);
     if (!clock.following) this.want(now);
-    const drawn = this.dirty || plan.stale || frame.growing || plan.visiblyElse(clock.t);
-    if (drawn) {
+    const due = plan.free && (this.dirty || plan.stale || frame.growing || plan.visiblyElse(clock.t));
+    if (due) {
       this.known = frame.at(this.history, clock.t, now, !clock.following && this.loader.complete);
       this.dirty = !this.known;
       if (this.known || plan.stale) {
-        this.trails.update(this.history, clock.t, this.changes);
-        plan.draw(frame, this.trails, this.labels, now);
+        this.trails.update(this.history, clock.t, this.changes, frame.names);
+        plan.draw(frame, this.trails, now);
         this.reveal();
       }
     }
-    if (now - this.transportAt < (drawn ? TRANSPORT_EVERY_MS : TRANSPORT_ALONE_MS)) return;
-    this.transportAt = now;
-    this.strip.draw(clock, now);
-    this.transport.draw(this.strip.range, this.live, this.hello.utc0 ?? null);
-    if (now - this.figuresAt > FIGURES_EVERY_MS) this.figures(now);
-    if (now - this.tablesAt > TABLES_EVERY_MS) this.tables(now);
+    if (now - this.playheadAt >= PLAYHEAD_EVERY_MS) {
+      this.playheadAt = now;
+      this.strip.point(clock.t);
+    }
+    const overdue = ([name, every]) => (now - this.doneAt[name]) / every;
+    const most = CHORES.reduce((one, other) => (overdue(other) > overdue(one) ? other : one));
+    if (overdue(most) < 1) return;
+    this.doneAt[most[0]] = now;
+    this[most[0]](now);
   }
 
   want(now) {
@@ -193,9 +192,11 @@ class Page {
     this.plan.reveal(this.frame.value(index, N), this.frame.value(index, E));
   }
 
-  figures(now) {
-    this.figuresAt = now;
+  curve() { this.strip.draw(this.clock); }
+
+  figures() {
     const { frame } = this;
+    this.transport.draw(this.strip.range, this.live, this.hello.utc0 ?? null);
     if (this.chooses && frame.count && frame.index(this.selected) < 0) {
       this.select(Vehicles.order(frame.names)[0]);
       this.chooses = true; // and another one, should this one go or get another name
@@ -215,7 +216,6 @@ class Page {
   }
 
   tables(now) {
-    this.tablesAt = now;
     this.vehicles.draw(this.frame, this.selected);
     const t = this.clock.following ? null : this.clock.t;
     this.urls.keep({ t, vehicle: this.selected, definition: this.definition }, now);

@@ -24,6 +24,12 @@ export class Palette {
     return chosen ? chosen === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
   }
 
+  // The colours and the font alone, for whoever paints elsewhere.
+  get colours() {
+    const { onChange, ...colours } = this;
+    return colours;
+  }
+
   toggle() {
     const next = this.dark ? "light" : "dark";
     document.documentElement.dataset.theme = next;

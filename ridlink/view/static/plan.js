@@ -1,11 +1,11 @@
-// The plan: Leaflet carries pan and zoom in metres (x east, y north), two canvases carry the picture.
+// The plan: Leaflet carries pan and zoom in metres (x east, y north), an easel carries the picture.
 
 import * as L from "./vendor/leaflet.js";
-import { canvasIn, prepare } from "./canvas.js";
+import { sharpness } from "./canvas.js";
 import { find } from "./dom.js";
-import { drawGround } from "./ground.js";
+import { Easel } from "./easel.js";
 import { DISPLACEMENT, E, FIELDS, N } from "./picture.js";
-import { drawTraffic } from "./traffic.js";
+import { viewOf } from "./view.js";
 
 const MARGIN_PX = 56;
 const SMALLEST_M = 60;
@@ -14,13 +14,13 @@ const VISIBLE_PX = 0.3;
 
 export class Plan {
   #map;
-  #ground;
-  #traffic;
+  #easel;
   #fitted = false;
   #touched = false;
   #refitAt = 0;
   #stale = true;
   #drawn = NaN; // the instant that is drawn
+  #painted = { names: null, trails: null }; // what the painter knows
 
   // onPick(name) when somebody clicks a vehicle.
   constructor(element, palette, onPick) {
@@ -33,8 +33,7 @@ export class Plan {
       minZoom: -8, maxZoom: 6, center: [0, 0], zoom: 0, bounceAtZoomLimits: false, doubleClickZoom: true,
     });
     L.control.scale({ imperial: false, maxWidth: 120, position: "bottomright" }).addTo(this.#map);
-    this.#ground = canvasIn(element, "ground");
-    this.#traffic = canvasIn(element, "traffic");
+    this.#easel = new Easel(element, () => this.#anew());
     this.#map.on("move zoom resize", () => { this.#stale = true; });
     this.#map.on("mousedown touchstart wheel", () => { this.#touched = true; });
     element.addEventListener("wheel", () => { this.#touched = true; }, { passive: true });
@@ -48,6 +47,9 @@ export class Plan {
   invalidate() { this.#stale = true; }
 
   get stale() { return this.#stale; }
+
+  // Whether there is somebody to paint now.
+  get free() { return this.#easel.free; }
 
   // Whether anybody would have moved by what an eye can see since the last drawing, if t were shown.
   visiblyElse(t) {
@@ -78,30 +80,30 @@ export class Plan {
     if (!this.#map.getBounds().pad(-0.1).contains(at)) this.#map.panTo(at, { animate: false });
   }
 
-  draw(frame, trails, labels, now) {
+  draw(frame, trails, now) {
     this.frame = frame;
     this.#drawn = frame.t;
     if (!this.#fitted && frame.count) this.fit(frame);
     else if (!this.#touched && now - this.#refitAt > 1000) this.#keepEverybody(frame, now);
-    const view = this.#view();
-    if (this.#stale) {
-      drawGround(prepare(this.#ground, view), view, this.scene, this.palette);
-      this.#stale = false;
-    }
-    labels.place(frame, view, this.scene.selected, now);
-    drawTraffic(prepare(this.#traffic, view), view, { frame, trails, labels, ...this.scene }, this.palette);
+    const values = frame.values.slice(0, frame.count * FIELDS);
+    const message = { numbers: this.#numbers(), values, pairs: frame.pairs, now };
+    if (this.#stale) message.look = { scene: this.scene, palette: this.palette.colours };
+    if (this.#painted.names !== frame.names) message.names = frame.names;
+    if (this.#painted.trails !== trails.lines) message.trails = trails.lines;
+    this.#stale = false;
+    this.#painted = { names: frame.names, trails: trails.lines };
+    this.#easel.paint(message, [values.buffer]);
   }
 
-  #view() {
-    const origin = this.#map.latLngToContainerPoint([0, 0]), size = this.#map.getSize();
+  #anew() {
+    this.#painted = { names: null, trails: null };
+    this.#stale = true;
+  }
+
+  #numbers() {
+    const { x, y } = this.#map.latLngToContainerPoint([0, 0]), size = this.#map.getSize();
     const scale = 2 ** this.#map.getZoom(); // pixels in a metre
-    return {
-      width: size.x, height: size.y, scale,
-      x: (east) => origin.x + east * scale,
-      y: (north) => origin.y - north * scale,
-      north: (y) => (origin.y - y) / scale,
-      east: (x) => (x - origin.x) / scale,
-    };
+    return { width: size.x, height: size.y, scale, x0: x, y0: y, ratio: sharpness() };
   }
 
   #bounds(frame) {
@@ -131,7 +133,7 @@ export class Plan {
   }
 
   #hit(point) {
-    const { frame } = this, view = this.#view();
+    const { frame } = this, view = viewOf(this.#numbers());
     let best = null, nearest = NEAR_PX;
     for (let i = 0; frame && i < frame.count; i += 1) {
       const distance = Math.hypot(view.x(frame.value(i, E)) - point.x, view.y(frame.value(i, N)) - point.y);

@@ -10,14 +10,12 @@ const SHORTEST_S = 10;
 const SKIPPED_S = 1.0;
 const MOST_MARKS = 120;
 const MOST_POINTS = 6000;
-const DRAWN_EVERY_MS = 250;
 
 export class Strip {
   #plot = null;
   #data = [[], [], []];
   #marks = [];
   #dirty = true;
-  #drawnAt = -Infinity;
   #range = [0, SHORTEST_S];
 
   // onJump(t, encounter or null) when somebody points at a time.
@@ -68,22 +66,26 @@ export class Strip {
     this.#dirty = true;
   }
 
-  draw(clock, now) {
+  // The curves, if they have changed.
+  draw(clock) {
     const range = [clock.t0, Math.max(clock.t1, clock.t0 + SHORTEST_S)];
     if (range[0] !== this.#range[0] || range[1] !== this.#range[1]) this.#dirty = true;
-    if (this.#dirty && now - this.#drawnAt > DRAWN_EVERY_MS) {
-      this.#drawnAt = now;
-      this.#dirty = false;
-      this.#range = range;
-      this.#plot.setData(this.#data, false);
-      this.#plot.batch(() => {
-        this.#plot.setScale("x", { min: range[0], max: range[1] });
-        this.#plot.setScale("y", { min: 0, max: this.#ceiling() });
-      });
-      this.#plot.redraw();
-    }
-    const x = this.#plot.valToPos(clock.t, "x");
-    this.playhead.style.transform = `translateX(${Math.max(0, x).toFixed(1)}px)`;
+    if (!this.#dirty) return;
+    this.#dirty = false;
+    this.#range = range;
+    this.#plot.setData(this.#data, false);
+    this.#plot.batch(() => {
+      this.#plot.setScale("x", { min: range[0], max: range[1] });
+      this.#plot.setScale("y", { min: 0, max: this.#ceiling() });
+    });
+    this.#plot.redraw();
+  }
+
+  // The playhead.
+  point(t) {
+    const x = this.#plot.valToPos(t, "x");
+    const transform = `translateX(${Math.max(0, x).toFixed(1)}px)`;
+    if (this.playhead.style.transform !== transform) this.playhead.style.transform = transform;
   }
 
   // Colours have changed.
@@ -114,7 +116,6 @@ export class Strip {
     this.#plot.over.append(this.playhead);
     this.#listen(this.#plot.over);
     this.#dirty = true;
-    this.#drawnAt = -Infinity;
   }
 
   // High enough for what matters: a few times what is required.

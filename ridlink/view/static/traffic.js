@@ -17,7 +17,7 @@ export function drawTraffic(context, view, scene, palette) {
   const { frame } = scene;
   const chosen = frame.index(scene.selected);
   discs(context, view, frame, palette);
-  trails(context, view, scene, chosen, palette);
+  trails(context, view, scene, palette);
   pairs(context, view, frame, chosen, palette);
   if (chosen >= 0) selection(context, view, scene, chosen, palette);
   truths(context, view, frame, palette);
@@ -78,8 +78,8 @@ function outside(view, x, y, r) {
 }
 
 // Older thirds of a trail are fainter.
-function trails(context, view, scene, chosen, palette) {
-  const { frame } = scene;
+function trails(context, view, scene, palette) {
+  const { frame } = scene, { starts, points } = scene.trails;
   context.strokeStyle = palette.trail;
   context.lineJoin = "bevel";
   for (const [third, alpha] of [[0, 0.2], [1, 0.42], [2, 0.75]]) {
@@ -87,10 +87,10 @@ function trails(context, view, scene, chosen, palette) {
     context.lineWidth = frame.count > CROWD ? 1 : 1.25; // hairlines are drawn several times as fast
     context.beginPath();
     for (let i = 0; i < frame.count; i += 1) {
-      const points = scene.trails.of(frame.names[i]);
-      if (!points) continue;
-      const from = Math.floor(points.length / 6 * third) * 2;
-      const to = third === 2 ? points.length : Math.floor(points.length / 6 * (third + 1)) * 2 + 2;
+      const start = starts[i], length = starts[i + 1] - start;
+      if (!length) continue;
+      const from = start + Math.floor(length / 6 * third) * 2;
+      const to = third === 2 ? start + length : start + Math.floor(length / 6 * (third + 1)) * 2 + 2;
       let lastX = NaN, lastY = NaN;
       for (let at = from; at < to; at += 2) {
         const x = view.x(points[at + 1]), y = view.y(points[at]);
