@@ -25,6 +25,7 @@ from ridlink.scenario import (
     load_tracks,
     resolve_scenario,
 )
+from ridlink.scenario.vehicle_keys import VehicleKeys
 
 Write = Callable[[str], Path]
 
@@ -335,6 +336,20 @@ def test_a_vehicle_may_have_an_autopilot_of_its_own(write: Write) -> None:
     assert own.autopilot == "ardupilot" and {each.autopilot for each in others} == {None}
 
 
+def test_both_kinds_of_file_say_the_same_of_a_vehicle(write: Write, geojson: Callable[..., str]) -> None:
+    said = {
+        "airframe_m": 1.5, "sigma_m": 2.0, "extended": False, "ghost": True, "silent": True, "interval_s": 0.5,
+        "airframe": "category1", "autopilot": "ardupilot",
+    }  # fmt: skip
+    assert said.keys() == VehicleKeys.__annotations__.keys()
+    head = 'name = "one"\nduration_s = 9.0\n[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [99, 0, -50]\n'
+    lines = "".join(f"{key} = {json.dumps(value)}\n" for key, value in said.items())
+    (of_toml,) = load_scenario(write(head + lines)).vehicles
+    (of_geojson,) = load_tracks(geojson(track([8.0, 47.0], [8.001, 47.0], **said))).vehicles
+    for spec in (of_toml, of_geojson):
+        assert {key: getattr(spec, key) for key in said} == said
+
+
 def test_ghosts_may_be_anywhere_even_in_another_vehicle() -> None:
     real = VehicleSpec((0.0, 0.0, -50.0), (9.0, 0.0, -50.0))
     Scenario("haunted", 9.0, (real, replace(real, ghost=True, cooperative=False)))
@@ -391,6 +406,12 @@ def test_tracks_become_vehicles_that_fly_them(geojson: Callable[..., str]) -> No
         (track([8.0, 47.0], [10**400, 47.0]), "is not a finite number"),
         (track([8.0, 47.0], [8.001, 47.0], times=[1, 10**400]), "times must be seconds"),
         (track([8.0, 47.0], [8.001, 47.0], sigma_m=10**400), "sigma_m must be a finite number"),
+        (
+            track([8.0, 47.0], [8.001, 47.0], autopilot="inav"),
+            "feature 1: autopilot must be px4 or ardupilot, not 'inav'",
+        ),
+        (track([8.0, 47.0], [8.001, 47.0], autopilot=7), "feature 1: autopilot must be"),
+        (track([8.0, 47.0], [8.001, 47.0], interval_s=0), "feature 1: interval_s must be greater than 0"),
         ({"type": "Feature"}, "has no feature with a LineString"),
     ],
 )

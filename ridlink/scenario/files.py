@@ -14,8 +14,6 @@ from ridlink.scenario.built_in import built_in
 from ridlink.scenario.events import read_event
 from ridlink.scenario.geojson import load_tracks
 from ridlink.scenario.model import (
-    AUTOPILOTS,
-    DEFAULT_AIRFRAME_M,
     DEFAULT_INTERVAL_S,
     DEFAULT_SPEED_MPS,
     ObstacleSpec,
@@ -25,6 +23,7 @@ from ridlink.scenario.model import (
     VehicleSpec,
     Wind,
 )
+from ridlink.scenario.vehicle_keys import read_vehicle_keys
 
 
 def resolve_scenario(name_or_path: str, count: int | None = None, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Scenario:
@@ -82,26 +81,18 @@ def load_scenario(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> 
 
 
 def _vehicle_spec(table: CheckedTable, speed_mps: float) -> VehicleSpec:
-    ghost = table.truth("ghost", False)
+    keys = read_vehicle_keys(table)
+    ghost = keys["ghost"]
     spec = VehicleSpec(
         start_ned_m=_point3(table, "start_ned_m"),
         goal_ned_m=_point3(table, "goal_ned_m"),
         speed_mps=table.number("speed_mps", speed_mps, above=0.0),
-        airframe_m=table.number("airframe_m", DEFAULT_AIRFRAME_M, above=0.0),
-        sigma_m=table.number("sigma_m", 0.0, least=0.0) if table.has("sigma_m") else None,
         cooperative=table.truth("cooperative", not ghost),
-        extended=table.truth("extended", True),
         route_ned_m=_route(table),
-        ghost=ghost,
         transmitter_ned_m=_point3(table, "transmitter_ned_m") if table.has("transmitter_ned_m") else None,
-        silent=table.truth("silent", False),
-        interval_s=table.number("interval_s", 0.0, above=0.0) if table.has("interval_s") else None,
-        airframe=table.text("airframe") if table.has("airframe") else None,
-        autopilot=table.text("autopilot") if table.has("autopilot") else None,
+        **keys,
     )
     table.nothing_else()
-    if spec.autopilot not in (None, *AUTOPILOTS):
-        raise table.error("autopilot", f"must be {' or '.join(AUTOPILOTS)}, not {spec.autopilot!r}")
     if ghost and spec.cooperative:
         raise table.error("cooperative", "must be false: a ghost avoids nobody")
     if spec.route_ned_m and spec.cooperative:

@@ -1,9 +1,9 @@
 """Scenarios from GeoJSON tracks (RFC 7946): one LineString a vehicle, flown from its first point to its last.
 
-Longitude, latitude and, third, altitude above the ellipsoid. Properties of a feature that are understood: ``name``,
-``speed_mps``, ``airframe_m``, ``sigma_m``, ``cooperative``, ``extended``, ``ghost``, ``silent``, and ``times``
-(seconds, one a point), which gives the speed where ``speed_mps`` does not. Others are somebody else's and pass. Tracks
-are flown as drawn; a vehicle with ``cooperative`` true has the last point as its goal and finds its own way.
+Longitude, latitude and, third, altitude above the ellipsoid. Properties of a feature that are understood:
+``speed_mps``, ``cooperative``, those of ``vehicle_keys``, and ``times`` (seconds, one a point), which gives the speed
+where ``speed_mps`` does not. Others are somebody else's and pass. Tracks are flown as drawn; a vehicle with
+``cooperative`` true has the last point as its goal and finds its own way.
 
 Home is the middle of all points, 50 m below the lowest; a track without altitudes is flown 50 m above it.
 """
@@ -20,7 +20,8 @@ from typing import Any
 from ridlink.checked_toml import UNREADABLE, CheckedTable, TomlSource, finite_number
 from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic, ned_from_geodetic
-from ridlink.scenario.model import DEFAULT_AIRFRAME_M, DEFAULT_SPEED_MPS, Point3, Scenario, VehicleSpec
+from ridlink.scenario.model import DEFAULT_SPEED_MPS, Point3, Scenario, VehicleSpec
+from ridlink.scenario.vehicle_keys import read_vehicle_keys
 
 FLOOR_M = 50.0
 """Height of the lowest point above home."""
@@ -128,19 +129,15 @@ class _Track:
         length_m = sum(math.dist(*leg) for leg in pairwise(route))
         if length_m < MIN_LENGTH_M:
             raise ConfigError(f"{self._where}: the track goes nowhere")
-        ghost = table.truth("ghost", False)
+        keys = read_vehicle_keys(table)
         cooperative = table.truth("cooperative", False)
         return VehicleSpec(
             start_ned_m=route[0],
             goal_ned_m=route[-1],
             speed_mps=table.number("speed_mps", self._timed_speed_mps(length_m) or speed_mps, above=0.0),
-            airframe_m=table.number("airframe_m", DEFAULT_AIRFRAME_M, above=0.0),
-            sigma_m=table.number("sigma_m", 0.0, least=0.0) if table.has("sigma_m") else None,
-            cooperative=cooperative and not ghost,
-            extended=table.truth("extended", True),
+            cooperative=cooperative and not keys["ghost"],
             route_ned_m=() if cooperative else tuple(route[1:-1]),
-            ghost=ghost,
-            silent=table.truth("silent", False),
+            **keys,
         )
 
     def _timed_speed_mps(self, length_m: float) -> float | None:
