@@ -57,6 +57,14 @@ def test_a_figure_that_says_unknown_is_none(unknown: int) -> None:
     assert receiving(h_acc=1, v_acc=1, vel_acc=1).velocity_error_mps(T) == pytest.approx(0.003)
 
 
+@pytest.mark.parametrize(
+    ("undulation_mm", "known"), [(-120_000, True), (120_000, True), (-120_001, False), (120_001, False)]
+)
+def test_two_heights_that_no_geoid_can_lie_between_are_none(undulation_mm: int, known: bool) -> None:
+    undulation_m = receiving(alt_ellipsoid=500_000 + undulation_mm).undulation_m
+    assert undulation_m == (undulation_mm / 1e3 if known else None)
+
+
 @pytest.mark.parametrize(("fix_type", "trusted"), [(0, False), (2, False), (3, True), (6, True)])
 def test_without_a_fix_in_three_dimensions_nothing_is_trusted_while_it_says_so(fix_type: int, trusted: bool) -> None:
     trust = receiving(fix_type=fix_type)

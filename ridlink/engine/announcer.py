@@ -28,6 +28,7 @@ ALERTS = {
     "other_writer": "another writer steers this vehicle, too",
     "own_position_jump": "own position jumped",
     "own_position_delayed": "telemetry comes late",
+    "own_height_implausible": "own heights contradict each other",
     "decision_failed": "a decision failed",
 }
 """What an operator should hear of when its counter moves."""

@@ -73,7 +73,8 @@ class OwnShipTelemetry:
         trust: What receiver and estimator say of themselves.
         other_writer: Whether somebody else steers as well.
         counters: `foreign_autopilot`, `own_position_unusable`, `own_position_untrusted`, `own_position_late`,
-            `own_position_jump`, `own_position_delayed`, `autopilot_restart`.
+            `own_position_jump`, `own_position_delayed`, `own_height_implausible`,
+            `autopilot_restart`.
     """
 
     def __init__(self, sysid: int | None = None, *, filtered: bool = True) -> None:
@@ -132,6 +133,8 @@ class OwnShipTelemetry:
                 self._local(message, now_s)
             case "GPS_RAW_INT":
                 self.trust.receiver(message, now_s)
+                if message.alt_ellipsoid and self.trust.undulation_m is None:
+                    self.counters["own_height_implausible"] += 1
             case "ESTIMATOR_STATUS":
                 self.trust.estimator(message.flags, message.pos_horiz_accuracy, now_s)
             case "EKF_STATUS_REPORT":

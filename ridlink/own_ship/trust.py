@@ -20,6 +20,9 @@ POSITION_HORIZONTAL_ABSOLUTE = 16
 ACCURACY_VALID_S = 5.0
 """GPS_RAW_INT comes at 1 to 8 Hz and ESTIMATOR_STATUS at 1 Hz; older figures are none."""
 UNKNOWN_ACCURACY_MM = (0, 0xFFFFFFFF)
+LARGEST_UNDULATION_M = 120.0
+"""The geoid lies 107 m below the ellipsoid at most, and 86 m above it (EGM96). Who says more has one of both heights
+wrong, and would take everybody for somebody at another height."""
 
 
 class NavigationTrust:
@@ -42,7 +45,9 @@ class NavigationTrust:
         self._horizontal_error_m = None if message.h_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.h_acc)
         self._vertical_error_m = None if message.v_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.v_acc)
         self._velocity_error_mps = None if message.vel_acc in UNKNOWN_ACCURACY_MM else 3.0 * m_from_mm(message.vel_acc)
-        self.undulation_m = m_from_mm(message.alt_ellipsoid - message.alt) if message.alt_ellipsoid else None
+        undulation_m = m_from_mm(message.alt_ellipsoid - message.alt)
+        plausible = message.alt_ellipsoid != 0 and abs(undulation_m) <= LARGEST_UNDULATION_M
+        self.undulation_m = undulation_m if plausible else None
 
     def estimator(self, flags: int, accuracy_m: float, now_s: float) -> None:
         """Take the flags of an estimator, and its accuracy where it has one (one standard deviation, else 0)."""

@@ -51,7 +51,7 @@ class Emulated:
         self.armed, self.fix_type = True, 3
         self.error_m, self.airframe_m = error_m, airframe_m
         self.landed_state: int | None = None
-        self.knows_ellipsoid = True
+        self.knows_ellipsoid, self.ellipsoid_wrong_m = True, 0.0
         self.observer = Observer(target=sysid)
         self.obeyed = False
         self.heard: list[Message] = []
@@ -72,7 +72,7 @@ class Emulated:
         latitude, longitude, altitude = self._place()
         place = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7), "alt": round(altitude * 1e3)}
         vx, vy, vz = (round(100 * value) for value in self.velocity)
-        ellipsoid = round((altitude + GEOID_M) * 1e3) if self.knows_ellipsoid else 0
+        ellipsoid = round((altitude + GEOID_M + self.ellipsoid_wrong_m) * 1e3) if self.knows_ellipsoid else 0
         relative = round((altitude - HOME.altitude_m) * 1e3)
         encode = self.encoder.encode
         return encode(

@@ -281,6 +281,18 @@ def test_f19_a_height_over_another_reference_is_our_own_height() -> None:
     flown(test)
 
 
+def test_f19_a_receiver_whose_two_heights_contradict_each_other_has_none() -> None:
+    own = Emulated()
+    own.ellipsoid_wrong_m = 200.0  # and a neighbour at our height would be far below
+
+    async def test(hostile: Hostile) -> None:
+        await hostile.send(hostile.other.remote_id(0.0))
+        assert len(hostile.snapshot()) == 1
+        assert hostile.engine.counters["own_height_implausible"] > 0
+
+    flown(test, emulated=own)
+
+
 def test_f19_without_the_own_height_above_the_ellipsoid_everybody_flies_at_it() -> None:
     own = Emulated()
     own.knows_ellipsoid = False
