@@ -28,7 +28,8 @@ from ridlink.engine.commands import (
 from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import DecisionRecord, EngineSummary, StepOutput
 from ridlink.engine.guard import Guard, Seen
-from ridlink.engine.intake import LOCATION, REMOTE_ID_IDS, REMOTE_ID_NAMES, VEHICLE_IDS, Intake
+from ridlink.engine.hearing import Hearing
+from ridlink.engine.intake import REMOTE_ID_NAMES, VEHICLE_IDS, Intake
 from ridlink.engine.steering import Steering
 from ridlink.engine.takeoff import interruptible
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
@@ -39,8 +40,6 @@ from ridlink.own_ship.broadcast import Broadcast
 from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, command, message_requests
 from ridlink.own_ship.rival import Rivals
 from ridlink.periodic import Periodic
-from ridlink.remote_id.assembler import ReportAssembler
-from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage
 from ridlink.separation.reference import (
     AIRFRAME_CAP_M,
     ERROR_CAP_M,
@@ -92,15 +91,13 @@ class Engine:
         )
         self.setpoints = SetpointStream(config.limits)
         self._counters: Counter[str] = Counter()
-        self._assemblers = {"vehicle": ReportAssembler(), "rid": ReportAssembler()}
         self.steering = Steering(config, self.picture, self.telemetry)
-        self._uas_id = config.uas_id.encode() if config.uas_id else None
         self.encoder = Encoder(config.vehicle_sysid or 1, AVOIDANCE_COMPONENT)
         self._replies: list[tuple[bytes, Hashable]] = []
         self._started_s: float | None = None
         self._last_step_s: float | None = None
-        self._reports = 0
         self._intake = Intake(allow_v1=config.allow_v1)
+        self._hearing = Hearing(config, self._intake, self.telemetry, self.picture)
         self._announcer = Announcer()
         self._broadcast = Broadcast(config.broadcast_settings) if config.broadcast else None
         self._home_due = Periodic(HOME_PERIOD_S)
@@ -130,7 +127,7 @@ class Engine:
         """
         for frame, message in self._intake.messages(datagram, VEHICLE_IDS):
             if message.name in REMOTE_ID_NAMES:
-                self._vehicle_remote_id(frame, message, source, now_s, utc_s)
+                self._hearing.receive_vehicle(frame, message, source, now_s, utc_s)
             elif message.name in ("COMMAND_LONG", "COMMAND_INT"):
                 self._command(frame, message, source, now_s)
             elif message.name == "HEARTBEAT" and frame.compid == AVOIDANCE_COMPONENT:
@@ -151,40 +148,7 @@ class Engine:
             now_s: Monotonic time.
             utc_s: UTC now, for the age of reports.
         """
-        messages = self._intake.messages(datagram, REMOTE_ID_IDS)
-        if len(messages) > 1:  # LOCATION last here as well: see `Intake.remote_id`
-            messages.sort(key=lambda each: each[1].name == LOCATION)
-        for frame, message in messages:
-            for part in self._intake.remote_id(message):
-                self._remote_id("rid", source, frame, part, now_s, utc_s)
-
-    def _vehicle_remote_id(
-        self, frame: Frame, message: Message, source: Hashable, now_s: float, utc_s: float | None
-    ) -> None:
-        """Remote ID on the vehicle link: others, as receivers relay them, or the vehicle about itself."""
-        lock = self.telemetry.lock
-        itself = lock is not None and lock.sysid == frame.sysid and lock.source == source
-        for part in self._intake.remote_id(message):
-            if not (itself and part.id_or_mac is None):
-                self._remote_id("vehicle", source, frame, part, now_s, utc_s)
-            elif isinstance(part, BasicId) and part.uas_id and self.config.uas_id is None:
-                self._uas_id = part.uas_id
-
-    def _remote_id(
-        self, link: str, source: Hashable, frame: Frame, part: RemoteIdMessage, now_s: float, utc_s: float | None
-    ) -> None:
-        lock = self.telemetry.lock
-        sysid = lock.sysid if lock else self.config.vehicle_sysid
-        if sysid is None:  # who cannot tell its own reports from others' would avoid itself
-            self._counters["heard_before_the_vehicle"] += 1
-            return
-        report = self._assemblers[link].receive((frame.sysid, frame.compid), part, now_s)
-        if isinstance(part, Location):
-            self._reports += 1
-        if report is not None:
-            self.picture.receive(
-                link, report, utc_s=utc_s, own_sysid=sysid, own_uas_id=self._uas_id, source=(link, source)
-            )
+        self._hearing.receive_air(datagram, source, now_s, utc_s)
 
     def _command(self, frame: Frame, message: Message, source: Hashable, now_s: float) -> None:
         """A command to this component: DO_REPOSITION sets a goal and is an operator's request."""
@@ -241,7 +205,7 @@ class Engine:
                 stream=self.rung.stream,
                 goal=self.goal,
                 last=self.setpoints.velocity,
-                identity=(self.encoder.sysid, self._uas_id),
+                identity=(self.encoder.sysid, self._hearing.uas_id),
                 since_last_s=since_last,
             )
         elif self.rung.stream is Stream.ZERO:
@@ -284,7 +248,7 @@ class Engine:
             telemetry,
             now_s=now_s,
             utc_s=utc_s,
-            uas_id=self._uas_id,
+            uas_id=self._hearing.uas_id,
             commanded=output.decision.commanded_ned_mps if steers else None,
             avoiding=self.rung.state is State.ENGAGED and steers,
         )
@@ -355,14 +319,14 @@ class Engine:
     @property
     def counters(self) -> Counter[str]:
         """Everything that was dropped, clamped, rejected or noticed, by cause."""
-        parts = (self._counters, self.steering, self._intake, self.telemetry, self.picture, self.setpoints)
-        return sum((part if isinstance(part, Counter) else part.counters for part in parts), Counter())
+        parts = (self.steering, self._intake, self._hearing, self.telemetry, self.picture, self.setpoints)
+        return sum((part.counters for part in parts), self._counters)
 
     def summary(self) -> EngineSummary:
         """Totals so far."""
         return EngineSummary(
             setpoints=self.setpoints.sent,
-            reports_received=self._reports,
+            reports_received=self._hearing.reports,
             rejects=dict(self.counters),
             tracks=len(self.picture),
             state=self.rung.state.name.lower(),

@@ -1,0 +1,81 @@
+"""What an engine hears over Remote ID, on either link: messages to reports, reports into the picture.
+
+On the vehicle link receivers relay others, and the vehicle speaks of itself; whoever cannot tell the two apart would
+avoid itself. Nothing that is heard can change anything but tracks, and the name under which the own vehicle is known.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable
+
+from ridlink.engine.config import EngineConfig
+from ridlink.engine.intake import LOCATION, REMOTE_ID_IDS, Intake
+from ridlink.mavlink.codec import Message
+from ridlink.mavlink.frames import Frame
+from ridlink.own_ship import OwnShipTelemetry
+from ridlink.remote_id.assembler import ReportAssembler
+from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage
+from ridlink.traffic.picture import TrafficPicture
+
+
+class Hearing:
+    """Fed with datagrams of the air and with Remote ID messages of the vehicle link.
+
+    Args:
+        config: What the engine is told.
+        intake: Takes datagrams and messages apart.
+        telemetry: Says which vehicle is the own one.
+        picture: Where reports go.
+
+    Attributes:
+        uas_id: Serial number of the own vehicle, as configured or as it tells it; None while unknown.
+        reports: LOCATION messages that were taken.
+        counters: What was not taken, by cause.
+    """
+
+    def __init__(
+        self, config: EngineConfig, intake: Intake, telemetry: OwnShipTelemetry, picture: TrafficPicture
+    ) -> None:
+        self._config, self._intake, self._telemetry, self._picture = config, intake, telemetry, picture
+        self._assemblers = {"vehicle": ReportAssembler(), "rid": ReportAssembler()}
+        self.uas_id = config.uas_id.encode() if config.uas_id else None
+        self.reports = 0
+        self.counters: Counter[str] = Counter()
+
+    def receive_air(self, datagram: bytes, source: Hashable, now_s: float, utc_s: float | None) -> None:
+        """Take a datagram of the Remote ID link."""
+        messages = self._intake.messages(datagram, REMOTE_ID_IDS)
+        if len(messages) > 1:  # LOCATION last here as well: see `Intake.remote_id`
+            messages.sort(key=lambda each: each[1].name == LOCATION)
+        for frame, message in messages:
+            for part in self._intake.remote_id(message):
+                self._take("rid", source, frame, part, now_s, utc_s)
+
+    def receive_vehicle(
+        self, frame: Frame, message: Message, source: Hashable, now_s: float, utc_s: float | None
+    ) -> None:
+        """Take a Remote ID message of the vehicle link: of others, relayed by receivers, or of the vehicle itself."""
+        lock = self._telemetry.lock
+        itself = lock is not None and lock.sysid == frame.sysid and lock.source == source
+        for part in self._intake.remote_id(message):
+            if not (itself and part.id_or_mac is None):
+                self._take("vehicle", source, frame, part, now_s, utc_s)
+            elif isinstance(part, BasicId) and part.uas_id and self._config.uas_id is None:
+                self.uas_id = part.uas_id
+
+    def _take(
+        self, link: str, source: Hashable, frame: Frame, part: RemoteIdMessage, now_s: float, utc_s: float | None
+    ) -> None:
+        lock = self._telemetry.lock
+        sysid = lock.sysid if lock else self._config.vehicle_sysid
+        if sysid is None:  # who cannot tell its own reports from others' would avoid itself
+            self.counters["heard_before_the_vehicle"] += 1
+            return
+        report = self._assemblers[link].receive((frame.sysid, frame.compid), part, now_s)
+        if isinstance(part, Location):
+            self.reports += 1
+        if report is not None:
+            self._picture.receive(
+                link, report, utc_s=utc_s, own_sysid=sysid, own_uas_id=self.uas_id, source=(link, source)
+            )
