@@ -35,8 +35,10 @@ from ridlink.avoidance.headings import (
     settle_choice,
     time_to_wall,
 )
+from ridlink.avoidance.headings import KEPT as SIGHT_KEPT
 from ridlink.avoidance.kernel import kernel, larger, smaller
 from ridlink.avoidance.rows import (
+    AGE,
     COMMAND,
     GAP,
     HEARD,
@@ -53,11 +55,11 @@ from ridlink.avoidance.rows import (
 )
 
 # Columns of the settings vector, in the order of the fields of RotationSettings.
-STEP, LEFT_WEIGHT, COST_WEIGHT, ARRIVAL, SMOOTHING = range(5)
+STEP, LEFT_WEIGHT, COST_WEIGHT, AGE_ACCELERATION, ARRIVAL, SMOOTHING = range(6)
 
 # Columns of a block that are the kernels' own: where the neighbour is as seen from own-ship, zero where it is not
-# heard, so that nothing approaches it; the own velocity at which w is zero; the radius squared.
-AT, APEX, KEPT_SQUARE = GAP, GAP + 2 * LANES, GAP + 4 * LANES
+# heard, so that nothing approaches it; the own velocity at which w is zero; the radius, grown with age, and its square.
+AT, APEX, KEPT, KEPT_SQUARE = GAP, GAP + 2 * LANES, GAP + 4 * LANES, GAP + 5 * LANES
 
 CLEAR_M = 1e3
 """Excess of a heading that approaches nobody."""
@@ -77,14 +79,15 @@ def candidates(step_deg: float, left_weight: float) -> np.ndarray:
 
 
 @kernel(forceinline=True)
-def see_blocks(own, neighbours, count, range_m):  # type: ignore[no-untyped-def]
-    """Fill in AT, APEX and KEPT_SQUARE of every block; True if a neighbour's disc is entered already.
+def see_blocks(own, neighbours, count, range_m, age_acceleration_mps2):  # type: ignore[no-untyped-def]
+    """Fill in the kernels' own columns of every block; True if a neighbour's disc is entered already.
 
     Args:
         own: Own-ship.
         neighbours: Blocks of neighbours.
         count: Number of blocks.
         range_m: Neighbours whose reports are from further away are not heard.
+        age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted.
     """
     p_1, p_2, reach = own[POSITION], own[POSITION + 1], range_m * range_m
     # Midway between what the vehicle does and what it was told: the point from which changes are shared.
@@ -97,12 +100,13 @@ def see_blocks(own, neighbours, count, range_m):  # type: ignore[no-untyped-def]
             heard = (block[HEARD + k] != 0.0) & (off_1 * off_1 + off_2 * off_2 <= reach)
             reciprocal = block[RECIPROCAL + k] != 0.0
             r_1, r_2 = block[N_POSITION + k] - p_1, block[N_POSITION + LANES + k] - p_2
-            u_1, u_2, radius = block[N_VELOCITY + k], block[N_VELOCITY + LANES + k], block[RADIUS + k]
+            u_1, u_2, age = block[N_VELOCITY + k], block[N_VELOCITY + LANES + k], block[AGE + k]
+            radius = block[RADIUS + k] + age_acceleration_mps2 * age * age / 2.0
             deepest = larger(deepest, radius * radius - (r_1 * r_1 + r_2 * r_2) if heard else -1.0)
             block[AT + k], block[AT + LANES + k] = r_1 if heard else 0.0, r_2 if heard else 0.0
             block[APEX + k] = (o_1 + u_1) / 2.0 if reciprocal else u_1
             block[APEX + LANES + k] = (o_2 + u_2) / 2.0 if reciprocal else u_2
-            block[KEPT_SQUARE + k] = radius * radius
+            block[KEPT + k], block[KEPT_SQUARE + k] = radius, radius * radius
     return deepest > 0.0
 
 
@@ -126,7 +130,7 @@ def least_excess(block, v_1, v_2):  # type: ignore[no-untyped-def]
     for k in range(LANES):
         r_1, r_2, w_1, w_2 = block[AT + k], block[AT + LANES + k], v_1 - block[APEX + k], v_2 - block[APEX + LANES + k]
         miss = abs(r_1 * w_2 - r_2 * w_1) / larger(math.sqrt(w_1 * w_1 + w_2 * w_2), EPSILON)
-        least = smaller(least, miss - block[RADIUS + k] if r_1 * w_1 + r_2 * w_2 > 0.0 else CLEAR_M)
+        least = smaller(least, miss - block[KEPT + k] if r_1 * w_1 + r_2 * w_2 > 0.0 else CLEAR_M)
     return least
 
 
@@ -153,7 +157,7 @@ def choose_heading(  # type: ignore[no-untyped-def]
         True if the straight way was chosen.
     """
     find_way(own, settings[ARRIVAL], way)
-    overlapped = see_blocks(own, neighbours, count, range_m)
+    overlapped = see_blocks(own, neighbours, count, range_m, settings[AGE_ACCELERATION])
     inside_wall = see_walls(own, pieces, piece_start, walls)
     u_1, u_2, speed = way[UNIT], way[UNIT + 1], way[SPEED]
     reach = way[AWAY] if way[AWAY] < FAR_M else REACH_S * way[PACE]
@@ -221,5 +225,7 @@ def rotate_one(  # type: ignore[no-untyped-def]
         own, neighbours, -(-count // LANES), math.inf, pieces, piece_start, settings, fan, walls, way, result
     )
     see_neighbours(own, neighbours, count, sights, result)
+    for j in range(count):
+        sights[j, SIGHT_KEPT] = neighbours[j // LANES, KEPT + j % LANES]
     reach = way[AWAY] if way[AWAY] < FAR_M else REACH_S * way[PACE]
     explain_choice(own, way, sights, count, pieces, piece_start, walls, reach, straight, math.inf, result)

@@ -116,7 +116,7 @@ class _Batch:
         self.intent = np.where(extended[..., None], 0.0, np.nan)
         self.filter_s = TIME_CONSTANT_S if plan.filtered else 0.0
         # A vehicle that obeys at once flew the last interval at the velocity that it reports at its end.
-        self.old_share = 0.0 if plan.dynamics is Dynamics.IDEAL else 0.5
+        self.flown_s = plan.interval_s if plan.dynamics is Dynamics.IDEAL else 0.0
         self.own_track = np.zeros((*shape, tracks.TRACK_COLUMNS))
         phases = max(round(plan.interval_s / self.step_s), 1)
         drawn = np.stack([generator(plan.seed, run, Source.PHASE).integers(0, phases, count) for run in runs])
@@ -223,7 +223,7 @@ class _Batch:
             arrives_s = np.where(reaches, arrives_s, np.inf)
             self.arrives_s[..., slot] = np.where(sending[:, None, :], arrives_s, self.arrives_s[..., slot])
         tracks.hear(
-            self.sent, self.arrives_s, now_s, self.bound_m, self.filter_s, self.old_share, self.tracks
+            self.sent, self.arrives_s, now_s, self.bound_m, self.filter_s, self.flown_s, self.tracks
         )  # fmt: skip
         return sending
 
@@ -239,7 +239,7 @@ class _Batch:
         kept = self.own_track.reshape(*flat, tracks.TRACK_COLUMNS)
         tracks.hear(
             itself.reshape(*flat, tracks.REPORT_COLUMNS), np.zeros((len(kept), 1, 1, 1)), now_s,
-            self.bound_m.reshape(-1, 1), self.filter_s, self.old_share, kept,
+            self.bound_m.reshape(-1, 1), self.filter_s, self.flown_s, kept,
         )  # fmt: skip
         return self.own_track[..., tracks.PLACE : tracks.PLACE + 2].copy()
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ridlink.avoidance.settings import GradedSettings, RotationSettings
+from ridlink.avoidance.settings import IDEAL_AGE_ACCELERATION_MPS2, GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings, SolverKind
 from ridlink.campaign.chance import CORRELATION_TIME_S, ErrorModel
 from ridlink.campaign.link import PERFECT, Link
@@ -29,6 +29,7 @@ IDEAL_HALFPLANES = HalfplaneSettings(
     arrival_deceleration_mps2=math.inf,
     obstacle_deceleration_mps2=math.inf,
     smoothing=1.0,
+    age_acceleration_mps2=IDEAL_AGE_ACCELERATION_MPS2,
     contact_step_s=REPORT_INTERVAL_S,
 )
 """For vehicles that obey at once."""

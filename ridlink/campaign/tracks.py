@@ -36,7 +36,7 @@ SAME_INSTANT_S = 1e-9
 
 
 @kernel
-def take_report(report, now_s, bound_m, time_constant_s, old_share, track):  # type: ignore[no-untyped-def]
+def take_report(report, now_s, bound_m, time_constant_s, flown_s, track):  # type: ignore[no-untyped-def]
     """Move a track by a report.
 
     Args:
@@ -44,13 +44,14 @@ def take_report(report, now_s, bound_m, time_constant_s, old_share, track):  # t
         now_s: Time of hearing.
         bound_m: Reported three-sigma error of the position.
         time_constant_s: Of the filter; 0 passes every report on as it is.
-        old_share: Share of the last velocity in the one that the filter predicts with.
+        flown_s: For so long before a report its velocity was flown already; before that it went over into it.
         track: Shape (TRACK_COLUMNS,), written.
     """
     n_1, n_2 = report[PLACE], report[PLACE + 1]
     reports = track[COUNT]
     if reports > 0.0 and time_constant_s > 0.0:
         elapsed = report[AT] - track[AT]
+        old_share = 0.5 * max(elapsed - flown_s, 0.0) / max(elapsed, SAME_INSTANT_S)
         v_1 = old_share * track[MOTION] + (1.0 - old_share) * report[MOTION]
         v_2 = old_share * track[MOTION + 1] + (1.0 - old_share) * report[MOTION + 1]
         p_1, p_2 = track[PLACE] + v_1 * elapsed, track[PLACE + 1] + v_2 * elapsed
@@ -72,7 +73,7 @@ def take_report(report, now_s, bound_m, time_constant_s, old_share, track):  # t
 
 
 @kernel(nogil=True)
-def hear(sent, arrives_s, now_s, bound_m, time_constant_s, old_share, tracks):  # type: ignore[no-untyped-def]
+def hear(sent, arrives_s, now_s, bound_m, time_constant_s, flown_s, tracks):  # type: ignore[no-untyped-def]
     """Let every vehicle take the reports that have reached it.
 
     Args:
@@ -81,7 +82,7 @@ def hear(sent, arrives_s, now_s, bound_m, time_constant_s, old_share, tracks):  
         now_s: Time.
         bound_m: Reported error bounds, shape (W, N).
         time_constant_s: As in `take_report`.
-        old_share: As in `take_report`.
+        flown_s: As in `take_report`.
         tracks: Shape (W, N, N, TRACK_COLUMNS), written.
     """
     for world in range(sent.shape[0]):
@@ -102,7 +103,7 @@ def hear(sent, arrives_s, now_s, bound_m, time_constant_s, old_share, tracks):  
                         break
                     arrives[oldest] = math.inf
                     report = sent[world, j, oldest]
-                    take_report(report, now_s, bound_m[world, j], time_constant_s, old_share, track)
+                    take_report(report, now_s, bound_m[world, j], time_constant_s, flown_s, track)
 
 
 @kernel

@@ -216,6 +216,7 @@ class Choice:
         if not is_ideal:
             settings = replace(
                 settings, response_time_s=real.response_time_s, smoothing=real.smoothing,
+                age_acceleration_mps2=real.age_acceleration_mps2,
                 arrival_deceleration_mps2=real.arrival_deceleration_mps2,
             )  # fmt: skip
         sigma_m = plan.sigma_m if plan.scene.sigma_m is None else float(plan.scene.sigma_m.max())

@@ -43,7 +43,8 @@ def straightforward(own, heard, radius, range_m, obstacles, settings):
         if off[0] * off[0] + off[1] * off[1] <= range_m * range_m:
             r = report[0:2] + report[2:4] * report[6] - p
             reciprocal = report[7] != 0.0
-            seen.append((r, middle + report[2:4] if reciprocal else report[2:4], 2.0 if reciprocal else 1.0, kept))
+            grown = kept + settings.age_acceleration_mps2 * report[6] * report[6] / 2.0
+            seen.append((r, middle + report[2:4] if reciprocal else report[2:4], 2.0 if reciprocal else 1.0, grown))
 
     def depth_and_excess(v):
         """Whether it leads into a disc, and the least miss distance less radius."""

@@ -303,6 +303,8 @@ def test_an_old_report_is_extrapolated(solver):
     old = solve(own_ship(), traffic((110.0, 0.0, -10.0, 0.0), age=2.0), solver)
     assert old.nearest_margin_m == pytest.approx(fresh.nearest_margin_m)
     assert turn_of(old) >= turn_of(fresh)
+    older = solve(own_ship(), traffic((140.0, 0.0, -10.0, 0.0), age=5.0), solver)
+    assert turn_of(older) > turn_of(fresh) + 9.0, "its disc has grown by as much as it may have manoeuvred"
 
 
 @BOTH
@@ -484,7 +486,10 @@ def test_the_kernels_read_the_settings_in_field_order():
     assert columns == list(range(len(names)))
     assert GradedSettings().as_vector().tolist() == [getattr(GradedSettings(), name) for name in names]
     names = list(RotationSettings.__dataclass_fields__)
-    columns = [rotation.STEP, rotation.LEFT_WEIGHT, rotation.COST_WEIGHT, rotation.ARRIVAL, rotation.SMOOTHING]
+    columns = [
+        rotation.STEP, rotation.LEFT_WEIGHT, rotation.COST_WEIGHT, rotation.AGE_ACCELERATION, rotation.ARRIVAL,
+        rotation.SMOOTHING,
+    ]  # fmt: skip
     assert columns == list(range(len(names)))
     assert RotationSettings().as_vector().tolist() == [getattr(RotationSettings(), name) for name in names]
 

@@ -10,7 +10,7 @@ from ridlink.campaign import flight, tracks, worlds
 from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.flight import fly
 from ridlink.campaign.link import Link
-from ridlink.campaign.plan import Plan, baseline, graded_plan, paper_plan
+from ridlink.campaign.plan import IDEAL_HALFPLANES, Plan, baseline, graded_plan, paper_plan
 from ridlink.campaign.scene import Scene, circle, square
 from ridlink.campaign.worlds import Outcomes
 from ridlink.separation import Definition
@@ -94,6 +94,23 @@ def test_who_hears_nothing_of_the_other_flies_straight_on():
     assert near.distance_m[0] < hearing.distance_m[0] - 2.0
 
 
+@pytest.mark.parametrize(
+    "chosen", [RotationSettings.paper(), GradedSettings.g2(), IDEAL_HALFPLANES], ids=["rotation", "graded", "halfplane"]
+)
+def test_who_may_have_turned_unheard_is_given_the_room_for_it(chosen):
+    """Reports of exact positions that are all late by a second: discs grow by 5 m."""
+    crossing = Scene(
+        "crossing", np.array([[-200.0, 0.0], [0.0, -200.0]]), np.array([[200.0, 0.0], [0.0, 200.0]]),
+        speed_mps=np.full(2, 10.0), airframe_m=np.ones(2),
+    )  # fmt: skip
+    plan = Plan(crossing, settings=chosen, sigma_m=0.5, link=Link(latency_s=(1.0, 1.0)))
+    nearest = [
+        fly(replace(plan, settings=replace(chosen, age_acceleration_mps2=most)), range(12)).distance_m.mean()
+        for most in (0.0, chosen.age_acceleration_mps2)
+    ]
+    assert nearest[1] > nearest[0] + 0.3
+
+
 def test_stock_senders_and_those_that_avoid_nobody_are_given_more_room():
     plan = Plan(meeting(), settings=HalfplaneSettings(), sigma_m=1.0, dynamics="px4", errors=ErrorModel.BIAS)
     nearest = {
@@ -123,9 +140,21 @@ def test_a_track_is_filtered_as_the_daemon_filters_it():
         report[2:4], report[tracks.AT] = (3.0 + 0.1 * k, -2.0), at_s
         there = moved(*origin, *report[0:2])
         filtered = smoother.update(*there, (*report[2:4], 0.0), 9.0, at_s)
-        tracks.take_report(report, at_s, 9.0, 2.0, 0.5, track)
+        tracks.take_report(report, at_s, 9.0, 2.0, 0.0, track)
         assert track[0:2] == pytest.approx(offset_m(origin, filtered), abs=0.01)
     assert smoother.resets == 1
+
+
+def test_of_a_gap_between_two_reports_the_track_knows_the_end():
+    """A vehicle that obeys at once flew the last interval at the velocity that it reports; before that, who knows."""
+    track, report = np.zeros(tracks.TRACK_COLUMNS), np.zeros(tracks.REPORT_COLUMNS)
+    report[2:4] = 30.0, 0.0
+    for at_s, place, velocity in ((0.0, 0.0, 30.0), (0.1, -1.0, -10.0), (0.5, 3.0, 30.0)):
+        report[0], report[2], report[tracks.AT] = place, velocity, at_s
+        tracks.take_report(report, at_s, 90.0, 1e9, 0.1, track)
+        # filtered without end, it counts reports alike
+        first, second, third = 0.0, -1.0, 1.0 / 3.0 * 3.0 + 2.0 / 3.0 * (-1.0 + 0.1 * 30.0 + 0.3 * (30.0 - 10.0) / 2.0)
+        assert track[0] == pytest.approx({0.0: first, 0.1: second, 0.5: third}[at_s])
 
 
 def test_runs_that_are_none_are_refused():
