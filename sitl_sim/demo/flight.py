@@ -13,9 +13,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ridlink.avoidance.solver import warm_up
 from ridlink.avoidance.types import SolverKind
 from ridlink.captures.recorder import Recorder
+from ridlink.daemon.warming import warm_up_unless
 from ridlink.errors import LinkError
 from ridlink.scenario import Scenario, resolve_scenario
 from ridlink.separation.chance import DEFAULT_ETA
@@ -190,8 +190,8 @@ def _title(options: DemoOptions, scenario: Scenario) -> str:
 
 
 async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int) -> None:
-    """Load the solver before anybody flies, and say so where that takes a while."""
-    warming = asyncio.create_task(asyncio.to_thread(warm_up, solver))
+    """Load the solver before anybody flies, and say so where that takes a while; a signal must not wait for it."""
+    warming = asyncio.create_task(warm_up_unless(asyncio.Event(), solver))
     done, _ = await asyncio.wait([warming], timeout=WORTH_A_WORD_S)
     if not done:
         screen.say("Compiling the solver, once for this installation (up to half a minute) ...")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import socket
@@ -179,3 +180,15 @@ def test_an_interrupted_flight_ends_everything_it_started(tmp_path: Path) -> Non
     assert "ended before the verdict" in rest
     assert len(children) == 2
     assert not [child for child in children if Path(f"/proc/{child}").exists()]
+
+
+def test_a_signal_does_not_wait_for_the_compiler(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "ridlink", "demo", "--any-ports", "--no-view", "--log", str(tmp_path / "f.tlog")]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    flight = subprocess.Popen(command, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True, env=environment)
+    assert flight.stderr is not None
+    assert flight.stderr.readline().startswith("Compiling the solver")
+    flight.send_signal(signal.SIGTERM)
+    _, rest = flight.communicate(timeout=60.0)
+    assert (flight.returncode, rest) == (1, "ridlink: ended before the verdict\n")
+    assert not list(tmp_path.rglob("*avoid_one*.nbi")), "the kernel that takes longest has not been waited for"
