@@ -71,7 +71,8 @@ def fly_tasks(plans: Sequence[Plan], tasks: Sequence[Task], jobs: int) -> Genera
             min(jobs, len(tasks)), multiprocessing.get_context("spawn"), initializer=_begin, initargs=(tuple(plans),)
         )
     try:
-        flying: dict[Future[Outcomes], Task] = {pool.submit(_fly, task): task for task in tasks}
+        with _deaf_to_ctrl_c():
+            flying: dict[Future[Outcomes], Task] = {pool.submit(_fly, task): task for task in tasks}
         while flying:
             for future in wait(flying, return_when=FIRST_COMPLETED).done:
                 yield flying.pop(future), future.result()
@@ -79,6 +80,16 @@ def fly_tasks(plans: Sequence[Plan], tasks: Sequence[Task], jobs: int) -> Genera
         raise WorkerLostError("a process that flew was killed, or ran out of memory") from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Processes that are started meanwhile do not hear Ctrl-C before they have come to ignoring it: see `_begin`."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -61,8 +61,9 @@ def ridlink(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) 
     return run
 
 
-def start(*arguments: object, file_bytes: int | None = None) -> subprocess.Popen[str]:
-    """The same in a process of its own; `file_bytes` is the largest file that it may write."""
+def start(*arguments: object, file_bytes: int | None = None, group: bool = False) -> subprocess.Popen[str]:
+    """The same in a process of its own; `file_bytes` is the largest file that it may write; `group`, as a terminal has
+    it, for signals to all of its processes."""
 
     def limit() -> None:
         if file_bytes is not None:
@@ -70,7 +71,7 @@ def start(*arguments: object, file_bytes: int | None = None) -> subprocess.Popen
 
     return subprocess.Popen(
         [sys.executable, "-m", "ridlink", "campaign", "run", *map(str, arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limit,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limit, start_new_session=group,
     )  # fmt: skip
 
 
@@ -179,6 +180,19 @@ def test_a_killed_worker_and_a_killed_parent_lose_nothing_and_rows_stay_the_same
     assert all(file.stat().st_mtime_ns == stamp for file, stamp in stamps.items())
     assert len(shards(folder)) == SHARDS
     assert rows_of(folder) == rows_of(whole)
+
+
+def test_ctrl_c_while_workers_still_load_is_told_by_nobody(tmp_path: Path) -> None:
+    process = start(*CAMPAIGN, "--jobs", 2, "-o", tmp_path / "folder", group=True)
+    workers: list[int] = []
+    while len([worker for worker in workers if "numpy" in Path(f"/proc/{worker}/maps").read_text()]) < 2:
+        assert process.poll() is None
+        workers = list(workers_of(process))
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert [line for line in err.splitlines() if not line.startswith("campaign: ")] == []
+    await_end(workers)
 
 
 def test_processes_change_the_time_only(whole: Path, tmp_path: Path, ridlink: Ridlink) -> None:
