@@ -46,7 +46,11 @@ def open_sources(files: tuple[str, ...], kind: str) -> tuple[list[Source], int]:
 
 
 def walk_through(sources: Sequence[Source], watchers: Sequence[Watcher]) -> Walk:
-    """Show all scenes to all watchers, and on a terminal how far it is."""
+    """Show all scenes to all watchers, and on a terminal how far it is.
+
+    Raises:
+        CaptureError: If no file turned out to be a recording; so OSError, if none could be read.
+    """
     from ridlink.review import Walk, together
 
     progress = Progress(not sys.stdout.isatty())
@@ -56,6 +60,12 @@ def walk_through(sources: Sequence[Source], watchers: Sequence[Watcher]) -> Walk
         source.needless = lambda: walk.own.speaking
     walk.through(together(sources))
     progress.clear()
+    if walk.begun_us is None and all(source.error is not None for source in sources):
+        *others, last = sources
+        for source in others:
+            click.echo(f"ridlink: {_text_of(source)}", err=True)
+        assert last.error is not None
+        raise last.error
     return walk
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
 import tty
 from concurrent.futures import ThreadPoolExecutor
@@ -125,3 +126,18 @@ def test_a_log_without_remote_id_is_an_empty_report(tmp_path: Path) -> None:
     path.write_bytes(tlog_bytes(flight(30)[::3]))
     done = run(path, "--no-html")
     assert done.stdout == "" and done.return_value == 0 and "no Remote ID was heard" in done.stderr
+
+
+@pytest.mark.parametrize("command", [["report", "-o", "rows.jsonl"], ["whatif", "--json"], ["whatif"]])
+def test_of_files_that_turn_out_to_be_no_recordings_nothing_is_told(tmp_path: Path, command: list[str]) -> None:
+    for name in ("one.tlog", "other.tlog"):  # a suffix that promises much
+        (tmp_path / name).write_bytes(b"\x55" * 3000)
+    done = subprocess.run(
+        [sys.executable, "-m", "ridlink", *command, "one.tlog", "other.tlog"],
+        cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": os.getcwd()},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr.splitlines() == [
+        f"ridlink: {name} has no MAVLink frame (tlog)" for name in ("one.tlog", "other.tlog")
+    ]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.tlog", "other.tlog"]
