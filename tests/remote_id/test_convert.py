@@ -236,3 +236,35 @@ def test_a_mavgen_reader_agrees_on_the_bytes() -> None:
     packed = theirs.open_drone_id_location_encode(**fields).pack(theirs)
     assert Encoder(1, 1).encode(name, **fields) == bytes(packed)
     assert isinstance(from_mavlink(Message(name, 12901, fields)), Location)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_message_is_for_everybody(name: str) -> None:
+    heard = received(name)
+    assert heard is not None
+    fields = to_mavlink(heard)[1]
+    assert (fields["target_system"], fields["target_component"]) == (0, 0)
+
+
+def test_small_figures_are_figures() -> None:
+    assert received("OPEN_DRONE_ID_LOCATION", timestamp=0.1).timestamp_s == pytest.approx(0.1)
+    assert to_mavlink(Location(speed_horizontal_mps=0.25))[1]["speed_horizontal"] == 25
+
+
+@pytest.mark.parametrize(("degrees", "cdeg"), [(-10.0, 35000), (365.0, 500), (725.0, 500), (359.996, 0)])
+def test_directions_go_round(degrees: float, cdeg: int) -> None:
+    assert to_mavlink(Location(direction_deg=degrees))[1]["direction"] == cdeg
+
+
+def test_codes_that_a_sender_states_stay_without_their_bounds() -> None:
+    stated = {"horizontal_accuracy": 5, "vertical_accuracy": 2, "barometer_accuracy": 4, "speed_accuracy": 3}
+    assert to_mavlink(Location(**stated))[1].items() >= stated.items()
+
+
+@pytest.mark.parametrize(("page", "filled", "length"), [(0, 17, 17), (0, 18, 23), (1, 17, 23), (1, 23, 23)])
+def test_the_first_page_of_an_authentication_is_shorter_unless_it_is_filled(
+    page: int, filled: int, length: int
+) -> None:
+    data = bytes(range(1, filled + 1))
+    read = received("OPEN_DRONE_ID_AUTHENTICATION", data_page=page, authentication_data=data.ljust(23, b"\0"))
+    assert len(read.authentication_data) == length and read.authentication_data.startswith(data)

@@ -76,7 +76,7 @@ def main() -> int:
     faults = len({row.fault for row in table})
     print(
         f"{len(table)} protections against {faults} faults and invariants, each taken out alone: "
-        f"{len(table) - len(bad)} missed by the test that names the fault; {len(spoken)} faults by a socket; "
+        f"{len(table) - len(bad)} noticed by the test that names the fault; {len(spoken)} faults by a socket; "
         f"{time.monotonic() - began_s:.0f} s"
     )
     for fault in silent:
