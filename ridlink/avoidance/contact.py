@@ -37,7 +37,7 @@ def is_in_contact(block, lane, reach):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def contact_half_planes(own, neighbours, count, step_s, lines, last):  # type: ignore[no-untyped-def]
+def contact_half_planes(own, neighbours, count, candidates, found, step_s, lines, last):  # type: ignore[no-untyped-def]
     """Firm half-planes that keep a pair's discs apart for one step if both keep to theirs, in the columns of `lines`
     before `last`; returns the first of them.
 
@@ -52,9 +52,9 @@ def contact_half_planes(own, neighbours, count, step_s, lines, last):  # type: i
     limit = own[LIMIT]
     p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
     reach, half_step = 2.0 * limit * step_s, 0.5 / step_s
-    for b in range(count):
+    for b in range(-(-found // LANES)):
         for k in range(LANES):
-            if neighbours[b, NOW + 2 * LANES + k] > -limit and neighbours[b, RECIPROCAL + k] == 0.0:
+            if candidates[b, NOW + 2 * LANES + k] > -limit and candidates[b, RECIPROCAL + k] == 0.0:
                 return last
     first = last
     for b in range(count):

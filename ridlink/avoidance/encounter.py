@@ -22,6 +22,9 @@ CLEAR_FACTOR = 0.5
 """The rule of the road gives way when own-ship is so many radii on the other side already. A side is held until the
 miss distance is HOLD_FACTOR radii."""
 
+LEAN_RADII = 2.0
+"""A neighbour that is passed at so many radii of its disc calls for no turn."""
+
 DODGE_MPS = 1.0
 """A neighbour that moves to its right across the line of sight by more than this dodges to the right."""
 
@@ -173,7 +176,7 @@ def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon):  # type: ignore[no-unt
     once_per = 1.0 / (larger(square, EPSILON) * radius)
     time = (r_1 * w_1 + r_2 * w_2) * radius * once_per
     miss_radii = abs(r_1 * w_2 - r_2 * w_1) * math.sqrt(square) * once_per
-    near = smaller(larger(2.0 - miss_radii, 0.0), 1.0)
+    near = smaller(larger(LEAN_RADII - miss_radii, 0.0), 1.0)
     soon = smaller(larger(2.5 - time * once_per_horizon, 0.0), 1.0)
     weight = near * soon * smaller(larger(time, 0.0), 1.0)
     return 0.0 if square < EPSILON else weight

@@ -14,8 +14,8 @@ from ridlink.avoidance.rows import LANES
 from ridlink.compiled import kernel_decorator
 
 _MODULES = (
-    "contact", "encounter", "graded", "halfplane", "headings", "kernel", "packing", "priority", "programme", "rotation",
-    "reach", "route", "rows", "worlds",
+    "contact", "encounter", "graded", "halfplane", "headings", "kernel", "meeting", "packing", "priority", "programme",
+    "reach", "rotation", "route", "rows", "sift", "worlds",
 )  # fmt: skip
 
 kernel = kernel_decorator((Path(__file__).with_name(f"{name}.py") for name in _MODULES), counted=False)
@@ -70,7 +70,7 @@ def _smaller(a, b):  # type: ignore[no-untyped-def]
 
 
 def copy_lanes(source: np.ndarray, at: int, target: np.ndarray, to: int) -> None:
-    """Copy LANES numbers from `source[at:]` to `target[to:]`, both contiguous and of one axis.
+    """Copy LANES numbers from `source[at:]` to `target[to:]`, both contiguous and of one axis, float64 or int8.
 
     The compiler cannot know that two arrays do not overlap, and would copy one number after the other.
     """
@@ -80,12 +80,16 @@ def copy_lanes(source: np.ndarray, at: int, target: np.ndarray, to: int) -> None
 @intrinsic
 def _copy_lanes(typing_context, source, at, target, to):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        lanes = ir.VectorType(ir.DoubleType(), LANES).as_pointer()
         places = []
         for array, index, kind in ((0, 1, signature.args[0]), (2, 3, signature.args[2])):
             data = context.make_array(kind)(context, builder, arguments[array]).data
-            places.append(builder.bitcast(builder.gep(data, [arguments[index]]), lanes))
-        builder.store(builder.load(places[0], align=8), places[1], align=8)
+            lanes = ir.VectorType(data.type.pointee, LANES)
+            places.append(builder.bitcast(builder.gep(data, [arguments[index]]), lanes.as_pointer()))
+        numbers = builder.load(places[0], align=1)
+        if numbers.type != lanes:
+            convert = builder.fptosi if lanes.element == ir.IntType(8) else builder.sitofp
+            numbers = convert(numbers, lanes)
+        builder.store(numbers, places[1], align=1)
         return context.get_dummy_value()
 
     return types.void(source, types.intp, target, types.intp), generate

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import math
 
-from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.rows import (
     AGE,
-    APART,
     ERROR_SUM,
     HEARD,
-    IS_APART,
+    KEPT,
     LANES,
     N_COMMAND,
     N_POSITION,
     N_VELOCITY,
-    PASSING_LEFT,
-    PASSING_RIGHT,
     RADIUS,
     RECIPROCAL,
     REPORTED,
-    SIDE,
+    SPEED,
 )
 
 
@@ -36,6 +33,7 @@ def place_report(report, block, lane):  # type: ignore[no-untyped-def]
     commands = not (math.isnan(report[4]) or math.isnan(report[5]))
     block[N_COMMAND + lane] = report[4] if commands else report[2]
     block[N_COMMAND + LANES + lane] = report[5] if commands else report[3]
+    block[SPEED + lane] = norm(report[2], report[3])
     block[AGE + lane], block[RECIPROCAL + lane] = age, report[7]
 
 
@@ -50,12 +48,10 @@ def pack(reports, memory, count, blocks):  # type: ignore[no-untyped-def]
         blocks: Result; lanes without one are not heard.
     """
     for j in range(count):
-        block, lane, flags = blocks[j // LANES], j % LANES, memory[j]
+        block, lane = blocks[j // LANES], j % LANES
         place_report(reports[j], block, lane)
         block[RADIUS + lane], block[ERROR_SUM + lane], block[HEARD + lane] = reports[j, 8], reports[j, 9], 1.0
-        left = -1.0 if (flags & PASSING_LEFT) != 0 else 0.0
-        block[SIDE + lane] = 1.0 if (flags & PASSING_RIGHT) != 0 else left
-        block[APART + lane] = 1.0 if (flags & IS_APART) != 0 else 0.0
+        block[KEPT + lane] = memory[j]
     for j in range(count, LANES * len(blocks)):
         blocks[j // LANES, HEARD + j % LANES] = 0.0
 
@@ -64,7 +60,4 @@ def pack(reports, memory, count, blocks):  # type: ignore[no-untyped-def]
 def unpack_memory(blocks, count, memory):  # type: ignore[no-untyped-def]
     """`Memory` flags of the first `count` neighbours, into `memory`."""
     for j in range(count):
-        block, lane = blocks[j // LANES], j % LANES
-        side, apart = block[SIDE + lane], block[APART + lane]
-        flags = PASSING_RIGHT if side > 0.0 else PASSING_LEFT if side < 0.0 else 0
-        memory[j] = flags + (IS_APART if apart != 0.0 else 0)
+        memory[j] = blocks[j // LANES, KEPT + j % LANES]

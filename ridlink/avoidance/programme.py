@@ -28,7 +28,7 @@ EPSILON = 1e-9
 N_1, N_2, BOUND, EXCESS = range(4)
 
 
-@kernel
+@kernel(forceinline=True)
 def optimum_on_edge(chosen, index, limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
     """Best point on the edge of half-plane `index` that meets all earlier ones; False if there is none.
 
@@ -122,22 +122,33 @@ def choose(lines, first, excess, chosen, place):  # type: ignore[no-untyped-def]
     chosen[place, 0], chosen[place, 1], chosen[place, 2] = lines[N_1, k], lines[N_2, k], lines[BOUND, k]
 
 
-@kernel
+@kernel(forceinline=True)
 def nearest(lines, first, last, limit_mps, preferred, chosen, point):  # type: ignore[no-untyped-def]
-    """Best point of the disc within half-planes `first..last-1`; False, and some point, if there is none.
+    """Best point of the disc within half-planes `first..last-1`, or some point if there is none.
 
-    Arguments as in `nearest_admissible`.
+    Arguments as in `least_bad`.
+
+    Returns:
+        True if there is one; then also the largest excess over these half-planes, all of which are measured there.
     """
     unconstrained(limit_mps, preferred, False, point)
+    worst = measure(lines, first, last, point[0], point[1])
     # A half-plane is chosen but once, except by rounding where two of them are all but parallel.
     for place in range(last - first):
-        worst = measure(lines, first, last, point[0], point[1])
         if worst <= EPSILON:
             break
         choose(lines, first, worst, chosen, place)
         if not optimum_on_edge(chosen, place, limit_mps, preferred, False, point):
-            return False
-    return True
+            return False, worst
+        worst = measure(lines, first, last, point[0], point[1])
+    return True, worst
+
+
+@kernel
+def is_met(lines, first, last, limit_mps, preferred, chosen, point):  # type: ignore[no-untyped-def]
+    """Whether there is a point that `nearest` finds."""
+    met, _ = nearest(lines, first, last, limit_mps, preferred, chosen, point)
+    return met
 
 
 @kernel
@@ -198,11 +209,10 @@ def move_back(lines, first, last, excess):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def nearest_admissible(  # type: ignore[no-untyped-def]
+def least_bad(  # type: ignore[no-untyped-def]
     lines, begin, hard, first, last, limit_mps, preferred, chosen, work, point
 ):
-    """Velocity nearest `preferred` within all half-planes and the disc, or the one that exceeds the least of them
-    least.
+    """Velocity in the disc that exceeds half-planes least, where `nearest` finds none that meets them all.
 
     There are three ranks: soft half-planes are exceeded, as little as can be, before firm ones are, and those before
     hard ones. Firm or hard ones that contradict each other, or those above them, are all moved back by their least
@@ -220,23 +230,32 @@ def nearest_admissible(  # type: ignore[no-untyped-def]
         chosen: Scratch, shape (m + 2, 3).
         work: Scratch of the same shape.
         point: Result, shape (2,).
+    """
+    if not is_met(lines, begin, first, limit_mps, preferred, chosen, point):
+        if not is_met(lines, hard, first, limit_mps, preferred, chosen, point):
+            move_back(lines, hard, first, least_excess(lines, hard, hard, hard, first, limit_mps, chosen, work, point))
+            is_met(lines, hard, first, limit_mps, preferred, chosen, point)
+        if begin < hard:
+            excess = least_excess(lines, hard, first, begin, hard, limit_mps, chosen, work, point)
+            move_back(lines, begin, hard, excess)
+        if is_met(lines, begin, last, limit_mps, preferred, chosen, point):
+            return
+        is_met(lines, begin, first, limit_mps, preferred, chosen, point)
+    least_excess(lines, begin, first, first, last, limit_mps, chosen, work, point)
+
+
+@kernel
+def nearest_admissible(  # type: ignore[no-untyped-def]
+    lines, begin, hard, first, last, limit_mps, preferred, chosen, work, point
+):
+    """Velocity nearest `preferred` within all half-planes and the disc, or the least bad one; arguments as there.
 
     Returns:
         True if every half-plane is met as it was given.
     """
-    if nearest(lines, begin, last, limit_mps, preferred, chosen, point):
+    if is_met(lines, begin, last, limit_mps, preferred, chosen, point):
         return True
-    if not nearest(lines, begin, first, limit_mps, preferred, chosen, point):
-        if not nearest(lines, hard, first, limit_mps, preferred, chosen, point):
-            move_back(lines, hard, first, least_excess(lines, hard, hard, hard, first, limit_mps, chosen, work, point))
-            nearest(lines, hard, first, limit_mps, preferred, chosen, point)
-        if begin < hard:
-            excess = least_excess(lines, hard, first, begin, hard, limit_mps, chosen, work, point)
-            move_back(lines, begin, hard, excess)
-        if nearest(lines, begin, last, limit_mps, preferred, chosen, point):
-            return False
-        nearest(lines, begin, first, limit_mps, preferred, chosen, point)
-    least_excess(lines, begin, first, first, last, limit_mps, chosen, work, point)
+    least_bad(lines, begin, hard, first, last, limit_mps, preferred, chosen, work, point)
     return False
 
 

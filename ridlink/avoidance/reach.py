@@ -34,12 +34,17 @@ def reach_half_planes(own, change_mps, lines, first):  # type: ignore[no-untyped
 
 @kernel(forceinline=True)
 def keep_within(own, change_mps, limit, x):  # type: ignore[no-untyped-def]
-    """Take a velocity back into the limit, and to what can be reached from the last command."""
+    """Take a velocity back into the limit, and to what can be reached from the last command; True if it was outside."""
     speed = norm(x[0], x[1])
-    if speed > limit:
+    outside = speed > limit
+    if outside:
         x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
+    if math.isinf(change_mps):
+        return outside
     off_1, off_2 = x[0] - own[COMMAND], x[1] - own[COMMAND + 1]
     change = norm(off_1, off_2)
     if change > change_mps:
         x[0] = own[COMMAND] + off_1 * change_mps / change
         x[1] = own[COMMAND + 1] + off_2 * change_mps / change
+        outside = True
+    return outside

@@ -23,26 +23,34 @@ LANES = 4
 """Neighbours in a block: what a register of 256 bits holds, with which the compiler works. Eight are no faster."""
 
 # Columns of a block of neighbours. The position is where the neighbour is now, REPORTED where its report had it; the
-# command is its velocity where none was given. Lanes of which HEARD is zero count for nothing. SIDE (1 right, -1 left,
-# 0 none) and APART (0 or 1) are what is kept of the encounter. From GAP on, the columns are the kernels' own: distance
-# less radius, half-planes of now and of later (n_1, n_2, bound).
+# command is its velocity where none was given. Lanes of which HEARD is zero count for nothing. KEPT is what is kept of
+# the encounter, a sum of `Memory` flags; what `meeting` takes ends with it and with WIDE, the radius with its buffer,
+# which is the kernels' own as are the columns from GAP on: distance less radius, whether the neighbour matters,
+# half-planes of now and of later (n_1, n_2, bound).
 (
-    N_POSITION, N_VELOCITY, N_COMMAND, AGE, RECIPROCAL, HEARD, REPORTED, RADIUS, ERROR_SUM, SIDE, APART, GAP, NOW,
-    LATER, BLOCK,
-) = (LANES * column for column in (0, 2, 4, 6, 7, 8, 9, 11, 12, 13, 14, 15, 16, 19, 22))  # fmt: skip
+    N_POSITION, N_VELOCITY, N_COMMAND, RECIPROCAL, RADIUS, KEPT, WIDE, HEARD, ERROR_SUM, AGE, SPEED, REPORTED, GAP,
+    MATTERS, NOW, LATER, BLOCK,
+) = (LANES * column for column in (0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16, 17, 18, 21, 24))  # fmt: skip
 
 # Columns of the result; BINDING holds three neighbours, -1 where there are fewer, HARD the number of columns
-# of half-planes that obstacles have, where a solver has any.
+# of half-planes that obstacles have, where a solver has any, MATTERING the number of neighbours that could matter.
 (
     R_VELOCITY, R_COMMAND, R_PREFERRED, R_STATUS, R_SLACK, R_MARGIN, R_NEAREST, R_TIME, R_BINDING, R_OBSTACLE, R_HARD,
-    RESULT_COLUMNS,
-) = (0, 2, 4, 6, 7, 8, 9, 10, 11, 14, 15, 16)  # fmt: skip
+    R_MATTERING, RESULT_COLUMNS,
+) = (0, 2, 4, 6, 7, 8, 9, 10, 11, 14, 15, 16, 17)  # fmt: skip
 
 FREE, CONSTRAINED, OVERLAPPED, INFEASIBLE = 0.0, 1.0, 2.0, 3.0
 """`Status` in a result."""
 
 PASSING_RIGHT, PASSING_LEFT, IS_APART = 1, 2, 4
 """`Memory` of an encounter."""
+
+# Columns of the settings vector of the half-plane solver, in the order of the fields of HalfplaneSettings.
+(
+    HORIZON, RESPONSE, BARRIER, BARRIER_SHARE, SMOOTHING, RIGHT_TURN, START_TURN, AGE_ACCELERATION, BUFFER_SHARE,
+    ARRIVAL, HEAD_ON_COSINE, HEAD_ON_SPEED, OBSTACLE_HORIZON, OBSTACLE_DECELERATION, OBSTACLE_RESPONSE, ROUTE_MARGIN,
+    CONTACT_STEP, ACCELERATION,
+) = range(18)  # fmt: skip
 
 
 def blocks_for(count: int) -> int:

@@ -217,8 +217,8 @@ class HalfplaneSolver(_RowSolver):
         hard = rows.LANES * rows.blocks_for(self._count)
         columns = self._lines[:3, hard : hard + int(self._result[rows.R_HARD])].T
         found = [(plane.copy(), -1) for plane in columns if plane[2] > -math.inf]
-        for place in range(self._count):
-            block, lane = self._neighbours[place // rows.LANES], place % rows.LANES
+        for c in range(int(self._result[rows.R_MATTERING])):
+            block, lane, place = self._candidates[c // rows.LANES], c % rows.LANES, int(self._names[c])
             for first in (rows.NOW, rows.LATER) if self.settings.response_time_s > 0.0 else (rows.NOW,):
                 plane = block[first + lane : first + 3 * rows.LANES : rows.LANES].copy()
                 if plane[2] > -math.inf:
@@ -228,6 +228,7 @@ class HalfplaneSolver(_RowSolver):
     def _reserve(self, count: int, obstacles: Obstacles) -> None:
         lanes = rows.LANES * len(self._neighbours)
         self._lines = new_lines(obstacles.piece_count + halfplane.REACH_SIDES, 2 * lanes, lanes)
+        self._candidates, self._names = np.zeros_like(self._neighbours), np.zeros(lanes, np.int64)
         self._chosen, self._work = (new_choice(self._lines.shape[1]) for _ in range(2))
         self._ring = np.zeros((ring_size(obstacles.hull_start), 2))
 
@@ -240,7 +241,7 @@ class HalfplaneSolver(_RowSolver):
         route: int = halfplane.avoid_one(
             self._own, self._neighbours, rows.blocks_for(count), math.inf, obstacles.piece_vertex_ne_m,
             obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start, route_side, self._vector,
-            self._lines, self._chosen, self._work, self._ring, self._result,
+            self._candidates, self._names, self._lines, self._chosen, self._work, self._ring, self._result,
         )  # fmt: skip
         return route
 

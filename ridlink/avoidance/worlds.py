@@ -29,17 +29,17 @@ from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.rows import (
-    APART,
     BLOCK,
     ERROR_SUM,
+    GAP,
     HEARD,
+    KEPT,
     LANES,
     POSITION,
     R_BINDING,
     R_NEAREST,
     RADIUS,
     REPORTED,
-    SIDE,
     blocks_for,
 )
 
@@ -56,7 +56,7 @@ def draw_picture(heard, present, picture):  # type: ignore[no-untyped-def]
         block[HEARD + lane] = 1.0 if present[j] else 0.0
 
 
-@kernel
+@kernel(forceinline=True)
 def fill_in(numbers, picture, column):  # type: ignore[no-untyped-def]
     """Write a column of all blocks, a number for each vehicle."""
     whole = len(numbers) // LANES
@@ -67,7 +67,7 @@ def fill_in(numbers, picture, column):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def gather(own, i, radius_m, error_sum_m, range_m, memory, picture, neighbours, names):  # type: ignore[no-untyped-def]
+def gather(own, i, radius_m, error_sum_m, range_m, picture, neighbours, names):  # type: ignore[no-untyped-def]
     """Copy the vehicles that vehicle `i` of one world hears to blocks of their own.
 
     Args:
@@ -76,7 +76,6 @@ def gather(own, i, radius_m, error_sum_m, range_m, memory, picture, neighbours, 
         radius_m: Radii of its discs, shape (N,).
         error_sum_m: Parts of them, shape (N,).
         range_m: Vehicles further than this are not heard.
-        memory: What it keeps of its encounters; nothing is left there, it is in the blocks.
         picture: The world, as `draw_picture` left it.
         neighbours: Result, blocks.
         names: Result: their places in the world.
@@ -91,13 +90,11 @@ def gather(own, i, radius_m, error_sum_m, range_m, memory, picture, neighbours, 
         off_1, off_2 = block[REPORTED + lane] - p_1, block[REPORTED + LANES + lane] - p_2
         if block[HEARD + lane] != 0.0 and j != i and off_1 * off_1 + off_2 * off_2 <= reach:
             target, place = neighbours[count // LANES], count % LANES
-            for column in range(0, RADIUS, LANES):
+            for column in range(0, GAP, LANES):
                 target[column + place] = block[column + lane]
             target[RADIUS + place], target[ERROR_SUM + place] = radius_m[j], error_sum_m[j]
-            target[SIDE + place], target[APART + place] = memory[j // LANES, lane], memory[j // LANES, LANES + lane]
             names[count] = j
             count += 1
-        memory[j // LANES, lane] = memory[j // LANES, LANES + lane] = 0.0
     for k in range(count, LANES * (-(-count // LANES))):
         neighbours[k // LANES, HEARD + k % LANES] = 0.0
     return count
@@ -142,49 +139,33 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         ring: See `picture`.
         result: See above.
     """
+    # Whoever has several threads gives each its own worlds, with scratch of their own: that of the first will do.
+    view, few, places = picture[0], neighbours[0], names[0]
+    blocks = len(view)
     for world in range(own.shape[0]):
-        view, few, places = picture[world], neighbours[world], names[world]
-        vehicles, blocks = own.shape[1], len(view)
         draw_picture(heard[world], present[world], view)
-        for i in range(vehicles):
+        for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue
-            answer, kept = result[world, i], memory[world, i]
-            # In a small world, passing over those that are not heard is less work than copying those that are.
-            if vehicles <= SMALL_WORLD:
-                fill_in(radius_m[world, i], view, RADIUS)
-                fill_in(error_sum_m[world, i], view, ERROR_SUM)
-                for b in range(blocks):
-                    copy_lanes(kept[b], 0, view[b], SIDE)
-                    copy_lanes(kept[b], LANES, view[b], APART)
-                view[i // LANES, HEARD + i % LANES] = 0.0
-                route[world, i] = avoid_one(
-                    own[world, i], view, blocks, range_m, pieces, piece_start, hulls, hull_start, route[world, i],
-                    settings, lines[world], chosen[world], work[world], ring[world], answer,
-                )  # fmt: skip
-                view[i // LANES, HEARD + i % LANES] = 1.0 if present[world, i] else 0.0
-                for b in range(blocks):
-                    copy_lanes(view[b], SIDE, kept[b], 0)
-                    copy_lanes(view[b], APART, kept[b], LANES)
-            else:
-                count = gather(
-                    own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, kept, view, few, places
-                )
-                route[world, i] = avoid_one(
-                    own[world, i], few, -(-count // LANES), range_m, pieces, piece_start, hulls, hull_start,
-                    route[world, i], settings, lines[world], chosen[world], work[world], ring[world], answer,
-                )  # fmt: skip
-                for k in range(count):
-                    block, lane, j = few[k // LANES], k % LANES, places[k]
-                    kept[j // LANES, j % LANES] = block[SIDE + lane]
-                    kept[j // LANES, LANES + j % LANES] = block[APART + lane]
-                name_vehicles(places, answer)
+            kept = memory[world, i]
+            fill_in(radius_m[world, i], view, RADIUS)
+            fill_in(error_sum_m[world, i], view, ERROR_SUM)
+            for b in range(blocks):
+                copy_lanes(kept, LANES * b, view[b], KEPT)
+            view[i // LANES, HEARD + i % LANES] = 0.0
+            route[world, i] = avoid_one(
+                own[world, i], view, blocks, range_m, pieces, piece_start, hulls, hull_start, route[world, i], settings,
+                few, places, lines[0], chosen[0], work[0], ring[0], result[world, i],
+            )  # fmt: skip
+            view[i // LANES, HEARD + i % LANES] = 1.0 if present[world, i] else 0.0
+            for b in range(blocks):
+                copy_lanes(view[b], KEPT, kept, LANES * b)
 
 
 @kernel(nogil=True)
 def rotate_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
-    neighbours, names, memory, walls, way, result,
+    neighbours, names, walls, way, result,
 ):  # fmt: skip
     """Decide by rotation, as the paper does, for every vehicle of every world.
 
@@ -204,7 +185,6 @@ def rotate_worlds(  # type: ignore[no-untyped-def]
         picture: Scratch; it and the following ones come from `rotation_scratch`.
         neighbours: See `picture`.
         names: See `picture`.
-        memory: See `picture`.
         walls: See `picture`.
         way: See `picture`.
         result: See above.
@@ -213,7 +193,6 @@ def rotate_worlds(  # type: ignore[no-untyped-def]
         view, few, places = picture[world], neighbours[world], names[world]
         vehicles = own.shape[1]
         draw_picture(heard[world], present[world], view)
-        kept = memory[world]
         for i in range(vehicles):
             if not deciding[world, i]:
                 continue
@@ -226,9 +205,7 @@ def rotate_worlds(  # type: ignore[no-untyped-def]
                 )  # fmt: skip
                 view[i // LANES, HEARD + i % LANES] = 1.0 if present[world, i] else 0.0
             else:
-                count = gather(
-                    own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, kept, view, few, places
-                )
+                count = gather(own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, view, few, places)
                 choose_heading(
                     own[world, i], few, -(-count // LANES), range_m, pieces, piece_start, settings, fan, walls[world],
                     way[world], result[world, i],
@@ -238,19 +215,16 @@ def rotate_worlds(  # type: ignore[no-untyped-def]
 @kernel(nogil=True)
 def grade_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
-    neighbours, names, memory, sights, walls, way, result,
+    neighbours, names, sights, walls, way, result,
 ):  # fmt: skip
     """Decide by graded risk for every vehicle of every world; arguments as in `rotate_worlds`, with `GradedSettings`,
     `graded.candidates` and `graded_scratch`. Results are complete."""
     for world in range(own.shape[0]):
         view, few, places = picture[world], neighbours[world], names[world]
         draw_picture(heard[world], present[world], view)
-        kept = memory[world]
         for i in range(own.shape[1]):
             if deciding[world, i]:
-                count = gather(
-                    own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, kept, view, few, places
-                )
+                count = gather(own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, view, few, places)
                 grade_one(
                     own[world, i], few, count, pieces, piece_start, settings, fan, sights[world], walls[world],
                     way[world], result[world, i],
@@ -259,8 +233,8 @@ def grade_worlds(  # type: ignore[no-untyped-def]
 
 
 def new_memory(worlds: int, vehicles: int) -> np.ndarray:
-    """What new vehicles keep of their encounters: nothing. SIDE and APART, shape (W, N, blocks, 2 LANES)."""
-    return np.zeros((worlds, vehicles, blocks_for(vehicles), 2 * LANES))
+    """What new vehicles keep of their encounters: nothing. `Memory` flags, shape (W, N, LANES * blocks), int8."""
+    return np.zeros((worlds, vehicles, LANES * blocks_for(vehicles)), np.int8)
 
 
 def halfplane_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
@@ -281,7 +255,6 @@ def rotation_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[
     """The scratch arguments of `rotate_worlds`, in its order."""
     return (
         *_picture(worlds, vehicles),
-        np.zeros((worlds, blocks_for(vehicles), 2 * LANES)),
         np.zeros((worlds, obstacles.piece_count, headings.WALL_COLUMNS)),
         np.zeros((worlds, headings.WAY_COLUMNS)),
     )
@@ -295,4 +268,4 @@ def graded_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np
 
 def _picture(worlds: int, vehicles: int) -> tuple[np.ndarray, ...]:
     blocks = np.zeros((worlds, blocks_for(vehicles), BLOCK))
-    return blocks, blocks.copy(), np.zeros((worlds, vehicles), np.int64)
+    return blocks, blocks.copy(), np.zeros((worlds, LANES * blocks_for(vehicles)), np.int64)

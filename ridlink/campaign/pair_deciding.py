@@ -36,7 +36,8 @@ def remember(names, kept, count, memory):  # type: ignore[no-untyped-def]
 @kernel(nogil=True)
 def avoid_pairs(  # type: ignore[no-untyped-def]
     own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
-    blocks, pieces, piece_start, settings, hulls, hull_start, route, turns, lines, chosen, work, ring, result,
+    blocks, pieces, piece_start, settings, hulls, hull_start, route, turns, candidates, places, lines, chosen, work,
+    ring, result,
 ):  # fmt: skip
     """Decide by half-planes; up to `result` see `PairDecider.decide`, scratch has a leading axis of worlds."""
     for world in range(own.shape[0]):
@@ -52,7 +53,8 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
             pack(reports[world], kept_here, count, few)
             route[world, i] = avoid_one(
                 own[world, i], few, -(-count // rows.LANES), math.inf, pieces, piece_start, hulls, hull_start,
-                route[world, i], settings, lines[world], chosen[world], work[world], ring[world], result[world, i],
+                route[world, i], settings, candidates[world], places[world], lines[world],
+                chosen[world], work[world], ring[world], result[world, i],
             )  # fmt: skip
             unpack_memory(few, count, kept_here)
             remember(names_here, kept_here, count, memory[world, i])
@@ -130,6 +132,7 @@ class PairDecider:
             choice = new_choice(lines.shape[1])
             self._constants: tuple[Any, ...] = (obstacles.hull_vertex_ne_m, obstacles.hull_start)
             self._scratch: tuple[Any, ...] = (
+                np.zeros((worlds, blocks, rows.BLOCK)), np.zeros((worlds, rows.LANES * blocks), np.int64),
                 np.stack([lines] * worlds), np.stack([choice] * worlds), np.stack([choice] * worlds),
                 np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
             )  # fmt: skip

@@ -11,41 +11,30 @@ from __future__ import annotations
 import math
 
 from ridlink.avoidance.encounter import CLEAR_FACTOR, DODGE_MPS, EPSILON, HOLD_FACTOR
-from ridlink.avoidance.halfplane import (
+from ridlink.avoidance.halfplane import TOUCHING_MPS, buffered_clearance, preferred_velocity, slowness
+from ridlink.avoidance.kernel import norm
+from ridlink.avoidance.meeting import START_RADII
+from ridlink.avoidance.route import approach_speed, nearest_point
+from ridlink.avoidance.rows import (
     AGE_ACCELERATION,
-    APART_FACTOR,
     BARRIER,
     BARRIER_SHARE,
     BUFFER_SHARE,
-    CONTACT_STEP,
-    HEAD_ON_COSINE,
-    HEAD_ON_SPEED,
-    HORIZON,
-    HORIZON_RADII,
-    OBSTACLE_DECELERATION,
-    OBSTACLE_HORIZON,
-    OBSTACLE_RESPONSE,
-    RESPONSE,
-    RIGHT_TURN,
-    SMOOTHING,
-    START_RADII,
-    START_TURN,
-    TOUCHING_MPS,
-    buffered_clearance,
-    preferred_velocity,
-    slowness,
-)
-from ridlink.avoidance.kernel import norm
-from ridlink.avoidance.route import approach_speed, nearest_point
-from ridlink.avoidance.rows import (
     CLEARANCE,
     COMMAND,
     CONSTRAINED,
+    CONTACT_STEP,
     CRUISE,
     EXTRA_TURN,
     FREE,
+    HEAD_ON_COSINE,
+    HEAD_ON_SPEED,
+    HORIZON,
     INFEASIBLE,
     LIMIT,
+    OBSTACLE_DECELERATION,
+    OBSTACLE_HORIZON,
+    OBSTACLE_RESPONSE,
     OVERLAPPED,
     POSITION,
     R_BINDING,
@@ -58,8 +47,13 @@ from ridlink.avoidance.rows import (
     R_STATUS,
     R_TIME,
     R_VELOCITY,
+    RESPONSE,
+    RIGHT_TURN,
+    SMOOTHING,
+    START_TURN,
     VELOCITY,
 )
+from ridlink.avoidance.sift import APART_FACTOR, HORIZON_RADII
 
 # Columns of a neighbour. Its position is the reported one, AGE seconds old; the command is NaN where none was given.
 N_POSITION, N_VELOCITY, N_COMMAND, AGE, RADIUS, ERROR_SUM, RECIPROCAL, NEIGHBOUR_COLUMNS = (0, 2, 4, 6, 7, 8, 9, 10)

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from ridlink.avoidance import HalfplaneSettings, OwnShip, ProgressWatch, Traffic, halfplane
+from ridlink.avoidance import HalfplaneSettings, OwnShip, ProgressWatch, Traffic, rows
 
 OWN = OwnShip(np.zeros(2), np.zeros(2), np.zeros(2), 0.5, 10.0)
 PAIR, ONE = np.ones((1, 2)), np.ones(1)
@@ -17,24 +17,24 @@ TRAFFIC = Traffic(PAIR, PAIR, PAIR, ONE, ONE, ONE, np.ones(1, np.bool_), np.zero
 
 def test_the_kernels_read_the_settings_in_field_order():
     names = {
-        "horizon_s": halfplane.HORIZON,
-        "response_time_s": halfplane.RESPONSE,
-        "barrier_gain_per_s": halfplane.BARRIER,
-        "barrier_share": halfplane.BARRIER_SHARE,
-        "smoothing": halfplane.SMOOTHING,
-        "right_turn_rad": halfplane.RIGHT_TURN,
-        "start_turn_rad": halfplane.START_TURN,
-        "age_acceleration_mps2": halfplane.AGE_ACCELERATION,
-        "buffer_share": halfplane.BUFFER_SHARE,
-        "arrival_deceleration_mps2": halfplane.ARRIVAL,
-        "head_on_cosine": halfplane.HEAD_ON_COSINE,
-        "head_on_speed_mps": halfplane.HEAD_ON_SPEED,
-        "obstacle_horizon_s": halfplane.OBSTACLE_HORIZON,
-        "obstacle_deceleration_mps2": halfplane.OBSTACLE_DECELERATION,
-        "obstacle_response_s": halfplane.OBSTACLE_RESPONSE,
-        "route_margin_m": halfplane.ROUTE_MARGIN,
-        "contact_step_s": halfplane.CONTACT_STEP,
-        "acceleration_mps2": halfplane.ACCELERATION,
+        "horizon_s": rows.HORIZON,
+        "response_time_s": rows.RESPONSE,
+        "barrier_gain_per_s": rows.BARRIER,
+        "barrier_share": rows.BARRIER_SHARE,
+        "smoothing": rows.SMOOTHING,
+        "right_turn_rad": rows.RIGHT_TURN,
+        "start_turn_rad": rows.START_TURN,
+        "age_acceleration_mps2": rows.AGE_ACCELERATION,
+        "buffer_share": rows.BUFFER_SHARE,
+        "arrival_deceleration_mps2": rows.ARRIVAL,
+        "head_on_cosine": rows.HEAD_ON_COSINE,
+        "head_on_speed_mps": rows.HEAD_ON_SPEED,
+        "obstacle_horizon_s": rows.OBSTACLE_HORIZON,
+        "obstacle_deceleration_mps2": rows.OBSTACLE_DECELERATION,
+        "obstacle_response_s": rows.OBSTACLE_RESPONSE,
+        "route_margin_m": rows.ROUTE_MARGIN,
+        "contact_step_s": rows.CONTACT_STEP,
+        "acceleration_mps2": rows.ACCELERATION,
     }
     assert list(names) == [item.name for item in fields(HalfplaneSettings)]
     assert list(names.values()) == list(range(len(names)))

@@ -1,0 +1,148 @@
+"""The neighbours that matter, worked out exactly, block by block: half-planes, sides to pass on, turns they call for.
+
+What is worked out for one neighbour is in `encounter`; which neighbours come here is decided in `sift`.
+
+Axes: north-east, metres, m/s, seconds; columns as in `rows`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ridlink.avoidance.encounter import EPSILON, half_plane, lean, passing_side, rule_side, time_to_entry
+from ridlink.avoidance.kernel import copy_lanes, kernel, larger, norm, smaller
+from ridlink.avoidance.rows import (
+    BARRIER,
+    BARRIER_SHARE,
+    COMMAND,
+    CRUISE,
+    HEAD_ON_COSINE,
+    HEAD_ON_SPEED,
+    HORIZON,
+    IS_APART,
+    KEPT,
+    LANES,
+    LATER,
+    LIMIT,
+    N_COMMAND,
+    N_POSITION,
+    N_VELOCITY,
+    NOW,
+    PASSING_LEFT,
+    POSITION,
+    RADIUS,
+    RECIPROCAL,
+    RESPONSE,
+    VELOCITY,
+    WIDE,
+)
+from ridlink.avoidance.sift import FAR, HORIZON_RADII
+
+START_RADII = 1.5
+"""A neighbour nearer than so many radii calls for no turn of a standing vehicle; one a radius further for all of it.
+Who stands at the edge of a disc waits, and is not just starting."""
+
+
+@kernel(forceinline=True)
+def neighbour_half_planes(own, neighbours, found, preferred, settings, lines, first):  # type: ignore[no-untyped-def]
+    """The half-planes of all neighbours, LANES of now and LANES of later for every block; those that no velocity within
+    the limit fails forbid nothing.
+
+    Args:
+        own: Own-ship.
+        neighbours: Blocks, as `sift` left them; what is kept of the encounters is brought up to date.
+        found: Number of neighbours.
+        preferred: Velocity without traffic, shape (2,).
+        settings: Constants.
+        lines: Result, from column `first` on.
+        first: See `lines`.
+
+    Returns:
+        Number of columns of `lines` used; weights of the turn to the right, to the left, and when starting; least time
+        to violation [s], FAR if there is none.
+    """
+    p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
+    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
+    o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
+    a_1, a_2 = preferred[0], preferred[1]
+    speed = norm(a_1, a_2)
+    way_1, way_2 = a_1 / max(speed, EPSILON), a_2 / max(speed, EPSILON)
+    if speed <= EPSILON:
+        way_1, way_2 = 1.0, 0.0
+    limit, stretch = own[LIMIT], HORIZON_RADII / max(own[CRUISE], 1.0)
+    least_horizon, wait = settings[HORIZON], settings[RESPONSE]
+    cosine, course_speed = settings[HEAD_ON_COSINE], settings[HEAD_ON_SPEED]
+    barrier, most = settings[BARRIER], settings[BARRIER_SHARE] * limit
+
+    used = first
+    right = left = start = 0.0
+    violation = FAR
+    for b in range(-(-found // LANES)):
+        block = neighbours[b]
+        # One array and distances known beforehand, and no branch: that lets the compiler take all lanes at once.
+        for k in range(LANES):
+            heard, reciprocal = LANES * b + k < found, block[RECIPROCAL + k] != 0.0
+            r_1, r_2 = block[N_POSITION + k] - p_1, block[N_POSITION + LANES + k] - p_2
+            u_1, u_2 = block[N_VELOCITY + k], block[N_VELOCITY + LANES + k]
+            c_1, c_2 = block[N_COMMAND + k], block[N_COMMAND + LANES + k]
+            disc, radius = block[RADIUS + k], block[WIDE + k]
+            # A large disc must be seen earlier.
+            horizon = larger(least_horizon, stretch * radius)
+            some = larger(radius, EPSILON)
+            once_per = 1.0 / (horizon * some)
+            once_per_horizon = once_per * some
+            distance = math.sqrt(r_1 * r_1 + r_2 * r_2)
+            w_1, w_2 = v_1 - u_1, v_2 - u_2
+
+            entry = time_to_entry(r_1, r_2, w_1, w_2, disc, FAR)
+            violation = smaller(violation, entry if heard else FAR)
+
+            rule = rule_side(v_1, v_2, u_1, u_2, reciprocal, cosine, course_speed)
+            called = lean(r_1, r_2, a_1 - u_1, a_2 - u_2, disc, once_per_horizon)
+            weight = called if heard else 0.0
+            right, left = larger(right, 0.0 if rule < 0.0 else weight), larger(left, weight if rule < 0.0 else 0.0)
+            # Going round works where the other does it too; who stands or lands is passed, not gone round with.
+            away = smaller(larger(distance * horizon * once_per - START_RADII, 0.0), 1.0)
+            start = larger(start, weight * away if reciprocal else 0.0)
+
+            # What is kept of a candidate says already whether it is, or ever was, apart.
+            kept = block[KEPT + k]
+            apart = kept >= IS_APART
+            kept = kept - IS_APART if apart else kept
+            held = -1.0 if kept == PASSING_LEFT else kept
+            # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
+            edge = radius if apart else disc
+            side = passing_side(held, rule, r_1, r_2, distance, w_1, w_2, c_1, c_2, reciprocal, radius, horizon)
+            passing = PASSING_LEFT if side < 0.0 else side
+            block[KEPT + k] = passing + IS_APART if apart else passing
+            # Head-on, the neighbour's own midpoint: then both see the same relative velocity.
+            x_1, x_2 = (u_1 + c_1) / 2.0 if side != 0.0 else u_1, (u_2 + c_2) / 2.0 if side != 0.0 else u_2
+            share = 0.5 if reciprocal else 1.0
+
+            now_side = side if r_1 * w_1 + r_2 * w_2 > 0.0 else 0.0
+            n_1, n_2, change = half_plane(
+                r_1, r_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, now_side, way_1, way_2, barrier, most
+            )
+            bound = n_1 * o_1 + n_2 * o_2 + share * change
+            matters = heard & (bound > -limit)
+            block[NOW + k], block[NOW + LANES + k] = n_1, n_2
+            block[NOW + 2 * LANES + k] = bound if matters else -math.inf
+
+            s_1, s_2 = r_1 - w_1 * wait, r_2 - w_2 * wait
+            later_side = side if s_1 * w_1 + s_2 * w_2 > 0.0 else 0.0
+            n_1, n_2, change = half_plane(
+                s_1, s_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, later_side, way_1, way_2, barrier, most
+            )
+            bound = n_1 * o_1 + n_2 * o_2 + share * change
+            matters = heard & (bound > -limit)
+            block[LATER + k], block[LATER + LANES + k] = n_1, n_2
+            block[LATER + 2 * LANES + k] = bound if matters else -math.inf
+
+        for row in range(3):
+            copy_lanes(block, NOW + LANES * row, lines[row], used)
+        used += LANES
+        if wait > 0.0:
+            for row in range(3):
+                copy_lanes(block, LATER + LANES * row, lines[row], used)
+            used += LANES
+    return used, right, left, start, violation

@@ -1,0 +1,164 @@
+"""Which neighbours matter: all are passed over in a few instructions each, before anything costly is worked out.
+
+Of two dozen neighbours a handful can constrain own-ship, and in open air none. Here nothing is divided and one square
+root taken; what cannot be told without is left to `meeting`, which works out the neighbours that remain exactly. A
+neighbour is set aside only where that is certain to say that it forbids no velocity within the limit, calls for no
+turn, gives no side to pass on and has no disc that own-ship flies into, so that nothing is lost.
+
+Axes: north-east, metres, m/s, seconds; columns as in `rows`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ridlink.avoidance.encounter import EPSILON, HOLD_FACTOR, LEAN_RADII
+from ridlink.avoidance.kernel import kernel, larger, norm, smaller
+from ridlink.avoidance.rows import (
+    AGE,
+    AGE_ACCELERATION,
+    BUFFER_SHARE,
+    COMMAND,
+    CRUISE,
+    ERROR_SUM,
+    GAP,
+    HEARD,
+    HORIZON,
+    IS_APART,
+    KEPT,
+    LANES,
+    LIMIT,
+    MATTERS,
+    N_POSITION,
+    N_VELOCITY,
+    POSITION,
+    RADIUS,
+    RECIPROCAL,
+    REPORTED,
+    RESPONSE,
+    SPEED,
+    VELOCITY,
+    WIDE,
+)
+
+APART_FACTOR = 1.3
+"""A neighbour that was once so many radii away, buffer included, has the buffer held against it from then on. One that
+begins nearer, as in a fleet that starts side by side, may stay there and come up to the disc itself: pushing it out of
+a buffer first is what kept such fleets from moving at all. Once it has left, it is as any other."""
+
+HORIZON_RADII = 1.5
+"""The conflict horizon is at least the time in which own-ship flies so many radii of the disc."""
+
+FAR = 1e300
+"""Metres or seconds that stand for infinity where least values are sought: the compiler knows too well what the smaller
+one of infinity and a number is, and what it makes of that does not go by lanes."""
+
+SURELY = 1.0 + 1e-9
+"""What is compared differs by this much more than rounding can make of it."""
+
+
+@kernel(forceinline=True, fused=True)
+def approaches(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
+    """Whether a point at r is approached at velocity w and passed within a radius."""
+    across = r_1 * w_2 - r_2 * w_1
+    return (r_1 * w_1 + r_2 * w_2 > 0.0) & (across * across <= radius_m * radius_m * (w_1 * w_1 + w_2 * w_2))
+
+
+@kernel(forceinline=True, fused=True)
+def forbids_nothing(e_1, e_2, o_1, o_2, horizon_s, reach_m):  # type: ignore[no-untyped-def]
+    """Whether a half-plane of `encounter.half_plane` with no side is certain to lie outside of the limit.
+
+    With r the neighbour, w = o - u the relative velocity, h the horizon and e = r - h w, the nearest way out of the
+    velocity obstacle leads to its circle if e.r > R |e|, with n = -e / |e| and a change by R / h - |e| / h. Its
+    half-plane begins at n.o + share * change, which is below a limit of -L if
+
+        |e| - R + h / share * e.o / |e| >= h / share * L.
+
+    If L is not less than |o| and |u|, then e.r = e.e + h e.o - h e.u >= R |e| follows and needs no test of its own.
+
+    Args:
+        e_1: North of e.
+        e_2: East of it.
+        o_1: North of the velocity from which changes are shared.
+        o_2: East of it.
+        horizon_s: h / share.
+        reach_m: R + h / share * L.
+    """
+    square = e_1 * e_1 + e_2 * e_2
+    lead = square + horizon_s * (e_1 * o_1 + e_2 * o_2)
+    return (lead > 0.0) & (lead * lead > reach_m * reach_m * square)
+
+
+@kernel(forceinline=True)
+def sift(own, neighbours, count, range_m, preferred, settings, candidates, names):  # type: ignore[no-untyped-def]
+    """Pick the neighbours that matter.
+
+    Args:
+        own: Own-ship.
+        neighbours: Blocks; GAP is filled in, and in KEPT what is known without more.
+        count: Number of blocks.
+        range_m: Neighbours whose reports are from further away are not heard.
+        preferred: Velocity without traffic, shape (2,).
+        settings: Constants.
+        candidates: Result: blocks of those that matter, in their order.
+        names: Result: their places among the neighbours.
+
+    Returns:
+        Number of those that matter; place of the first neighbour with the least distance less radius, -1 if nobody is
+        heard; that distance [m], FAR if there is none.
+    """
+    p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
+    o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
+    a_1, a_2 = preferred[0], preferred[1]
+    fastest, stretch = max(own[LIMIT], norm(o_1, o_2)), HORIZON_RADII / max(own[CRUISE], 1.0)
+    least_horizon, wait, buffer, growth = (
+        settings[HORIZON], settings[RESPONSE], settings[BUFFER_SHARE], settings[AGE_ACCELERATION] / 2.0,
+    )  # fmt: skip
+    reach = range_m * range_m
+    margin = FAR
+    for b in range(count):
+        block = neighbours[b]
+        for k in range(LANES):
+            off_1, off_2 = block[REPORTED + k] - p_1, block[REPORTED + LANES + k] - p_2
+            heard = (block[HEARD + k] != 0.0) & (off_1 * off_1 + off_2 * off_2 <= reach)
+            r_1, r_2 = block[N_POSITION + k] - p_1, block[N_POSITION + LANES + k] - p_2
+            u_1, u_2, age = block[N_VELOCITY + k], block[N_VELOCITY + LANES + k], block[AGE + k]
+            disc = block[RADIUS + k]
+            radius = disc + buffer * block[ERROR_SUM + k] + growth * age * age
+            block[WIDE + k] = radius
+            horizon = larger(least_horizon, stretch * radius)
+            distance = math.sqrt(r_1 * r_1 + r_2 * r_2)
+            gap = distance - disc if heard else FAR
+            block[GAP + k] = gap
+            margin = smaller(margin, gap)
+
+            w_1, w_2 = v_1 - u_1, v_2 - u_2
+            passed = approaches(r_1, r_2, w_1, w_2, SURELY * HOLD_FACTOR * radius)
+            leans = approaches(r_1, r_2, a_1 - u_1, a_2 - u_2, SURELY * LEAN_RADII * larger(disc, EPSILON))
+            e_1, e_2 = r_1 - horizon * (o_1 - u_1), r_2 - horizon * (o_2 - u_2)
+            shared = 2.0 * horizon if block[RECIPROCAL + k] != 0.0 else horizon
+            most = SURELY * (shared * larger(fastest, block[SPEED + k]) + radius)
+            free_now = forbids_nothing(e_1, e_2, o_1, o_2, shared, most)
+            free_later = forbids_nothing(e_1 - wait * w_1, e_2 - wait * w_2, o_1, o_2, shared, most)
+            matters = heard & (passed | leans | (not (free_now & free_later)))
+            block[MATTERS + k] = 1.0 if matters else 0.0
+
+            kept = block[KEPT + k]
+            apart = (kept >= IS_APART) | (distance >= APART_FACTOR * radius)
+            side = kept - IS_APART if kept >= IS_APART else kept
+            # An encounter is forgotten with the neighbour that goes out of range, a side with the one that it avoids.
+            block[KEPT + k] = (IS_APART if apart & heard else 0.0) + (side if matters else 0.0)
+    # Every place is written down, and the next one over it unless it matters: a branch would go wrong every third time.
+    found, nobody = 0, LANES * count
+    nearest = nobody
+    for b in range(count):
+        block = neighbours[b]
+        for k in range(LANES):
+            names[found] = LANES * b + k
+            found += 1 if block[MATTERS + k] != 0.0 else 0
+            nearest = min(nearest, LANES * b + k if block[GAP + k] == margin else nobody)
+    for c in range(found):
+        source, lane, target, place = neighbours[names[c] // LANES], names[c] % LANES, candidates[c // LANES], c % LANES
+        for column in range(0, HEARD, LANES):
+            target[column + place] = source[column + lane]
+    return found, nearest if margin < FAR else -1, margin
