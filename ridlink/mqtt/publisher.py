@@ -30,6 +30,8 @@ MEETINGS_HZ = 1.0
 """How often an encounter that goes on is told at most; in dense traffic there are many more pairs than aircraft."""
 
 ONLINE, OFFLINE = b"online", b"offline"
+DISC_ENTERED, MAC = "disc_entered", "mac"
+"""Kinds of alerts, the graver one last: whose disc was entered first is told again when the airframes touch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +80,7 @@ class Publisher:
         self._encounters = EncounterLog(settings.definition, eta=settings.eta)
         self._states_due = Periodic(1.0 / settings.rate_hz, early_s=STEP_S / 2.0)
         self._known: dict[int, str] = {}
-        self._violating: set[tuple[int, int]] = set()
+        self._alerted: dict[tuple[int, int], str] = {}
         self._updated_s: dict[tuple[int, int], float] = {}
         self._called: dict[tuple[int, int], tuple[str, str]] = {}
         self._origin_told = False
@@ -165,13 +167,13 @@ class Publisher:
             if phase is not Phase.UPDATE or scene.time_s - told_s >= 1.0 / min(self._settings.rate_hz, MEETINGS_HZ):
                 self._updated_s[key] = scene.time_s
                 out.append(self._meeting(phase, encounter, pair, scene.time_s, utc_s))
+            kind = MAC if encounter.collided else DISC_ENTERED if encounter.entry_in_s == 0.0 else None
+            if kind is not None and self._alerted.get(key) not in (kind, MAC):
+                self._alerted[key] = kind
+                out.append(self._alert(kind, encounter, scene.time_s, utc_s))
             if phase is Phase.CLOSE:
-                self._updated_s.pop(key, None)
-                self._called.pop(key, None)
-                self._violating.discard(key)
-            elif encounter.entry_in_s == 0.0 and key not in self._violating:
-                self._violating.add(key)
-                out.append(self._alert(encounter, scene.time_s, utc_s))
+                for kept in (self._updated_s, self._called, self._alerted):
+                    kept.pop(key, None)
         return out
 
     def _meeting(
@@ -197,11 +199,11 @@ class Publisher:
             "entry_in_s": rounded(encounter.entry_in_s),
         }
 
-    def _alert(self, encounter: Encounter, now_s: float, utc_s: float) -> Outgoing:
+    def _alert(self, kind: str, encounter: Encounter, now_s: float, utc_s: float) -> Outgoing:
         payload = {
             "schema": SCHEMA,
             "t": round(utc_s, 3),
-            "kind": "mac" if encounter.collided else "disc_entered",
+            "kind": kind,
             "uas": list(encounter.pair),
             "definition": str(self._settings.definition),
             "distance_m": rounded(encounter.closest_m),

@@ -83,6 +83,13 @@ def test_an_encounter_opens_is_followed_and_closes_and_a_disc_entered_is_one_ale
     assert alert["kind"] == "disc_entered" and alert["uas"] == ["ALPHA", "BRA/VO#"]
 
 
+def test_airframes_that_touch_are_an_alert_of_their_own_after_that_of_the_disc() -> None:
+    alerts = of(published([ONE, replace(TWO, start_ne_m=(100.0, 0.0))], 20.0), TOPICS.alert)
+    assert [alert["kind"] for alert in alerts] == ["disc_entered", "mac"]
+    assert alerts[0]["distance_m"] > 20.0 and alerts[1]["distance_m"] <= 0.6
+    assert 0.5 < alerts[1]["t"] - alerts[0]["t"] < 1.5, "22 m at 20 m/s"
+
+
 def test_an_encounter_goes_on_under_the_identity_that_is_heard_late() -> None:
     messages = published([replace(ONE, identity_from_s=2.0), TWO], 20.0)
     before = [one["phase"] for one in of(messages, TOPICS.encounter(("1/1", "BRA/VO#")))]
