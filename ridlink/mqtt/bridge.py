@@ -227,17 +227,19 @@ class Bridge:
                 self._waiting.clear()
                 await self._waiting.wait()
                 continue
-            sent = await asyncio.gather(
-                *(client.publish(one.topic, one.payload, one.qos, one.retain) for one in messages),
-                return_exceptions=True,
-            )
-            for message, error in reversed(list(zip(messages, sent, strict=True))):
-                if error is not None:
-                    self.outbox.put_back(message)
-            self.counters["published"] += sum(error is None for error in sent)
-            for error in sent:
-                if error is not None:
-                    raise error
+            sending = [
+                asyncio.ensure_future(client.publish(one.topic, one.payload, one.qos, one.retain)) for one in messages
+            ]
+            try:
+                await asyncio.gather(*sending, return_exceptions=True)
+            finally:  # that the connection is lost shows in what is heard, and whoever waits for an answer is cancelled
+                failed = [one.cancelled() or one.exception() is not None for one in sending]
+                for message, has_failed in reversed(list(zip(messages, failed, strict=True))):
+                    if has_failed:
+                        self.outbox.put_back(message)
+                self.counters["published"] += failed.count(False)
+            for one in sending:
+                one.result()
 
     async def _hear(self, client: aiomqtt.Client) -> None:
         async for message in client.messages:  # also how the loss of the connection shows

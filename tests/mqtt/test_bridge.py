@@ -26,6 +26,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mqtt import BrokerUrl, Publisher, PublisherSettings, Topics
 from ridlink.mqtt.bridge import Bridge, BrokerError
+from ridlink.mqtt.outbox import Outgoing
 from ridlink.observer import Sky
 from tests.observer.flights import Flyer, frames
 
@@ -161,6 +162,50 @@ def test_f30_a_broker_that_comes_back_gets_the_newest_first_and_nobody_is_distur
                 await heard.until(lambda seen: any(topic == TOPICS.state("ALPHA") for topic, _ in seen))
                 assert bridge.counters["connections"] == 2
                 assert len(bridge.outbox) <= 1000
+
+    run(body)
+
+
+class Silent:
+    """So much of MQTT 3.1.1 as a broker needs that dies on whoever tells it of an encounter, the first time."""
+
+    def __init__(self) -> None:
+        self.connections = 0
+        self.told_again = asyncio.Event()
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.connections += 1
+        with contextlib.closing(writer), contextlib.suppress(asyncio.IncompleteReadError):
+            while True:
+                kind, body = await self._packet(reader)
+                if kind >> 4 == 1:  # CONNECT
+                    writer.write(b"\x20\x02\x00\x00")
+                elif kind & 0xF6 == 0x32:  # PUBLISH, QoS 1
+                    length = int.from_bytes(body[:2], "big")
+                    if b"/encounter/" in body[2 : 2 + length]:
+                        if self.connections == 1:
+                            return
+                        self.told_again.set()
+                    writer.write(b"\x40\x02" + body[2 + length : 4 + length])
+
+    async def _packet(self, reader: asyncio.StreamReader) -> tuple[int, bytes]:
+        kind, length, shift = (await reader.readexactly(1))[0], 0, 0
+        while True:
+            (digit,) = await reader.readexactly(1)
+            length |= (digit & 0x7F) << shift
+            shift += 7
+            if digit < 0x80:
+                return kind, await reader.readexactly(length)
+
+
+def test_f30_what_was_on_its_way_when_the_broker_died_is_told_to_the_next_one() -> None:
+    async def body() -> None:
+        silent = Silent()
+        server = await asyncio.start_server(silent.serve, "127.0.0.1", 0)
+        async with server, a_bridge(server.sockets[0].getsockname()[1]) as (bridge, _):
+            bridge.outbox.put(Outgoing("here/encounter/a~b", b"{}", 1))
+            await asyncio.wait_for(silent.told_again.wait(), PATIENCE_S)
+        assert bridge.counters["connections"] == 2
 
     run(body)
 
