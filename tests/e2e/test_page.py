@@ -70,15 +70,18 @@ def ridlink(*arguments: str) -> Iterator[str]:
                 raise
 
 
+def chromium() -> str:
+    return os.environ.get("CHROMIUM") or shutil.which("chromium") or "/usr/bin/chromium"
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install 'ridlink[e2e]'")
-    chromium = os.environ.get("CHROMIUM") or shutil.which("chromium") or "/usr/bin/chromium"
-    if not Path(chromium).exists():
+    if not Path(chromium()).exists():
         pytest.skip("needs Chromium: apt-get install chromium, or name one in CHROMIUM")
     PICTURES.mkdir(exist_ok=True)
     with playwright.sync_playwright() as p:
-        launched = p.chromium.launch(executable_path=chromium, args=FLAGS)
+        launched = p.chromium.launch(executable_path=chromium(), args=FLAGS)
         yield launched
         launched.close()
 

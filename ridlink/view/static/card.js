@@ -14,6 +14,11 @@ export class Card {
   constructor(palette) {
     this.palette = palette;
     this.inset = find("inset");
+    this.shown = [];
+    this.size = { width: 0, height: 0 }; // observed: whoever asks the canvas, between changes, has the page laid out anew
+    new ResizeObserver(([{ contentRect: { width, height } }]) => {
+      this.size = { width, height };
+    }).observe(this.inset);
   }
 
   draw(frame, selected) {
@@ -30,7 +35,11 @@ export class Card {
     const of = (field) => frame.value(index, field);
     const space = frame.picture.selected?.name === selected ? frame.picture.selected : null;
     for (const part of ["preferred", "chosen", "reachable"]) find(`key-${part}`).hidden = !space?.[part];
-    drawInset(this.inset, space, [of(VN), of(VE)], this.palette);
+    const shown = [space, of(VN), of(VE), this.size, this.palette.ground];
+    if (shown.some((each, i) => each !== this.shown[i])) {
+      drawInset(this.inset, this.size, space, [of(VN), of(VE)], this.palette);
+      this.shown = shown;
+    }
     this.#figures(of);
   }
 

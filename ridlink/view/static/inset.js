@@ -6,8 +6,8 @@ import { label } from "./format.js";
 const TURN = 2 * Math.PI;
 const MOST_NAMES = 4;
 
-export function drawInset(canvas, space, current, palette) {
-  const { clientWidth: width, clientHeight: height } = canvas;
+// In a canvas of width times height CSS pixels.
+export function drawInset(canvas, { width, height }, space, current, palette) {
   if (!width || !height) return;
   const context = prepare(canvas, { width, height });
   context.font = `10.5px ${palette.font}`;

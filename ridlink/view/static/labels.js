@@ -30,17 +30,14 @@ export class Labels {
       if (this.#slots.size >= MOST) break;
       const [x, y] = darts[i], name = frame.names[i];
       if (!(x > 0 && y > 0 && x < view.width && y < view.height)) continue;
-      const width = this.#width(name);
-      const was = before.get(name);
-      for (const slot of was ? [was, ...SLOTS] : SLOTS) {
-        const box = boxOf(x, y, slot, width);
-        const free = name === selected
-          || !(taken.some((other) => overlap(box, other)) || darts.some((dart, j) => j !== i && covers(box, dart)));
-        if (!free) continue;
-        taken.push(box);
-        this.#slots.set(name, slot);
-        break;
-      }
+      const width = this.#width(name), was = before.get(name), chosen = name === selected;
+      const slots = was ? [was, ...SLOTS] : SLOTS;
+      const free = (box) => inside(box, view) && (chosen
+        || !(taken.some((other) => overlap(box, other)) || darts.some((dart, j) => j !== i && covers(box, dart))));
+      const slot = slots.find((each) => free(boxOf(x, y, each, width))) ?? (chosen ? slots[0] : null);
+      if (!slot) continue;
+      taken.push(boxOf(x, y, slot, width));
+      this.#slots.set(name, slot);
     }
   }
 
@@ -99,6 +96,10 @@ export class Labels {
 
 function boxOf(x, y, [sx, sy], width) {
   return [sx > 0 ? x + GAP : x - GAP - width, y + sy * GAP - HEIGHT / 2, width, HEIGHT];
+}
+
+function inside([x, y, width, height], view) {
+  return x >= 0 && y >= 0 && x + width <= view.width && y + height <= view.height;
 }
 
 function overlap([ax, ay, aw, ah], [bx, by, bw, bh]) {

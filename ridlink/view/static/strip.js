@@ -16,6 +16,7 @@ export class Strip {
   #data = [[], [], []];
   #marks = [];
   #dirty = true;
+  #pointsTo = "";
   #range = [0, SHORTEST_S];
 
   // onJump(t, encounter or null) when somebody points at a time.
@@ -85,7 +86,9 @@ export class Strip {
   point(t) {
     const x = this.#plot.valToPos(t, "x");
     const transform = `translateX(${Math.max(0, x).toFixed(1)}px)`;
-    if (this.playhead.style.transform !== transform) this.playhead.style.transform = transform;
+    if (transform === this.#pointsTo) return;
+    this.#pointsTo = transform;
+    this.playhead.style.transform = transform;
   }
 
   // Colours have changed.
