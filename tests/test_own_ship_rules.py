@@ -82,6 +82,19 @@ def test_an_estimator_without_an_absolute_solution_is_not_trusted_while_it_says_
     assert trust.trusted(T + 1.0)
 
 
+def test_near_the_sea_no_height_above_the_ellipsoid_is_none_as_well() -> None:
+    assert receiving(alt=50_000, alt_ellipsoid=0).undulation_m is None
+
+
+@pytest.mark.parametrize(
+    ("accuracy_m", "error_m"), [(0.5, 1.5), (0.0, 0.3), (-1.0, 0.3), (math.nan, 0.3), (math.inf, 0.3)]
+)
+def test_an_estimator_adds_to_an_exact_receiver_only_what_it_says(accuracy_m: float, error_m: float) -> None:
+    trust = receiving(h_acc=100)
+    trust.estimator(ABSOLUTE, accuracy_m, T)
+    assert trust.error_m(T) == pytest.approx(error_m)
+
+
 def test_the_larger_error_counts_while_it_is_fresh_and_none_beyond_the_cap() -> None:
     trust = receiving()
     trust.estimator(ABSOLUTE, 0.5, T)

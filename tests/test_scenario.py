@@ -138,6 +138,15 @@ def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
         load_scenario(tmp_path / "none.toml")
 
 
+def test_an_obstacle_may_have_arms_that_end_in_one_line_and_none_that_lie_upon_each_other(write: Write) -> None:
+    square = "[[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]]"
+    u = "[[-40, -60], [60, -60], [60, 60], [-40, 60], [-40, 45], [45, 45], [45, -45], [-40, -45]]"
+    assert len(load_scenario(write(GOOD.replace(square, u))).obstacles[0].polygon_ne_m) == 8
+    upon = "[[0, 0], [40, 0], [40, 40], [20, 40], [20, 0], [10, 0], [10, 10], [0, 10]]"
+    with pytest.raises(ConfigError, match="do not cross"):
+        load_scenario(write(GOOD.replace(square, upon)))
+
+
 def test_names_and_paths_are_told_apart(write: Write) -> None:
     assert resolve_scenario("crossing").name == "crossing"
     path = str(write(GOOD))

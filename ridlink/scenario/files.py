@@ -158,6 +158,9 @@ def _is_simple(corners: tuple[Point2, ...]) -> bool:
     def side(a: Point2, b: Point2, c: Point2) -> float:
         return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
+    def apart(a: Point2, b: Point2, c: Point2, d: Point2) -> bool:  # as the ends of both arms of a U are, in one line
+        return any(max(a[k], b[k]) < min(c[k], d[k]) or max(c[k], d[k]) < min(a[k], b[k]) for k in (0, 1))
+
     count = len(corners)
     twice_area = sum(corners[k - 1][0] * corners[k][1] - corners[k][0] * corners[k - 1][1] for k in range(count))
     if abs(twice_area) < 1e-6:
@@ -166,6 +169,7 @@ def _is_simple(corners: tuple[Point2, ...]) -> bool:
     for first in range(count):
         for second in range(first + 2, count - (first == 0)):
             (a, b), (c, d) = edges[first], edges[second]
-            if side(a, b, c) * side(a, b, d) <= 0.0 and side(c, d, a) * side(c, d, b) <= 0.0:
+            crossing = side(a, b, c) * side(a, b, d) <= 0.0 and side(c, d, a) * side(c, d, b) <= 0.0
+            if crossing and not apart(a, b, c, d):
                 return False
     return True
