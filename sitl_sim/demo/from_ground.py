@@ -39,7 +39,8 @@ def _progress(system_id: int, text: str) -> None:
 
 
 async def _fleet(urls: Sequence[str], heights_m: Sequence[float]) -> None:
-    ready = asyncio.get_running_loop().run_in_executor(None, sys.stdin.readline)
+    ready = asyncio.StreamReader()  # no thread: one that waits for a line would hold back the end, and why it came
+    await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(ready), sys.stdin)
     async with mavsdk_ground_station() as mavsdk:
         for url in urls:
             await open_connection(mavsdk, parse_link_url(url))
@@ -51,7 +52,7 @@ async def _fleet(urls: Sequence[str], heights_m: Sequence[float]) -> None:
         try:
             await _together({each: _up(conductors[each], heights[each]) for each in conductors})
             _say("up")
-            if not await ready:
+            if not await ready.readline():
                 return
             await _together({each: _over(conductor) for each, conductor in conductors.items()})
             _say("handed_over")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,3 +40,16 @@ def test_twenty_vehicles_take_off_and_land_at_once(flavour: str) -> None:
 
     server = fly(built_in("circle8", 20), act, sigma_m=0.0, autopilot=flavour)
     assert not any(autopilot.pilot.armed for autopilot in server.autopilots)
+
+
+def test_conductors_of_a_fleet_that_is_not_heard_say_so_and_end_though_nobody_has_told_them_to() -> None:
+    program = (
+        "import sys; from sitl_sim.demo import from_ground; from_ground.DISCOVERY_S = 0.3\n"
+        "sys.exit(from_ground.main(sys.argv[1:]))"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program, "udpout:127.0.0.1:9=30"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert process.wait(60.0) == 3, "stdin is open all the while"
+        assert process.stderr is not None and process.stderr.read() == "ridlink: MAVSDK hears 0 of 1 vehicles\n"
