@@ -16,7 +16,6 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,9 +23,9 @@ import numpy as np
 from ridlink.errors import LinkError
 from ridlink.links import Link, open_link
 from ridlink.scenario import Scenario
+from sitl_sim.air_socket import Address, AirSocket
 from sitl_sim.autopilot import Autopilot, FleetNavigation, Outgoing, Start
 from sitl_sim.broadcast import Broadcaster
-from sitl_sim.bus import BusReceiver
 from sitl_sim.clock import FleetClock
 from sitl_sim.display import TrafficDisplay
 from sitl_sim.fleet import Stream, vehicle_generator
@@ -35,32 +34,16 @@ from sitl_sim.radio import Air
 from sitl_sim.vehicle import TICK_S
 from sitl_sim.world import FloatArray, VehicleState, World
 
-Address = tuple[str, int]
-
 MAX_CATCH_UP_S = 0.25
 """Longest time flown in one go after a stall; for what is beyond, the vehicles stood still."""
 
 VEHICLES_AT_ONCE = 40
 """Vehicles served in one go."""
 
-MIN_DELIVERY_S = 0.005
-"""Broadcasts under way are delivered in batches no closer than this."""
-
-MAX_AIR_DATAGRAM = 1200
-"""Broadcasts that reach a receiver together share a datagram up to this size; every wake-up of a daemon costs more than
-the frames in it."""
-
 ERROR_LOG_S = 1.0
 """Shortest time between two log lines about failures."""
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class BusAddress:
-    """A receiver on board, among the addresses of the air's subscribers."""
-
-    index: int
 
 
 class FleetServer:
@@ -108,7 +91,6 @@ class FleetServer:
         self.home = config.home_of(scenario)
         self.clock = FleetClock(time.monotonic, utc_clock, config.speedup)
         utc_clock = self.clock.utc_s
-        self._buses = [BusReceiver(k + 1) for k in range(len(scenario.vehicles))] if config.rid_on_bus else []
         self._display = TrafficDisplay()
         self._display_link: Link | None = None
         self.air = Air(config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=self.home)
@@ -129,10 +111,15 @@ class FleetServer:
         self.counters: Counter[str] = Counter()
         self.mission_begun = False
         self._vehicle_links: list[Link] = []
-        self._air_link: Link | None = None
+        self._air_socket = AirSocket(
+            self.air,
+            self.clock,
+            buses=len(scenario.vehicles) if config.rid_on_bus else 0,
+            relay=lambda index, frames: self.autopilots[index].relay(frames),
+            note_failure=self._note_failure,
+        )
         self._loop: asyncio.AbstractEventLoop | None = None
         self._tick_handle: asyncio.TimerHandle | None = None
-        self._delivery_handle: asyncio.TimerHandle | None = None
         self._flown_until_s = 0.0
         self._expired_s = 0.0
         self._logged_s = -math.inf
@@ -164,7 +151,7 @@ class FleetServer:
             for index in range(len(self.autopilots)):
                 port = config.vehicle_port + index if config.vehicle_port else 0
                 self._vehicle_links.append(await _listen(port, self._vehicle_handler(index)))
-            self._air_link = await _listen(config.air_port, self._on_air_datagram)
+            self._air_socket.attach(await _listen(config.air_port, self._on_air_datagram))
             if config.ground_station is not None:
                 self._display_link = await open_link(config.ground_station, lambda _, __: None)
         except LinkError:
@@ -174,10 +161,10 @@ class FleetServer:
     @property
     def ports(self) -> FleetPorts:
         """Ports as bound, after `start`."""
-        if self._air_link is None:
+        air = self._air_socket.port
+        if air is None:
             raise RuntimeError("the fleet has not been started")
-        vehicles = tuple(link.local_address[1] for link in self._vehicle_links)
-        return FleetPorts(vehicles, self._air_link.local_address[1])
+        return FleetPorts(tuple(link.local_address[1] for link in self._vehicle_links), air)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Fly in real time until `stop` is set."""
@@ -188,21 +175,22 @@ class FleetServer:
             self.begin_mission()
         if not self.clock.is_lockstep:
             self._tick_handle = self._loop.call_soon(self._on_tick)  # type: ignore[assignment]
+            self._air_socket.run()
         try:
             await stop.wait()
         finally:
-            for handle in (self._tick_handle, self._delivery_handle):
-                if handle is not None:
-                    handle.cancel()
-            self._tick_handle = self._delivery_handle = None
+            if self._tick_handle is not None:
+                self._tick_handle.cancel()
+            self._tick_handle = None
+            self._air_socket.rest()
 
     async def close(self) -> None:
         """Release all ports."""
         for link in self._vehicle_links:
             link.close()
-        for other in (self._air_link, self._display_link):
-            if other is not None:
-                other.close()
+        self._air_socket.close()
+        if self._display_link is not None:
+            self._display_link.close()
 
     def begin_mission(self) -> None:
         """Mission time counts from now, and those who avoid nobody set out.
@@ -290,13 +278,11 @@ class FleetServer:
             self._watch_for_mission(now_s)
         if now_s - self._expired_s >= 1.0:
             self._expired_s = now_s
-            for index in range(len(self._buses)):
-                self.air.subscribe(BusAddress(index), index + 1, now_s)
-            self.air.expire(now_s)
+            self._air_socket.refresh(now_s)
             if self._display_link is not None:
                 for frame in self._display.frames([self._navigation[k] for k in range(len(self.autopilots))]):
                     self._display_link.send(frame)
-        self._deliver()
+        self._air_socket.deliver()
 
     def _broadcast(self, index: int, autopilot: Autopilot, now_s: float) -> None:
         spec = self.scenario.vehicles[index]
@@ -332,40 +318,7 @@ class FleetServer:
         return take
 
     def _on_air_datagram(self, datagram: bytes, address: Address) -> None:
-        assert self._loop is not None
-        try:
-            self.air.receive(datagram, address, self.clock.now_s())
-            self._deliver()
-        except Exception:
-            self._note_failure("air")
-
-    def _deliver(self) -> None:
-        """Hand over what has arrived by now, and come back when the next broadcast arrives."""
-        assert self._loop is not None and self._air_link is not None
-        heard: dict[Any, bytes] = {}
-        for broadcast, address in self.air.due(self.clock.now_s()):
-            if isinstance(address, BusAddress):
-                self.autopilots[address.index].relay(b"".join(self._buses[address.index].deliver(broadcast)))
-                continue
-            joined = heard.get(address, b"") + broadcast
-            if len(joined) > MAX_AIR_DATAGRAM and address in heard:
-                self._air_link.send(heard[address], address)  # type: ignore[arg-type]
-                joined = broadcast
-            heard[address] = joined
-        for address, datagram in heard.items():
-            self._air_link.send(datagram, address)
-        next_s = None if self.clock.is_lockstep else self.air.next_due_s()
-        if next_s is not None and self._delivery_handle is None and self._tick_handle is not None:
-            self._delivery_handle = self._loop.call_at(
-                max(self.clock.real_of(next_s), self._loop.time() + MIN_DELIVERY_S), self._on_delivery
-            )
-
-    def _on_delivery(self) -> None:
-        self._delivery_handle = None
-        try:
-            self._deliver()
-        except Exception:
-            self._note_failure("air")
+        self._air_socket.receive(datagram, address)
 
     # --- what went wrong, and what is to be seen ----------------------------------------------------------------------
 
