@@ -2,7 +2,8 @@
 
 `pilot` steers by `navigation`, with `guidance` for what it flies by itself, `mission_flight` for its mission and
 `failsafes` for what nobody asked for; `setpoints`, `commands`, `orders`, `parameters` and `mission_protocol` are what
-it can be told, `telemetry` what it tells, `streams` how often; `autopilot` is its MAVLink face, with a `link` a peer.
+it can be told, `telemetry` what it tells (`attitude`: how it leans), `streams` how often and `rates` if nobody asks;
+`autopilot` is its MAVLink face, with a `link` a peer.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ class Autopilot:
         self._orders = Orders(self.pilot, self._flavour, parameters, spec.cooperative, self._say)
         self._commands = Commands(self.pilot, self._orders, self._flavour, parameters, *homes)
         self._missions = MissionProtocol(self.pilot.mission, px4=self._flavour.is_px4, say=self._say)
-        self._streams = Streams(self.telemetry, self.system_id, px4=self._flavour.is_px4, say=self._say)
+        self._streams = Streams(self.telemetry, self.system_id, self._flavour, self._say)
         self.counters: Counter[str] = Counter()
         self._companion = companion
         self._links: dict[Address, Link] = {}

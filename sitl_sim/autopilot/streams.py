@@ -7,9 +7,11 @@ import math
 from ridlink.mavlink.codec import MESSAGES, Message
 from sitl_sim.autopilot.commands import Command, MavCommand
 from sitl_sim.autopilot.link import Link
+from sitl_sim.autopilot.modes import Flavour
 from sitl_sim.autopilot.parameters import Reply
+from sitl_sim.autopilot.rates import LEGACY_STREAMS, default_intervals
 from sitl_sim.autopilot.results import Result, Say, Severity
-from sitl_sim.autopilot.telemetry import LEGACY_STREAMS, Telemetry
+from sitl_sim.autopilot.telemetry import Telemetry
 
 _PHASE_STEP = 0.6180339887
 """Golden ratio: spreads the streams of any number of vehicles evenly over a period."""
@@ -30,16 +32,17 @@ class Streams:
     Args:
         telemetry: What can be sent.
         system_id: Streams of different vehicles fall into different moments.
-        px4: PX4 accepts any message for a stream and sends nothing; ArduPilot refuses what it does not have.
+        flavour: PX4 accepts any message for a stream and sends nothing; ArduPilot refuses what it does not have.
         say: For refusals.
     """
 
-    def __init__(self, telemetry: Telemetry, system_id: int, *, px4: bool, say: Say) -> None:
-        self._telemetry, self._system_id, self._px4, self._say = telemetry, system_id, px4, say
+    def __init__(self, telemetry: Telemetry, system_id: int, flavour: Flavour, say: Say) -> None:
+        self._telemetry, self._system_id, self._px4, self._say = telemetry, system_id, flavour.is_px4, say
+        self._default_interval_s = default_intervals(flavour)
 
     def begin(self, link: Link, now_s: float) -> None:
         """The usual rates, on a fresh link."""
-        for name, interval_s in self._telemetry.default_interval_s.items():
+        for name, interval_s in self._default_interval_s.items():
             self._stream(link, name, interval_s, now_s)
 
     def command(self, command: Command, link: Link, now_s: float) -> Answer | None:
@@ -73,7 +76,7 @@ class Streams:
             self._say(Severity.WARNING, "message interval refused: unknown message")
             return Result.DENIED
         if interval_us is None:
-            interval_s = self._telemetry.default_interval_s.get(name, math.inf)
+            interval_s = self._default_interval_s.get(name, math.inf)
         else:
             interval_s = math.inf if interval_us < 0.0 else interval_us / 1e6
         self._stream(link, name, interval_s, now_s)

@@ -1,4 +1,4 @@
-"""What an emulated autopilot reports: one function a message, and the rates at which they are sent unasked.
+"""What an emulated autopilot reports: one function a message.
 
 Everything is the navigation solution of `Navigation`, with the receiver's error in it. Habits of real autopilots are
 kept because a reader must survive them: PX4 sends GPS_RAW_INT with a time of 0, and ArduPilot goes on telling its last
@@ -13,11 +13,12 @@ from typing import Any
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.units import cmps_from_mps, dege7_from_deg, mm_from_m
+from sitl_sim.autopilot.attitude import attitude_rad, quaternion
 from sitl_sim.autopilot.failsafes import FIX_3D, tells_position
 from sitl_sim.autopilot.modes import MODE_FLAG_ARMED, Flavour
 from sitl_sim.autopilot.own_remote_id import basic_id_fields, location_fields, system_fields
 from sitl_sim.autopilot.pilot import Pilot
-from sitl_sim.vehicle import GRAVITY_MPS2
+from sitl_sim.autopilot.rates import default_intervals, on_request
 from sitl_sim.world import VehicleState
 
 Fields = dict[str, Any]
@@ -42,50 +43,6 @@ _VELOCITY_TARGET_MASK, _POSITION_TARGET_MASK = 0x0DC7, 0x0DF8
 _UINT16_UNKNOWN = 0xFFFF
 _INT16_MAX = 0x7FFF
 
-DEFAULT_INTERVAL_S: dict[str, float] = {
-    "HEARTBEAT": 1.0,
-    "SYS_STATUS": 0.5,
-    "BATTERY_STATUS": 0.5,
-    "SYSTEM_TIME": 1.0,
-    "GPS_RAW_INT": 0.2,
-    "GLOBAL_POSITION_INT": 0.1,
-    "LOCAL_POSITION_NED": 0.1,
-    "ATTITUDE": 0.1,
-    "ATTITUDE_QUATERNION": 0.1,
-    "VFR_HUD": 0.2,
-    "POSITION_TARGET_LOCAL_NED": 0.1,
-    "EXTENDED_SYS_STATE": 0.5,
-    "HOME_POSITION": 1.0,
-    "ALTITUDE": 1.0,
-    "ODOMETRY": 1.0,
-    "MISSION_CURRENT": 1.0,
-}
-_PX4_INTERVAL_S = {"ESTIMATOR_STATUS": 1.0, "OPEN_DRONE_ID_LOCATION": 1.0, "OPEN_DRONE_ID_SYSTEM": 1.0}
-_ARDUPILOT_INTERVAL_S = {"TIMESYNC": 10.0}
-
-_ON_REQUEST = ("AUTOPILOT_VERSION", "GPS_GLOBAL_ORIGIN", "POSITION_TARGET_GLOBAL_INT")
-_PX4_ON_REQUEST = ("OPEN_DRONE_ID_BASIC_ID",)
-
-
-def default_intervals(flavour: Flavour) -> dict[str, float]:
-    """Time between two of each message on a fresh link [s].
-
-    A client that waits for one that never comes waits for ever. ArduPilot sends nothing of its position before it is
-    asked or told by its SR parameters; here it is as with these set.
-    """
-    return DEFAULT_INTERVAL_S | (_PX4_INTERVAL_S if flavour.is_px4 else _ARDUPILOT_INTERVAL_S)
-
-
-LEGACY_STREAMS: dict[int, tuple[str, ...]] = {
-    1: ("GPS_RAW_INT",),
-    2: ("SYS_STATUS", "BATTERY_STATUS", "GPS_RAW_INT", "MISSION_CURRENT"),
-    6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
-    10: ("ATTITUDE", "ATTITUDE_QUATERNION"),
-    11: ("VFR_HUD",),
-    12: ("POSITION_TARGET_LOCAL_NED", "EXTENDED_SYS_STATE"),
-}
-"""MAV_DATA_STREAM of the old REQUEST_DATA_STREAM; 0 is all of them."""
-
 
 class Telemetry:
     """Fields of every message that one vehicle can send.
@@ -99,7 +56,6 @@ class Telemetry:
 
     Attributes:
         home: Where the vehicle took off.
-        default_interval_s: Time between two of each message on a fresh link.
     """
 
     def __init__(
@@ -108,8 +64,7 @@ class Telemetry:
         self._pilot, self._flavour, self._system_id, self._utc_clock = pilot, flavour, system_id, utc_clock
         self.home = home
         self._last_h_acc_mm = 0
-        self.default_interval_s = default_intervals(flavour)
-        names = (*self.default_interval_s, *_ON_REQUEST, *(_PX4_ON_REQUEST if flavour.is_px4 else ()))
+        names = (*default_intervals(flavour), *on_request(flavour))
         self._builders: dict[str, Callable[[], Fields]] = {name: getattr(self, f"_{name.lower()}") for name in names}
 
     def __contains__(self, name: str) -> bool:
@@ -223,24 +178,7 @@ class Telemetry:
         }
 
     def _attitude_rad(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw of a multirotor that thrusts as its acceleration demands."""
-        north, east, down = self._pilot.navigation.acceleration_ned_mps2
-        yaw = self._pilot.yaw_rad
-        forward = math.cos(yaw) * north + math.sin(yaw) * east
-        right = -math.sin(yaw) * north + math.cos(yaw) * east
-        lift = max(GRAVITY_MPS2 - down, 1.0)
-        pitch = math.atan2(-forward, lift)
-        return math.atan2(right * math.cos(pitch), lift), pitch, yaw
-
-    def _quaternion(self) -> tuple[float, float, float, float]:
-        roll, pitch, yaw = (angle / 2.0 for angle in self._attitude_rad())
-        cr, sr, cp, sp, cy, sy = *_cos_sin(roll), *_cos_sin(pitch), *_cos_sin(yaw)
-        return (
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        )
+        return attitude_rad(self._pilot.navigation.acceleration_ned_mps2, self._pilot.yaw_rad)
 
     def _attitude(self) -> Fields:
         roll, pitch, yaw = self._attitude_rad()
@@ -248,8 +186,8 @@ class Telemetry:
         return {"time_boot_ms": self._boot_ms, "roll": roll, "pitch": pitch, "yaw": yaw, "yawspeed": rate}
 
     def _attitude_quaternion(self) -> Fields:
-        quaternion = dict(zip(("q1", "q2", "q3", "q4"), self._quaternion(), strict=True))
-        return {"time_boot_ms": self._boot_ms, **quaternion, "yawspeed": self._pilot.nose.rate_radps}
+        turned = dict(zip(("q1", "q2", "q3", "q4"), quaternion(*self._attitude_rad()), strict=True))
+        return {"time_boot_ms": self._boot_ms, **turned, "yawspeed": self._pilot.nose.rate_radps}
 
     def _vfr_hud(self) -> Fields:
         navigation = self._pilot.navigation
@@ -355,7 +293,7 @@ class Telemetry:
             "frame_id": 1,
             "child_frame_id": 1,
             **dict(zip(("x", "y", "z"), self._pilot.local_position_ned_m, strict=True)),
-            "q": self._quaternion(),
+            "q": quaternion(*self._attitude_rad()),
             **dict(zip(("vx", "vy", "vz"), navigation.velocity_ned_mps, strict=True)),
             "yawspeed": self._pilot.nose.rate_radps,
             "pose_covariance": pose,
@@ -391,10 +329,6 @@ class Telemetry:
 
 def _position(latitude_deg: float, longitude_deg: float, latitude_name: str, longitude_name: str) -> Fields:
     return {latitude_name: dege7_from_deg(latitude_deg), longitude_name: dege7_from_deg(longitude_deg)}
-
-
-def _cos_sin(angle_rad: float) -> tuple[float, float]:
-    return math.cos(angle_rad), math.sin(angle_rad)
 
 
 def _centiamperes(current_a: float) -> int:

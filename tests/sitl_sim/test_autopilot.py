@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from ridlink.mavlink.codec import MESSAGES, Encoder, message_spec
 from ridlink.mavlink.frames import encode_frame
 from sitl_sim.autopilot import FLAVOURS, Start
-from sitl_sim.autopilot.telemetry import default_intervals
+from sitl_sim.autopilot.rates import default_intervals
 from sitl_sim.world import VehicleState
 from tests.sitl_sim.flight import (
     COMPANION,
