@@ -24,6 +24,7 @@ from ridlink.separation.volumes import unmac_radius
 from sitl_sim.faults import Faults, Machinery
 from sitl_sim.gnss import CORRELATION_TIME_S, ErrorModel, GnssReceivers
 from sitl_sim.referee import ARRIVAL_RADIUS_M, Referee
+from sitl_sim.routes import Routes
 from sitl_sim.vehicle import (
     MEASURED,
     TICK_S,
@@ -48,11 +49,6 @@ TOUCHDOWN_MPS = 0.7
 
 FLARE_HEIGHT_M = 10.0
 """Height at which a landing slows down, PX4's MPC_LAND_ALT1."""
-
-
-ROUTE_POINT_M = 2.0
-ROUTE_LEAD_S = 0.3
-"""A route's next leg begins this near to its point, or this long before it."""
 
 
 class VehicleState(IntEnum):
@@ -146,7 +142,7 @@ class World:
         )
         self._ghost_rows = np.flatnonzero(self.is_ghost)
         self._ghost_goals = np.array([v.goal_ned_m for v in vehicles if v.ghost]).reshape(-1, 3)
-        self._routes: dict[int, list[FloatArray]] = {}
+        self._routes = Routes(vehicles)
         self._dynamics = FleetDynamics(models, position)
         self._referee = Referee(scenario, position)
         self._pair_radius = pair_radius or eq8_pair_radius
@@ -289,15 +285,7 @@ class World:
     def fly_straight(self, index: int) -> None:
         """Send one vehicle straight on from its start to its goal at cruise speed, as one that avoids nobody flies; on
         the way through the points of its route, if it has any."""
-        vehicle = self.scenario.vehicles[index]
-        points = [np.array(point) for point in (*vehicle.route_ned_m, vehicle.goal_ned_m)]
-        self._fly_leg(index, np.array(vehicle.start_ned_m), points[0])
-        self._routes[index] = points
-
-    def _fly_leg(self, index: int, start: FloatArray, end: FloatArray) -> None:
-        way = end - start
-        speed_mps = self.scenario.vehicles[index].speed_mps
-        self.command_velocity(index, way * (speed_mps / max(float(np.linalg.norm(way)), 1e-9)))
+        self.command_velocity(index, self._routes.set_out(index))
 
     def lift_off(self, index: int) -> None:
         """GROUNDED to AIRBORNE; it climbs when commanded to."""
@@ -335,8 +323,9 @@ class World:
         in_air = self.in_air
         if self._mission_from_s is not None:
             self.faults.step(self.mission_time_s)
-        if self._routes:
-            self._follow_routes()
+        flying = self.state == VehicleState.AIRBORNE
+        for index, velocity in self._routes.turns(self.position_ned_m, flying):
+            self.command_velocity(index, velocity)
         self._wind.step()
         self._dynamics.step(self._commands(), TICK_S, in_air, self._wind.velocity_ne_mps)
         self._touch_ground(in_air)
@@ -347,18 +336,6 @@ class World:
         self.time_s = self._ticks * TICK_S
         if self._mission_from_s is not None:
             self._judge(in_air)
-
-    def _follow_routes(self) -> None:
-        """Who has come to a point of its route flies to the next one."""
-        for index, points in list(self._routes.items()):
-            if len(points) == 1 or self.state[index] != VehicleState.AIRBORNE:
-                del self._routes[index]
-                continue
-            here = self.position_ned_m[index]
-            lead_m = max(ROUTE_POINT_M, ROUTE_LEAD_S * self.scenario.vehicles[index].speed_mps)
-            if float(np.linalg.norm(points[0] - here)) <= lead_m:
-                points.pop(0)
-                self._fly_leg(index, here, points[0])
 
     def _commands(self) -> FloatArray:
         landing = self.state == VehicleState.LANDING

@@ -90,6 +90,7 @@ SANS_IO = (
     "sitl_sim.verdict",
     "sitl_sim.referee",
     "sitl_sim.world",
+    "sitl_sim.routes",
     "sitl_sim.radio",
     "sitl_sim.chance",
     "sitl_sim.autopilot",
