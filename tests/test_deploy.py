@@ -12,7 +12,8 @@ import pytest
 from click.testing import CliRunner
 
 from ridlink.cli import cli
-from ridlink.daemon.config import daemon_config, read_config_file
+from ridlink.daemon.config import daemon_config
+from ridlink.daemon.config_file import read_config_file
 
 DEPLOY = Path(__file__).resolve().parents[1] / "examples" / "deploy"
 

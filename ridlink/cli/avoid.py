@@ -209,7 +209,8 @@ def avoid(
 def _avoid(
     config_file: str | None, replayed: str | None, print_config: bool, as_json: bool, options: dict[str, Any]
 ) -> int:
-    from ridlink.daemon.config import FlatConfig, as_toml, daemon_config, overridden, read_config_file
+    from ridlink.daemon.config import as_toml, daemon_config
+    from ridlink.daemon.config_file import FlatConfig, overridden, read_config_file
 
     if replayed is not None:
         return _replay(replayed, as_json)

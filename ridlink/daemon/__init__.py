@@ -1,1 +1,1 @@
-"""The daemon: configuration, the loop around the engine, and the flight recording."""
+"""The daemon: configuration and its file, the loop around the engine, and the flight recording."""

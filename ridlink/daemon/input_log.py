@@ -24,7 +24,8 @@ from typing import Any, BinaryIO
 
 import msgspec
 
-from ridlink.daemon.config import daemon_config, read_config_text
+from ridlink.daemon.config import daemon_config
+from ridlink.daemon.config_file import read_config_text
 from ridlink.engine import Engine, StepOutput
 from ridlink.engine.decision_log import DecisionHash, decision_line
 from ridlink.errors import CaptureError

@@ -10,7 +10,7 @@ import types
 from collections.abc import Mapping
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from ridlink.daemon.config import SOLVER_TABLES, FlatConfig
+from ridlink.daemon.config_file import SOLVER_TABLES, FlatConfig
 
 KINDS = {str: "text", bool: "true or false", int: "whole number", float: "number"}
 ELSEWHERE = {"halfplane", "graded", "rotation", "obstacle"}

@@ -13,7 +13,8 @@ import sys
 from typing import Any
 
 from ridlink.cli import EXIT_DONE, EXIT_IO
-from ridlink.daemon.config import DaemonConfig, daemon_config, read_config_file
+from ridlink.daemon.config import DaemonConfig, daemon_config
+from ridlink.daemon.config_file import read_config_file
 from ridlink.daemon.service import AvoidDaemon
 from ridlink.errors import RidlinkError
 

@@ -19,7 +19,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ridlink.cli import cli
-from ridlink.daemon.config import daemon_config, read_config_file
+from ridlink.daemon.config import daemon_config
+from ridlink.daemon.config_file import read_config_file
 from ridlink.errors import ConfigError
 from tests.daemon.emulated import Emulated, LoopbackVehicle, at
 

@@ -8,14 +8,8 @@ from pathlib import Path
 import pytest
 
 from ridlink.avoidance import GradedSettings, RotationSettings, SolverKind
-from ridlink.daemon.config import (
-    DaemonConfig,
-    FlatConfig,
-    as_toml,
-    daemon_config,
-    overridden,
-    read_config_file,
-)
+from ridlink.daemon.config import DaemonConfig, as_toml, daemon_config
+from ridlink.daemon.config_file import FlatConfig, overridden, read_config_file
 from ridlink.engine import Goal
 from ridlink.errors import ConfigError
 from ridlink.links import parse_link_url

@@ -10,7 +10,8 @@ import click
 import msgspec
 
 from ridlink.cli.avoid import avoid
-from ridlink.daemon.config import DaemonConfig, FlatConfig, as_toml
+from ridlink.daemon.config import DaemonConfig, as_toml
+from ridlink.daemon.config_file import FlatConfig
 from ridlink.daemon.reference import ELSEWHERE, reference
 from ridlink.metrics import AVOID_METRICS, MQTT_METRICS, metrics_table
 

@@ -1,0 +1,181 @@
+"""What a daemon may be told in a file: the keys of one TOML file, overridden by flags, over defaults.
+
+    vehicle = "udpin:127.0.0.1:14540"
+    rid = "udpout:127.0.0.1:14650"
+    goal = [47.39, 8.54, 100.0]        # degrees, degrees, metres above mean sea level (may be left out)
+    definition = "candidate2"
+    cruise = 10.0
+
+    solver = "halfplane"
+
+    [halfplane]                        # constants of that solver; likewise [graded], [rotation]
+    response_time_s = 1.0
+
+    [[obstacle]]                       # static, never entered
+    polygon = [[47.391, 8.541], [47.392, 8.541], [47.392, 8.543]]
+
+A key that is not known is an error, for a misspelt key must not pass as a default; so is a number that is none.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from ridlink.avoidance.settings import GradedSettings, RotationSettings
+from ridlink.avoidance.types import HalfplaneSettings, SolverKind
+from ridlink.checked_toml import parse_toml
+from ridlink.errors import ConfigError
+
+SOLVER_TABLES = {
+    SolverKind.HALFPLANE: HalfplaneSettings,
+    SolverKind.GRADED: GradedSettings,
+    SolverKind.ROTATION: RotationSettings,
+}
+"""Tables of a file, by the name of the solver whose constants they hold."""
+
+
+class ObstacleTable(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """One [[obstacle]]."""
+
+    polygon: list[tuple[float, float]]
+
+
+class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
+    """The keys of a file, which are those of the command line with underscores; None where a key is not given."""
+
+    vehicle: str | None = None
+    rid: str | None = None
+    goal: Annotated[list[float], msgspec.Meta(min_length=2, max_length=3)] | None = None
+    standby: bool | None = None
+    definition: str | None = None
+    eta: float | None = None
+    chance_bound: str | None = None
+    solver: str | None = None
+    cruise: float | None = None
+    airframe: float | None = None
+    airframe_height: float | None = None
+    v_max: float | None = None
+    vz_max: float | None = None
+    a_max: float | None = None
+    response_time: float | None = None
+    vertical: bool | None = None
+    vertical_cost: float | None = None
+    vertical_band: float | None = None
+    min_height: float | None = None
+    max_height: float | None = None
+    vehicle_sysid: int | None = None
+    uas_id: str | None = None
+    filter_positions: bool | None = None
+    log: str | None = None
+    input_log: str | None = None
+    guard: bool | None = None
+    takeoff_aware: bool | None = None
+    takeoff_height: float | None = None
+    allow_v1: bool | None = None
+    broadcast: bool | None = None
+    broadcast_to: str | None = None
+    broadcast_form: str | None = None
+    operator_id: str | None = None
+    signing_key: str | None = None
+    require_signature: bool | None = None
+    signing_link_id: int | None = None
+    signing_state: str | None = None
+    metrics: str | None = None
+    dry_run: bool | None = None
+    halfplane: dict[str, float] | None = None
+    graded: dict[str, float] | None = None
+    rotation: dict[str, float] | None = None
+    obstacle: list[ObstacleTable] | None = None
+
+
+def _line_of(text: str, key: str) -> str:
+    """ ":line" of a key or table in a TOML text, empty if it cannot be told."""
+    pattern = re.compile(rf"\s*(?:\[+\s*)?[\"']?{re.escape(key)}[\"']?\s*(?:=|\])")
+    for number, line in enumerate(text.splitlines(), start=1):
+        if pattern.match(line):
+            return f":{number}"
+    return ""
+
+
+def _refuse_unknown(given: Mapping[str, Any], known: list[str], where: str, text: str) -> None:
+    for key in given:
+        if key not in known:
+            near = difflib.get_close_matches(key.replace("-", "_"), known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+            raise ConfigError(f"{where}{_line_of(text, key)}: unknown key {key!r}: {hint}")
+
+
+def _refuse_not_finite(value: Any, key: str, where: str, text: str) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{where}{_line_of(text, key)}: {key} must be a finite number, not {value}")
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            # Infinite means "stops at once" to the solver, and only there.
+            if key not in SOLVER_TABLES or inner != math.inf:
+                _refuse_not_finite(inner, name, where, text)
+    if isinstance(value, list):
+        for inner in value:
+            _refuse_not_finite(inner, key, where, text)
+
+
+def read_config_file(path: str | Path) -> FlatConfig:
+    """Keys of a configuration file.
+
+    Raises:
+        ConfigError: If it is not TOML, has an unknown key, or a value of the wrong kind; the text names file, line and
+            key.
+        OSError: If it cannot be read.
+    """
+    where = str(path)
+    try:
+        text = Path(path).read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{where}: is not UTF-8 text: {error.reason}") from error
+    return read_config_text(text, where)
+
+
+def read_config_text(text: str, where: str) -> FlatConfig:
+    """Keys of a configuration.
+
+    Args:
+        text: TOML.
+        where: Whence it comes, for error texts.
+
+    Raises:
+        ConfigError: As `read_config_file`.
+    """
+    document = parse_toml(text, where)
+    known = [item.name for item in msgspec.structs.fields(FlatConfig)]
+    _refuse_unknown(document, known, where, text)
+    for table_name, settings in SOLVER_TABLES.items():
+        if isinstance(document.get(table_name), dict):
+            _refuse_unknown(document[table_name], [item.name for item in fields(settings)], where, text)
+    for table in document.get("obstacle", []) if isinstance(document.get("obstacle"), list) else []:
+        if isinstance(table, dict):
+            _refuse_unknown(table, ["polygon"], where, text)
+    for key, value in document.items():
+        _refuse_not_finite(value, key, where, text)
+        try:
+            msgspec.convert({key: value}, FlatConfig)
+        except msgspec.ValidationError as error:
+            raise ConfigError(f"{where}{_line_of(text, key)}: {_explained(key, error)}") from error
+    return msgspec.convert(document, FlatConfig)
+
+
+def _explained(key: str, error: Exception) -> str:
+    if key == "goal":
+        return "goal must be [latitude, longitude] or [latitude, longitude, altitude]"
+    return f"{key}: {str(error).partition(' - at')[0]}"
+
+
+def overridden(flat: FlatConfig, over: Mapping[str, Any]) -> FlatConfig:
+    """The same with every value that is not None put in its place: flag over file over default."""
+    return msgspec.structs.replace(flat, **{key: value for key, value in over.items() if value is not None})
