@@ -13,10 +13,9 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from ridlink.captures.recorder import Recorder
 from ridlink.daemon.config import DaemonConfig, as_toml
+from ridlink.daemon.events import rounded, summary_facts
 from ridlink.daemon.figures import figures
 from ridlink.daemon.input_log import InputLog
 from ridlink.daemon.steady_utc import SteadyUtc
@@ -315,29 +314,9 @@ class AvoidDaemon:
             self._emit("stalled", stack=self._stalls.popleft())
         if not self._summary_due.due(record.time_s):
             return
-        command, detection = record.commanded_ned_mps, record.detection
-        self._emit(
-            "summary",
-            state=state[0],
-            reason=state[1],
-            tracks=record.tracks,
-            conflicts=len(record.conflicts),
-            nearest_margin_m=_finite(record.nearest_margin_m),
-            time_to_violation_s=_finite(record.time_to_violation_s),
-            goal_distance_m=_finite(record.goal_distance_m),
-            speed_mps=_finite(record.own.speed_mps if record.own is not None else None),
-            commanded_ned_mps=None if command is None else [round(value, 2) for value in command],
-            status=None if record.status is None else record.status.name.lower(),
-            setpoints=self.engine.setpoints.sent,
-            recovering=record.recovering,
-            doubtful=sum(track.doubt.widening_m(record.time_s) > 0.0 for track in self.engine.picture.tracks.values()),
-            rejects=self.rejects(),
-            detection_needed_m=_finite(detection.needed_m if detection is not None else None),
-            detection_given_m=_finite(detection.given_m if detection is not None else None),
-            detection_short=detection is not None and detection.short,
-        )
-        if self.config.engine.dry_run and command is not None:
-            self._emit("dry_run", velocity_ned_mps=[round(value, 2) for value in command])
+        self._emit("summary", **summary_facts(self.engine, record, self.rejects()))
+        if self.config.engine.dry_run and record.commanded_ned_mps is not None:
+            self._emit("dry_run", velocity_ned_mps=rounded(record.commanded_ned_mps))
 
     def _refused_signatures(self) -> list[str]:
         """What to say when the vehicle link refuses frames: without it, a key set up wrongly looks like silence."""
@@ -390,7 +369,3 @@ class AvoidDaemon:
 
 def _words(error: OSError) -> str:
     return f"{error.filename}: {error.strerror}" if error.filename else str(error)
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not np.isfinite(value) else round(value, 2)

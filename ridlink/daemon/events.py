@@ -1,0 +1,48 @@
+"""What a daemon tells once a second of its decisions: the facts of an event, as JSON has them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ridlink.engine import DecisionRecord, Engine
+from ridlink.setpoint import Velocity
+
+
+def summary_facts(engine: Engine, record: DecisionRecord, rejects: dict[str, int]) -> dict[str, Any]:
+    """The facts of a ``summary``; None where something is unknown, two digits after the point.
+
+    Args:
+        engine: Who decided.
+        record: The decision.
+        rejects: What was dropped, clamped, rejected or noticed so far, by cause.
+    """
+    command, detection = record.commanded_ned_mps, record.detection
+    return {
+        "state": engine.rung.state.name.lower(),
+        "reason": engine.rung.reason,
+        "tracks": record.tracks,
+        "conflicts": len(record.conflicts),
+        "nearest_margin_m": _finite(record.nearest_margin_m),
+        "time_to_violation_s": _finite(record.time_to_violation_s),
+        "goal_distance_m": _finite(record.goal_distance_m),
+        "speed_mps": _finite(record.own.speed_mps if record.own is not None else None),
+        "commanded_ned_mps": None if command is None else rounded(command),
+        "status": None if record.status is None else record.status.name.lower(),
+        "setpoints": engine.setpoints.sent,
+        "recovering": record.recovering,
+        "doubtful": sum(track.doubt.widening_m(record.time_s) > 0.0 for track in engine.picture.tracks.values()),
+        "rejects": rejects,
+        "detection_needed_m": _finite(detection.needed_m if detection is not None else None),
+        "detection_given_m": _finite(detection.given_m if detection is not None else None),
+        "detection_short": detection is not None and detection.short,
+    }
+
+
+def rounded(velocity_ned_mps: Velocity) -> list[float]:
+    """A velocity, two digits after the point."""
+    return [round(value, 2) for value in velocity_ned_mps]
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(value, 2)
