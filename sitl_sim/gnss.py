@@ -30,7 +30,7 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from sitl_sim.fleet import Stream, vehicle_generator
+from sitl_sim.draws import NormalDraws, Stream, vehicle_generator
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -68,7 +68,6 @@ GATE_SIGMAS = 5.0
 INNOVATION_S = 5.0
 """Assumed time in which an estimator comes to believe a position that has jumped."""
 
-_BLOCK = 64
 _DRAWS = 7  # position, velocity, one spare for the radius: the same number for every model keeps velocities alike
 
 
@@ -119,9 +118,7 @@ class GnssReceivers:
         self.model = model
         self.interval_s = interval_s
         self.fix_type: npt.NDArray[np.int64] = np.full(count, FIX_3D, dtype=np.int64)
-        self._generators = [vehicle_generator(seed, Stream.GNSS, index) for index in range(count)]
-        self._draws = np.empty((count, _BLOCK, _DRAWS))
-        self._drawn = _BLOCK
+        self._draws = NormalDraws(seed, Stream.GNSS, count, _DRAWS)
         self._common = vehicle_generator(seed, Stream.GNSS_COMMON, 0)
         self._common_share = common_share
         self._keep = math.exp(-interval_s / time_constant_s)
@@ -221,17 +218,8 @@ class GnssReceivers:
     def _drift_m(self) -> FloatArray:
         return 0.5 * DRIFT_MPS2 * self._outage_s**2
 
-    def _next_draws(self) -> FloatArray:
-        """Standard normal figures (n, 7), each row from its own generator, drawn in blocks because calls are slow."""
-        if self._drawn == _BLOCK:
-            for generator, block in zip(self._generators, self._draws, strict=True):
-                generator.standard_normal(out=block)
-            self._drawn = 0
-        self._drawn += 1
-        return self._draws[:, self._drawn - 1]
-
     def _report(self, *, first: bool) -> None:
-        draws = self._next_draws()
+        draws = self._draws.next()
         fresh = draws[:, :3]
         if self._common_share:
             common = self._common.standard_normal(3)

@@ -28,7 +28,7 @@ from sitl_sim.autopilot import Autopilot, FleetNavigation, Outgoing, Start
 from sitl_sim.broadcast import Broadcaster
 from sitl_sim.clock import FleetClock
 from sitl_sim.display import TrafficDisplay
-from sitl_sim.fleet import Stream, vehicle_generator
+from sitl_sim.draws import Stream, vehicle_generator
 from sitl_sim.fleet_config import HOST, FleetConfig, FleetPorts
 from sitl_sim.radio import Air
 from sitl_sim.vehicle import TICK_S

@@ -86,7 +86,7 @@ SANS_IO = (
     "sitl_sim.display",
     "sitl_sim.bus",
     "sitl_sim.clock",
-    "sitl_sim.fleet",
+    "sitl_sim.draws",
     "sitl_sim.verdict",
     "sitl_sim.referee",
     "sitl_sim.world",

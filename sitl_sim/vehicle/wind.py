@@ -13,11 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ridlink.scenario import Wind
-from sitl_sim.fleet import Stream, vehicle_generator
+from sitl_sim.draws import NormalDraws, Stream
 
 FloatArray = npt.NDArray[np.float64]
-
-_BLOCK = 256
 
 
 class FleetWind:
@@ -37,13 +35,11 @@ class FleetWind:
         self._mean = np.array(wind.velocity_ne_mps)
         self._sigma_mps = wind.gust_sigma_mps
         self._keep = math.exp(-tick_s / wind.gust_time_s)
-        self._generators = [vehicle_generator(seed, Stream.WIND, index) for index in range(count)]
-        self._draws = np.empty((count, _BLOCK, 2))
-        self._drawn = _BLOCK
+        self._draws = NormalDraws(seed, Stream.WIND, count, 2)
         self._unit = np.zeros((count, 2))
         self.velocity_ne_mps: FloatArray = np.tile(self._mean, (count, 1))
         if self._sigma_mps > 0.0 and count:
-            self._unit = self._next_draws().copy()
+            self._unit = self._draws.next().copy()
             self._update()
 
     @property
@@ -54,16 +50,8 @@ class FleetWind:
     def step(self) -> None:
         """One tick on."""
         if self._sigma_mps > 0.0 and len(self._unit):
-            self._unit = self._keep * self._unit + math.sqrt(1.0 - self._keep**2) * self._next_draws()
+            self._unit = self._keep * self._unit + math.sqrt(1.0 - self._keep**2) * self._draws.next()
             self._update()
 
     def _update(self) -> None:
         self.velocity_ne_mps = self._mean + self._sigma_mps * self._unit
-
-    def _next_draws(self) -> FloatArray:
-        if self._drawn == _BLOCK:
-            for generator, block in zip(self._generators, self._draws, strict=True):
-                generator.standard_normal(out=block)
-            self._drawn = 0
-        self._drawn += 1
-        return self._draws[:, self._drawn - 1]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ridlink.campaign.chance import ErrorModel, PositionErrors, draw_fleet
+from ridlink.separation.reference import CATEGORIES
 
 SIGMA_M = 10.0
 
@@ -62,6 +63,13 @@ def test_the_fleet_of_the_paper():
     assert speed.mean() == pytest.approx(30.7, abs=0.2)
     assert speed.std() == pytest.approx(5.1, abs=0.2)
     assert speed.min() >= 10.0 and speed.max() <= 51.5
+
+
+@pytest.mark.parametrize("category", list(CATEGORIES))
+def test_a_fleet_of_a_category_stays_below_its_maximum(category):
+    fleet = draw_fleet(300, 1, 2, category)
+    assert fleet.speed_mps.max() <= CATEGORIES[category].max_speed_mps
+    assert fleet.speed_mps.mean() == pytest.approx(CATEGORIES[category].cruise_speed_mps, rel=0.05)
 
 
 def test_a_larger_fleet_begins_with_the_smaller_one():

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from ridlink.campaign.chance import draw_fleet
 from ridlink.separation.components import (
     EXACT,
     MAC_DISTANCE_M,
@@ -27,7 +28,6 @@ from ridlink.separation.reference import (
     MIN_AIRFRAME_M,
 )
 from ridlink.technologies import TECHNOLOGIES
-from sitl_sim.fleet import draw_paper_fleet
 
 
 def test_tables_ii_and_iii() -> None:
@@ -116,9 +116,9 @@ def test_unmac_radius_of_category_3(sigma: float, mean: float, q997: float, q999
     assert abs(exceeded - 300) < 4.0 * math.sqrt(300)
 
 
-def test_the_emulated_fleet_is_drawn_from_these() -> None:
+def test_the_fleet_of_a_campaign_is_drawn_from_these() -> None:
     """Kolmogorov and Smirnov at one in a thousand, for airframes and for the truncated speeds."""
-    fleet = draw_paper_fleet(2000, 5)
+    fleet = draw_fleet(2000, 5, 0)
     bound = 1.95 / math.sqrt(2000)
     steps = np.arange(1, 2001) / 2000
     assert np.abs(fleet_speed().cdf(np.sort(fleet.speed_mps)) - steps).max() < bound

@@ -8,8 +8,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from ridlink.scenario import built_in
-from sitl_sim.fleet import CATEGORIES, draw_fleet, draw_paper_fleet, with_parameters
 from sitl_sim.gnss import CORRELATION_TIME_S, ERROR_MODELS, ErrorModel, GnssReceivers
 
 FloatArray = npt.NDArray[np.float64]
@@ -182,29 +180,3 @@ def test_a_radial_error_has_nothing_in_common() -> None:
 def test_the_estimator_claims_less_than_the_receiver() -> None:
     """Measured on PX4: 0.29 m beside h_acc 0.9 m."""
     assert GnssReceivers("bias", [0.9]).ekf_h_acc_m == pytest.approx([0.29], abs=0.01)
-
-
-def test_paper_fleet_has_the_printed_distributions() -> None:
-    fleet = draw_paper_fleet(3000, 1)
-    assert fleet.airframe_m.min() >= 0.1
-    assert fleet.airframe_m.max() <= 7.5
-    assert fleet.airframe_m.mean() == pytest.approx(3.8, abs=0.1)
-    assert fleet.speed_mps.mean() == pytest.approx(30.7, abs=0.3)
-    assert fleet.speed_mps.std() == pytest.approx(5.1, abs=0.2)
-    assert fleet.speed_mps.min() >= 10.0
-    assert np.array_equal(draw_paper_fleet(5, 1).speed_mps, fleet.speed_mps[:5])
-
-
-@pytest.mark.parametrize("category", list(CATEGORIES))
-def test_fleet_of_a_category_stays_below_its_maximum(category: int) -> None:
-    fleet = draw_fleet(300, (1, 2), category=category)
-    assert fleet.speed_mps.max() <= CATEGORIES[category].max_speed_mps
-    assert fleet.speed_mps.mean() == pytest.approx(CATEGORIES[category].cruise_speed_mps, rel=0.05)
-
-
-def test_a_drawn_fleet_flies_a_scenario() -> None:
-    fleet = draw_paper_fleet(8, 3)
-    scenario = with_parameters(built_in("circle8"), fleet)
-    assert [vehicle.speed_mps for vehicle in scenario.vehicles] == fleet.speed_mps.tolist()
-    with pytest.raises(ValueError):
-        with_parameters(built_in("head-on"), fleet)
