@@ -84,6 +84,7 @@ def view(
 async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: tuple[str, ...], opens: bool) -> None:
     import asyncio
 
+    from ridlink.links import Scheme, open_link
     from ridlink.view.kernels import load_kernels
     from ridlink.view.live import Feed, watch_link
     from ridlink.view.server import ViewServer
@@ -94,10 +95,11 @@ async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: t
     await server.start()
     loading: asyncio.Task[None] | None = None
     try:
+        link = None if url is None else await open_link(url, feed.hear)
         announce(server.url, opens, " (Ctrl-C ends)")
         loading = asyncio.create_task(load_kernels(show))
-        if url is not None:
-            await watch_link(url, feed, server, stop)
+        if link is not None:
+            await watch_link(link, feed, server, stop, calls=url is not None and url.scheme is Scheme.UDPOUT)
         else:
             await stop.wait()
     finally:

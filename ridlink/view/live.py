@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ridlink.links import LinkUrl, Scheme, open_link
+from ridlink.links import Link
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.ground_station import HEARTBEAT_EVERY_S, ground_station, heartbeat
@@ -82,19 +82,22 @@ class Feed:
             await asyncio.sleep(max(0.0, step * STEP_S - (time.monotonic() - self._begun_s)))
 
 
-async def watch_link(url: LinkUrl, feed: Feed, server: ViewServer, stop: asyncio.Event) -> None:
-    """Show what a link carries until told to stop.
+async def watch_link(link: Link, feed: Feed, server: ViewServer, stop: asyncio.Event, *, calls: bool) -> None:
+    """Show what a link carries until told to stop, and close it.
 
-    Raises:
-        LinkError: If the link cannot be opened.
+    Args:
+        link: It fills the feed.
+        feed: What fills the show.
+        server: Who serves the show.
+        stop: Told to stop.
+        calls: Whether to send heartbeats: so the air is subscribed to.
     """
-    link = await open_link(url, feed.hear)
     running = asyncio.create_task(feed.run(server))
     stopping = asyncio.create_task(stop.wait())
     encoder = ground_station()
     try:
         while not stopping.done():
-            if url.scheme is Scheme.UDPOUT:  # how the air is subscribed to
+            if calls:
                 link.send(heartbeat(encoder))
             await asyncio.wait({running, stopping}, timeout=HEARTBEAT_EVERY_S, return_when=asyncio.FIRST_COMPLETED)
             if running.done():

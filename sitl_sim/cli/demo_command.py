@@ -177,12 +177,11 @@ async def _open_page(screen: Screen, port: int | None, opens: bool) -> Page | No
     except MissingExtraError as error:
         screen.say(f"{error}; flying without it")
         return None
-    page = Page()
+    page = Page(lambda: announce(page.server.url, opens, "" if at_usual_port else " (port 8090 is in use)"))
     try:
         at_usual_port = await page.open(port)
     except LinkError as error:
         raise LinkError(f"{error}; choose another with --view-port, or do without: --no-view") from error
-    announce(page.server.url, opens, "" if at_usual_port else " (port 8090 is in use)")
     return page
 
 

@@ -78,6 +78,9 @@ def pair_radius_under(definition: Definition, eta: float = DEFAULT_ETA) -> Calla
 class Onlooker(Protocol):
     """Who looks on while a flight lasts."""
 
+    def ready(self) -> None:
+        """The fleet has its ports: nothing stands in the way of the flight."""
+
     async def begin(self, fleet: FleetServer, title: str, definition: Definition) -> None:
         """The fleet is there, and the solver has been loaded."""
 
@@ -109,6 +112,8 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         await _open(server)
         log = _log_path(options, scenario)
         recorder = Recorder(log, overwrite=True)
+        if onlooker is not None:
+            onlooker.ready()
         flying = asyncio.create_task(server.run(landed))
         ports = server.ports
         heard = {} if onlooker is None else {"hear_air": onlooker.hear}

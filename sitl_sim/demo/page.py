@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from ridlink.errors import LinkError
 from ridlink.observer import Sky
@@ -23,11 +23,15 @@ from sitl_sim.server import FleetServer
 class Page:
     """Shows one flight after the other.
 
+    Args:
+        on_ready: Called once, when the first flight has its ports.
+
     Attributes:
         server: What serves it.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, on_ready: Callable[[], None]) -> None:
+        self._on_ready: Callable[[], None] | None = on_ready
         self._show = Show(Scenery("the flight is being prepared", "demo", live=True, truth=True))
         self._feed: Feed | None = None
         self._running: asyncio.Task[None] | None = None
@@ -55,6 +59,12 @@ class Page:
                 raise
             return port is not None or attempt == DEFAULT_PORT
         raise LinkError("no port for the page")
+
+    def ready(self) -> None:
+        """A flight has its ports."""
+        if self._on_ready is not None:
+            self._on_ready()
+            self._on_ready = None
 
     async def begin(self, fleet: FleetServer, title: str, definition: Definition) -> None:
         """Another flight is to be shown; its kernels have been loaded."""

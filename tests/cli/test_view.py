@@ -161,15 +161,18 @@ def test_the_page_of_a_demo_knows_the_truth_and_stays_if_asked_to(tmp_path: Path
         (["x.tlog", "--source", "udpin:127.0.0.1:0"], "not both", 2),
         (["--port", "{taken}"], "port {taken} is in use", 3),
         (["--host", "192.0.2.1", "--port", "0"], "192.0.2.1", 3),
+        (["--source", "udpin:127.0.0.1:{heard}", "--port", "0"], "{heard}", 3),
+        (["--source", "tcpout:127.0.0.1:{heard}", "--port", "0"], "{heard}", 3),
     ],
 )
 def test_a_mistake_is_one_clear_line(tmp_path: Path, arguments: list[str], text: str, code: int) -> None:
     (tmp_path / "nothing.tlog").touch()
     (tmp_path / "text.txt").write_text("hello\n" * 100)
-    with socket.socket() as taken:
+    with socket.socket() as taken, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard_here:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        names = {"folder": tmp_path, "taken": taken.getsockname()[1]}
+        heard_here.bind(("127.0.0.1", 0))
+        names = {"folder": tmp_path, "taken": taken.getsockname()[1], "heard": heard_here.getsockname()[1]}
         command = [sys.executable, "-m", "ridlink", "view", *(one.format(**names) for one in arguments)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, stdin=subprocess.DEVNULL)
     assert done.returncode == code, done.stderr
