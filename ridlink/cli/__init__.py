@@ -106,8 +106,17 @@ def _fail(text: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
+def _open_closed_streams() -> None:
+    """Whoever started us may have closed a standard stream (``>&-``): it leads nowhere then, and no file or socket of
+    ours takes its number."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
+
+
 def main() -> NoReturn:
     """Entry point: runs the command and turns every expected failure into one line and a documented exit code."""
+    _open_closed_streams()
     try:
         result = cli.main(prog_name="ridlink", standalone_mode=False)
     except click.exceptions.Exit as stop:

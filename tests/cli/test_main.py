@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import click
 import pytest
@@ -21,6 +22,7 @@ from ridlink.errors import (
     RidlinkError,
     UnknownMessageError,
 )
+from ridlink.mavlink.codec import Encoder
 
 HEAVY = ("numpy", "numba", "pymavlink", "pymap3d", "lxml", "mavsdk", "rich", "ridlink.mavlink")
 
@@ -128,6 +130,20 @@ class TestUsage:
         assert process.stderr.read() == b""
         process.stderr.close()
         assert process.wait(timeout=60) == 0
+
+    @pytest.mark.parametrize(
+        "arguments", ["decode f.hex -f jsonl", "whatif f.tlog", "sim --list", "encode f.jsonl -o o.hex"]
+    )
+    def test_a_standard_stream_that_is_closed_leads_nowhere(self, tmp_path: Path, arguments: str) -> None:
+        frame = Encoder(1, 1).encode("HEARTBEAT", type=2)
+        (tmp_path / "f.hex").write_text(f"{frame.hex()}\n")
+        (tmp_path / "f.tlog").write_bytes(bytes(8) + frame)
+        (tmp_path / "f.jsonl").write_text(f'{{"type":"HEARTBEAT","src":"1/1","t":1,"frame":"{frame.hex()}"}}\n')
+        command = ["sh", "-c", f'"$0" -m ridlink {arguments} <&- >&-', sys.executable]
+        environment = os.environ | {"PYTHONPATH": os.getcwd()}
+        done = subprocess.run(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env=environment, timeout=60)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert not (tmp_path / "o.hex").exists() or (tmp_path / "o.hex").read_text() == f"{frame.hex()}\n"
 
 
 class TestExitCodes:
