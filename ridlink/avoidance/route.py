@@ -87,7 +87,8 @@ def grow(vertex, first, last, clearance_m, ring):  # type: ignore[no-untyped-def
         # Outward normals of the two edges at this corner, as angles from north to east.
         start = math.atan2(-(vertex[here, 0] - vertex[before, 0]), vertex[here, 1] - vertex[before, 1])
         turn = math.atan2(-(vertex[after, 0] - vertex[here, 0]), vertex[after, 1] - vertex[here, 1]) - start
-        turn = turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi))
+        # Of a corner that is straight but for rounding it may come out a little below zero, which is no full circle.
+        turn = max(turn - 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi)), 0.0)
         for step in range(ARC):
             angle = start + turn * step / (ARC - 1)
             ring[ARC * k + step, 0] = vertex[here, 0] + clearance_m * math.cos(angle)

@@ -1,6 +1,7 @@
 """Static obstacles: validation, convex pieces, distances and the way round."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -122,6 +123,21 @@ def test_following_the_aim_leads_to_the_goal_outside_the_clearance(start, end, c
             break
     assert np.linalg.norm(goal - position) < 1e-6
     assert nearest > 0.9 * clearance - 0.5
+
+
+@pytest.mark.parametrize("bulge_m", [-1e-6, -1e-12, 0.0, 1e-12, 1e-6])
+@pytest.mark.parametrize("corner", range(4))
+def test_a_corner_that_is_straight_but_for_rounding_changes_no_way(corner, bulge_m):
+    """Degrees and back make one of every third point on a wall."""
+    plain = Obstacles.from_polygons([SQUARE])
+    before, after = SQUARE[corner], SQUARE[(corner + 1) % 4]
+    outward = np.array([after[1] - before[1], before[0] - after[0]]) / np.linalg.norm(after - before)
+    hull = np.insert(SQUARE, corner + 1, (before + after) / 2.0 + bulge_m * outward, axis=0)
+    bent = replace(plain, hull_vertex_ne_m=hull, hull_start=np.array([0, 5]))
+    for position in ((-300.0, 10.0), (-60.0, 5.0), (50.0, 70.0), (45.0, -52.0)):
+        aim, side = aim_at(plain, position, (300.0, 0.0), 12.0)
+        assert aim_at(bent, position, (300.0, 0.0), 12.0)[1] == side
+        assert aim_at(bent, position, (300.0, 0.0), 12.0)[0] == pytest.approx(aim, abs=0.01)
 
 
 def test_two_obstacles_in_a_row_are_passed_one_after_the_other():
