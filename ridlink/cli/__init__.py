@@ -9,6 +9,7 @@ broker), 4 finished with rejects under ``--strict``, 70 internal error, 128+n en
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import sys
@@ -117,6 +118,18 @@ def _open_closed_streams() -> None:
 def main() -> NoReturn:
     """Entry point: runs the command and turns every expected failure into one line and a documented exit code."""
     _open_closed_streams()
+    try:
+        _run()
+    except SystemExit as end:
+        if (warming := sys.modules.get("ridlink.daemon.warming")) is not None and warming.is_compiling():
+            for stream in (sys.stdout, sys.stderr):
+                with contextlib.suppress(OSError):
+                    stream.flush()
+            os._exit(end.code if isinstance(end.code, int) else EXIT_DONE)
+        raise
+
+
+def _run() -> NoReturn:
     try:
         result = cli.main(prog_name="ridlink", standalone_mode=False)
     except click.exceptions.Exit as stop:

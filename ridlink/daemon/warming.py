@@ -9,6 +9,13 @@ import threading
 from ridlink.avoidance.solver import warm_up
 from ridlink.avoidance.types import SolverKind
 
+THREAD = "warm-up"
+
+
+def is_compiling() -> bool:
+    """The compiler is at work: who ends now must not tear down what it stands on (`os._exit`), or it may crash."""
+    return any(thread.name == THREAD for thread in threading.enumerate())
+
 
 async def warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
     """Compile a solver's kernels before the first deadline; cold that takes seconds, and a signal must not wait."""
@@ -28,7 +35,7 @@ async def warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
             loop.call_soon_threadsafe(report, problem)
 
-    threading.Thread(target=compile_all, name="warm-up", daemon=True).start()
+    threading.Thread(target=compile_all, name=THREAD, daemon=True).start()
     stopped = asyncio.ensure_future(stop.wait())
     await asyncio.wait({done, stopped}, return_when=asyncio.FIRST_COMPLETED)
     stopped.cancel()

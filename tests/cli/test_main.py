@@ -192,3 +192,18 @@ class TestExitCodes:
 
     def test_a_command_may_leave_by_exit(self, run: Run) -> None:
         assert run(click.exceptions.Exit(4)) == 4
+
+    def test_nothing_is_torn_down_under_a_compiler_that_is_at_work(self) -> None:
+        """A daemon that is ended while its kernels are compiled crashed now and then in LLVM, with code 139."""
+        program = (
+            "import atexit, sys, threading; from ridlink.cli import main; from ridlink.daemon.warming import THREAD\n"
+            "atexit.register(print, 'torn down'); sys.argv = ['ridlink', *sys.argv[1:]]\n"
+            "threading.Thread(target=threading.Event().wait, name=THREAD, daemon=True).start()\n"
+            "main()"
+        )
+        for arguments, code in ((["--version"], 0), (["no-such-command"], 2)):
+            done = subprocess.run(
+                [sys.executable, "-c", program, *arguments], capture_output=True, text=True, timeout=60
+            )
+            assert done.returncode == code and (done.stdout + done.stderr).startswith("ridlink")
+            assert "torn down" not in done.stdout
