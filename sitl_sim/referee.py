@@ -104,11 +104,6 @@ class Referee:
         removed[[index for _, index in self.obstacle_hits]] = True
         return removed
 
-    @property
-    def pair_min_separation_m(self) -> FloatArray:
-        """Smallest true horizontal distance of each pair so far [m], shape (n, n), inf where never judged."""
-        return self._closest_m.copy()
-
     def observe(
         self,
         time_s: float,

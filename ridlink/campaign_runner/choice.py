@@ -24,7 +24,6 @@ from ridlink.separation.reference import CATEGORIES, REPORT_INTERVAL_S
 from ridlink.technologies import TECHNOLOGIES
 
 PAPER_DEFINITIONS = (Definition.SNMAC, Definition.REMOTE_ID, Definition.CANDIDATE1, Definition.CANDIDATE2)
-PAPER_SCENARIOS = ("circle8", "square24")
 
 GRADED: dict[str, Callable[[], GradedSettings]] = {
     "graded": GradedSettings.g2, "g2": GradedSettings.g2, "g3": GradedSettings.g3,

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from ridlink.own_ship import ARDUPILOT, PX4
 
-MAV_PARAM_TYPE_REAL32 = 9
 _INTEGER_CODES = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
 """MAV_PARAM_TYPE to the layout of its bytes within the float field, as PX4 sends integers."""
 

@@ -86,25 +86,6 @@ def pack_to_mavlink(
     }
 
 
-def read_broadcast(
-    data: bytes, rejects: Rejects | None = None, *, id_or_mac: bytes | None = None
-) -> list[RemoteIdMessage]:
-    """What one broadcast says, which is a message pack or a 25-byte message alone.
-
-    Args:
-        data: The broadcast.
-        rejects: Counts fields under ``MESSAGE.field``, and members that were not taken under their cause.
-        id_or_mac: Who was heard to say it.
-    """
-    members: list[Member] = []
-    for item in split_broadcast(data):
-        if isinstance(item, Member):
-            members.append(item)
-        elif rejects is not None:
-            rejects[str(item.refusal)] += 1
-    return read_members(members, rejects, id_or_mac=id_or_mac)
-
-
 def read_members(
     members: Sequence[Member], rejects: Rejects | None = None, *, id_or_mac: bytes | None = None
 ) -> list[RemoteIdMessage]:

@@ -156,16 +156,11 @@ def _service_info(descriptor: bytes) -> bytes | None:
 # --- Bluetooth ---
 
 ADVERTISING_ACCESS_ADDRESS = bytes.fromhex("d6be898e")
-CRC_LENGTH = 3
 PHY_CODED = 2
 PDU_HEADER_LENGTH = 2
 ADV_IND, ADV_NONCONN_IND, SCAN_RSP, ADV_SCAN_IND, ADV_EXT_IND = 0, 2, 4, 6, 7
-EXT_ADVERTISER, EXT_TARGET, EXT_CTE_INFO, EXT_DATA_INFO, EXT_AUX_POINTER, EXT_SYNC_INFO, EXT_TX_POWER = (
-    1 << bit for bit in range(7)
-)
-EXT_FIELD_LENGTHS = {
-    EXT_TARGET: 6, EXT_CTE_INFO: 1, EXT_DATA_INFO: 2, EXT_AUX_POINTER: 3, EXT_SYNC_INFO: 18, EXT_TX_POWER: 1
-}  # fmt: skip
+EXT_ADVERTISER = 0x01
+"""Of the flags of an extended header: the address of the advertiser comes first."""
 SERVICE_DATA = 0x16
 ODID_SERVICE_DATA = b"\xfa\xff\x0d"
 """16-bit UUID of ASTM, and its application code for Remote ID."""

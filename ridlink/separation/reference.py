@@ -29,9 +29,6 @@ caller."""
 SNMAC_PAIR_RADIUS_M = 15.0
 """Radius that the sNMAC definition puts around a pair: twice the true sum of two largest airframe radii (Table IV)."""
 
-NMAC_HORIZONTAL_M, NMAC_VERTICAL_M = 150.0, 30.0
-"""Near mid-air collision of manned aviation, which the paper sets out to replace (section II-B)."""
-
 GPS_SIGMA_M = (1.9, 3.5, 4.85, 10.0)
 """One sigma per axis of the four accuracy standards of Table II; the table prints three."""
 

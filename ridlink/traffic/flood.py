@@ -17,7 +17,6 @@ class NewcomerGate:
     def __init__(self, per_second: float) -> None:
         self._per_second = per_second
         self._left: dict[Hashable, tuple[float, float]] = {}
-        self._refused = 0
 
     def admit(self, source: Hashable, now_s: float) -> bool:
         """Whether one more new track of this source is let in."""
@@ -27,10 +26,4 @@ class NewcomerGate:
         left = min(left + max(now_s - at_s, 0.0) * self._per_second, self._per_second)
         admitted = left >= 1.0
         self._left[source] = (left - 1.0 if admitted else left, now_s)
-        self._refused += not admitted
         return admitted
-
-    def take_refused(self) -> int:
-        """How many were refused since this was last asked."""
-        refused, self._refused = self._refused, 0
-        return refused

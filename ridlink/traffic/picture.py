@@ -242,10 +242,6 @@ class TrafficPicture:
             closing += (own.velocity_ned_mps[1] - velocity[1]) * east / distance
         return distance / max(closing, 1.0)
 
-    def take_flood(self) -> int:
-        """Newcomers refused since this was last asked."""
-        return self._gate.take_refused()
-
     def snapshot(self, own: OwnState, now_s: float) -> Snapshot:
         """The neighbours that count now.
 

@@ -12,7 +12,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id import astm
 from ridlink.remote_id.assembler import ReportAssembler
-from ridlink.remote_id.bridge import messages_of, pack_to_mavlink, read_broadcast
+from ridlink.remote_id.bridge import messages_of, pack_to_mavlink
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import (
     Authentication,
@@ -111,12 +111,3 @@ def test_in_a_pack_a_separation_takes_the_time_of_its_location() -> None:
     _, fields = pack_to_mavlink([HERE, stale], hour_start_s=3600)
     _, separation = messages_of(over_mavlink("OPEN_DRONE_ID_MESSAGE_PACK", fields))
     assert isinstance(separation, Separation) and separation.timestamp_s == 900.0
-
-
-def test_a_broadcast_is_read_with_who_was_heard() -> None:
-    _, fields = pack_to_mavlink([BasicId(1, 2, b"SERIAL"), HERE])
-    rejects: Counter[str] = Counter()
-    identity, location = read_broadcast(b"\xf2\x19\x03" + fields["messages"][:50], rejects, id_or_mac=MAC)
-    assert identity == BasicId(1, 2, b"SERIAL", MAC) and location.id_or_mac == MAC
-    assert rejects == {"truncated_pack": 1}
-    assert read_broadcast(astm.encode_message(HERE)) == [HERE]

@@ -68,7 +68,6 @@ def test_f12_newcomers_are_let_in_by_measure_and_each_source_has_its_own() -> No
     assert [gate.admit("a", 0.0) for _ in range(12)] == [True] * 10 + [False] * 2
     assert gate.admit("b", 0.0)
     assert [gate.admit("a", 0.3) for _ in range(4)] == [True] * 3 + [False]
-    assert gate.take_refused() == 3 and gate.take_refused() == 0
     assert gate.admit("a", 0.2) is False, "a clock that goes back buys nothing"
 
 
@@ -85,7 +84,6 @@ def test_f12_the_picture_refuses_newcomers_beyond_the_measure_and_hears_who_is_k
     made.receive("rid", report(sysid=200, north=99.0, received_at_s=10.1), source="air")
     assert len(made) == 51
     assert made.counters["newcomer_refused"] == 150
-    assert made.take_flood() == 150
     assert next(iter(made.tracks.values())).received_at_s == 10.1
 
 

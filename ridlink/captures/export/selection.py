@@ -23,11 +23,6 @@ class Selection:
     since_us: int | None = None
     until_us: int | None = None
 
-    @property
-    def is_everything(self) -> bool:
-        """Nothing is left out."""
-        return self == Selection()
-
     def takes(self, record: MessageRecord) -> bool:
         """Whether a message is to be written."""
         return (
