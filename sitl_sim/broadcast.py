@@ -10,7 +10,6 @@ because a transmitter speaks of itself.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from ridlink.geodesy import Geodetic
@@ -27,6 +26,7 @@ from ridlink.remote_id.messages import (
 )
 from ridlink.scenario import VehicleSpec
 from sitl_sim.autopilot.navigation import Navigation, Vector
+from sitl_sim.autopilot.own_remote_id import motion_of
 from sitl_sim.world import VehicleState
 
 STATIC_INTERVAL_S = 3.0
@@ -40,7 +40,6 @@ EPOCH_2019_S = 1546300800.0
 """2019-01-01 00:00 UTC, from which SYSTEM counts."""
 
 _COMPONENT = 1
-_STATUS_GROUND, _STATUS_AIRBORNE = 1, 2
 _SERIAL_NUMBER, _MULTIROTOR = 1, 2
 _TAKEOFF_LOCATION = 0
 _FIX_3D = 3
@@ -131,16 +130,8 @@ class Broadcaster:
         return datagram
 
     def _location(self, navigation: Navigation, timestamp_s: float) -> Location:
-        north, east, down = navigation.velocity_ned_mps
         return Location(
-            status=_STATUS_AIRBORNE if navigation.in_air else _STATUS_GROUND,
-            direction_deg=math.degrees(math.atan2(east, north)) % 360.0,
-            speed_horizontal_mps=math.hypot(north, east),
-            speed_vertical_mps=-down,
-            latitude_deg=navigation.latitude_deg,
-            longitude_deg=navigation.longitude_deg,
-            altitude_geodetic_m=navigation.altitude_m,
-            height_m=navigation.altitude_m - self._home.altitude_m,
+            **motion_of(navigation, self._home),
             height_reference=_ABOVE_TAKEOFF,
             horizontal_accuracy=code_of_three_sigma(navigation.bound_3sigma_m),
             vertical_accuracy_m=2.0 * navigation.v_acc_m,  # 95 % of a normal figure

@@ -71,13 +71,11 @@ def authentication_of(message: Separation, hour_start_s: int | None) -> Authenti
     Raises:
         PayloadError: If the flags do not fit.
     """
-    commanded = (message.commanded_vx_mps, message.commanded_vy_mps, message.commanded_vz_mps)
-    components = [value for value in commanded if value is not None and math.isfinite(value)]
     flags = fitting_bits(message, "flags", MAX_UINT8) & ~int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
     vx = vy = vz = 0
-    if len(components) == 3:
-        vx, vy = (_component(value, 100, 0x7FFF) for value in components[:2])
-        vz = _component(components[2], 10, 0x7F)
+    if (commanded := message.commanded_ned_mps) is not None:
+        north, east, down = commanded
+        vx, vy, vz = _component(north, 100, 0x7FFF), _component(east, 100, 0x7FFF), _component(down, 10, 0x7F)
         flags |= int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
     timestamp_s: float | None = None
     if hour_start_s is not None and message.timestamp_s is not None and math.isfinite(message.timestamp_s):

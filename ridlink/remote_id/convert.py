@@ -259,13 +259,11 @@ def _write_component(value_mps: float) -> int:
 
 
 def _write_separation(message: Separation) -> dict[str, Any]:
-    commanded = (message.commanded_vx_mps, message.commanded_vy_mps, message.commanded_vz_mps)
-    components = [value for value in commanded if value is not None and math.isfinite(value)]
-    flags = int(message.flags) & ~int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
+    flags = int(message.flags) & ~_COMMANDED_VELOCITY_GIVEN
     vx = vy = vz = 0
-    if len(components) == 3:
-        vx, vy, vz = (_write_component(value) for value in components)
-        flags |= int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)
+    if (commanded := message.commanded_ned_mps) is not None:
+        vx, vy, vz = map(_write_component, commanded)
+        flags |= _COMMANDED_VELOCITY_GIVEN
     return {
         "timestamp": _write_timestamp(message.timestamp_s),
         "horizontal_error": write_error(message.horizontal_error_m),

@@ -9,6 +9,7 @@ AUTHENTICATION in seconds since 2019-01-01 UTC. Accuracy codes stay integers (re
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntFlag
 
@@ -133,6 +134,14 @@ class Separation:
     def avoiding(self) -> bool:
         """The sender takes its reciprocal half of every avoidance."""
         return bool(self.flags & _AVOIDING)
+
+    @property
+    def commanded_ned_mps(self) -> tuple[float, float, float] | None:
+        """The velocity that the sender is told to fly [m/s]; None unless all of it is known and finite."""
+        north, east, down = self.commanded_vx_mps, self.commanded_vy_mps, self.commanded_vz_mps
+        if north is None or east is None or down is None:
+            return None
+        return (north, east, down) if all(map(math.isfinite, (north, east, down))) else None
 
 
 RemoteIdMessage = BasicId | Location | Authentication | SelfId | System | OperatorId | Separation

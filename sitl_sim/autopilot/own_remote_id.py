@@ -7,7 +7,7 @@ gives no time of day and maps the receiver's one-sigma accuracy straight to the 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypedDict
 
 from ridlink.geodesy import Geodetic
 from ridlink.remote_id.accuracy import horizontal_code
@@ -21,19 +21,39 @@ _GROUND, _AIRBORNE = 1, 2
 _SERIAL_NUMBER, _MULTIROTOR, _TAKEOFF_LOCATION = 1, 2, 0
 
 
+class Motion(TypedDict):
+    """Arguments of `Location`: place and motion."""
+
+    status: int
+    direction_deg: float
+    speed_horizontal_mps: float
+    speed_vertical_mps: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_geodetic_m: float
+    height_m: float
+
+
+def motion_of(navigation: Navigation, home: Geodetic) -> Motion:
+    """What a navigation solution says of place and motion; nothing of how good it is, nor of when."""
+    north, east, down = navigation.velocity_ned_mps
+    return Motion(
+        status=_AIRBORNE if navigation.in_air else _GROUND,
+        direction_deg=math.degrees(math.atan2(east, north)) % 360.0,
+        speed_horizontal_mps=math.hypot(north, east),
+        speed_vertical_mps=-down,
+        latitude_deg=navigation.latitude_deg,
+        longitude_deg=navigation.longitude_deg,
+        altitude_geodetic_m=navigation.altitude_m,
+        height_m=navigation.altitude_m - home.altitude_m,
+    )
+
+
 def location_fields(navigation: Navigation, home: Geodetic) -> Fields:
     """Fields of OPEN_DRONE_ID_LOCATION."""
-    north, east, down = navigation.velocity_ned_mps
     _, fields = to_mavlink(
         Location(
-            status=_AIRBORNE if navigation.in_air else _GROUND,
-            direction_deg=math.degrees(math.atan2(east, north)) % 360.0,
-            speed_horizontal_mps=math.hypot(north, east),
-            speed_vertical_mps=-down,
-            latitude_deg=navigation.latitude_deg,
-            longitude_deg=navigation.longitude_deg,
-            altitude_geodetic_m=navigation.altitude_m,
-            height_m=navigation.altitude_m - home.altitude_m,
+            **motion_of(navigation, home),
             horizontal_accuracy=horizontal_code(navigation.h_acc_m),
             vertical_accuracy_m=navigation.v_acc_m,
             speed_accuracy_mps=navigation.vel_acc_mps,
