@@ -21,7 +21,8 @@ from ridlink.remote_id.bridge import messages_of
 from ridlink.remote_id.messages import BasicId, Location, Separation, System
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.separation.reference import UNKNOWN_ERROR_BOUND_M
-from tests.daemon.emulated import GEOID_M, HOME, Emulated, at, messages
+from tests.daemon.emulated import GEOID_M, HOME, Emulated, at
+from tests.daemon.invariants import messages
 
 UTC_S = 1_700_000_000.25
 STATIC = {"OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_SYSTEM"}

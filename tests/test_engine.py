@@ -25,7 +25,8 @@ from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, Separation
 from ridlink.separation import Definition
 from ridlink.setpoint import VelocityLimits
-from tests.daemon.emulated import GUIDED, HOME, LOITER, OFFBOARD, POSITION_MODE, Emulated, at, messages
+from tests.daemon.emulated import GUIDED, HOME, LOITER, OFFBOARD, POSITION_MODE, Emulated, at
+from tests.daemon.invariants import messages
 
 STEP_S = 0.1
 IDEAL = HalfplaneSettings(response_time_s=0.0, smoothing=1.0)

@@ -13,7 +13,8 @@ from ridlink.failsafe import OTHER_WRITER, State
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship.rival import FRESH_S, PATIENCE_S, WRAP, Rivals, claim_of, is_earlier
-from tests.daemon.emulated import Emulated, Observer, at
+from tests.daemon.emulated import Emulated, at
+from tests.daemon.invariants import Observer
 
 STARTS_S = (0.0, 0.1, 1.0, 2.9)
 UTC_S = 1_700_000_000.0

@@ -150,9 +150,9 @@ def cell_of(row: dict[str, Any]) -> Cell:
     return Cell(**{item.name: row[item.name] for item in fields(Cell)})
 
 
-def against_points(cells: Sequence[FlownCell], points: Sequence[tuple[str, str]] = PAPERS_POINTS) -> list[Pair]:
-    """Every cell against those of given settings in the same world, where they were flown."""
-    return list(_pairs(cells, [dict(zip(SETTING, point, strict=True)) for point in points]))
+def against_points(cells: Sequence[FlownCell]) -> list[Pair]:
+    """Every cell against those of the paper's own settings in the same world, where they were flown."""
+    return list(_pairs(cells, [dict(zip(SETTING, point, strict=True)) for point in PAPERS_POINTS]))
 
 
 def against_lossless(cells: Sequence[FlownCell]) -> list[Pair]:

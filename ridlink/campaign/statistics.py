@@ -22,22 +22,21 @@ _AT_A_TIME = 100
 """Resamples in memory at a time."""
 
 
-def clopper_pearson(events: int, trials: int, level: float = LEVEL) -> Interval:
-    """Exact two-sided interval for a share.
+def clopper_pearson(events: int, trials: int) -> Interval:
+    """Exact two-sided interval that holds a share with a probability of `LEVEL`, at least.
 
     Source: Clopper and Pearson (1934), by bisection of the binomial distribution.
 
     Args:
         events: How often it happened.
         trials: How often it could have.
-        level: Probability that the interval holds the true share, at least.
 
     Raises:
         ValueError: If there are no trials, or not 0 <= events <= trials.
     """
     if not (trials > 0 and 0 <= events <= trials):
         raise ValueError(f"events must lie within 0 and the number of trials, got {events} of {trials}")
-    tail = (1.0 - level) / 2.0
+    tail = (1.0 - LEVEL) / 2.0
     low = 0.0 if events == 0 else 1.0 - _share_with_at_most(trials - events, trials, tail)
     high = 1.0 if events == trials else _share_with_at_most(events, trials, tail)
     return low, high

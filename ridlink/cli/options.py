@@ -39,7 +39,7 @@ def above_zero(_: click.Context, __: click.Parameter, value: float | None) -> fl
     return value
 
 
-def definition_of(text: str, option: str = "--definition") -> Definition:
+def definition_of(text: str) -> Definition:
     """The separation definition of a name.
 
     Raises:
@@ -50,7 +50,8 @@ def definition_of(text: str, option: str = "--definition") -> Definition:
     try:
         return Definition(text.strip())
     except ValueError:
-        raise click.BadParameter(f"{text.strip()!r} is none of {', '.join(Definition)}", param_hint=option) from None
+        told = f"{text.strip()!r} is none of {', '.join(Definition)}"
+        raise click.BadParameter(told, param_hint="--definition") from None
 
 
 def wanted_names(types: str | None) -> frozenset[str] | None:

@@ -157,14 +157,14 @@ class Conductor:
 
     # --- under the daemon ---------------------------------------------------------------------------------------------
 
-    async def find_daemon(self, timeout_s: float = DAEMON_HEARD_S) -> None:
+    async def find_daemon(self) -> None:
         """Wait for the daemon's own words.
 
         Raises:
             FlightError: If none is heard.
         """
         how = f"a daemon (component {AVOIDANCE_COMPONENT} of system {self._system_id}) on the vehicle's link"
-        await self._until(self._hears_daemon, how, timeout_s)
+        await self._until(self._hears_daemon, how, DAEMON_HEARD_S)
 
     async def _hears_daemon(self) -> bool:
         return self._daemon.is_heard(time.monotonic())

@@ -97,7 +97,6 @@ class EncounterLog:
     Args:
         definition: Whose discs open encounters.
         also: Definitions whose margins are kept beside.
-        horizon_s: How far ahead an entry counts.
         gone_after_s: Silence of one of a pair that ends its encounter, which then ended when both were last heard.
         eta: Of ``chance`` only.
 
@@ -110,14 +109,12 @@ class EncounterLog:
         definition: Definition = Definition.CANDIDATE2,
         *,
         also: Sequence[Definition] = (),
-        horizon_s: float = HORIZON_S,
         gone_after_s: float = 0.0,
         eta: float = DEFAULT_ETA,
     ) -> None:
         self.open: dict[tuple[int, int], Encounter] = {}
         self.definition = definition
         self._definitions = tuple(dict.fromkeys((definition, *also)))
-        self._horizon_s = horizon_s
         self._gone_after_s = gone_after_s
         self._eta = eta
         self._before: Scene | None = None
@@ -139,7 +136,7 @@ class EncounterLog:
             definition: pair_discs(scene, definition, eta=self._eta) for definition in self._definitions[1:]
         } | {self.definition: pairs.radius_m}  # fmt: skip
         apart, entry = pairs.apart, pairs.entry_s
-        for i, j in zip(*np.nonzero(np.triu(entry <= self._horizon_s, 1)), strict=True):
+        for i, j in zip(*np.nonzero(np.triu(entry <= HORIZON_S, 1)), strict=True):
             key = _ordered(scene.numbers[i], scene.numbers[j])
             if key not in self.open:
                 self.open[key] = self._opened(key, scene, index)

@@ -25,7 +25,8 @@ from ridlink.engine import Engine, EngineConfig, Goal
 from ridlink.separation import Definition
 from ridlink.setpoint import VelocityLimits
 from ridlink.traffic.position_filter import moved
-from tests.daemon.emulated import HOME, Emulated, messages
+from tests.daemon.emulated import HOME, Emulated
+from tests.daemon.invariants import messages
 
 SIGMA_M, AIRFRAME_M, SPEED_MPS = 3.0, 0.6, 10.0
 """Three sigma are whole decimetres, an airframe whole centimetres: what is rounded are places and velocities."""

@@ -15,7 +15,8 @@ from contextlib import contextmanager
 import pytest
 
 from ridlink.mavlink.codec import Encoder, Message
-from tests.daemon.emulated import Emulated, messages
+from tests.daemon.emulated import Emulated
+from tests.daemon.invariants import messages
 
 PATIENCE_S = 30.0
 COMMAND = [sys.executable, "-m", "ridlink", "broadcast"]

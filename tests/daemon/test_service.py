@@ -16,8 +16,9 @@ from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.service import AvoidDaemon, DecisionError
 from ridlink.errors import LinkError
 from ridlink.failsafe import State
-from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, messages
+from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle
 from tests.daemon.harness import Air, run, running
+from tests.daemon.invariants import messages
 
 
 def test_flies_and_says_so() -> None:
