@@ -158,6 +158,7 @@ class Bridge:
     async def _stay_connected(self) -> None:
         begun_s = time.monotonic()
         wait_s = BACK_OFF_S[0]
+        told = ""
         while True:
             try:
                 async with self._client() as client:
@@ -173,7 +174,8 @@ class Bridge:
                     _is_final(error) or time.monotonic() - begun_s > FIRST_CONNECTION_S
                 ):
                     raise BrokerError(f"{self._broker}: {reason}") from error
-                if was_connected or not self.counters["connections"]:
+                if was_connected or (not self.counters["connections"] and reason != told):
+                    told = reason
                     self._tell(f"{self._broker}: {reason}; trying again")
                 await asyncio.sleep(wait_s * random.uniform(0.5, 1.0))
                 wait_s = min(2.0 * wait_s, BACK_OFF_S[1])
@@ -277,8 +279,12 @@ def _is_final(error: Exception) -> bool:
 
 
 def _reason(error: BaseException) -> str:
+    if isinstance(error, aiomqtt.MqttError) and isinstance(error.__context__, OSError):
+        error = error.__context__  # what it was before the library made a text of it
     if isinstance(error, ssl.SSLCertVerificationError):
-        return f"its certificate is not trusted: {error.verify_message}"
+        return f"its certificate is not trusted: {error.verify_message.rstrip('.')}"
+    if isinstance(error, ssl.SSLError) and error.reason == "WRONG_VERSION_NUMBER":
+        return "it speaks no TLS"
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     return str(error) or type(error).__name__

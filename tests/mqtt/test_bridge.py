@@ -55,12 +55,12 @@ def free_port() -> int:
 
 
 @contextlib.asynccontextmanager
-async def a_broker(port: int) -> AsyncIterator[None]:
+async def a_broker(port: int, **listener: Any) -> AsyncIterator[None]:
     logging.getLogger("amqtt").setLevel(logging.CRITICAL)
     logging.getLogger("transitions").setLevel(logging.CRITICAL)
     broker = Broker(
         {
-            "listeners": {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}"}},
+            "listeners": {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}", **listener}},
             "plugins": {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}},
         }
     )
