@@ -64,6 +64,13 @@ def test_whoever_changes_the_mode_before_us_has_it(fields: dict[str, Any], phase
     assert guard.phase is Phase.WATCHING
 
 
+def test_a_landing_that_is_ordered_while_it_takes_over_from_a_hold_is_another_mode() -> None:
+    guard, landing = Guard(), 4 << 16 | 6 << 24
+    assert guard.step(seen(conflict=True, custom_mode=missions.PX4_HOLD), 0.0).begin
+    assert guard.step(seen(conflict=True, custom_mode=landing), 0.2).end
+    assert guard.phase is Phase.ENDED
+
+
 def test_a_mission_item_that_moved_is_set_back_before_the_mode() -> None:
     guard = taking_over()
     guard.step(seen(custom_mode=6 << 16, clear=False), 1.0)

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ridlink.remote_id.quantities import MAX_UINT8, MAX_UINT16, read_position, write_error, write_position, write_up
+from ridlink.remote_id.quantities import (
+    MAX_UINT8,
+    MAX_UINT16,
+    read_position,
+    read_seconds_since_2019,
+    write_error,
+    write_position,
+    write_seconds_since_2019,
+    write_up,
+)
 
 
 @pytest.mark.parametrize(("latitude", "longitude"), [(1, 0), (0, 1), (900_000_000, 1_800_000_000)])
@@ -36,3 +46,20 @@ def test_an_extent_rounds_up_in_every_unit_and_saturates(value: float, unit_and_
     assert units == limit or value - 1e-6 * unit <= units * unit <= value + unit + 1e-9
     assert write_error(value, unit, limit) == (units or 1), "0 would say unknown"
     assert write_up(None, unit, limit) == write_error(None, unit, limit) == 0
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "limit", "units"),
+    [(655.34, 0.01, MAX_UINT16, 65534), (655.36, 0.01, MAX_UINT16, 65535), (700.0, 0.01, MAX_UINT16, 65535),
+     (25.4, 0.1, MAX_UINT8, 254), (26.0, 0.1, MAX_UINT8, 255), (200.0, 0.5, MAX_UINT8, 255)],
+)  # fmt: skip
+def test_what_is_too_large_is_the_largest_figure(value: float, unit: float, limit: int, units: int) -> None:
+    assert write_up(value, unit, limit) == write_error(value, unit, limit) == units
+
+
+@pytest.mark.parametrize(
+    ("seconds", "wire"), [(-5.0, 0), (0.0, 0), (1.0, 1), (1e12, 2**32 - 1), (math.inf, 0), (math.nan, 0), (None, 0)]
+)
+def test_seconds_since_2019_stay_within_their_field(seconds: float | None, wire: int) -> None:
+    assert write_seconds_since_2019(seconds) == wire
+    assert read_seconds_since_2019(wire) == (wire or None)
