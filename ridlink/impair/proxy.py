@@ -193,6 +193,8 @@ async def open_proxy(
         raise ConfigError(f"{near}: the proxy listens on UDP; write udpin:{near.host}:{near.port}")
     if far.scheme is not Scheme.UDPOUT:
         raise ConfigError(f"{far}: the proxy speaks UDP to the far end; write udpout:{far.host}:{far.port}")
+    if (near.host, near.port) == (far.host, far.port):
+        raise ConfigError(f"{far}: is the near end itself; what comes would go round for ever")
     proxy = Proxy(far, there, back, seed)
     proxy.near = await open_link(near, proxy.receive)
     return proxy

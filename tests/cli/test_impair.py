@@ -38,6 +38,7 @@ def test_it_carries_until_a_signal_and_says_what_it_did() -> None:
         (["--listen", "udpin:127.0.0.1:0", "--to", "udpout:127.0.0.1:9", "--loss", "30"], 2, "30 % is 0.3"),
         (["--listen", "udpin:127.0.0.1:0", "--to", "udpout:127.0.0.1:9", "--rate", "nan"], 2, "rate nan"),
         (["--listen", "udpin:127.0.0.1:0"], 2, "--to"),
+        (["--listen", "udpin:127.0.0.1:9", "--to", "udpout:127.0.0.1:9"], 2, "go round for ever"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], code: int, says: str) -> None:
