@@ -127,7 +127,9 @@ def built_in(name: str, count: int | None = None, *, speed_mps: float = DEFAULT_
         ConfigError: If there is no such scenario, or it cannot hold so many vehicles.
     """
     if name not in BUILT_IN:
-        raise ConfigError(f"unknown scenario '{name}': known are {', '.join(BUILT_IN)}, or the path of a .toml file")
+        raise ConfigError(
+            f"unknown scenario '{name}': known are {', '.join(BUILT_IN)}, or the path of a .toml or .geojson file"
+        )
     if count is not None and count < 0:
         raise ConfigError(f"a scenario cannot have {count} vehicles")
     if not (math.isfinite(speed_mps) and speed_mps > 0.0):
