@@ -113,7 +113,7 @@ def demo(
     from ridlink.separation.definitions import Definition
     from sitl_sim.autopilot import Start
     from sitl_sim.cli.options import fleet_config
-    from sitl_sim.demo.flight import fly
+    from sitl_sim.demo.flight import fly, scenario_of
     from sitl_sim.demo.options import DemoOptions, any_free_ports
     from sitl_sim.demo.screen import Screen, comparison_table, show, verdict_table
 
@@ -135,6 +135,7 @@ def demo(
         raise click.UsageError("--stay, --open and --view-port are about the page, which is not served here")
     if any_ports and view_port is None:
         view_port = 0
+    scenario_of(options)  # what cannot be flown needs no page
     screen = Screen(quiet=headless)
 
     async def fly_all() -> list[dict[str, Any]]:

@@ -148,6 +148,13 @@ def test_a_bad_number_in_a_scenario_names_file_and_key(tmp_path: Path) -> None:
     assert "speed_mps" in done.stderr and "scenario.toml" in done.stderr and len(done.stderr.splitlines()) == 1
 
 
+def test_a_scenario_that_is_none_is_one_line_and_no_page() -> None:
+    command = [sys.executable, "-m", "ridlink", "demo", "--view-port", "0", "--scenario", "nosuch"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    (line,) = done.stderr.splitlines()
+    assert (done.returncode, done.stdout) == (2, "") and "unknown scenario 'nosuch'" in line
+
+
 def test_a_port_in_use_is_named(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         try:
