@@ -25,12 +25,13 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
             need not count references, which costs 10 ns for every view of an array.
 
     Returns:
-        ``kernel(function, *, nogil=False, forceinline=False, fused=False)``: compiles with exact floating-point rules
-        and keeps the result on disk, where there is a place for it. With `fused` a product and a sum may be rounded but
-        once, where the machine can: for answers that do not hang on the last bit. With `nogil` other threads of Python
-        go on meanwhile, which is for kernels that take a while: whoever lets go of the lock may have to wait for it.
-        Loops over worlds are spread over threads or processes by the caller; numba's own way of it takes seconds more
-        to compile. With NUMBA_DISABLE_JIT=1 the function stays plain Python.
+        ``kernel(function, *, nogil=False, forceinline=False, fused=False, inner=False)``: compiles with exact
+        floating-point rules and keeps the result on disk, where there is a place for it. With `fused` a product and a
+        sum may be rounded but once, where the machine can: for answers that do not hang on the last bit. With `nogil`
+        other threads of Python go on meanwhile, which is for kernels that take a while: whoever lets go of the lock may
+        have to wait for it. Loops over worlds are spread over threads or processes by the caller; numba's own way of it
+        takes seconds more to compile. An `inner` kernel is called by other kernels only: no way in from Python is
+        compiled, which takes as long as many a kernel. With NUMBA_DISABLE_JIT=1 the function stays plain Python.
     """
     files = tuple(sources)
 
@@ -41,9 +42,11 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
         nogil: bool = False,
         forceinline: bool = False,
         fused: bool = False,
+        inner: bool = False,
     ) -> Any:
         def compiled(plain: Callable[..., Any]) -> Any:
             options: dict[str, Any] = {"nogil": nogil, "forceinline": forceinline, "error_model": "numpy"}
+            options["no_cfunc_wrapper"], options["no_cpython_wrapper"] = True, inner
             options["fastmath"] = {"contract"} if fused else False
             if not counted:
                 options["_nrt"] = False

@@ -29,14 +29,14 @@ from ridlink.avoidance.rows import (
 )
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def is_in_contact(block, lane, reach):  # type: ignore[no-untyped-def]
     """Whether two that avoid, and know where they are, can be inside of each other's disc a step from now."""
     exact = (block[RECIPROCAL + lane] != 0.0) & (block[ERROR_SUM + lane] == 0.0)
     return exact & (block[GAP + lane] < reach)
 
 
-@kernel
+@kernel(inner=True)
 def contact_half_planes(own, neighbours, count, candidates, found, step_s, lines, last):  # type: ignore[no-untyped-def]
     """Firm half-planes that keep a pair's discs apart for one step if both keep to theirs, in the columns of `lines`
     before `last`; returns the first of them.

@@ -29,7 +29,7 @@ DODGE_MPS = 1.0
 """A neighbour that moves to its right across the line of sight by more than this dodges to the right."""
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def half_plane(  # type: ignore[no-untyped-def]
     r_1, r_2, radius_m, once_per_horizon, edge_m, w_1, w_2, side, way_1, way_2, barrier_per_s, most_mps
 ):
@@ -86,7 +86,7 @@ def half_plane(  # type: ignore[no-untyped-def]
     return n_1, n_2, parting if inside else leaving
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def rule_side(v_1, v_2, u_1, u_2, reciprocal, head_on_cosine, head_on_speed_mps):  # type: ignore[no-untyped-def]
     """Side that the rule of the road gives own-ship: 1 right, -1 left, 0 where there is none.
 
@@ -115,7 +115,7 @@ def rule_side(v_1, v_2, u_1, u_2, reciprocal, head_on_cosine, head_on_speed_mps)
     return 0.0 if slow else side
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def passing_side(  # type: ignore[no-untyped-def]
     held, rule, r_1, r_2, distance_m, w_1, w_2, c_1, c_2, reciprocal, radius_m, horizon_s
 ):
@@ -157,7 +157,7 @@ def passing_side(  # type: ignore[no-untyped-def]
     return 0.0 if over else side
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon):  # type: ignore[no-untyped-def]
     """Weight in [0, 1] of the turn that a neighbour calls for, tapered in miss distance and time.
 

@@ -130,7 +130,7 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
     return route
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def obstacle_half_planes(own, vertex, start, settings, lines, hard, normal):  # type: ignore[no-untyped-def]
     """One hard half-plane for each convex piece that could matter, from column `hard` of `lines` on, and some that
     forbid nothing up to a multiple of LANES; returns the column after those, and True while too near an obstacle."""
@@ -159,7 +159,7 @@ def obstacle_half_planes(own, vertex, start, settings, lines, hard, normal):  # 
     return -(-used // LANES) * LANES, inside
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def name_binding(lines, hard, walls, first, last, ends, names, slack_mps, touched, result):  # type: ignore[no-untyped-def]
     """Write what the velocity touches or exceeds, at least what it is nearest to: obstacles, three neighbours.
 

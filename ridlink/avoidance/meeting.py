@@ -43,7 +43,7 @@ START_RADII = 1.5
 Who stands at the edge of a disc waits, and is not just starting."""
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def neighbour_half_planes(own, neighbours, found, preferred, settings, lines, first):  # type: ignore[no-untyped-def]
     """The half-planes of all neighbours, LANES of now and LANES of later for every block; those that no velocity within
     the limit fails forbid nothing.

@@ -21,7 +21,7 @@ from ridlink.avoidance.rows import (
 )
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def place_report(report, block, lane):  # type: ignore[no-untyped-def]
     """Put one report into a lane: position at its time, velocity, command (NaN where none is sent), age, reciprocity in
     columns 0-1, 2-3, 4-5, 6, 7."""

@@ -58,19 +58,19 @@ NEXT_ROUND = 1e12
 """More than any identity, and little enough for their order not to be lost in it."""
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def turn_of(identity, first):  # type: ignore[no-untyped-def]
     """Place of an identity in the order that begins at `first`."""
     return identity if identity >= first else identity + NEXT_ROUND
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def patience(kept):  # type: ignore[no-untyped-def]
     """Time without progress after which own-ship falls back on the order [s]."""
     return PATIENCE_S * 2.0 ** max(kept[FAILED] - 1.0, 0.0)
 
 
-@kernel
+@kernel(inner=True)
 def choose_first(own, identity, reports, identities, count, now_s, kept):  # type: ignore[no-untyped-def]
     """Who goes first now, own-ship or a neighbour; NOBODY if no neighbour is near. Arguments as in `give_way`."""
     first = kept[FIRST]

@@ -28,7 +28,7 @@ EPSILON = 1e-9
 N_1, N_2, BOUND, EXCESS = range(4)
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def optimum_on_edge(chosen, index, limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
     """Best point on the edge of half-plane `index` that meets all earlier ones; False if there is none.
 
@@ -67,7 +67,7 @@ def optimum_on_edge(chosen, index, limit_mps, aim, linear, point):  # type: igno
     return True
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def unconstrained(limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
     """Best point of the disc; arguments as in `optimum_on_edge`."""
     length = norm(aim[0], aim[1])
@@ -76,7 +76,7 @@ def unconstrained(limit_mps, aim, linear, point):  # type: ignore[no-untyped-def
     point[1] = aim[1] * scale
 
 
-@kernel
+@kernel(inner=True)
 def furthest(chosen, count, limit_mps, direction, point):  # type: ignore[no-untyped-def]
     """Furthest point of the disc in a direction within the first `count` of a few half-planes; False if there is none.
 
@@ -91,7 +91,7 @@ def furthest(chosen, count, limit_mps, direction, point):  # type: ignore[no-unt
     return True
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
     """Fill in by how much a velocity exceeds half-planes `first..last-1`; the largest excess, minus infinity of none.
 
@@ -113,7 +113,7 @@ def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
     return worst
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def choose(lines, first, excess, chosen, place):  # type: ignore[no-untyped-def]
     """Copy the first half-plane with that excess, as `measure` left it, to a row of `chosen`."""
     k = first
@@ -122,7 +122,7 @@ def choose(lines, first, excess, chosen, place):  # type: ignore[no-untyped-def]
     chosen[place, 0], chosen[place, 1], chosen[place, 2] = lines[N_1, k], lines[N_2, k], lines[BOUND, k]
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def nearest(lines, first, last, limit_mps, preferred, chosen, point):  # type: ignore[no-untyped-def]
     """Best point of the disc within half-planes `first..last-1`, or some point if there is none.
 
@@ -144,14 +144,14 @@ def nearest(lines, first, last, limit_mps, preferred, chosen, point):  # type: i
     return True, worst
 
 
-@kernel
+@kernel(inner=True)
 def is_met(lines, first, last, limit_mps, preferred, chosen, point):  # type: ignore[no-untyped-def]
     """Whether there is a point that `nearest` finds."""
     met, _ = nearest(lines, first, last, limit_mps, preferred, chosen, point)
     return met
 
 
-@kernel
+@kernel(inner=True)
 def least_excess(lines, hard, met, first, last, limit_mps, chosen, work, point):  # type: ignore[no-untyped-def]
     """Make the largest excess over half-planes `first..last-1` as small as possible while others stay met.
 
@@ -201,14 +201,14 @@ def least_excess(lines, hard, met, first, last, limit_mps, chosen, work, point):
     return excess
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def move_back(lines, first, last, excess):  # type: ignore[no-untyped-def]
     """Move half-planes `first..last-1` back by so much, and by what rounding takes."""
     for k in range(first, last):
         lines[BOUND, k] -= excess + 1e3 * EPSILON
 
 
-@kernel
+@kernel(inner=True)
 def least_bad(  # type: ignore[no-untyped-def]
     lines, begin, hard, first, last, limit_mps, preferred, chosen, work, point
 ):

@@ -19,7 +19,7 @@ REACH_SIDES = 32
 LANES."""
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def reach_half_planes(own, change_mps, lines, first):  # type: ignore[no-untyped-def]
     """Hard half-planes round the velocities that can be commanded next, the sides of a polygon within the circle of
     those that are no further than `change_mps` from the last command, from column `first` of `lines` on; returns the
@@ -32,7 +32,7 @@ def reach_half_planes(own, change_mps, lines, first):  # type: ignore[no-untyped
     return first + REACH_SIDES
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def keep_within(own, change_mps, limit, x):  # type: ignore[no-untyped-def]
     """Take a velocity back into the limit, and to what can be reached from the last command; True if it was outside."""
     speed = norm(x[0], x[1])

@@ -76,7 +76,7 @@ def approach_speed(gap_m, horizon_s, deceleration_mps2, response_s):  # type: ig
     return min(gap_m / horizon_s, math.sqrt(lost * lost + 2.0 * deceleration_mps2 * gap_m) - lost)
 
 
-@kernel
+@kernel(inner=True)
 def grow(vertex, first, last, clearance_m, ring):  # type: ignore[no-untyped-def]
     """Vertices of a convex polygon grown by a clearance, ARC a corner; returns their number."""
     count = last - first
@@ -96,7 +96,7 @@ def grow(vertex, first, last, clearance_m, ring):  # type: ignore[no-untyped-def
     return ARC * count
 
 
-@kernel
+@kernel(inner=True)
 def entry(ring, count, p_1, p_2, t_1, t_2):  # type: ignore[no-untyped-def]
     """Share of the way from p to t at which a convex ring is entered; 2 if the way stays outside or just touches it."""
     enter = 0.0
@@ -117,7 +117,7 @@ def entry(ring, count, p_1, p_2, t_1, t_2):  # type: ignore[no-untyped-def]
     return enter if leave - enter > 1e-6 else 2.0
 
 
-@kernel
+@kernel(inner=True)
 def tangent(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-untyped-def]
     """Vertex of a convex ring that a taut string from p touches on one side of the way to t: 1 right, -1 left."""
     best = 0
@@ -133,7 +133,7 @@ def tangent(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-untyped-d
     return best
 
 
-@kernel
+@kernel(inner=True)
 def length_round(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-untyped-def]
     """Length [m] of the taut string from p to t on one side of a convex ring."""
     here = tangent(ring, count, p_1, p_2, t_1, t_2, side)

@@ -57,14 +57,14 @@ SURELY = 1.0 + 1e-9
 """What is compared differs by this much more than rounding can make of it."""
 
 
-@kernel(forceinline=True, fused=True)
+@kernel(forceinline=True, fused=True, inner=True)
 def approaches(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
     """Whether a point at r is approached at velocity w and passed within a radius."""
     across = r_1 * w_2 - r_2 * w_1
     return (r_1 * w_1 + r_2 * w_2 > 0.0) & (across * across <= radius_m * radius_m * (w_1 * w_1 + w_2 * w_2))
 
 
-@kernel(forceinline=True, fused=True)
+@kernel(forceinline=True, fused=True, inner=True)
 def forbids_nothing(e_1, e_2, o_1, o_2, horizon_s, reach_m):  # type: ignore[no-untyped-def]
     """Whether a half-plane of `encounter.half_plane` with no side is certain to lie outside of the limit.
 
@@ -89,7 +89,16 @@ def forbids_nothing(e_1, e_2, o_1, o_2, horizon_s, reach_m):  # type: ignore[no-
     return (lead > 0.0) & (lead * lead > reach_m * reach_m * square)
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
+def first_lane(block, column, number):  # type: ignore[no-untyped-def]
+    """The first lane with that number in a column; the last one if there is none before."""
+    lane = LANES - 1
+    for k in range(LANES - 2, -1, -1):
+        lane = k if block[column + k] == number else lane
+    return lane
+
+
+@kernel(forceinline=True, inner=True)
 def sift(own, neighbours, count, range_m, preferred, settings, candidates, names):  # type: ignore[no-untyped-def]
     """Pick the neighbours that matter.
 
@@ -115,9 +124,9 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
         settings[HORIZON], settings[RESPONSE], settings[BUFFER_SHARE], settings[AGE_ACCELERATION] / 2.0,
     )  # fmt: skip
     reach = range_m * range_m
-    margin = FAR
+    margin, near = FAR, -1
     for b in range(count):
-        block = neighbours[b]
+        block, before = neighbours[b], margin
         for k in range(LANES):
             off_1, off_2 = block[REPORTED + k] - p_1, block[REPORTED + LANES + k] - p_2
             heard = (block[HEARD + k] != 0.0) & (off_1 * off_1 + off_2 * off_2 <= reach)
@@ -148,17 +157,17 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             side = kept - IS_APART if kept >= IS_APART else kept
             # An encounter is forgotten with the neighbour that goes out of range, a side with the one that it avoids.
             block[KEPT + k] = (IS_APART if apart & heard else 0.0) + (side if matters else 0.0)
+        near = b if margin < before else near
+    nearest = LANES * near + first_lane(neighbours[near], GAP, margin) if near >= 0 else -1
     # Every place is written down, and the next one over it unless it matters: a branch would go wrong every third time.
-    found, nobody = 0, LANES * count
-    nearest = nobody
+    found = 0
     for b in range(count):
         block = neighbours[b]
         for k in range(LANES):
             names[found] = LANES * b + k
             found += 1 if block[MATTERS + k] != 0.0 else 0
-            nearest = min(nearest, LANES * b + k if block[GAP + k] == margin else nobody)
     for c in range(found):
         source, lane, target, place = neighbours[names[c] // LANES], names[c] % LANES, candidates[c // LANES], c % LANES
         for column in range(0, HEARD, LANES):
             target[column + place] = source[column + lane]
-    return found, nearest if margin < FAR else -1, margin
+    return found, nearest, margin

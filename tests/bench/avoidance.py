@@ -10,6 +10,9 @@ from __future__ import annotations
 
 import os
 import statistics
+import subprocess
+import sys
+import tempfile
 import time
 from typing import Any
 
@@ -163,9 +166,35 @@ def python_rvo2(vehicles: int, neighbours: int) -> float | None:
     return 1e9 * statistics.median(spent) / vehicles
 
 
+STARTING = """
+import time
+import numpy
+from ridlink.avoidance.solver import warm_up
+from tests.bench.avoidance import worlds
+batch = worlds(numpy.random.default_rng(1))
+begun = time.process_time()
+warm_up()
+warm = time.process_time()
+batch.step()
+print(warm - begun, time.process_time() - warm)
+"""
+
+
+def start() -> dict[str, tuple[float, float]]:
+    """CPU time until the kernels of a process are ready, those for one own-ship and those for batches besides: with an
+    empty cache of compiled code, and with a full one [s]."""
+    with tempfile.TemporaryDirectory() as folder:
+        command, environment = [sys.executable, "-c", STARTING], os.environ | {"NUMBA_CACHE_DIR": folder}
+        cold, cached = (
+            subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout.split()
+            for _ in range(2)
+        )
+    return {"cold_s": (float(cold[0]), float(cold[1])), "cached_s": (float(cached[0]), float(cached[1]))}
+
+
 def report() -> dict[str, Any]:
     """Measure everything and print it."""
-    table, rotation, faster = crowds(HALFPLANES), crowds(ROTATION), threads()
+    table, rotation, faster, started = crowds(HALFPLANES), crowds(ROTATION), threads(), start()
     for solver, found in (("half-planes", table), ("rotation", rotation)):
         print(f"\ndecisions by {solver} in batches, CPU time on one thread, median of {ROUNDS} interleaved rounds")
         print(f"{'vehicles':>20}{'neighbours':>12}{'a decision':>14}{'decisions':>14}{'infeasible':>12}  (spread)")
@@ -178,6 +207,8 @@ def report() -> dict[str, Any]:
     print(
         f"half-planes: a neighbour more {slope(table):.1f} ns; two threads over {WORLDS} worlds: {faster:.2f} times one"
     )
+    for state, (one, batch) in (("compiled", started["cold_s"]), ("from the cache", started["cached_s"])):
+        print(f"half-planes {state}: {one:.2f} s for one own-ship, {batch:.2f} s more for batches")
     peer = {key: python_rvo2(*key) for key in ((24, 23), (1000, 10))}
     for (vehicles, neighbours), taken in peer.items():
         if taken is None:
@@ -189,6 +220,7 @@ def report() -> dict[str, Any]:
         "rotation_batches": rotation,
         "neighbour_ns": slope(table),
         "two_threads": faster,
+        "avoidance_start": started,
         "python_rvo2_ns": {f"{key[0]} x {key[1]}": taken for key, taken in peer.items()},
     }
 
