@@ -38,6 +38,9 @@ from ridlink.avoidance.rows import (
 )
 from ridlink.avoidance.sift import FAR, HORIZON_RADII
 
+PUSHED_MPS = 5.0
+"""So much the barrier may ask of a pair that was once apart, however slow: a buffer of seven metres asks for more."""
+
 START_RADII = 1.5
 """A neighbour nearer than so many radii calls for no turn of a standing vehicle; one a radius further for all of it.
 Who stands at the edge of a disc waits, and is not just starting."""
@@ -73,6 +76,8 @@ def neighbour_half_planes(own, neighbours, found, preferred, settings, lines, fi
     least_horizon, wait = settings[HORIZON], settings[RESPONSE]
     cosine, course_speed = settings[HEAD_ON_COSINE], settings[HEAD_ON_SPEED]
     barrier, most = settings[BARRIER], settings[BARRIER_SHARE] * limit
+    # Who was clear of a neighbour and is slow to obey may ask for more: as a share, a slow vehicle's is too little.
+    pushed = max(most, min(limit, PUSHED_MPS)) if wait > 0.0 else most
 
     used = first
     right = left = start = 0.0
@@ -111,7 +116,7 @@ def neighbour_half_planes(own, neighbours, found, preferred, settings, lines, fi
             kept = kept - IS_APART if apart else kept
             held = -1.0 if kept == PASSING_LEFT else kept
             # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
-            edge = radius if apart else disc
+            edge, asked = radius if apart else disc, pushed if apart else most
             side = passing_side(held, rule, r_1, r_2, distance, w_1, w_2, c_1, c_2, reciprocal, radius, horizon)
             passing = PASSING_LEFT if side < 0.0 else side
             block[KEPT + k] = passing + IS_APART if apart else passing
@@ -121,7 +126,7 @@ def neighbour_half_planes(own, neighbours, found, preferred, settings, lines, fi
 
             now_side = side if r_1 * w_1 + r_2 * w_2 > 0.0 else 0.0
             n_1, n_2, change = half_plane(
-                r_1, r_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, now_side, way_1, way_2, barrier, most
+                r_1, r_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, now_side, way_1, way_2, barrier, asked
             )
             bound = n_1 * o_1 + n_2 * o_2 + share * change
             matters = heard & (bound > -limit)
@@ -131,7 +136,7 @@ def neighbour_half_planes(own, neighbours, found, preferred, settings, lines, fi
             s_1, s_2 = r_1 - w_1 * wait, r_2 - w_2 * wait
             later_side = side if s_1 * w_1 + s_2 * w_2 > 0.0 else 0.0
             n_1, n_2, change = half_plane(
-                s_1, s_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, later_side, way_1, way_2, barrier, most
+                s_1, s_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, later_side, way_1, way_2, barrier, asked
             )
             bound = n_1 * o_1 + n_2 * o_2 + share * change
             matters = heard & (bound > -limit)

@@ -13,7 +13,7 @@ import math
 from ridlink.avoidance.encounter import CLEAR_FACTOR, DODGE_MPS, EPSILON, HOLD_FACTOR
 from ridlink.avoidance.halfplane import TOUCHING_MPS, buffered_clearance, preferred_velocity, slowness
 from ridlink.avoidance.kernel import norm
-from ridlink.avoidance.meeting import START_RADII
+from ridlink.avoidance.meeting import PUSHED_MPS, START_RADII
 from ridlink.avoidance.route import approach_speed, nearest_point
 from ridlink.avoidance.rows import (
     AGE_ACCELERATION,
@@ -469,7 +469,10 @@ def avoid_one(
                     line[1] = preferred[1] / speed if speed > EPSILON else 0.0
                 else:
                     line[0], line[1] = -s_1 / ahead, -s_2 / ahead
-                parting = min(settings[BARRIER] * (edge - ahead), settings[BARRIER_SHARE] * limit)
+                most = settings[BARRIER_SHARE] * limit
+                if apart and settings[RESPONSE] > 0.0:
+                    most = max(most, min(limit, PUSHED_MPS))
+                parting = min(settings[BARRIER] * (edge - ahead), most)
                 line[2] = parting - (line[0] * w_1 + line[1] * w_2)
             else:
                 kept = side if s_1 * (v_1 - u_1) + s_2 * (v_2 - u_2) > 0.0 else 0

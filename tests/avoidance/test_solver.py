@@ -271,6 +271,17 @@ def test_exactly_on_top_of_each_other_it_still_leaves():
     assert np.linalg.norm(decision.velocity_ne_mps) > 1.0
 
 
+def test_a_slow_vehicle_leaves_a_buffer_as_fast_as_that_asks_for_once_it_was_apart():
+    """Four metres into the buffer of seven, half each: 2 m/s away. Half of 5 m/s for the pair would be 1.25 m/s."""
+    slow = own_ship(velocity=(0.0, 0.0), limit=5.0)
+    beside = traffic((27.0, 0.0, 0.0, 0.0))
+    met = replace(beside, memory=np.array([Memory.APART], np.int8))
+    away = solve(slow, met, goal_ne_m=(0.0, 0.0), cruise_mps=5.0)
+    assert away.velocity_ne_mps == pytest.approx([-2.0, 0.0], abs=1e-6)
+    ideal = HalfplaneSolver(HalfplaneSettings(response_time_s=0.0))
+    assert solve(slow, met, ideal, goal_ne_m=(0.0, 0.0), cruise_mps=5.0).velocity_ne_mps[0] == pytest.approx(-1.25)
+
+
 def test_a_barrier_never_asks_for_more_than_the_vehicle_can_fly():
     decision = solve(own_ship(velocity=(0.0, 0.0)), traffic((10.0, 0.0, 0.0, 0.0), radius=170.0), goal_ne_m=(10.0, 0.0))
     assert decision.status is Status.OVERLAPPED
