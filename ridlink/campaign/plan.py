@@ -32,8 +32,8 @@ IDEAL_HALFPLANES = HalfplaneSettings(
     age_acceleration_mps2=2.0 * IDEAL_AGE_ACCELERATION_MPS2,
     contact_step_s=REPORT_INTERVAL_S,
 )
-"""For vehicles that obey at once. Half-planes turn hard at the last moment, so of what an unheard neighbour may have done
-they need more than those who choose among headings early."""
+"""For vehicles that obey at once. Of what an unheard neighbour may have done they are granted more than the solvers
+that choose among headings: with 10 m/s^2, two of 32,000 flights with losses in bursts collide."""
 
 
 BASELINE = "none"
