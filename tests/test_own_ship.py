@@ -74,6 +74,15 @@ def test_state_of_a_px4() -> None:
     assert telemetry.armed and telemetry.external_mode and telemetry.wants_stream
 
 
+def test_a_receiver_whose_heights_contradict_each_other_is_counted_and_gives_no_height_above_the_ellipsoid() -> None:
+    telemetry, autopilot = flying()
+    autopilot.receiver(0.0, alt_ellipsoid=740_000)
+    autopilot.position(0.0)
+    state = telemetry.state(0.1)
+    assert state is not None and state.altitude_ellipsoid_m is None
+    assert telemetry.counters["own_height_implausible"] == 1
+
+
 @pytest.mark.parametrize(
     ("autopilot", "mode", "external"),
     [
