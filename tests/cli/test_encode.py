@@ -111,6 +111,18 @@ def test_a_real_recording_comes_back(tmp_path: Path, frames: bool) -> None:
         assert 15_000 < run(decode, path.with_name("back.tlog"), "-f", "jsonl").stdout.count("\n") < 19_887
 
 
+@pytest.mark.parametrize("name", sorted(MESSAGES_BY_NAME))
+def test_a_frame_of_zeros_made_anew_says_the_same(name: str) -> None:
+    """Much of what is unknown is a zero on the wire and a null in the line, which is no missing field."""
+    spec = MESSAGES_BY_NAME[name]
+    raw = encode_frame(spec.msgid, b"\x00", spec.crc_extra, seq=4, sysid=5, compid=6)
+    (frame,) = parse_datagram(raw, CRC_EXTRAS)
+    assert isinstance(frame, Frame)
+    line, *_ = [json_line(record) for record in decode_records([Record(START_US, frame, 0)])]
+    made = frame_of_line(line)
+    assert made is not None and made.frame == raw
+
+
 @settings(max_examples=150, deadline=None)
 @given(data=st.data())
 def test_frames_made_anew_say_the_same(data: st.DataObject) -> None:

@@ -124,8 +124,11 @@ def _mavlink_fields(row: _Line) -> tuple[str, dict[str, Any]]:
         spec = message_spec(row.type)
         return row.type, {name: _wire_value(spec, name, value) for name, value in row.fields.items()}
     converts = _si_converts(kind)
+    # A null is what the default stands for; what has none, as the time of an authentication, is given as unknown.
+    needed = {item.name for item in dataclasses.fields(kind) if item.default is dataclasses.MISSING}
+    given = {name: value for name, value in row.fields.items() if value is not None or name in needed}
     try:
-        message = kind(**{name: converts[name](value) for name, value in row.fields.items() if value is not None})
+        message = kind(**{k: v if v is None else converts[k](v) for k, v in given.items()})
         return to_mavlink(message)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise PayloadError(f"{row.type}: {error}", message=row.type) from error
