@@ -9,7 +9,6 @@ import sys
 import threading
 import time
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -199,7 +198,9 @@ def test_f17_a_process_that_was_stopped_comes_back_with_one_hold_and_no_burst() 
             await vehicle.until(lambda: len(vehicle.setpoints()) >= count + 6)
             after = vehicle.setpoints()[count:]
             assert (after[0].vx, after[0].vy, after[0].vz) == (0.0, 0.0, 0.0)
-            assert all(b.time_boot_ms - a.time_boot_ms >= 20 for a, b in pairwise(after)), "no burst"
+            # A busy machine may make one late, and the next one is due on the grid; a third is a whole period away.
+            spans = [c.time_boot_ms - a.time_boot_ms for a, c in zip(after, after[2:], strict=False)]
+            assert min(spans) > 95, f"a burst: {spans}"
             await vehicle.until(lambda: vehicle.setpoints()[-1].vx > 0.5)
 
     run(test)
