@@ -48,6 +48,7 @@ class Flight:
     vehicle: LoopbackVehicle
     air_port: int
     lines: list[dict[str, Any]] = field(default_factory=list)
+    final: asyncio.Event = field(default_factory=asyncio.Event)
     begun_s: float = 0.0
     begun_cpu_s: float = 0.0
     begun_mb: float = 0.0
@@ -75,13 +76,14 @@ class Flight:
         assert self.process.stdout is not None
         async for line in self.process.stdout:
             self.lines.append(json.loads(line))
+            if self.lines[-1]["event"] == "final":
+                self.final.set()
 
     async def end(self) -> dict[str, Any]:
         self.process.send_signal(signal.SIGTERM)
         async with asyncio.timeout(20.0):
             await self.process.wait()
-            while not self.lines or self.lines[-1]["event"] != "final":
-                await asyncio.sleep(0.01)
+            await self.final.wait()
         return self.lines[-1]
 
 
@@ -252,10 +254,12 @@ async def sending(target: Callable[..., None], flight: Flight, amount: float) ->
     sent = context.Value("q", 0, lock=False)
     process = context.Process(target=target, args=(flight.air_port, amount, sent), daemon=True)
     process.start()
-    while process.is_alive():
-        await asyncio.sleep(0.2)
-        if flight.process.returncode is not None:
-            raise SystemExit(f"the daemon ended with {flight.process.returncode}")
+    done, ended = asyncio.create_task(asyncio.to_thread(process.join)), asyncio.create_task(flight.process.wait())
+    await asyncio.wait((done, ended), return_when=asyncio.FIRST_COMPLETED)
+    if ended.done():
+        process.terminate()
+        raise SystemExit(f"the daemon ended with {flight.process.returncode}")
+    ended.cancel()
     return int(sent.value)
 
 
