@@ -43,8 +43,11 @@ def parse_broker_url(text: str) -> BrokerUrl:
 
     try:
         parts = urlsplit(text if "://" in text else f"none://{text}")
-        port = parts.port
     except ValueError as error:  # whose text repeats what stands there: perhaps a part of a password
+        raise refuse("no host that can be one") from error
+    try:
+        port = parts.port
+    except ValueError as error:
         raise refuse("the port is no number from 1 to 65535") from error
     if port == 0:
         raise refuse("the port is no number from 1 to 65535")

@@ -14,7 +14,7 @@ import msgspec
 from ridlink.errors import ConfigError
 from ridlink.mavlink.frames import Frame
 from ridlink.mqtt.outbox import Outgoing
-from ridlink.mqtt.topics import Topics
+from ridlink.mqtt.topics import Topics, object_id
 from ridlink.observer import Encounter, EncounterLog, Phase, Scene, Sky, aircraft_states
 from ridlink.observer.states import rounded
 from ridlink.periodic import Periodic
@@ -217,7 +217,7 @@ def _availability(topics: Topics, name: str, *, online: bool) -> Outgoing:
 
 def _device_tracker(topics: Topics, name: str) -> Outgoing:
     """Announces an aircraft to Home Assistant, which shows it on its map."""
-    unique = "ridlink_" + "".join(character if character.isalnum() else "_" for character in name)
+    unique = f"ridlink_{object_id(name)}"
     attributes = (
         "{{ {'latitude': value_json.latitude_deg, 'longitude': value_json.longitude_deg, "
         "'gps_accuracy': value_json.horizontal_error_m or 0, 'altitude_m': value_json.altitude_geodetic_m, "

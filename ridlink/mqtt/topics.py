@@ -22,6 +22,14 @@ def level(name: str) -> str:
     return quote(name[:LONGEST_NAME], safe="").replace("~", "%7E")
 
 
+def object_id(name: str) -> str:
+    """A name as an object id of Home Assistant, which takes letters, digits, ``-`` and ``_``.
+
+    No two names share one: ``_`` begins an escape, as ``%`` does in a topic.
+    """
+    return level(name).replace("_", "%5F").replace(".", "%2E").replace("%", "_")
+
+
 class Topics:
     """The topics of one site.
 

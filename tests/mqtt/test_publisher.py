@@ -111,7 +111,7 @@ def test_who_comes_and_goes_is_retained_availability() -> None:
 def test_home_assistant_gets_a_device_tracker_for_each() -> None:
     messages = published([replace(ONE, identity=b"A+#/<b>")], 0.5, home_assistant=True)
     [config] = [message for message in messages if message.topic.startswith("homeassistant/")]
-    assert config.topic == "homeassistant/device_tracker/ridlink_A____b_/config" and config.retain
+    assert config.topic == "homeassistant/device_tracker/ridlink_A_2B_23_2F_3Cb_3E/config" and config.retain
     assert json.loads(config.payload)["json_attributes_topic"] == TOPICS.state("A+#/<b>")
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ridlink.errors import ConfigError
 from ridlink.mqtt import BrokerUrl, Topics, parse_broker_url
+from ridlink.mqtt.topics import object_id
 
 TOPICS = Topics("field-1")
 
@@ -52,6 +55,8 @@ def test_a_broker_is_read(text: str, broker: BrokerUrl) -> None:
         ("http://127.0.0.1", "is no scheme"),
         ("mqtt://", "no host"),
         ("mqtt://127.0.0.1:99999", "write mqtt://"),
+        ("mqtt://[::1", "no host"),
+        ("mqtt://me:secret@[::1", "no host"),
         ("mqtt://127.0.0.1:0", "no number from 1 to 65535"),
         ("mqtt://me:secret/@127.0.0.1", "no number from 1 to 65535"),
         ("mqtt://me:secret@127.0.0.1", "password-file"),
@@ -62,3 +67,13 @@ def test_a_wrong_broker_is_refused_and_no_secret_is_repeated(text: str, says: st
     with pytest.raises(ConfigError, match=says) as caught:
         parse_broker_url(text)
     assert "secret" not in str(caught.value)
+
+
+@given(st.lists(st.text(max_size=30), min_size=2, max_size=2, unique=True))
+@example(["A-1", "A_1"])
+@example(["A_2D1", "A-1"])
+@example(["a~b", "a_7Eb"])
+def test_no_two_names_are_one_object_to_home_assistant(names: list[str]) -> None:
+    one, other = map(object_id, names)
+    assert one != other
+    assert re.fullmatch(r"[A-Za-z0-9_-]*", one)
