@@ -69,20 +69,25 @@ def impair(
     """
     import asyncio
 
+    from ridlink.errors import ConfigError
     from ridlink.impair import Impairment
     from ridlink.links import parse_link_url
 
-    impairment = Impairment(
-        loss=loss,
-        burst=burst,
-        delay_s=delay,
-        jitter_s=jitter,
-        duplicate=duplicate,
-        reorder=reorder,
-        truncate=truncate,
-        corrupt=corrupt,
-        rate=rate,
-    )
+    try:
+        impairment = Impairment(
+            loss=loss,
+            burst=burst,
+            delay_s=delay,
+            jitter_s=jitter,
+            duplicate=duplicate,
+            reorder=reorder,
+            truncate=truncate,
+            corrupt=corrupt,
+            rate=rate,
+        )
+    except ConfigError as error:  # begins with the name of a field, which is that of an option but for the unit
+        name, _, text = str(error).partition(" ")
+        raise click.UsageError(f"--{name.removesuffix('_s')} {text}") from error
     proxy, took_s = asyncio.run(
         _carry(parse_link_url(near), parse_link_url(far), impairment, direction, seed, duration)
     )

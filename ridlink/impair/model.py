@@ -40,7 +40,7 @@ class Impairment:
         rate: Bytes a second that pass [B/s]; None is no cap.
 
     Raises:
-        ConfigError: If a value is out of range; the text names it.
+        ConfigError: If a value is out of range; the text begins with its name.
     """
 
     loss: float = 0.0

@@ -31,14 +31,22 @@ def test_it_carries_until_a_signal_and_says_what_it_did() -> None:
     assert summary["there"] == {"received": 1, "passed": 2, "duplicated": 1}
 
 
+ENDS = ("--listen", "udpin:127.0.0.1:0", "--to", "udpout:127.0.0.1:9")
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "says"),
     [
         (["--listen", "udp:127.0.0.1:1", "--to", "udpout:127.0.0.1:9"], 2, "udpin:127.0.0.1:1"),
-        (["--listen", "udpin:127.0.0.1:0", "--to", "udpout:127.0.0.1:9", "--loss", "30"], 2, "30 % is 0.3"),
-        (["--listen", "udpin:127.0.0.1:0", "--to", "udpout:127.0.0.1:9", "--rate", "nan"], 2, "rate nan"),
+        ([*ENDS, "--loss", "30"], 2, "--loss 30.0: a share is at most 1 (30 % is 0.3)"),
+        ([*ENDS, "--rate", "nan"], 2, "--rate nan: must be a number of at least 0"),
+        ([*ENDS, "--delay", "inf"], 2, "--delay inf: must be"),
+        ([*ENDS, "--jitter", "-1"], 2, "--jitter -1.0: must be"),
+        ([*ENDS, "--burst", "3"], 2, "--burst 3.0 with loss 0.0: bursts need a loss"),
+        ([*ENDS, "--burst", "2", "--loss", "0.9"], 2, "--loss 0.9 needs bursts of at least 9"),
         (["--listen", "udpin:127.0.0.1:0"], 2, "--to"),
         (["--listen", "udpin:127.0.0.1:9", "--to", "udpout:127.0.0.1:9"], 2, "go round for ever"),
+        (["--listen", "udpin:0.0.0.0:9", "--to", "udpout:localhost:9"], 2, "go round for ever"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], code: int, says: str) -> None:
