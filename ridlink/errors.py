@@ -2,7 +2,7 @@
 
     RidlinkError
     |-- WireError (ValueError)        bytes that are not what they should be
-    |   |-- FrameError                a MAVLink frame: length, checksum, flags
+    |   |-- FrameError                what makes no MAVLink frame: an id out of range, a payload too long, flags
     |   |-- PayloadError              the fields of one message
     |   `-- UnknownMessageError       a message that the dialect does not have
     |-- CaptureError (ValueError)     a file that is not a readable capture
@@ -25,17 +25,15 @@ class WireError(RidlinkError, ValueError):
 
 
 class FrameError(WireError):
-    """A frame that cannot be taken.
+    """A MAVLink frame that cannot be made or signed. One that cannot be read raises nothing: it is a `BadFrame`.
 
     Attributes:
-        offset: Where the frame starts in the bytes given.
-        cause: Short name of the cause, as counted in statistics.
+        part: Which part of it does not fit.
     """
 
-    def __init__(self, text: str, *, offset: int = 0, cause: str = "bad_frame") -> None:
+    def __init__(self, text: str, *, part: str = "") -> None:
         super().__init__(text)
-        self.offset = offset
-        self.cause = cause
+        self.part = part
 
 
 class PayloadError(WireError):

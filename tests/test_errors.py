@@ -50,8 +50,8 @@ def test_bases(error: type[Exception], base: type[Exception]) -> None:
 
 
 def test_facts_are_attributes() -> None:
-    frame = FrameError("bad", offset=12, cause="bad_checksum")
-    assert (str(frame), frame.offset, frame.cause) == ("bad", 12, "bad_checksum")
+    frame = FrameError("bad", part="sysid")
+    assert (str(frame), frame.part) == ("bad", "sysid")
     payload = PayloadError("bad", message="HEARTBEAT", field="type")
     assert (payload.message, payload.field) == ("HEARTBEAT", "type")
     assert (PayloadError("bad").message, PayloadError("bad").field) == ("", "")

@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import NamedTuple
 
+from ridlink.errors import FrameError
 from ridlink.mavlink.crc import checksum
 
 MAGIC_V1 = 0xFE
@@ -226,9 +227,19 @@ def encode_frame(msgid: int, payload: bytes, crc_extra: int, *, seq: int, sysid:
         compid: Component id of the sender, 0 to 255.
 
     Raises:
-        ValueError: If an id does not fit its byte.
+        FrameError: If an id or the payload does not fit.
     """
     trimmed = payload.rstrip(b"\x00") or payload[:1]
-    header = bytes((len(trimmed), 0, 0, seq & 0xFF, sysid, compid, msgid & 0xFF, msgid >> 8 & 0xFF, msgid >> 16))
+    try:
+        header = bytes((len(trimmed), 0, 0, seq & 0xFF, sysid, compid, msgid & 0xFF, msgid >> 8 & 0xFF, msgid >> 16))
+    except ValueError as error:
+        parts = (
+            ("payload", len(trimmed), 0xFF),
+            ("msgid", msgid, 0xFFFFFF),
+            ("sysid", sysid, 0xFF),
+            ("compid", compid, 0xFF),
+        )
+        part, value, most = next(each for each in parts if not 0 <= each[1] <= each[2])
+        raise FrameError(f"{part} of a frame is 0 to {most}, not {value}", part=part) from error
     body = header + trimmed
     return b"\xfd" + body + checksum(body, crc_extra).to_bytes(2, "little")

@@ -18,6 +18,7 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from enum import StrEnum
 
+from ridlink.errors import FrameError
 from ridlink.mavlink.crc import checksum
 from ridlink.mavlink.frames import HEADER_LENGTH_V2, INCOMPAT_SIGNED, MAGIC_V2, SIGNATURE_LENGTH, Frame
 
@@ -110,10 +111,11 @@ class Signing:
             utc_s: Seconds since 1970-01-01 UTC; a clock that goes back does not take the timestamps with it.
 
         Raises:
-            ValueError: If the frame is version 1, or signed already.
+            FrameError: If the frame is version 1, or signed already.
         """
         if frame[0] != MAGIC_V2 or frame[2] & INCOMPAT_SIGNED:
-            raise ValueError("only unsigned MAVLink 2 frames can be signed")
+            part = "magic" if frame[0] != MAGIC_V2 else "incompat_flags"
+            raise FrameError("only unsigned MAVLink 2 frames can be signed", part=part)
         self.timestamp = max(signing_timestamp(utc_s), self.timestamp + 1)
         end = HEADER_LENGTH_V2 + frame[1]
         body = bytes((frame[1], frame[2] | INCOMPAT_SIGNED)) + frame[3:end]

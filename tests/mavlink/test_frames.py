@@ -5,12 +5,14 @@ from __future__ import annotations
 import random
 import time
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
+from ridlink.errors import FrameError
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.crc import checksum
 from ridlink.mavlink.frames import (
@@ -158,6 +160,23 @@ class TestOneFrame:
     def test_ids_that_do_not_fit_are_refused(self, sysid: int, compid: int) -> None:
         with pytest.raises(ValueError, match="0 to 255"):
             Encoder(sysid, compid)
+
+    @pytest.mark.parametrize(
+        ("part", "value"),
+        [
+            ("sysid", 256),
+            ("sysid", -1),
+            ("compid", 256),
+            ("msgid", 1 << 24),
+            ("msgid", -1),
+            ("payload", bytes(255) + b"x"),
+        ],
+    )
+    def test_what_makes_no_frame_says_which_part(self, part: str, value: Any) -> None:
+        given = {"msgid": 0, "payload": b"x", "sysid": 1, "compid": 1} | {part: value}
+        with pytest.raises(FrameError, match=f"{part} of a frame is 0 to ") as caught:
+            encode_frame(crc_extra=0, seq=0, **given)
+        assert caught.value.part == part
 
 
 class TestUnknownIds:

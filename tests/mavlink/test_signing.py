@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
+from ridlink.errors import FrameError
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.signing import (
@@ -181,5 +182,7 @@ def test_keys_and_frames_of_the_wrong_kind_are_refused() -> None:
         Signing(b"short")
     with pytest.raises(ValueError, match="link ids are 0 to 255, not 256"):
         Signing(KEY, link_id=256)
-    with pytest.raises(ValueError, match="unsigned MAVLink 2"):
-        Signing(KEY).sign(signed(), HEARTBEAT, NOW_S)
+    for frame, part in ((signed(), "incompat_flags"), (b"\xfe" + signed()[1:], "magic")):
+        with pytest.raises(FrameError, match="unsigned MAVLink 2") as caught:
+            Signing(KEY).sign(frame, HEARTBEAT, NOW_S)
+        assert caught.value.part == part
