@@ -191,7 +191,7 @@ def chance_figure() -> Figure:
     """Distance kept beyond the airframes over eta, in each form of the chance constraint and by the paper."""
     figure, axes = _figure(7.0, 4.2)
     risk = np.geomspace(0.1, 1e-6, 101)
-    rows = excess_distances(etas=tuple((1.0 - risk).tolist()))
+    rows = excess_distances(tuple((1.0 - risk).tolist()))
     labels = {
         ChanceBound.HALFPLANE: r"half-plane, exact: $\Phi^{-1}(\eta) \sqrt{\sigma_i^2 + \sigma_j^2}$",
         ChanceBound.COVARIANCE: r"covariance: $\sqrt{-2 \ln(1-\eta)} \sqrt{\sigma_i^2 + \sigma_j^2}$",

@@ -189,14 +189,13 @@ def _simulation() -> Iterator[Comparison]:
     )  # fmt: skip
 
 
-def excess_distances(
-    sigma_m: float = PAPER_SIGMA_M, etas: tuple[float, ...] = (0.95, 0.99, 0.999)
-) -> list[dict[str, float]]:
-    """Distance [m] that a pair keeps beyond its airframes for its errors, over eta, in the forms of `ChanceBound`.
+def excess_distances(etas: tuple[float, ...] = (0.95, 0.99, 0.999)) -> list[dict[str, float]]:
+    """Distance [m] that a pair keeps beyond its airframes for the paper's errors, over eta, in the forms of
+    `ChanceBound`.
 
     Beside them stands the paper's three sigma of both, which does not depend on eta.
     """
-    bound_m = 3.0 * sigma_m
+    bound_m = 3.0 * PAPER_SIGMA_M
     rows = []
     for eta in etas:
         forms = {

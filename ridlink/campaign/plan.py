@@ -206,17 +206,10 @@ def coded_bound_m(error_bound_m: float) -> float:
     return math.nan if bound is None else bound
 
 
-def paper_plan(
-    scene: Scene,
-    definition: Definition,
-    *,
-    errors: ErrorModel = ErrorModel.WHITE_RADIAL,
-    sigma_m: float = 10.0,
-    seed: int = 1,
-) -> Plan:
-    """The paper's simulation, section VI-B: its solver, its reading of the error bound, white radial errors."""
+def paper_plan(scene: Scene, definition: Definition) -> Plan:
+    """The paper's simulation, section VI-B: its solver, its reading of the error bound, white radial errors of 10 m."""
     return Plan(
-        scene, definition, RotationSettings.paper(), errors, sigma_m, bound_sigmas=PAIR_READING_SIGMAS, seed=seed
+        scene, definition, RotationSettings.paper(), ErrorModel.WHITE_RADIAL, 10.0, bound_sigmas=PAIR_READING_SIGMAS
     )
 
 
@@ -226,7 +219,6 @@ def graded_plan(
     *,
     errors: ErrorModel = ErrorModel.WHITE,
     sigma_m: float = 10.0,
-    seed: int = 1,
 ) -> Plan:
     """The same worlds under the graded solver, which wants filtered positions and honest bounds of three sigma.
 
@@ -234,5 +226,5 @@ def graded_plan(
     """
     return Plan(
         scene, Definition.CANDIDATE2, settings or GradedSettings.g2(), errors, sigma_m,
-        obstacle_bound_m=2.5 * sigma_m, filtered=True, seed=seed,
+        obstacle_bound_m=2.5 * sigma_m, filtered=True,
     )  # fmt: skip

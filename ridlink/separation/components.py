@@ -61,12 +61,12 @@ def displacement(category: Category, interval_s: float, other: Category | None =
     return Normal(interval_s * (pair[0].mu + pair[1].mu), interval_s * variance**0.5)
 
 
-def displacement_line(category: Category, interval_s: float, probability: float = 0.997) -> float:
-    """Displacement of a pair that is not exceeded with a probability [m], a line of the mobility figure.
+def displacement_line(category: Category, interval_s: float) -> float:
+    """Displacement of a pair that is not exceeded with a probability of 99.7 % [m], a line of the mobility figure.
 
-    `interval (2 V_c + k sqrt(2) sigma_v)`, with k = 2.7478 for 99.7 %.
+    `interval (2 V_c + k sqrt(2) sigma_v)`, with k = 2.7478.
     """
-    return float(displacement(category, interval_s).quantile(probability))
+    return float(displacement(category, interval_s).quantile(0.997))
 
 
 def unmac_radius_distribution(
