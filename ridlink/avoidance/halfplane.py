@@ -88,6 +88,10 @@ APPROACH_OFFSET_MPS = 0.3
 INTERVAL_S = 0.1
 """Time between decisions; a goal nearer than one step of cruise is flown to in one step."""
 
+STRAIGHT_M, STRAIGHT_SHARE = 3.0, 0.25
+"""A slow vehicle whose course leads past its goal at this distance, or this share of the way to it if that is less,
+flies straight on: its own position drifts by as much while it turns, and to turn after every drift is to weave."""
+
 MOST_TURN = 1.5
 """All turns together [rad]: a quarter turn and more would lead away from the goal."""
 
@@ -107,6 +111,25 @@ def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
 
 
 @kernel(forceinline=True)
+def steadied(c_1, c_2, to_1, to_2):  # type: ignore[no-untyped-def]
+    """The way to a goal, turned away from the course flown no further than that has to be left.
+
+    Args:
+        c_1: North of the velocity commanded.
+        c_2: East of it.
+        to_1: North of the goal as seen from own-ship.
+        to_2: East of it.
+    """
+    square = c_1 * c_1 + c_2 * c_2
+    if c_1 * to_1 + c_2 * to_2 <= 0.0 or square < EPSILON:
+        return to_1, to_2
+    once_per_speed = 1.0 / math.sqrt(square)
+    most = min(STRAIGHT_M, STRAIGHT_SHARE * norm(to_1, to_2))
+    past = min(max((c_1 * to_2 - c_2 * to_1) * once_per_speed, -most), most) * once_per_speed
+    return to_1 + past * c_2, to_2 - past * c_1
+
+
+@kernel(forceinline=True)
 def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
     """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
     if own[AIM_IS_VELOCITY] != 0.0:
@@ -119,12 +142,15 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
     if len(start) > 1:
         route = route_aim(vertex, start, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
     to_1, to_2 = aim[0] - p_1, aim[1] - p_2
+    slow = not math.isinf(settings[ARRIVAL])
+    if slow and route == 0:
+        to_1, to_2 = steadied(own[COMMAND], own[COMMAND + 1], to_1, to_2)
     length = norm(to_1, to_2)
     preferred[0] = preferred[1] = 0.0
     if to_goal < EPSILON or length < EPSILON:
         return route
     speed = min(own[CRUISE], to_goal / INTERVAL_S)
-    if not math.isinf(settings[ARRIVAL]):
+    if slow:
         speed = min(speed, math.sqrt(2.0 * settings[ARRIVAL] * to_goal) + APPROACH_OFFSET_MPS)
     preferred[0], preferred[1] = speed * to_1 / length, speed * to_2 / length
     return route

@@ -60,7 +60,7 @@ def measure(plan: Scene, response: str, runs: int) -> list[float]:
         "response": response, "duration_s": 240.0 if plan.cooperative.all() else 130.0, "landing_s": 0.0,
     }  # fmt: skip
     out = fly(plan, worlds=runs, seed=1, **option)
-    solo = solo_time(plan, worlds=2, seed=1, **option)
+    solo = solo_time(plan, worlds=40, seed=1, **option)
     counted = np.broadcast_to(plan.cooperative, out.arrival_s.shape)
     alone = np.broadcast_to(np.median(solo, axis=0), out.arrival_s.shape)
     return [

@@ -37,6 +37,16 @@ def test_the_models_answer_a_step_like_the_autopilots_did(response, speed, t63, 
         assert track[:150].sum() * 0.02 == pytest.approx(after_3_s, rel=0.12)
 
 
+@pytest.mark.parametrize("response", ["px4", "ardupilot"])
+def test_alone_a_vehicle_does_not_weave_to_its_goal(response):
+    """Turning after every drift of its position it changed sides in every second flight."""
+    seed = 7
+    out = fly(scene([[-250.0, 0.0]], [[250.0, 0.0]]), worlds=60, seed=seed, response=response)
+    assert_safe_arrival(out, seed)
+    assert out.reversals < 0.2, f"seed {seed}"
+    assert np.percentile(out.arrival_s, 90) < 53.0, f"seed {seed}"
+
+
 @pytest.mark.parametrize("response", ["px4", "ardupilot", "ideal"])
 def test_eight_vehicles_through_one_point(response):
     seed = 11

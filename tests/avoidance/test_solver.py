@@ -131,6 +131,21 @@ def test_a_free_path_keeps_the_preferred_velocity():
     assert math.isinf(decision.time_to_violation_s)
 
 
+def test_a_course_that_leads_to_the_goal_within_three_metres_is_flown_on():
+    """To turn after every drift of the own position is to weave. Near the goal a quarter of the way counts."""
+    for offset, course in ((0.0, 0.0), (2.0, 0.0), (-2.0, 0.0), (8.0, 5.0), (-8.0, -5.0)):
+        decision = solve(own_ship(), Traffic.empty(), goal_ne_m=(100.0, offset))
+        assert bearing(decision.preferred_ne_mps) == pytest.approx(math.atan2(course, 100.0), abs=0.002), offset
+    near = solve(own_ship(velocity=(1.0, 0.0)), Traffic.empty(), goal_ne_m=(4.0, 3.0))
+    assert bearing(near.preferred_ne_mps) == pytest.approx(math.atan2(3.0, 4.0) - math.atan(0.25), abs=0.02)
+    for away in ((0.0, 0.0), (-1.0, 0.0), (1e-9, 0.0)):
+        decision = solve(own_ship(command=away), Traffic.empty(), goal_ne_m=(100.0, 2.0))
+        assert bearing(decision.preferred_ne_mps) == pytest.approx(math.atan2(2.0, 100.0))
+    at_once = HalfplaneSolver(HalfplaneSettings(arrival_deceleration_mps2=math.inf))
+    exact = solve(own_ship(), Traffic.empty(), at_once, goal_ne_m=(100.0, 2.0))
+    assert bearing(exact.preferred_ne_mps) == pytest.approx(math.atan2(2.0, 100.0)), "obeys at once"
+
+
 def test_alone_the_preferred_velocity_may_be_given_instead_of_a_goal():
     decision = SOLVER.solve(own_ship(), Traffic.empty(), preferred_ne_mps=(3.0, 4.0), cruise_mps=10.0)
     assert decision.velocity_ne_mps == pytest.approx([3.0, 4.0])
