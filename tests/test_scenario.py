@@ -420,6 +420,7 @@ def test_tracks_become_vehicles_that_fly_them(geojson: Callable[..., str]) -> No
             "feature 1: autopilot must be px4 or ardupilot, not 'inav'",
         ),
         (track([8.0, 47.0], [8.001, 47.0], autopilot=7), "feature 1: autopilot must be"),
+        (track([8.0, 47.0], [8.001, 47.0], ghost=True, cooperative=True), "feature 1: cooperative must be false"),
         (track([8.0, 47.0], [8.001, 47.0], interval_s=0), "feature 1: interval_s must be greater than 0"),
         ({"type": "Feature"}, "has no feature with a LineString"),
     ],

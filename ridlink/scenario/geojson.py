@@ -131,11 +131,13 @@ class _Track:
             raise ConfigError(f"{self._where}: the track goes nowhere")
         keys = read_vehicle_keys(table)
         cooperative = table.truth("cooperative", False)
+        if cooperative and keys["ghost"]:
+            raise table.error("cooperative", "must be false: a ghost avoids nobody")
         return VehicleSpec(
             start_ned_m=route[0],
             goal_ned_m=route[-1],
             speed_mps=table.number("speed_mps", self._timed_speed_mps(length_m) or speed_mps, above=0.0),
-            cooperative=cooperative and not keys["ghost"],
+            cooperative=cooperative,
             route_ned_m=() if cooperative else tuple(route[1:-1]),
             **keys,
         )
