@@ -24,10 +24,10 @@ separations = st.builds(
 def test_only_our_own_letters_layout_and_length_are_a_separation() -> None:
     ours = decode_message(encode_message(Separation(horizontal_error_m=3.0)))
     assert isinstance(ours, Separation) and ours.horizontal_error_m == 3.0
-    for vector in SINGLE:
-        if vector["note"].endswith("somebody else's"):
-            message = message_of(vector)
-            assert isinstance(message, Authentication) and separation_of(message) is None
+    others = [message_of(vector) for vector in SINGLE if vector["note"].endswith("somebody else's")]
+    assert len(others) == 3, "letters, layout, length"
+    for message in others:
+        assert isinstance(message, Authentication) and separation_of(message) is None
 
 
 @given(separations)
