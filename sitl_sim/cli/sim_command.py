@@ -222,8 +222,7 @@ def _read_faults(server: FleetServer) -> None:
             if rest.strip():
                 loop.call_soon_threadsafe(take, rest)
 
-    if sys.stdin is not None:  # else the number is anybody's
-        threading.Thread(target=read, name="stdin", daemon=True).start()
+    threading.Thread(target=read, name="stdin", daemon=True).start()
 
 
 def _tell(text: str) -> None:
