@@ -31,6 +31,8 @@ CONFIGURATION = "campaign.json"
 ROWS = "rows.json"
 UNFINISHED = ".unfinished"
 """Suffix of what is half written."""
+GO_ON = "go on with it by 'ridlink campaign run --resume'"
+"""What flies what is missing or damaged."""
 
 
 class CampaignFolder:
@@ -59,6 +61,8 @@ class CampaignFolder:
         elif path.is_dir() and any(path.iterdir()):
             raise ConfigError(f"{path}: is not empty and holds no campaign; name a new folder")
         else:
+            if path.exists() and not path.is_dir():
+                raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
             path.mkdir(parents=True, exist_ok=True)
             self._write(known, json.dumps(configuration, indent=1).encode())
         for left in path.rglob(f"*{UNFINISHED}"):
@@ -96,7 +100,7 @@ class CampaignFolder:
             table = self._parquet.read_table(io.BytesIO(shard.read_bytes()))
             outcomes = _outcomes(table, plan.duration_s)
             found = {name: table[name][0].as_py() for name in (*asdict(plan.cell), "seed")}
-        except (self._arrow.ArrowInvalid, OSError, KeyError):
+        except (self._arrow.ArrowInvalid, OSError, LookupError):
             return None
         for name, wanted in {**asdict(plan.cell), "seed": plan.seed}.items():
             if found[name] != wanted:
@@ -150,9 +154,9 @@ def _check_same(path: Path, configuration: dict[str, Any], resume: bool) -> None
     if not resume:
         raise ConfigError(f"{path}: holds a campaign already; go on with it by --resume, or name a new folder")
     try:
-        found = json.loads((path / CONFIGURATION).read_text())
-    except ValueError as error:
-        raise ConfigError(f"{path / CONFIGURATION}: is damaged: {error}") from error
+        found = _object_in(path / CONFIGURATION)
+    except CaptureError as error:
+        raise ConfigError(str(error)) from error
     wanted = json.loads(json.dumps(configuration))
     for key in [*wanted, *found]:
         if found.get(key) != wanted.get(key):
@@ -175,32 +179,54 @@ def read_campaign(path: Path) -> tuple[dict[str, Any], list[tuple[dict[str, Any]
         MissingExtraError: If pyarrow is not installed.
         OSError: If a file cannot be read.
     """
-    _, parquet = arrow()
+    arrow()
     if not (path / CONFIGURATION).exists():
         raise CaptureError(f"{path}: holds no campaign")
     if not (path / ROWS).exists():
-        raise CaptureError(f"{path}: is not complete; go on with it by 'ridlink campaign run --resume'")
+        raise CaptureError(f"{path}: is not complete; {GO_ON}")
+    configuration, cells = _object_in(path / CONFIGURATION), []
     try:
-        configuration = json.loads((path / CONFIGURATION).read_text())
-        cells = []
-        for row in json.loads((path / ROWS).read_text())["rows"]:
+        for row in _object_in(path / ROWS)["rows"]:
             cell = _folder_of(Cell(**{item.name: row[item.name] for item in fields(Cell)}))
-            files = sorted((path / "shards" / cell).glob("*.parquet"))
             duration_s = configuration["scenario"][row["scenario"]]["duration_s"]
-            # read here, for pyarrow wants names in UTF-8, which a folder's need not be
-            tables = [parquet.read_table(io.BytesIO(file.read_bytes())) for file in files]
-            for file, table in zip(files, tables, strict=True):
-                if set(table["seed"].unique().to_pylist()) != {configuration["seed"]}:
-                    raise CaptureError(f"{file}: is of another campaign: its seed is not {configuration['seed']}")
-            outcomes = Outcomes.joined([_outcomes(table, duration_s) for table in tables])
-            if len(outcomes.run) != row["runs"]:
-                raise CaptureError(f"{path}: has {len(outcomes.run)} runs of {cell} instead of {row['runs']}")
-            cells.append((row, outcomes))
-    except (KeyError, TypeError, ValueError) as error:  # pyarrow's ArrowInvalid is a ValueError, too
-        if isinstance(error, CaptureError):
-            raise
-        raise CaptureError(f"{path}: is damaged: {error}") from error
+            shards = sorted((path / "shards" / cell).glob("*.parquet"))
+            flown = [_read_shard(shard, duration_s, configuration["seed"]) for shard in shards]
+            runs = sum(len(outcomes.run) for outcomes in flown)
+            if not flown or runs != row["runs"]:
+                raise CaptureError(f"{path}: has {runs} runs of {cell} instead of {row['runs']}; {GO_ON}")
+            cells.append((row, Outcomes.joined(flown)))
+    except (KeyError, TypeError) as error:
+        raise CaptureError(f"{path}: is damaged: {CONFIGURATION} and {ROWS} are not those of a campaign") from error
     return configuration, cells
+
+
+def _object_in(file: Path) -> dict[str, Any]:
+    """What a JSON file of a campaign holds.
+
+    Raises:
+        CaptureError: If it is not a JSON object.
+        OSError: If it cannot be read.
+    """
+    try:
+        found = json.loads(file.read_text("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise CaptureError(f"{file}: is damaged: {error}") from error
+    if not isinstance(found, dict):
+        raise CaptureError(f"{file}: is damaged: no JSON object")
+    return found
+
+
+def _read_shard(shard: Path, duration_s: float, seed: int) -> Outcomes:
+    _, parquet = arrow()
+    try:
+        # read here, for pyarrow wants names in UTF-8, which a folder's need not be
+        table = parquet.read_table(io.BytesIO(shard.read_bytes()))
+        seeds, outcomes = set(table["seed"].unique().to_pylist()), _outcomes(table, duration_s)
+    except (LookupError, TypeError, ValueError) as error:  # pyarrow's ArrowInvalid is a ValueError, too
+        raise CaptureError(f"{shard}: is damaged; {GO_ON}") from error
+    if seeds != {seed}:
+        raise CaptureError(f"{shard}: is of another campaign: its seed is not {seed}")
+    return outcomes
 
 
 def _outcomes(table: Any, duration_s: float) -> Outcomes:

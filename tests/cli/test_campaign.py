@@ -392,10 +392,14 @@ def test_folders_that_cannot_be_used(whole: Path, tmp_path: Path, ridlink: Ridli
     for path in (tmp_path / "file", "/proc/campaign"):
         code, _, err = ridlink(*CAMPAIGN, "-o", path)
         assert (code, len(err.splitlines())) == (3, 1)
-        assert str(path) in err
+        assert f"{path}: No" in err, "Not a directory, or no such one"
     code, _, err = ridlink(*CAMPAIGN, "-o", tmp_path)
     assert code == 2
     assert "is not empty" in err
+    for damaged in ("", "[]", "null", "[" * 100_000):
+        (tmp_path / "campaign.json").write_text(damaged)
+        code, _, err = ridlink(*CAMPAIGN, "--resume", "-o", tmp_path)
+        assert (code, len(err.splitlines())) == (2, 1) and "campaign.json: is damaged" in err
 
 
 def test_a_file_says_who_errs_who_avoids_and_who_tells(tmp_path: Path, ridlink: Ridlink) -> None:
@@ -475,12 +479,26 @@ def test_a_report_needs_a_complete_campaign(whole: Path, tmp_path: Path) -> None
     assert "holds no campaign" in refusal(tmp_path)
     folder = tmp_path / "copy"
     shutil.copytree(whole, folder)
-    shards(folder)[0].unlink()
-    assert "instead of 200" in refusal(folder)
-    shards(folder)[0].write_bytes(b"")
-    assert "is damaged" in refusal(folder)
+    broken, *rest = shards(folder)
+    broken.write_bytes(b"")
+    assert refusal(folder) == f"{broken}: is damaged; go on with it by 'ridlink campaign run --resume'"
+    broken.unlink()
+    assert "has 136 runs of " in refusal(folder) and "instead of 200; go on with it" in refusal(folder)
+    for shard in rest:
+        shard.unlink()
+    assert "has 0 runs of " in refusal(folder)
+    for name in ("rows.json", "campaign.json"):
+        for text, told in (
+            ("{", "is damaged: Expecting"),
+            ("null", "is damaged: no JSON object"),
+            ("{}", "not those of"),
+        ):
+            kept = (folder / name).read_text()
+            (folder / name).write_text(text)
+            assert told in refusal(folder) and (name in refusal(folder))
+            (folder / name).write_text(kept)
     (folder / "rows.json").unlink()
-    assert "--resume" in refusal(folder)
+    assert "is not complete; go on with it by 'ridlink campaign run --resume'" in refusal(folder)
 
 
 def test_without_pyarrow_one_line_says_how_to_get_it(tmp_path: Path) -> None:
