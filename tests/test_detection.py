@@ -123,20 +123,26 @@ def heard(sysid: int, at_s: float, distance_m: float | None, status: int = 2) ->
     return track
 
 
+def comes(watch: DetectionWatch, *tracks: Track, at_s: float, flying: bool = True) -> None:
+    """They are heard, and are as near as a stranger must be heard."""
+    watch.hear({track.key: track for track in tracks}, flying, at_s)
+    watch.near(tracks)
+
+
 @pytest.fixture
 def watch() -> Iterator[DetectionWatch]:
     """In flight since time zero."""
     made = DetectionWatch()
-    made.hear([], True, 0.0)
+    made.hear({}, True, 0.0)
     yield made
 
 
 def test_nothing_is_said_without_evidence(watch: DetectionWatch) -> None:
     for sysid, at_s in ((2, 20.0), (3, 21.0)):
-        watch.hear([heard(sysid, at_s, 50.0)], True, at_s)
+        comes(watch, heard(sysid, at_s, 50.0), at_s=at_s)
     judged = watch.judge(500.0, True)
     assert (judged.given_m, judged.short, watch.warning(judged, 30.0)) == (None, False, "")
-    watch.hear([heard(4, 22.0, 60.0)], True, 22.0)
+    comes(watch, heard(4, 22.0, 60.0), at_s=22.0)
     judged = watch.judge(500.0, True)
     assert judged.given_m == pytest.approx(55.0) and judged.short
     assert watch.warning(judged, 30.0) == "Remote ID heard from 55 m, 500 m needed"
@@ -153,24 +159,54 @@ def test_nothing_is_said_without_evidence(watch: DetectionWatch) -> None:
     ],
 )
 def test_what_is_no_evidence(watch: DetectionWatch, track: Track, flying: bool) -> None:
-    for sysid in (2, 3, 4):
-        watch.hear([heard(sysid, 11.0, 300.0)], True, 11.0)
-    watch.hear([track], flying, 20.0)
+    comes(watch, *(heard(sysid, 11.0, 300.0) for sysid in (2, 3, 4)), at_s=11.0)
+    comes(watch, track, at_s=20.0, flying=flying)
     for _ in range(4):
-        watch.hear([track], flying, 21.0)
+        comes(watch, track, at_s=21.0, flying=flying)
     assert watch.given_m == 300.0
 
 
 def test_who_comes_from_behind_a_house_does_not_shrink_the_air(watch: DetectionWatch) -> None:
     distances = [300.0, 310.0, 290.0, 305.0, 20.0, 35.0]
     for sysid, distance in enumerate(distances, start=2):
-        watch.hear([heard(sysid, 20.0, distance)], True, 20.0 + sysid)
+        comes(watch, heard(sysid, 20.0, distance), at_s=20.0 + sysid)
     assert watch.given_m is None or watch.given_m > 300.0
+
+
+@given(st.lists(st.floats(400.0, 2e7), max_size=60), st.lists(st.floats(10.0, 100.0), min_size=3, max_size=9))
+def test_reports_from_far_away_do_not_hide_that_those_who_come_near_are_heard_late(
+    far_m: list[float], late_m: list[float]
+) -> None:
+    watch = DetectionWatch()
+    watch.hear({}, True, 0.0)
+    far = [heard(100 + k, 20.0, distance_m) for k, distance_m in enumerate(far_m)]
+    watch.hear({track.key: track for track in far}, True, 20.0)
+    assert watch.given_m is None, "whoever stays away shows nothing"
+    late = [heard(2 + k, 21.0, distance_m) for k, distance_m in enumerate(late_m)]
+    watch.hear({track.key: track for track in (*far, *late)}, True, 21.0)
+    watch.near(late)
+    judged = watch.judge(400.0, True)
+    assert judged.short and judged.given_m is not None and judged.given_m <= max(late_m)
+
+
+def test_who_was_heard_in_time_is_evidence_once_it_comes_near_and_forgotten_with_its_track(
+    watch: DetectionWatch,
+) -> None:
+    tracks = [heard(sysid, 20.0, 500.0) for sysid in (2, 3, 4, 5)]
+    watch.hear({track.key: track for track in tracks}, True, 20.0)
+    assert watch.given_m is None
+    watch.hear({track.key: track for track in tracks[:3]}, True, 40.0)  # the last one is gone
+    for _ in range(2):
+        watch.near(tracks[:2])
+    watch.near(tracks[3:])
+    assert watch.given_m is None, "two, and each counts once"
+    watch.near(tracks[2:3])
+    assert watch.given_m == 500.0
 
 
 def test_judgement_has_hysteresis_and_warnings_have_a_pause(watch: DetectionWatch) -> None:
     tracks = [heard(sysid, 20.0, 100.0) for sysid in (2, 3, 4)]
-    watch.hear(tracks, True, 20.0)
+    comes(watch, *tracks, at_s=20.0)
     assert not watch.judge(100.0, True).short
     assert watch.judge(101.0, True).short
     assert watch.judge(95.0, True).short

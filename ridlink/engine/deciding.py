@@ -107,22 +107,28 @@ class Decider:
         )
 
     def needed_range_m(self, own: OwnState, snapshot: Snapshot, reaction: Reaction) -> float:
-        """From how far the most demanding neighbour of a snapshot must be heard at cruise speed [m].
+        """From how far the most demanding neighbour of a snapshot must be heard at cruise speed [m]; 0 without any."""
+        discs = self.discs(own, self.config.cruise_mps, snapshot)
+        return self._needed_m(discs, snapshot.speed_mps, snapshot.avoiding, snapshot.interval_s, reaction)
 
-        With nobody there: one that says nothing of itself, avoids nobody and is heard once a second.
-        """
-        config = self.config
-        discs = self.discs(own, config.cruise_mps, snapshot)
-        disc_m, speed_mps, interval_s = discs.radius_m, snapshot.speed_mps, [t.interval_s for t in snapshot.tracks]
-        error_m, avoiding = discs.error_sum_m, snapshot.avoiding
-        if not snapshot.tracks:
-            unheard = np.full(1, math.nan)
-            unknown = self._discs(own, config.cruise_mps, unheard, unheard, unheard, unheard, np.ones(1))
-            disc_m, error_m = unknown.radius_m, unknown.error_sum_m
-            speed_mps, avoiding, interval_s = np.full(1, math.nan), np.zeros(1, np.bool_), [1.0]
+    def stranger_range_m(self, own: OwnState, reaction: Reaction) -> float:
+        """The same for one that says nothing of itself, avoids nobody and is heard once a second [m]."""
+        unknown, once_a_second = np.full(1, math.nan), np.ones(1)
+        discs = self._discs(own, self.config.cruise_mps, unknown, unknown, unknown, unknown, once_a_second)
+        return self._needed_m(discs, unknown, np.zeros(1, np.bool_), once_a_second, reaction)
+
+    def _needed_m(
+        self,
+        discs: Discs,
+        speed_mps: FloatArray,
+        avoiding: NDArray[np.bool_],
+        interval_s: FloatArray,
+        reaction: Reaction,
+    ) -> float:
+        config, disc_m = self.config, discs.radius_m
         if config.solver is SolverKind.HALFPLANE:
-            disc_m = disc_m + config.halfplane.buffer_share * error_m
-        needed = needed_range(
+            disc_m = disc_m + config.halfplane.buffer_share * discs.error_sum_m
+        needed_m = needed_range(
             disc_m,
             bounded_speed(speed_mps),
             avoiding,
@@ -130,7 +136,7 @@ class Decider:
             reaction=reaction,
             interval_s=interval_s,
         )
-        return float(np.max(needed))
+        return float(np.max(needed_m, initial=0.0))
 
     def traffic(self, own: OwnState, snapshot: Snapshot) -> tuple[Traffic, Encounters]:
         """Discs and velocities for the solver, and what happens if everybody flies on."""

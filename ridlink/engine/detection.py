@@ -9,20 +9,25 @@ faster than its speed V:
 
 y is the disc with the buffer of the solver, or half of it where both avoid. At equal speeds somebody who avoids nobody
 must be heard from at least twice the disc, however slowly both fly. Metres, m/s, seconds.
+
+From how far the air lets neighbours be heard, only those tell who come within the range from which a stranger must be
+heard, whatever they say of themselves: a report may name any place, and three from the other side of the earth would
+make every air look wide enough. Who forges neighbours nearer than that can still hide a short range, and has them
+avoided.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ridlink.own_ship import PX4
-from ridlink.traffic.track import SLOW_INTERVAL_S, Track
+from ridlink.traffic.track import SLOW_INTERVAL_S, Track, TrackKey
 
 FloatArray = NDArray[np.float64]
 
@@ -112,7 +117,7 @@ class DetectionRange:
 
     Attributes:
         needed_m: For the most demanding neighbour heard now; with nobody there, for one that says nothing of itself.
-        given_m: What the air gives; None without evidence.
+        given_m: What the air gives; None without evidence: nobody came near.
         short: The air gives less than a neighbour heard now needs.
     """
 
@@ -122,17 +127,18 @@ class DetectionRange:
 
 
 class DetectionWatch:
-    """Learns from how far neighbours are first heard in flight, and warns where that is not enough."""
+    """Learns from how far neighbours are first heard in flight that come near, and warns where that is not enough."""
 
     def __init__(self) -> None:
         self._flying_since_s: float | None = None
         self._looked_at_s = -math.inf
         self._identities: set[Hashable] = set()
+        self._not_near_yet_m: dict[Hashable, float] = {}
         self._first_heard_m: deque[float] = deque(maxlen=KEPT)
         self._short = False
         self._warned_at_s = -math.inf
 
-    def hear(self, tracks: Iterable[Track], flying: bool, now_s: float) -> None:
+    def hear(self, tracks: Mapping[TrackKey, Track], flying: bool, now_s: float) -> None:
         """Look at the tracks, at least every few seconds.
 
         Args:
@@ -140,25 +146,32 @@ class DetectionWatch:
             flying: Own-ship is in the air.
             now_s: Monotonic time.
         """
+        self._not_near_yet_m = {key: first for key, first in self._not_near_yet_m.items() if key in tracks}
         if not flying:
             self._flying_since_s = None
         elif self._flying_since_s is None:
             self._flying_since_s = now_s
         since = self._flying_since_s
-        for track in tracks:
+        for track in tracks.values():
             if track.began_at_s < self._looked_at_s or track.key in self._identities:
                 continue
             in_flight = since is not None and track.began_at_s >= since + LISTENED_S and not track.on_ground
             if in_flight and track.first_heard_m is not None:
-                self._first_heard_m.append(track.first_heard_m)
+                self._not_near_yet_m[track.key] = track.first_heard_m
             if len(self._identities) >= MOST_IDENTITIES:
                 self._identities.clear()
             self._identities.add(track.key)
         self._looked_at_s = now_s
 
+    def near(self, tracks: Iterable[Track]) -> None:
+        """These are within the range from which a stranger must be heard: from how far they were, is evidence now."""
+        for track in tracks:
+            if (first_m := self._not_near_yet_m.pop(track.key, None)) is not None:
+                self._first_heard_m.append(first_m)
+
     @property
     def given_m(self) -> float | None:
-        """From how far neighbours are heard; None without evidence."""
+        """From how far neighbours are heard that come near; None without evidence."""
         if len(self._first_heard_m) < EVIDENCE:
             return None
         return float(np.quantile(self._first_heard_m, SHARE_WITHIN))

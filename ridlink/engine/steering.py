@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections import Counter, deque
 from dataclasses import replace
 
+import numpy as np
+
 from ridlink.avoidance.types import Status
 from ridlink.engine.climbing import Climber
 from ridlink.engine.config import EngineConfig, Goal
@@ -142,8 +144,11 @@ class Steering:
         """From how far neighbours must be heard and are heard, as of the last full second."""
         if self._detection_due.due(now_s):
             telemetry, lock = self._telemetry, self._telemetry.lock
-            self._detection_watch.hear(self._picture.tracks.values(), telemetry.armed and telemetry.ready, now_s)
+            self._detection_watch.hear(self._picture.tracks, telemetry.armed and telemetry.ready, now_s)
             reaction = reaction_of(lock.autopilot if lock else None, self._config.limits.acceleration_mps2)
-            needed_m = self.decider.needed_range_m(own, snapshot, reaction)
+            stranger_m = self.decider.stranger_range_m(own, reaction)
+            near = np.hypot(*snapshot.position_ned_m[:, :2].T) <= stranger_m
+            self._detection_watch.near(snapshot.tracks[k] for k in np.flatnonzero(near))
+            needed_m = self.decider.needed_range_m(own, snapshot, reaction) if len(snapshot) else stranger_m
             self._detection = self._detection_watch.judge(needed_m, len(snapshot) > 0)
         return self._detection
