@@ -69,11 +69,12 @@ def _stamp(files: tuple[Path, ...]) -> tuple[tuple[int, int], ...]:
 
 
 def is_compiled(dispatcher: Any) -> bool:
-    """Whether calling a kernel needs no compiler: it is in memory, kept on disk, or plain Python."""
+    """Whether calling a kernel needs no compiler: it is in memory, kept on disk for this machine, or plain Python."""
     if not hasattr(dispatcher, "signatures") or dispatcher.signatures:
         return True
     index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     try:
-        return bool(index._load_index())
+        machine = dispatcher.targetctx.codegen().magic_tuple()
+        return any(key[1] == machine for key in index._load_index())  # a container may have come from another one
     except (AttributeError, OSError):
         return False

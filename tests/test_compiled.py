@@ -33,3 +33,12 @@ def test_an_edit_in_any_source_of_a_package_makes_its_kernels_new(tmp_path: Path
         source.write_text(text)
         stamps.append(kernel_decorator([source])(halved)._cache._cache_file._source_stamp)
     assert stamps[0] != stamps[1]
+
+
+def test_a_kernel_that_another_machine_compiled_is_not_compiled_for_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A container may be built on one processor and run on another."""
+    kernel = kernel_decorator([Path(__file__)])(halved)
+    here = kernel.targetctx.codegen().magic_tuple()
+    for machine, ready in ((here, True), (("aarch64-unknown-linux-gnu", "cortex-a72", ""), False)):
+        monkeypatch.setattr(kernel._cache._cache_file, "_load_index", lambda m=machine: {((), m, ()): "halved.1.nbc"})
+        assert is_compiled(kernel) is ready

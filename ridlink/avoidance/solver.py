@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
-from ridlink.avoidance.priority import RightOfWay
+from ridlink.avoidance.priority import RightOfWay, give_way
 from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
@@ -26,6 +26,7 @@ from ridlink.avoidance.types import (
     Traffic,
     checked_pair,
 )
+from ridlink.compiled import is_compiled
 
 SolverSettings = HalfplaneSettings | GradedSettings | RotationSettings
 
@@ -297,6 +298,18 @@ class RotationSolver(_HeadingSolver):
             self._fan, self._sights, self._walls, self._way, self._result,
         )  # fmt: skip
         return 0
+
+
+_OWN_KERNELS = {
+    SolverKind.HALFPLANE: (halfplane.avoid_one, give_way),
+    SolverKind.GRADED: (graded.grade_one,),
+    SolverKind.ROTATION: (rotation.rotate_one,),
+}
+
+
+def is_warm(kind: SolverKind | str = SolverKind.HALFPLANE) -> bool:
+    """Whether `warm_up` needs no compiler: every kernel of a solver is in memory or kept on disk."""
+    return all(is_compiled(kernel) for kernel in (pack, unpack_memory, *_OWN_KERNELS[SolverKind(kind)]))
 
 
 def warm_up(kind: SolverKind | str = SolverKind.HALFPLANE) -> None:

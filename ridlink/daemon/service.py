@@ -149,9 +149,7 @@ class AvoidDaemon:
     # --- time -----------------------------------------------------------------------------------------------------
 
     async def _keep_time(self, stop: asyncio.Event, warm: asyncio.Task[None]) -> None:
-        while not warm.done() and not stop.is_set():
-            self._tick()
-            await asyncio.wait({warm}, timeout=self.config.period_s)
+        await self._tick_until(warm)
         if warm.done():
             warm.result()
         self.engine.warm = True
@@ -161,16 +159,18 @@ class AvoidDaemon:
         self.ready.set()
         watchdog = Watchdog(self._stalled)
         watchdog.start()
+        stopped = asyncio.ensure_future(stop.wait())
         try:
-            await self._tick_until(stop, watchdog)
+            await self._tick_until(stopped, watchdog.beat)
         finally:
+            stopped.cancel()
             watchdog.stop()
 
-    async def _tick_until(self, stop: asyncio.Event, watchdog: Watchdog) -> None:
+    async def _tick_until(self, over: asyncio.Future[Any], alive: Callable[[], None] = lambda: None) -> None:
         period = self.config.period_s
         due = time.monotonic()
-        while not stop.is_set() and not self.engine.fatal:
-            watchdog.beat()
+        while not over.done() and not self.engine.fatal:
+            alive()
             self._tick()
             due += period
             late = time.monotonic() - due
@@ -178,10 +178,7 @@ class AvoidDaemon:
                 missed = int(late / period) + 1
                 self._counters["missed_tick"] += missed
                 due += missed * period
-            try:
-                await asyncio.wait_for(stop.wait(), due - time.monotonic())
-            except TimeoutError:
-                continue
+            await asyncio.wait({over}, timeout=due - time.monotonic())
 
     def _stalled(self, stack: str) -> None:
         """From the watchdog's thread: hold when the loop comes back, and keep where it stood."""

@@ -1,15 +1,22 @@
-"""Compiled kernels before the first deadline."""
+"""Compiled kernels before the first deadline, and a loop that keeps time meanwhile.
+
+Loading them from the disk takes a fraction of a second, in a thread. Compiling takes many, most of them in Python: a
+thread that compiles makes the loop of its process wait for the interpreter's lock several times a tick, and on a busy
+machine that came to 0.4 s. So another process compiles what is not on the disk yet, and leaves it there.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import sys
 import threading
 
-from ridlink.avoidance.solver import warm_up
+from ridlink.avoidance.solver import is_warm, warm_up
 from ridlink.avoidance.types import SolverKind
 
 THREAD = "warm-up"
+COMPILE = "import sys; from ridlink.avoidance.solver import warm_up; warm_up(sys.argv[1])"
 
 
 def is_compiling() -> bool:
@@ -18,7 +25,47 @@ def is_compiling() -> bool:
 
 
 async def warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
-    """Compile a solver's kernels before the first deadline; cold that takes seconds, and a signal must not wait."""
+    """Compile and load a solver's kernels before the first deadline; cold that takes seconds, a signal must not wait.
+
+    Where compiled kernels cannot be kept, or no process be started, they are compiled here after all.
+    """
+    stopped = asyncio.ensure_future(stop.wait())
+    try:
+        if not is_warm(solver):
+            compiling = asyncio.ensure_future(compile_apart(solver))
+            try:
+                await asyncio.wait({compiling, stopped}, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                compiling.cancel()
+                await asyncio.wait({compiling})
+        if not stopped.done():
+            await _load_unless(stopped, solver)
+    finally:
+        stopped.cancel()
+
+
+async def compile_apart(solver: SolverKind = SolverKind.HALFPLANE) -> None:
+    """Compile a solver's kernels in another process, which keeps them on disk; whoever stops waiting ends it.
+
+    Nobody is told whether it could: who needs the kernels loads them afterwards, and meets whatever is wrong with them.
+    """
+    try:
+        compiler = await asyncio.create_subprocess_exec(
+            sys.executable, "-P", "-c", COMPILE, str(solver),
+            stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
+        )  # fmt: skip
+    except OSError:
+        return
+    try:
+        await compiler.wait()
+    finally:
+        if compiler.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                compiler.kill()
+            await compiler.wait()
+
+
+async def _load_unless(stopped: asyncio.Future[bool], solver: SolverKind) -> None:
     loop = asyncio.get_running_loop()
     done = loop.create_future()
 
@@ -26,7 +73,7 @@ async def warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
         if not done.done():
             done.set_result(error)
 
-    def compile_all() -> None:
+    def load_all() -> None:
         problem: BaseException | None = None
         try:
             warm_up(solver)
@@ -35,9 +82,7 @@ async def warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
             loop.call_soon_threadsafe(report, problem)
 
-    threading.Thread(target=compile_all, name=THREAD, daemon=True).start()
-    stopped = asyncio.ensure_future(stop.wait())
+    threading.Thread(target=load_all, name=THREAD, daemon=True).start()
     await asyncio.wait({done, stopped}, return_when=asyncio.FIRST_COMPLETED)
-    stopped.cancel()
     if done.done() and done.result() is not None:
         raise done.result()
