@@ -16,8 +16,8 @@ import math
 
 from ridlink.avoidance.contact import contact_half_planes
 from ridlink.avoidance.encounter import EPSILON
-from ridlink.avoidance.kernel import kernel, norm
-from ridlink.avoidance.meeting import neighbour_half_planes
+from ridlink.avoidance.kernel import BLOCKS_A_WORD, kernel, lanes_from, lowest_bit, norm
+from ridlink.avoidance.meeting import meet, neighbour_half_planes
 from ridlink.avoidance.programme import (
     BOUND,
     EXCESS,
@@ -48,7 +48,6 @@ from ridlink.avoidance.rows import (
     EXTRA_TURN,
     FREE,
     INFEASIBLE,
-    KEPT,
     LANES,
     LIMIT,
     OBSTACLE_DECELERATION,
@@ -186,7 +185,7 @@ def obstacle_half_planes(own, vertex, start, settings, lines, hard, normal):  # 
 
 
 @kernel(forceinline=True, inner=True)
-def name_binding(lines, hard, walls, first, last, ends, names, slack_mps, touched, result):  # type: ignore[no-untyped-def]
+def name_binding(lines, hard, walls, first, last, ends, names, slack_mps, result):  # type: ignore[no-untyped-def]
     """Write what the velocity touches or exceeds, at least what it is nearest to: obstacles, three neighbours.
 
     Args:
@@ -198,26 +197,33 @@ def name_binding(lines, hard, walls, first, last, ends, names, slack_mps, touche
         ends: Half-planes for each neighbour.
         names: Places of these neighbours.
         slack_mps: Distance of the velocity to the tightest of all.
-        touched: Scratch, shape (neighbours, 3).
         result: Result.
     """
     excess = lines[EXCESS]
     # Of no half-plane the slack is infinite, and nothing is as near as that.
-    touching = -(max(slack_mps, 0.0) + TOUCHING_MPS)
+    touching = max(-(max(slack_mps, 0.0) + TOUCHING_MPS), -FAR)
     result[R_OBSTACLE] = 0.0
     for k in range(hard, walls):
-        if excess[k] >= touching and excess[k] > -math.inf:
+        if excess[k] >= touching:
             result[R_OBSTACLE] = 1.0
-    # As in `sift`, every place is written down, and the next one over it unless it is touched.
-    named = place = 0
-    for block in range(first, last, LANES * ends):
-        for k in range(LANES):
-            touched[named, 0] = names[place + k]
-            nearer = max(excess[block + k], excess[block + LANES * (ends - 1) + k])
-            named += 1 if (nearer >= touching) & (nearer > -math.inf) else 0
-        place += LANES
-    for b in range(3):
-        result[R_BINDING + b] = touched[b, 0] if b < named else -1.0
+    # The first three of them as they came: candidates are in another order.
+    one = two = three = FAR
+    stride = LANES * ends
+    for group in range(first, last, BLOCKS_A_WORD * stride):
+        bits = shift = 0
+        for block in range(group, min(group + BLOCKS_A_WORD * stride, last), stride):
+            either = lanes_from(excess, block, touching) | lanes_from(excess, block + stride - LANES, touching)
+            bits |= either << shift
+            shift += LANES
+        while bits != 0:
+            named = float(names[(group - first) // ends + lowest_bit(bits)])
+            bits &= bits - 1
+            one, named = min(one, named), max(one, named)
+            two, named = min(two, named), max(two, named)
+            three = min(three, named)
+    result[R_BINDING] = one if one < FAR else -1.0
+    result[R_BINDING + 1] = two if two < FAR else -1.0
+    result[R_BINDING + 2] = three if three < FAR else -1.0
 
 
 @kernel(forceinline=True)
@@ -260,13 +266,12 @@ def avoid_one(  # type: ignore[no-untyped-def]
     walls, change = first, settings[ACCELERATION] * INTERVAL_S
     if not math.isinf(change):
         first = reach_half_planes(own, change, lines, first)
-    found, closest, margin = sift(own, neighbours, count, range_m, preferred, settings, candidates, names)
+    found, meetings, closest, margin = sift(own, neighbours, count, range_m, preferred, settings, candidates, names)
     result[R_MATTERING] = found
-    used, right, left, start, violation = neighbour_half_planes(
-        own, candidates, found, preferred, settings, lines, first
-    )
-    for k in range(found):
-        neighbours[names[k] // LANES, KEPT + names[k] % LANES] = candidates[k // LANES, KEPT + k % LANES]
+    right, left, start, violation = meet(own, neighbours, candidates, found, names, meetings, preferred, settings)
+    if margin < 0.0:
+        violation = 0.0
+    used = neighbour_half_planes(own, candidates, found, preferred, settings, lines, first)
     overlapped = near_obstacle or margin < 0.0
     if settings[CONTACT_STEP] > 0.0 and margin < 2.0 * limit * settings[CONTACT_STEP]:
         begin = contact_half_planes(own, neighbours, count, candidates, found, settings[CONTACT_STEP], lines, hard)
@@ -294,7 +299,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
     if keep_within(own, change, limit, x) or not feasible or walls != first:
         worst = max(measure(lines, begin, walls, x[0], x[1]), measure(lines, first, used, x[0], x[1]))
     slack = -worst
-    name_binding(lines, hard, walls, first, used, 2 if settings[RESPONSE] > 0.0 else 1, names, slack, work, result)
+    name_binding(lines, hard, walls, first, used, 2 if settings[RESPONSE] > 0.0 else 1, names, slack, result)
     pair = work[len(work) - 1]
     pair[0], pair[1] = preferred[0], preferred[1]
     keep_within(own, change, limit, pair)

@@ -18,6 +18,11 @@ _MODULES = (
     "reach", "rotation", "route", "rows", "sift", "worlds",
 )  # fmt: skip
 
+LANE_BITS = LANES.bit_length() - 1
+
+BLOCKS_A_WORD = 64 // LANES
+"""Blocks with a bit for each of their lanes in one number."""
+
 kernel = kernel_decorator((Path(__file__).with_name(f"{name}.py") for name in _MODULES), counted=False)
 
 
@@ -25,6 +30,18 @@ kernel = kernel_decorator((Path(__file__).with_name(f"{name}.py") for name in _M
 def norm(a, b):  # type: ignore[no-untyped-def]
     """Length of a vector. `math.hypot` also copes with 1e200 metres, and takes several times as long."""
     return math.sqrt(a * a + b * b)
+
+
+@kernel(forceinline=True, inner=True)
+def block_of(place):  # type: ignore[no-untyped-def]
+    """Block of a neighbour by its place, which is not negative: a division does not know that, and costs more."""
+    return place >> LANE_BITS
+
+
+@kernel(forceinline=True, inner=True)
+def lane_of(place):  # type: ignore[no-untyped-def]
+    """Its lane in that block."""
+    return place & (LANES - 1)
 
 
 def larger(a: float, b: float) -> float:
@@ -98,3 +115,46 @@ def _copy_lanes(typing_context, source, at, target, to):  # type: ignore[no-unty
 @overload(copy_lanes)
 def _copy_lanes_compiled(source, at, target, to):  # type: ignore[no-untyped-def]
     return lambda source, at, target, to: _copy_lanes(source, at, target, to)
+
+
+def lanes_from(source: np.ndarray, at: int, least: float) -> int:
+    """Which of LANES numbers from `source[at:]` on, contiguous float64, are not less than `least`: a bit for each."""
+    return sum(int(source[at + k] >= least) << k for k in range(LANES))
+
+
+@intrinsic
+def _lanes_from(typing_context, source, at, least):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        lanes = ir.VectorType(ir.DoubleType(), LANES)
+        numbers = builder.load(builder.bitcast(builder.gep(data, [arguments[1]]), lanes.as_pointer()), align=8)
+        each = ir.Constant(lanes, ir.Undefined)
+        for k in range(LANES):
+            each = builder.insert_element(each, arguments[2], ir.Constant(ir.IntType(32), k))
+        met = builder.fcmp_ordered(">=", numbers, each)
+        return builder.zext(builder.bitcast(met, ir.IntType(LANES)), ir.IntType(64))
+
+    return types.int64(source, types.intp, types.float64), generate
+
+
+@overload(lanes_from)
+def _lanes_from_compiled(source, at, least):  # type: ignore[no-untyped-def]
+    return lambda source, at, least: _lanes_from(source, at, least)
+
+
+def lowest_bit(bits: int) -> int:
+    """Place of the lowest bit that is set; some must be."""
+    return (bits & -bits).bit_length() - 1
+
+
+@intrinsic
+def _lowest_bit(typing_context, bits):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), generate
+
+
+@overload(lowest_bit)
+def _lowest_bit_compiled(bits):  # type: ignore[no-untyped-def]
+    return lambda bits: _lowest_bit(bits)

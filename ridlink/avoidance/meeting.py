@@ -1,6 +1,7 @@
-"""The neighbours that matter, worked out exactly, block by block: half-planes, sides to pass on, turns they call for.
+"""The neighbours that matter, worked out exactly, block by block: sides to pass on, turns they call for, half-planes.
 
-What is worked out for one neighbour is in `encounter`; which neighbours come here is decided in `sift`.
+Most matter by their half-planes alone. A few are met on the way, and only these have a side or call for a turn. What
+is worked out for one neighbour is in `encounter`; which neighbours come here is decided in `sift`.
 
 Axes: north-east, metres, m/s, seconds; columns as in `rows`.
 """
@@ -10,7 +11,7 @@ from __future__ import annotations
 import math
 
 from ridlink.avoidance.encounter import EPSILON, half_plane, lean, passing_side, rule_side, time_to_entry
-from ridlink.avoidance.kernel import copy_lanes, kernel, larger, norm, smaller
+from ridlink.avoidance.kernel import block_of, copy_lanes, kernel, lane_of, larger, norm, smaller
 from ridlink.avoidance.rows import (
     BARRIER,
     BARRIER_SHARE,
@@ -33,6 +34,7 @@ from ridlink.avoidance.rows import (
     RADIUS,
     RECIPROCAL,
     RESPONSE,
+    SIDE,
     VELOCITY,
     WIDE,
 )
@@ -47,43 +49,34 @@ Who stands at the edge of a disc waits, and is not just starting."""
 
 
 @kernel(forceinline=True, inner=True)
-def neighbour_half_planes(own, neighbours, found, preferred, settings, lines, first):  # type: ignore[no-untyped-def]
-    """The half-planes of all neighbours, LANES of now and LANES of later for every block; those that no velocity within
-    the limit fails forbid nothing.
+def meet(own, neighbours, candidates, found, names, meetings, preferred, settings):  # type: ignore[no-untyped-def]
+    """Sides to pass on, and turns that are called for, of the neighbours that are met on the way.
 
     Args:
         own: Own-ship.
-        neighbours: Blocks, as `sift` left them; what is kept of the encounters is brought up to date.
-        found: Number of neighbours.
+        neighbours: Blocks; what is kept of the encounters is brought up to date.
+        candidates: Blocks, as `sift` left them, those that are met first; in the blocks that hold one of these, SIDE is
+            filled in, and the velocity midway between what the neighbour flies and what it was told takes the place of
+            its command.
+        found: Number of candidates.
+        names: As `sift` left them.
+        meetings: Number of neighbours that are met.
         preferred: Velocity without traffic, shape (2,).
         settings: Constants.
-        lines: Result, from column `first` on.
-        first: See `lines`.
 
     Returns:
-        Number of columns of `lines` used; weights of the turn to the right, to the left, and when starting; least time
-        to violation [s], FAR if there is none.
+        Weights of the turn to the right, to the left, and when starting; least time to violation of those met [s], FAR
+        if there is none.
     """
     p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
-    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
-    o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
     a_1, a_2 = preferred[0], preferred[1]
-    speed = norm(a_1, a_2)
-    way_1, way_2 = a_1 / max(speed, EPSILON), a_2 / max(speed, EPSILON)
-    if speed <= EPSILON:
-        way_1, way_2 = 1.0, 0.0
-    limit, stretch = own[LIMIT], HORIZON_RADII / max(own[CRUISE], 1.0)
-    least_horizon, wait = settings[HORIZON], settings[RESPONSE]
+    stretch = HORIZON_RADII / max(own[CRUISE], 1.0)
+    least_horizon = settings[HORIZON]
     cosine, course_speed = settings[HEAD_ON_COSINE], settings[HEAD_ON_SPEED]
-    barrier, most = settings[BARRIER], settings[BARRIER_SHARE] * limit
-    # Who was clear of a neighbour and is slow to obey may ask for more: as a share, a slow vehicle's is too little.
-    pushed = max(most, min(limit, PUSHED_MPS)) if wait > 0.0 else most
-
-    used = first
     right = left = start = 0.0
     violation = FAR
-    for b in range(-(-found // LANES)):
-        block = neighbours[b]
+    for b in range(-(-meetings // LANES)):
+        block = candidates[b]
         # One array and distances known beforehand, and no branch: that lets the compiler take all lanes at once.
         for k in range(LANES):
             heard, reciprocal = LANES * b + k < found, block[RECIPROCAL + k] != 0.0
@@ -115,13 +108,65 @@ def neighbour_half_planes(own, neighbours, found, preferred, settings, lines, fi
             apart = kept >= IS_APART
             kept = kept - IS_APART if apart else kept
             held = -1.0 if kept == PASSING_LEFT else kept
-            # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
-            edge, asked = radius if apart else disc, pushed if apart else most
             side = passing_side(held, rule, r_1, r_2, distance, w_1, w_2, c_1, c_2, reciprocal, radius, horizon)
+            block[SIDE + k] = side
             passing = PASSING_LEFT if side < 0.0 else side
             block[KEPT + k] = passing + IS_APART if apart else passing
             # Head-on, the neighbour's own midpoint: then both see the same relative velocity.
-            x_1, x_2 = (u_1 + c_1) / 2.0 if side != 0.0 else u_1, (u_2 + c_2) / 2.0 if side != 0.0 else u_2
+            block[N_COMMAND + k], block[N_COMMAND + LANES + k] = (u_1 + c_1) / 2.0, (u_2 + c_2) / 2.0
+    for m in range(meetings):
+        neighbours[block_of(names[m]), KEPT + lane_of(names[m])] = candidates[block_of(m), KEPT + lane_of(m)]
+    return right, left, start, violation
+
+
+@kernel(forceinline=True, inner=True)
+def neighbour_half_planes(own, candidates, found, preferred, settings, lines, first):  # type: ignore[no-untyped-def]
+    """The half-planes of all neighbours, LANES of now and LANES of later for every block; those that no velocity within
+    the limit fails forbid nothing.
+
+    Args:
+        own: Own-ship.
+        candidates: Blocks, as `meet` left them.
+        found: Number of neighbours.
+        preferred: Velocity without traffic, shape (2,).
+        settings: Constants.
+        lines: Result, from column `first` on.
+        first: See `lines`.
+
+    Returns:
+        Index after the last column of `lines` that is used.
+    """
+    p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
+    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
+    o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
+    a_1, a_2 = preferred[0], preferred[1]
+    speed = norm(a_1, a_2)
+    way_1, way_2 = a_1 / max(speed, EPSILON), a_2 / max(speed, EPSILON)
+    if speed <= EPSILON:
+        way_1, way_2 = 1.0, 0.0
+    limit, stretch = own[LIMIT], HORIZON_RADII / max(own[CRUISE], 1.0)
+    least_horizon, wait = settings[HORIZON], settings[RESPONSE]
+    barrier, most = settings[BARRIER], settings[BARRIER_SHARE] * limit
+    # Who was clear of a neighbour and is slow to obey may ask for more: as a share, a slow vehicle's is too little.
+    pushed = max(most, min(limit, PUSHED_MPS)) if wait > 0.0 else most
+
+    used = first
+    for b in range(-(-found // LANES)):
+        block = candidates[b]
+        for k in range(LANES):
+            heard, reciprocal = LANES * b + k < found, block[RECIPROCAL + k] != 0.0
+            r_1, r_2 = block[N_POSITION + k] - p_1, block[N_POSITION + LANES + k] - p_2
+            u_1, u_2 = block[N_VELOCITY + k], block[N_VELOCITY + LANES + k]
+            c_1, c_2 = block[N_COMMAND + k], block[N_COMMAND + LANES + k]
+            disc, radius, side = block[RADIUS + k], block[WIDE + k], block[SIDE + k]
+            horizon = larger(least_horizon, stretch * radius)
+            some = larger(radius, EPSILON)
+            once_per_horizon = 1.0 / (horizon * some) * some
+            w_1, w_2 = v_1 - u_1, v_2 - u_2
+            # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
+            apart = block[KEPT + k] >= IS_APART
+            edge, asked = radius if apart else disc, pushed if apart else most
+            x_1, x_2 = c_1 if side != 0.0 else u_1, c_2 if side != 0.0 else u_2
             share = 0.5 if reciprocal else 1.0
 
             now_side = side if r_1 * w_1 + r_2 * w_2 > 0.0 else 0.0
@@ -150,4 +195,4 @@ def neighbour_half_planes(own, neighbours, found, preferred, settings, lines, fi
             for row in range(3):
                 copy_lanes(block, LATER + LANES * row, lines[row], used)
             used += LANES
-    return used, right, left, start, violation
+    return used

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from ridlink.avoidance.kernel import kernel, larger, norm
+from ridlink.avoidance.kernel import kernel, lanes_from, larger, lowest_bit, norm
 from ridlink.avoidance.rows import LANES
 
 EPSILON = 1e-9
@@ -76,7 +76,7 @@ def unconstrained(limit_mps, aim, linear, point):  # type: ignore[no-untyped-def
     point[1] = aim[1] * scale
 
 
-@kernel(inner=True)
+@kernel(forceinline=True, inner=True)
 def furthest(chosen, count, limit_mps, direction, point):  # type: ignore[no-untyped-def]
     """Furthest point of the disc in a direction within the first `count` of a few half-planes; False if there is none.
 
@@ -116,9 +116,13 @@ def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
 @kernel(forceinline=True, inner=True)
 def choose(lines, first, excess, chosen, place):  # type: ignore[no-untyped-def]
     """Copy the first half-plane with that excess, as `measure` left it, to a row of `chosen`."""
+    # What is measured is filled up to a multiple of LANES, and nothing exceeds the largest excess.
     k = first
-    while lines[EXCESS, k] != excess:
-        k += 1
+    bits = lanes_from(lines[EXCESS], k, excess)
+    while bits == 0:
+        k += LANES
+        bits = lanes_from(lines[EXCESS], k, excess)
+    k += lowest_bit(bits)
     chosen[place, 0], chosen[place, 1], chosen[place, 2] = lines[N_1, k], lines[N_2, k], lines[BOUND, k]
 
 
@@ -231,7 +235,9 @@ def least_bad(  # type: ignore[no-untyped-def]
         work: Scratch of the same shape.
         point: Result, shape (2,).
     """
-    if not is_met(lines, begin, first, limit_mps, preferred, chosen, point):
+    if begin == first:
+        unconstrained(limit_mps, preferred, False, point)
+    elif not is_met(lines, begin, first, limit_mps, preferred, chosen, point):
         if not is_met(lines, hard, first, limit_mps, preferred, chosen, point):
             move_back(lines, hard, first, least_excess(lines, hard, hard, hard, first, limit_mps, chosen, work, point))
             is_met(lines, hard, first, limit_mps, preferred, chosen, point)

@@ -24,13 +24,13 @@ LANES = 4
 
 # Columns of a block of neighbours. The position is where the neighbour is now, REPORTED where its report had it; the
 # command is its velocity where none was given. Lanes of which HEARD is zero count for nothing. KEPT is what is kept of
-# the encounter, a sum of `Memory` flags; what `meeting` takes ends with it and with WIDE, the radius with its buffer,
-# which is the kernels' own as are the columns from GAP on: distance less radius, whether the neighbour matters,
-# half-planes of now and of later (n_1, n_2, bound).
+# the encounter, a sum of `Memory` flags. WIDE, the radius with its buffer, is the kernels' own as are the columns from
+# GAP on: distance less radius, whether the neighbour matters, the side to pass on, half-planes of now and of later
+# (n_1, n_2, bound). What half-planes are made of comes first, then the command, which only those that are met need.
 (
-    N_POSITION, N_VELOCITY, N_COMMAND, RECIPROCAL, RADIUS, KEPT, WIDE, HEARD, ERROR_SUM, AGE, SPEED, REPORTED, GAP,
-    MATTERS, NOW, LATER, BLOCK,
-) = (LANES * column for column in (0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16, 17, 18, 21, 24))  # fmt: skip
+    N_POSITION, N_VELOCITY, RECIPROCAL, RADIUS, KEPT, WIDE, N_COMMAND, HEARD, ERROR_SUM, AGE, SPEED, REPORTED, GAP,
+    MATTERS, SIDE, NOW, LATER, BLOCK,
+) = (LANES * column for column in (0, 2, 4, 5, 6, 7, 8, 10, 11, 12, 13, 14, 16, 17, 18, 19, 22, 25))  # fmt: skip
 
 # Columns of the result; BINDING holds three neighbours, -1 where there are fewer, HARD the number of columns
 # of half-planes that obstacles have, where a solver has any, MATTERING the number of neighbours that could matter.

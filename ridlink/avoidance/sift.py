@@ -13,7 +13,17 @@ from __future__ import annotations
 import math
 
 from ridlink.avoidance.encounter import EPSILON, HOLD_FACTOR, LEAN_RADII
-from ridlink.avoidance.kernel import kernel, larger, norm, smaller
+from ridlink.avoidance.kernel import (
+    BLOCKS_A_WORD,
+    block_of,
+    kernel,
+    lane_of,
+    lanes_from,
+    larger,
+    lowest_bit,
+    norm,
+    smaller,
+)
 from ridlink.avoidance.rows import (
     AGE,
     AGE_ACCELERATION,
@@ -29,6 +39,7 @@ from ridlink.avoidance.rows import (
     LANES,
     LIMIT,
     MATTERS,
+    N_COMMAND,
     N_POSITION,
     N_VELOCITY,
     POSITION,
@@ -36,6 +47,7 @@ from ridlink.avoidance.rows import (
     RECIPROCAL,
     REPORTED,
     RESPONSE,
+    SIDE,
     SPEED,
     VELOCITY,
     WIDE,
@@ -53,15 +65,40 @@ FAR = 1e300
 """Metres or seconds that stand for infinity where least values are sought: the compiler knows too well what the smaller
 one of infinity and a number is, and what it makes of that does not go by lanes."""
 
+BINDS, MEETS = 1.0, 2.0
+"""How a neighbour may matter: by its half-planes alone, or because it is met on the way as well."""
+
 SURELY = 1.0 + 1e-9
 """What is compared differs by this much more than rounding can make of it."""
 
+LITTLE_LESS = 1.0 - 1e-12
+"""So much is left of a square of which another one is taken, which magnifies rounding."""
+
+HOLD_SQUARE, LEAN_SQUARE = (SURELY * HOLD_FACTOR) ** 2, (SURELY * LEAN_RADII) ** 2
+
 
 @kernel(forceinline=True, fused=True, inner=True)
-def approaches(r_1, r_2, w_1, w_2, radius_m):  # type: ignore[no-untyped-def]
-    """Whether a point at r is approached at velocity w and passed within a radius."""
-    across = r_1 * w_2 - r_2 * w_1
-    return (r_1 * w_1 + r_2 * w_2 > 0.0) & (across * across <= radius_m * radius_m * (w_1 * w_1 + w_2 * w_2))
+def approaches(r_1, r_2, square, w_1, w_2, radius_square):  # type: ignore[no-untyped-def]
+    """Whether a point at r is approached at velocity w and may be passed within a radius, or is left from within it.
+
+    With the miss distance m, (r.w)^2 = (r^2 - m^2) w^2. A number times its magnitude is its square with its sign.
+
+    Args:
+        r_1: North of the point.
+        r_2: East of it.
+        square: Square of r, or less by what rounding may take.
+        w_1: North of the velocity.
+        w_2: East of it.
+        radius_square: Square of the radius.
+    """
+    towards = r_1 * w_1 + r_2 * w_2
+    return towards * abs(towards) > (square - radius_square) * (w_1 * w_1 + w_2 * w_2)
+
+
+@kernel(forceinline=True, fused=True, inner=True)
+def plus_product(a, b, c):  # type: ignore[no-untyped-def]
+    """a + b c, rounded but once where the machine can."""
+    return a + b * c
 
 
 @kernel(forceinline=True, fused=True, inner=True)
@@ -86,7 +123,7 @@ def forbids_nothing(e_1, e_2, o_1, o_2, horizon_s, reach_m):  # type: ignore[no-
     """
     square = e_1 * e_1 + e_2 * e_2
     lead = square + horizon_s * (e_1 * o_1 + e_2 * o_2)
-    return (lead > 0.0) & (lead * lead > reach_m * reach_m * square)
+    return lead * abs(lead) > reach_m * reach_m * square
 
 
 @kernel(forceinline=True, inner=True)
@@ -96,6 +133,42 @@ def first_lane(block, column, number):  # type: ignore[no-untyped-def]
     for k in range(LANES - 2, -1, -1):
         lane = k if block[column + k] == number else lane
     return lane
+
+
+@kernel(forceinline=True, inner=True)
+def collect(neighbours, count, degree, more, last, candidates, names, found):  # type: ignore[no-untyped-def]
+    """Copy the neighbours that matter to a degree, but not to one that is more, to the candidates.
+
+    Args:
+        neighbours: Blocks, with MATTERS filled in.
+        count: Number of blocks.
+        degree: BINDS or MEETS.
+        more: The next degree, or infinity.
+        last: Column before which columns are copied.
+        candidates: Result, after the `found` that are there; with no side to pass on.
+        names: Result: their places among the neighbours.
+        found: See `candidates`.
+
+    Returns:
+        Number of candidates.
+    """
+    for group in range(0, count, BLOCKS_A_WORD):
+        # A bit for each: a branch for each would go wrong every third time.
+        bits = 0
+        for b in range(group, min(group + BLOCKS_A_WORD, count)):
+            degree_or_more = lanes_from(neighbours[b], MATTERS, degree)
+            bits |= (degree_or_more & ~lanes_from(neighbours[b], MATTERS, more)) << (LANES * (b - group))
+        while bits != 0:
+            place = lowest_bit(bits)
+            source, target = neighbours[group + block_of(place)], candidates[block_of(found)]
+            lane, free = lane_of(place), lane_of(found)
+            for column in range(0, last, LANES):
+                target[column + free] = source[column + lane]
+            target[SIDE + free] = 0.0
+            names[found] = LANES * group + place
+            found += 1
+            bits &= bits - 1
+    return found
 
 
 @kernel(forceinline=True, inner=True)
@@ -109,12 +182,12 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
         range_m: Neighbours whose reports are from further away are not heard.
         preferred: Velocity without traffic, shape (2,).
         settings: Constants.
-        candidates: Result: blocks of those that matter, in their order.
+        candidates: Result: blocks of those that matter: first the ones that are met, then the others, up to N_COMMAND.
         names: Result: their places among the neighbours.
 
     Returns:
-        Number of those that matter; place of the first neighbour with the least distance less radius, -1 if nobody is
-        heard; that distance [m], FAR if there is none.
+        Number of those that matter; of those that are met; place of the first neighbour with the least distance less
+        radius, -1 if nobody is heard; that distance [m], FAR if there is none.
     """
     p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
     o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
@@ -136,38 +209,35 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             radius = disc + buffer * block[ERROR_SUM + k] + growth * age * age
             block[WIDE + k] = radius
             horizon = larger(least_horizon, stretch * radius)
-            distance = math.sqrt(r_1 * r_1 + r_2 * r_2)
+            square = r_1 * r_1 + r_2 * r_2
+            distance = math.sqrt(square)
             gap = distance - disc if heard else FAR
             block[GAP + k] = gap
             margin = smaller(margin, gap)
 
             w_1, w_2 = v_1 - u_1, v_2 - u_2
-            passed = approaches(r_1, r_2, w_1, w_2, SURELY * HOLD_FACTOR * radius)
-            leans = approaches(r_1, r_2, a_1 - u_1, a_2 - u_2, SURELY * LEAN_RADII * larger(disc, EPSILON))
-            e_1, e_2 = r_1 - horizon * (o_1 - u_1), r_2 - horizon * (o_2 - u_2)
-            shared = 2.0 * horizon if block[RECIPROCAL + k] != 0.0 else horizon
+            square *= LITTLE_LESS
+            passed = approaches(r_1, r_2, square, w_1, w_2, HOLD_SQUARE * radius * radius)
+            leans = approaches(r_1, r_2, square, a_1 - u_1, a_2 - u_2, LEAN_SQUARE * disc * disc + EPSILON)
+            e_1, e_2 = plus_product(r_1, -horizon, o_1 - u_1), plus_product(r_2, -horizon, o_2 - u_2)
+            l_1, l_2 = plus_product(e_1, -wait, w_1), plus_product(e_2, -wait, w_2)
+            # h / share, of which the share is a half or whole.
+            shared = plus_product(horizon, horizon, block[RECIPROCAL + k])
             most = SURELY * (shared * larger(fastest, block[SPEED + k]) + radius)
             free_now = forbids_nothing(e_1, e_2, o_1, o_2, shared, most)
-            free_later = forbids_nothing(e_1 - wait * w_1, e_2 - wait * w_2, o_1, o_2, shared, most)
-            matters = heard & (passed | leans | (not (free_now & free_later)))
-            block[MATTERS + k] = 1.0 if matters else 0.0
+            free_later = forbids_nothing(l_1, l_2, o_1, o_2, shared, most)
+            meets = passed | leans
+            matters = heard & (meets | (not (free_now & free_later)))
+            degree = MEETS if meets else BINDS
+            block[MATTERS + k] = degree if matters else 0.0
 
             kept = block[KEPT + k]
             apart = (kept >= IS_APART) | (distance >= APART_FACTOR * radius)
             side = kept - IS_APART if kept >= IS_APART else kept
             # An encounter is forgotten with the neighbour that goes out of range, a side with the one that it avoids.
-            block[KEPT + k] = (IS_APART if apart & heard else 0.0) + (side if matters else 0.0)
+            block[KEPT + k] = (IS_APART if apart & heard else 0.0) + (side if meets & heard else 0.0)
         near = b if margin < before else near
     nearest = LANES * near + first_lane(neighbours[near], GAP, margin) if near >= 0 else -1
-    # Every place is written down, and the next one over it unless it matters: a branch would go wrong every third time.
-    found = 0
-    for b in range(count):
-        block = neighbours[b]
-        for k in range(LANES):
-            names[found] = LANES * b + k
-            found += 1 if block[MATTERS + k] != 0.0 else 0
-    for c in range(found):
-        source, lane, target, place = neighbours[names[c] // LANES], names[c] % LANES, candidates[c // LANES], c % LANES
-        for column in range(0, HEARD, LANES):
-            target[column + place] = source[column + lane]
-    return found, nearest, margin
+    meetings = collect(neighbours, count, MEETS, math.inf, HEARD, candidates, names, 0)
+    found = collect(neighbours, count, BINDS, MEETS, N_COMMAND, candidates, names, meetings)
+    return found, meetings, nearest, margin
