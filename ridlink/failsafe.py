@@ -134,11 +134,11 @@ def advance(rung: Rung, seen: Conditions, settings: FailsafeSettings | None = No
     """
     settings = settings or FailsafeSettings()
     if rung.state in (State.ENGAGED, State.HOLD):
-        return _engaged(rung, seen, settings)
+        return _engaged(seen, settings)
     return _waiting(rung, seen, settings)
 
 
-def _engaged(rung: Rung, seen: Conditions, settings: FailsafeSettings) -> Rung:
+def _engaged(seen: Conditions, settings: FailsafeSettings) -> Rung:
     ended = _end_of_engagement(seen, settings)
     if ended:
         return Rung(State.STANDBY, False, Stream.NOTHING, ended)

@@ -170,7 +170,7 @@ class Publisher:
             kind = MAC if encounter.collided else DISC_ENTERED if encounter.entry_in_s == 0.0 else None
             if kind is not None and self._alerted.get(key) not in (kind, MAC):
                 self._alerted[key] = kind
-                out.append(self._alert(kind, encounter, scene.time_s, utc_s))
+                out.append(self._alert(kind, encounter, utc_s))
             if phase is Phase.CLOSE:
                 for kept in (self._updated_s, self._called, self._alerted):
                     kept.pop(key, None)
@@ -199,7 +199,7 @@ class Publisher:
             "entry_in_s": rounded(encounter.entry_in_s),
         }
 
-    def _alert(self, kind: str, encounter: Encounter, now_s: float, utc_s: float) -> Outgoing:
+    def _alert(self, kind: str, encounter: Encounter, utc_s: float) -> Outgoing:
         payload = {
             "schema": SCHEMA,
             "t": round(utc_s, 3),

@@ -166,7 +166,7 @@ class MissionFlight:
                 return End.RETURN
             if self._leg is None:
                 self._leg = self._leg_of(item, estimate, grounded)
-            if not self._is_there(item, estimate, grounded) or not self._has_waited(item, now_s):
+            if not self._is_there(item, estimate) or not self._has_waited(item, now_s):
                 return self._leg or Velocity()
             self._arrive()
         return Velocity()
@@ -215,7 +215,7 @@ class MissionFlight:
         north, east = self._place(item, estimate)
         return self._speeds.way_to((north, east, -height_m))
 
-    def _is_there(self, item: MissionItem, estimate: SteeringEstimate, grounded: bool) -> bool:
+    def _is_there(self, item: MissionItem, estimate: SteeringEstimate) -> bool:
         match self._leg:
             case Climb() if self._leg.is_done(estimate):
                 if item.command == Item.TAKEOFF:

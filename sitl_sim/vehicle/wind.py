@@ -42,11 +42,6 @@ class FleetWind:
             self._unit = self._draws.next().copy()
             self._update()
 
-    @property
-    def is_calm(self) -> bool:
-        """Whether nothing ever blows."""
-        return self._sigma_mps == 0.0 and not np.any(self._mean)
-
     def step(self) -> None:
         """One tick on."""
         if self._sigma_mps > 0.0 and len(self._unit):
