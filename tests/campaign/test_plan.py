@@ -1,7 +1,7 @@
 """What may be planned, and the two presets."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from ridlink.avoidance import GradedSettings, RotationSettings, SolverKind
 from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.plan import Plan, graded_plan, paper_plan
 from ridlink.campaign.scene import Scene, circle, drawn_scene, square
+from ridlink.campaign_runner.choice import PAPER_DEFINITIONS, Choice, Conditions
 from ridlink.errors import ConfigError
 from ridlink.scenario import built_in
 from ridlink.separation import Definition
@@ -31,6 +32,20 @@ def test_the_papers_preset():
     assert plan.error_bound_m == 15.0
     assert (plan.interval_s, plan.range_m, plan.duration_s, plan.arrived_m) == (0.1, 400.0, 120.0, 5.0)
     assert not plan.filtered and not plan.swept
+
+
+def test_the_command_flies_the_papers_preset():
+    """In the words of the options it is made a second time, from parts that other campaigns share."""
+    choice = Choice(
+        ("circle8", "square24"), PAPER_DEFINITIONS, (ErrorModel.WHITE_RADIAL,), ("rotation",),
+        conditions=Conditions(paper=True),
+    )  # fmt: skip
+    plans = choice.plans()
+    assert len(plans) == 2 * len(PAPER_DEFINITIONS)
+    for plan in plans:
+        paper = paper_plan(plan.scene, plan.definition)
+        differs = {item.name for item in fields(Plan) if getattr(plan, item.name) != getattr(paper, item.name)}
+        assert differs == {"solver_name"}
 
 
 def test_the_graded_preset_reports_three_sigma_and_filters():
