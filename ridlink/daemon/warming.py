@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import sys
 import threading
+from typing import Any
 
 from ridlink.avoidance.solver import is_warm, warm_up
 from ridlink.avoidance.types import SolverKind
@@ -65,7 +66,7 @@ async def compile_apart(solver: SolverKind = SolverKind.HALFPLANE) -> None:
             await compiler.wait()
 
 
-async def _load_unless(stopped: asyncio.Future[bool], solver: SolverKind) -> None:
+async def _load_unless(stopped: asyncio.Future[Any], solver: SolverKind) -> None:
     loop = asyncio.get_running_loop()
     done = loop.create_future()
 
