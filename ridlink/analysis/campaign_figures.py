@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING, Any
 from ridlink.analysis.campaign import DEFINITION_NAMES, FlownCell, JudgedCell
 from ridlink.analysis.campaign_front import front_figure, sensitivity_figures
 from ridlink.analysis.figures import GREY, save_figure
-from ridlink.analysis.panels import COLOUR_OF, WORLD, Panels, grouped, name_of, panel_grid, panels_of, title_of
+from ridlink.analysis.panels import (
+    COLOUR_OF,
+    WORLD,
+    Panels,
+    grouped,
+    head_figure,
+    name_of,
+    panel_grid,
+    panels_of,
+    title_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +70,7 @@ def _times(panels: Panels, flown: Sequence[FlownCell], judged: Sequence[JudgedCe
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel("mission time [s]")
     what = "Mission times: median, quartiles, 5 to 95 % of the flights"
-    figure.suptitle(title_of(what, flown[next(iter(panels.values()))[0]].row, ("solver", *WORLD)), fontsize=10.0)
+    head_figure(figure, title_of(what, flown[next(iter(panels.values()))[0]].row, ("solver", *WORLD)))
     return figure
 
 
@@ -90,7 +100,7 @@ def _collisions(panels: Panels, judged: Sequence[JudgedCell]) -> Figure:
         axes.set_ylim(-0.02 * top, 1.25 * top)
         axes.set_ylabel("flights in a collision [%]")
     what = "Mid-air collisions, with 95 % intervals"
-    figure.suptitle(title_of(what, judged[next(iter(panels.values()))[0]].row, ("solver", *WORLD)), fontsize=10.0)
+    head_figure(figure, title_of(what, judged[next(iter(panels.values()))[0]].row, ("solver", *WORLD)))
     return figure
 
 

@@ -18,9 +18,12 @@ from ridlink.analysis.figures import GREY, new_figure, plain_numbers
 from ridlink.analysis.panels import (
     COLOUR_OF,
     MARKER_OF,
+    WIDTHS_IN,
     WORLD,
     Row,
     grouped,
+    head_figure,
+    legend_below,
     name_of,
     panel_grid,
     panels_of,
@@ -37,6 +40,9 @@ VARIED = {
     "loss": "share of reports that are lost",
 }
 """What a figure of sensitivity may have on its horizontal axis."""
+
+APART = 0.008
+"""Settings stand beside each other by so much of the range of what varies, so that no bar hides another."""
 
 WIDE = 1.6
 """Times whose ends have a greater ratio stand on a logarithmic axis."""
@@ -60,7 +66,7 @@ def front_figure(rows: Sequence[Row], numbers: Sequence[int]) -> Figure:
         _scale(axes)
     _legend(figure, [rows[k] for k in numbers])
     what = "Time against safety (open: no collision was seen; grey line: the front)"
-    figure.suptitle(title_of(what, rows[numbers[0]], WORLD), fontsize=10.0)
+    head_figure(figure, title_of(what, rows[numbers[0]], WORLD))
     return figure
 
 
@@ -109,7 +115,7 @@ def _legend(figure: Figure, rows: Sequence[Row]) -> None:
         Line2D([], [], marker=MARKER_OF.get(name, "P"), linestyle="none", color=GREY, label=f"solver {name}")
         for name in dict.fromkeys(row["solver"] for row in rows)
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 6), fontsize=8.5)
+    legend_below(figure, handles)
 
 
 def sensitivity_figures(rows: Sequence[Row]) -> dict[str, Callable[[], Figure]]:
@@ -128,15 +134,17 @@ def sensitivity_figures(rows: Sequence[Row]) -> dict[str, Callable[[], Figure]]:
 
 def _sensitivity(rows: Sequence[Row], numbers: Sequence[int], varied: str) -> Figure:
     panels = panels_of(rows, numbers)
-    figure = new_figure(3.9 * len(panels) + 0.4, 6.6)
+    figure = new_figure(WIDTHS_IN.get(len(panels), 3.9) * len(panels) + 0.4, 6.6)
     grid = figure.subplots(2, len(panels), squeeze=False, sharex="col")
     settings = grouped(rows, ("definition", "solver"), numbers)
+    values = [rows[k][varied] for k in numbers]
+    apart = APART * (max(values) - min(values))
     least = 10.0 ** np.ceil(np.log10(100.0 / rows[numbers[0]]["flights"]))
     for column, (key, group) in enumerate(panels.items()):
         above, below = grid[0][column], grid[1][column]
-        for setting in settings:
+        for place, setting in enumerate(settings):
             line = sorted(set(setting) & set(group), key=lambda k: rows[k][varied])
-            _draw_line(above, below, [rows[k] for k in line], varied)
+            _draw_line(above, below, [rows[k] for k in line], varied, apart * (place - (len(settings) - 1) / 2.0))
         above.set_title(", ".join(map(str, key)), fontsize=9.5)
         above.set_ylim(bottom=0.0)
         below.set_yscale("symlog", linthresh=least)
@@ -152,15 +160,13 @@ def _sensitivity(rows: Sequence[Row], numbers: Sequence[int], varied: str) -> Fi
         )
         for k, *_ in settings
     ]  # fmt: skip
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=min(len(handles), max(2 * len(panels), 2)), fontsize=8.5
-    )
+    legend_below(figure, handles)
     what = f"Sensitivity (bars: 95 %; linear below {least:g} %)"
-    figure.suptitle(title_of(what, {**rows[numbers[0]], varied: USUAL[varied]}, WORLD), fontsize=10.0)
+    head_figure(figure, title_of(what, {**rows[numbers[0]], varied: USUAL[varied]}, WORLD))
     return figure
 
 
-def _draw_line(above: Axes, below: Axes, line: Sequence[Row], varied: str) -> None:
+def _draw_line(above: Axes, below: Axes, line: Sequence[Row], varied: str, beside: float) -> None:
     if not line:
         return
     look: dict[str, Any] = {
@@ -172,7 +178,7 @@ def _draw_line(above: Axes, below: Axes, line: Sequence[Row], varied: str) -> No
     rate = np.array([row["mac_rate"] for row in line])
     ends = np.array([row["mac_rate_ci95"] for row in line]).T
     below.errorbar(
-        [row[varied] for row in line],
+        [row[varied] + beside for row in line],
         100.0 * rate,
         yerr=100.0 * np.abs(ends - rate),
         capsize=2.5,

@@ -13,7 +13,8 @@ from ridlink.campaign.statistics import Difference
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 76rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
-th, td { padding: .3rem .7rem; text-align: right; border-bottom: 1px solid #ddd; vertical-align: top }
+table { display: block; overflow-x: auto }
+th, td { padding: .3rem .45rem; text-align: right; border-bottom: 1px solid #ddd; vertical-align: top }
 td:first-child { min-width: 10rem }
 th:first-child, td:first-child, th:nth-child(2), td:nth-child(2), td.why { text-align: left }
 small { color: #555; display: block; white-space: nowrap } img { max-width: 100%; height: auto }

@@ -201,7 +201,7 @@ def chance_figure() -> Figure:
         axes.semilogx(risk, [row[bound.value] for row in rows], STYLES[k], color=COLOURS[k], label=labels[bound])
     axes.axhline(rows[0]["three_sigma"], color=GREY, linestyle=":", label=r"$3 \sigma$ of each, whatever $\eta$ is")
     axes.set(xlabel=r"risk of one encounter, $1 - \eta$", ylabel="distance kept beyond the airframes [m]")
-    axes.set(xlim=(0.1, 1e-6), ylim=(0.0, 115.0))
+    axes.set(xlim=(0.1, 1e-6), ylim=(0.0, 150.0))
     axes.legend(loc="upper left", fontsize=9.0)
     axes.set_title(f"Chance constraint, errors of {PAPER_SIGMA_M:g} m per axis each", fontsize=10.0)
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from ridlink.analysis.campaign import DEFINITION_NAMES, world_words
 from ridlink.analysis.figures import COLOURS, GREY, new_figure
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -19,6 +21,9 @@ PANEL = ("scenario", "gnss")
 
 COLOUR_OF = dict(zip(DEFINITION_NAMES, (*COLOURS, GREY), strict=True))
 MARKER_OF = {"rotation": "o", "halfplane": "s", "graded": "^", "g2": "^", "g3": "*", "k": "D", "k2": "v"}
+
+WIDTHS_IN = {1: 6.2, 2: 4.6}
+"""Width of a panel by how many stand side by side: one alone must leave room for the title and the legend."""
 
 Row = dict[str, Any]
 Panels = dict[tuple[Any, ...], list[int]]
@@ -58,13 +63,27 @@ def title_of(what: str, row: Row, names: Sequence[str]) -> str:
     return " - ".join([what, ", ".join([*words, *([world] if world else [])])]).removesuffix(" - ")
 
 
+def head_figure(figure: Figure, title: str) -> None:
+    """Give a figure its title, in as many lines as its width asks for."""
+    figure.suptitle(textwrap.fill(title, int(11.5 * figure.get_figwidth())), fontsize=10.0)
+
+
+def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
+    """Put one legend below all panels, in as many columns as fit."""
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    fitting = int((figure.get_figwidth() - 0.2) / (0.075 * longest + 0.55))
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=max(min(fitting, len(handles), 6), 1), fontsize=8.5
+    )
+
+
 def panel_grid(panels: Panels, height_in: float, *, below_in: float = 0.0) -> tuple[Figure, list[Axes]]:
     """One panel a scenario and kind of error: scenarios side by side, or in rows where there are several kinds."""
     scenarios, kinds = ({key[k]: None for key in panels} for k in (0, 1))
     is_table = len(kinds) > 1 and len(panels) == len(scenarios) * len(kinds)
     across = len(kinds) if is_table else min(len(panels), 2)
     down = -(-len(panels) // across)
-    figure = new_figure((4.6 if across < 3 else 3.9) * across + 0.4, height_in * down + 0.4 + below_in)
+    figure = new_figure(WIDTHS_IN.get(across, 3.9) * across + 0.4, height_in * down + 0.4 + below_in)
     every = list(np.ravel(figure.subplots(down, across, squeeze=False)))
     for axes in every[len(panels) :]:
         axes.set_visible(False)
