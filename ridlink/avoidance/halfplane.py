@@ -16,7 +16,8 @@ import math
 
 from ridlink.avoidance.contact import contact_half_planes
 from ridlink.avoidance.encounter import EPSILON
-from ridlink.avoidance.kernel import BLOCKS_A_WORD, kernel, lanes_from, lowest_bit, norm
+from ridlink.avoidance.kernel import kernel, norm
+from ridlink.avoidance.lanes import BLOCKS_A_WORD, lanes_from, lowest_bit
 from ridlink.avoidance.meeting import meet, neighbour_half_planes
 from ridlink.avoidance.programme import (
     BOUND,
@@ -110,7 +111,7 @@ def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
 
 
 @kernel(forceinline=True)
-def steadied(c_1, c_2, to_1, to_2):  # type: ignore[no-untyped-def]
+def steadied(c_1, c_2, to_1, to_2, to_goal_m):  # type: ignore[no-untyped-def]
     """The way to a goal, turned away from the course flown no further than that has to be left.
 
     Args:
@@ -118,12 +119,13 @@ def steadied(c_1, c_2, to_1, to_2):  # type: ignore[no-untyped-def]
         c_2: East of it.
         to_1: North of the goal as seen from own-ship.
         to_2: East of it.
+        to_goal_m: How far it is.
     """
     square = c_1 * c_1 + c_2 * c_2
     if c_1 * to_1 + c_2 * to_2 <= 0.0 or square < EPSILON:
         return to_1, to_2
     once_per_speed = 1.0 / math.sqrt(square)
-    most = min(STRAIGHT_M, STRAIGHT_SHARE * norm(to_1, to_2))
+    most = min(STRAIGHT_M, STRAIGHT_SHARE * to_goal_m)
     past = min(max((c_1 * to_2 - c_2 * to_1) * once_per_speed, -most), most) * once_per_speed
     return to_1 + past * c_2, to_2 - past * c_1
 
@@ -135,16 +137,17 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
         preferred[0], preferred[1] = own[AIM], own[AIM + 1]
         return 0
     p_1, p_2 = own[POSITION], own[POSITION + 1]
-    to_goal = norm(own[AIM] - p_1, own[AIM + 1] - p_2)
-    clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
-    aim[0], aim[1], route = own[AIM], own[AIM + 1], 0
+    to_1, to_2, route = own[AIM] - p_1, own[AIM + 1] - p_2, 0
+    to_goal = length = norm(to_1, to_2)
     if len(start) > 1:
+        clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
         route = route_aim(vertex, start, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
-    to_1, to_2 = aim[0] - p_1, aim[1] - p_2
+        to_1, to_2 = aim[0] - p_1, aim[1] - p_2
+        length = norm(to_1, to_2)
     slow = not math.isinf(settings[ARRIVAL])
     if slow and route == 0:
-        to_1, to_2 = steadied(own[COMMAND], own[COMMAND + 1], to_1, to_2)
-    length = norm(to_1, to_2)
+        to_1, to_2 = steadied(own[COMMAND], own[COMMAND + 1], to_1, to_2, length)
+        length = norm(to_1, to_2)
     preferred[0] = preferred[1] = 0.0
     if to_goal < EPSILON or length < EPSILON:
         return route

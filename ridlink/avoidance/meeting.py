@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 
 from ridlink.avoidance.encounter import EPSILON, half_plane, lean, passing_side, rule_side, time_to_entry
-from ridlink.avoidance.kernel import block_of, copy_lanes, kernel, lane_of, larger, norm, smaller
+from ridlink.avoidance.kernel import kernel, larger, norm, smaller
+from ridlink.avoidance.lanes import block_of, copy_lanes, lane_of
 from ridlink.avoidance.rows import (
     BARRIER,
     BARRIER_SHARE,

@@ -18,7 +18,8 @@ import math
 
 import numpy as np
 
-from ridlink.avoidance.kernel import kernel, lanes_from, larger, lowest_bit, norm
+from ridlink.avoidance.kernel import kernel, norm
+from ridlink.avoidance.lanes import exceed, lanes_from, lowest_bit
 from ridlink.avoidance.rows import LANES
 
 EPSILON = 1e-9
@@ -102,15 +103,7 @@ def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
         x_1: North of the velocity.
         x_2: East of it.
     """
-    # Counted from zero, or an index could be negative for all that the compiler knows, and it would take one by one.
-    n_1, n_2, bound, excess = (
-        lines[N_1, first:last], lines[N_2, first:last], lines[BOUND, first:last], lines[EXCESS, first:last],
-    )  # fmt: skip
-    worst = -math.inf
-    for k in range(len(excess)):
-        excess[k] = bound[k] - (n_1[k] * x_1 + n_2[k] * x_2)
-        worst = larger(worst, excess[k])
-    return worst
+    return exceed(lines, first, last, x_1, x_2)
 
 
 @kernel(forceinline=True, inner=True)

@@ -13,17 +13,8 @@ from __future__ import annotations
 import math
 
 from ridlink.avoidance.encounter import EPSILON, HOLD_FACTOR, LEAN_RADII
-from ridlink.avoidance.kernel import (
-    BLOCKS_A_WORD,
-    block_of,
-    kernel,
-    lane_of,
-    lanes_from,
-    larger,
-    lowest_bit,
-    norm,
-    smaller,
-)
+from ridlink.avoidance.kernel import kernel, larger, norm, smaller
+from ridlink.avoidance.lanes import BLOCKS_A_WORD, bit_count, block_of, lane_of, lanes_from, lowest_bit
 from ridlink.avoidance.rows import (
     AGE,
     AGE_ACCELERATION,
@@ -39,7 +30,6 @@ from ridlink.avoidance.rows import (
     LANES,
     LIMIT,
     MATTERS,
-    N_COMMAND,
     N_POSITION,
     N_VELOCITY,
     POSITION,
@@ -136,39 +126,40 @@ def first_lane(block, column, number):  # type: ignore[no-untyped-def]
 
 
 @kernel(forceinline=True, inner=True)
-def collect(neighbours, count, degree, more, last, candidates, names, found):  # type: ignore[no-untyped-def]
-    """Copy the neighbours that matter to a degree, but not to one that is more, to the candidates.
+def collect(neighbours, count, meetings, candidates, names):  # type: ignore[no-untyped-def]
+    """Copy the neighbours that matter to the candidates: first those that are met, then those that bind.
 
     Args:
         neighbours: Blocks, with MATTERS filled in.
         count: Number of blocks.
-        degree: BINDS or MEETS.
-        more: The next degree, or infinity.
-        last: Column before which columns are copied.
-        candidates: Result, after the `found` that are there; with no side to pass on.
+        meetings: Number of those that are met.
+        candidates: Result, with no side to pass on.
         names: Result: their places among the neighbours.
-        found: See `candidates`.
 
     Returns:
         Number of candidates.
     """
+    met, bound = 0, meetings
     for group in range(0, count, BLOCKS_A_WORD):
         # A bit for each: a branch for each would go wrong every third time.
-        bits = 0
+        bits = meets = 0
         for b in range(group, min(group + BLOCKS_A_WORD, count)):
-            degree_or_more = lanes_from(neighbours[b], MATTERS, degree)
-            bits |= (degree_or_more & ~lanes_from(neighbours[b], MATTERS, more)) << (LANES * (b - group))
+            bits |= lanes_from(neighbours[b], MATTERS, BINDS) << (LANES * (b - group))
+            meets |= lanes_from(neighbours[b], MATTERS, MEETS) << (LANES * (b - group))
         while bits != 0:
             place = lowest_bit(bits)
-            source, target = neighbours[group + block_of(place)], candidates[block_of(found)]
-            lane, free = lane_of(place), lane_of(found)
-            for column in range(0, last, LANES):
+            is_met = (meets >> place) & 1
+            to = bound + (met - bound) * is_met
+            met += is_met
+            bound += 1 - is_met
+            source, target = neighbours[group + block_of(place)], candidates[block_of(to)]
+            lane, free = lane_of(place), lane_of(to)
+            for column in range(0, HEARD, LANES):
                 target[column + free] = source[column + lane]
             target[SIDE + free] = 0.0
-            names[found] = LANES * group + place
-            found += 1
+            names[to] = LANES * group + place
             bits &= bits - 1
-    return found
+    return bound
 
 
 @kernel(forceinline=True, inner=True)
@@ -182,7 +173,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
         range_m: Neighbours whose reports are from further away are not heard.
         preferred: Velocity without traffic, shape (2,).
         settings: Constants.
-        candidates: Result: blocks of those that matter: first the ones that are met, then the others, up to N_COMMAND.
+        candidates: Result: blocks of those that matter: first the ones that are met, then the others.
         names: Result: their places among the neighbours.
 
     Returns:
@@ -197,7 +188,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
         settings[HORIZON], settings[RESPONSE], settings[BUFFER_SHARE], settings[AGE_ACCELERATION] / 2.0,
     )  # fmt: skip
     reach = range_m * range_m
-    margin, near = FAR, -1
+    margin, near, meetings = FAR, -1, 0
     for b in range(count):
         block, before = neighbours[b], margin
         for k in range(LANES):
@@ -237,7 +228,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             # An encounter is forgotten with the neighbour that goes out of range, a side with the one that it avoids.
             block[KEPT + k] = (IS_APART if apart & heard else 0.0) + (side if meets & heard else 0.0)
         near = b if margin < before else near
+        meetings += bit_count(lanes_from(block, MATTERS, MEETS))
     nearest = LANES * near + first_lane(neighbours[near], GAP, margin) if near >= 0 else -1
-    meetings = collect(neighbours, count, MEETS, math.inf, HEARD, candidates, names, 0)
-    found = collect(neighbours, count, BINDS, MEETS, N_COMMAND, candidates, names, meetings)
+    found = collect(neighbours, count, meetings, candidates, names)
     return found, meetings, nearest, margin

@@ -22,7 +22,8 @@ import numpy as np
 from ridlink.avoidance import headings
 from ridlink.avoidance.graded import grade_one
 from ridlink.avoidance.halfplane import REACH_SIDES, avoid_one
-from ridlink.avoidance.kernel import copy_lanes, kernel
+from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.lanes import copy_lanes
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import place_report
 from ridlink.avoidance.programme import new_choice, new_lines

@@ -1,0 +1,185 @@
+"""What is done to all lanes of a block at once, and a bit for each of them; see `rows`.
+
+The compiler takes several numbers in one instruction where it can be certain of what they are. Here it is told.
+Everything is written twice, as plain Python and as instructions, and both do the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
+
+from ridlink.avoidance.kernel import kernel
+from ridlink.avoidance.rows import LANES
+
+LANE_BITS = LANES.bit_length() - 1
+
+BLOCKS_A_WORD = 64 // LANES
+"""Blocks with a bit for each of their lanes in one number."""
+
+
+def _spread(builder: ir.IRBuilder, number: ir.Value) -> ir.Value:
+    """The same number in every lane."""
+    lanes = ir.Constant(ir.VectorType(ir.DoubleType(), LANES), ir.Undefined)
+    for k in range(LANES):
+        lanes = builder.insert_element(lanes, number, ir.Constant(ir.IntType(32), k))
+    return lanes
+
+
+@kernel(forceinline=True, inner=True)
+def block_of(place):  # type: ignore[no-untyped-def]
+    """Block of a neighbour by its place, which is not negative: a division does not know that, and costs more."""
+    return place >> LANE_BITS
+
+
+@kernel(forceinline=True, inner=True)
+def lane_of(place):  # type: ignore[no-untyped-def]
+    """Its lane in that block."""
+    return place & (LANES - 1)
+
+
+def copy_lanes(source: np.ndarray, at: int, target: np.ndarray, to: int) -> None:
+    """Copy LANES numbers from `source[at:]` to `target[to:]`, both contiguous and of one axis, float64 or int8.
+
+    The compiler cannot know that two arrays do not overlap, and would copy one number after the other.
+    """
+    target[to : to + LANES] = source[at : at + LANES]
+
+
+@intrinsic
+def _copy_lanes(typing_context, source, at, target, to):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        places = []
+        for array, index, kind in ((0, 1, signature.args[0]), (2, 3, signature.args[2])):
+            data = context.make_array(kind)(context, builder, arguments[array]).data
+            lanes = ir.VectorType(data.type.pointee, LANES)
+            places.append(builder.bitcast(builder.gep(data, [arguments[index]]), lanes.as_pointer()))
+        numbers = builder.load(places[0], align=1)
+        if numbers.type != lanes:
+            convert = builder.fptosi if lanes.element == ir.IntType(8) else builder.sitofp
+            numbers = convert(numbers, lanes)
+        builder.store(numbers, places[1], align=1)
+        return context.get_dummy_value()
+
+    return types.void(source, types.intp, target, types.intp), generate
+
+
+@overload(copy_lanes)
+def _copy_lanes_compiled(source, at, target, to):  # type: ignore[no-untyped-def]
+    return lambda source, at, target, to: _copy_lanes(source, at, target, to)
+
+
+def lanes_from(source: np.ndarray, at: int, least: float) -> int:
+    """Which of LANES numbers from `source[at:]` on, contiguous float64, are not less than `least`: a bit for each."""
+    return sum(int(source[at + k] >= least) << k for k in range(LANES))
+
+
+@intrinsic
+def _lanes_from(typing_context, source, at, least):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        lanes = ir.VectorType(ir.DoubleType(), LANES)
+        numbers = builder.load(builder.bitcast(builder.gep(data, [arguments[1]]), lanes.as_pointer()), align=8)
+        met = builder.fcmp_ordered(">=", numbers, _spread(builder, arguments[2]))
+        return builder.zext(builder.bitcast(met, ir.IntType(LANES)), ir.IntType(64))
+
+    return types.int64(source, types.intp, types.float64), generate
+
+
+@overload(lanes_from)
+def _lanes_from_compiled(source, at, least):  # type: ignore[no-untyped-def]
+    return lambda source, at, least: _lanes_from(source, at, least)
+
+
+def lowest_bit(bits: int) -> int:
+    """Place of the lowest bit that is set; some must be."""
+    return (bits & -bits).bit_length() - 1
+
+
+@intrinsic
+def _lowest_bit(typing_context, bits):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), generate
+
+
+@overload(lowest_bit)
+def _lowest_bit_compiled(bits):  # type: ignore[no-untyped-def]
+    return lambda bits: _lowest_bit(bits)
+
+
+def exceed(lines: np.ndarray, first: int, last: int, x_1: float, x_2: float) -> float:
+    """Row 3 becomes row 2 less the product of rows 0 and 1 with (x_1, x_2), in columns `first..last-1` of contiguous
+    lines; the largest of these numbers, minus infinity if there are no columns. Their number is a multiple of LANES.
+
+    A compiler that does not know that multiple makes three loops of it.
+    """
+    worst = -np.inf
+    for k in range(first, last):
+        lines[3, k] = lines[2, k] - (lines[0, k] * x_1 + lines[1, k] * x_2)
+        worst = max(worst, lines[3, k])
+    return float(worst)
+
+
+@intrinsic
+def _exceed(typing_context, lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        table = context.make_array(signature.args[0])(context, builder, arguments[0])
+        width = builder.extract_value(table.shape, 1)
+        lanes = ir.VectorType(ir.DoubleType(), LANES)
+        any_order = {"fastmath": ("nnan", "nsz")}
+        larger_lanes = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(lanes, [lanes, lanes]), f"llvm.maxnum.v{LANES}f64"
+        )
+
+        x_1, x_2 = _spread(builder, arguments[3]), _spread(builder, arguments[4])
+        worst = cgutils.alloca_once_value(builder, ir.Constant(lanes, [float("-inf")] * LANES))
+        step = ir.Constant(width.type, LANES)
+        with cgutils.for_range_slice(builder, arguments[1], arguments[2], step, inc=True) as (column, _):
+            rows, at = [], column
+            for _ in range(4):
+                rows.append(builder.bitcast(builder.gep(table.data, [at]), lanes.as_pointer()))
+                at = builder.add(at, width)
+            n_1, n_2, bound = (builder.load(row, align=8) for row in rows[:3])
+            excess = builder.fsub(bound, builder.fadd(builder.fmul(n_1, x_1), builder.fmul(n_2, x_2)))
+            builder.store(excess, rows[3], align=8)
+            builder.store(builder.call(larger_lanes, [builder.load(worst), excess], **any_order), worst)
+        largest = builder.load(worst)
+        number = ir.DoubleType()
+        larger_one = builder.module.declare_intrinsic(
+            "llvm.maxnum", [number], ir.FunctionType(number, [number, number])
+        )
+        each = [builder.extract_element(largest, ir.Constant(ir.IntType(32), k)) for k in range(LANES)]
+        while len(each) > 1:
+            half = len(each) // 2
+            each = [builder.call(larger_one, pair, **any_order) for pair in zip(each[:half], each[half:], strict=True)]
+        return each[0]
+
+    return types.float64(lines, types.intp, types.intp, types.float64, types.float64), generate
+
+
+@overload(exceed)
+def _exceed_compiled(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
+    return lambda lines, first, last, x_1, x_2: _exceed(lines, first, last, x_1, x_2)
+
+
+def bit_count(bits: int) -> int:
+    """Number of bits that are set."""
+    return bits.bit_count()
+
+
+@intrinsic
+def _bit_count(typing_context, bits):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.ctpop(arguments[0])
+
+    return types.int64(types.int64), generate
+
+
+@overload(bit_count)
+def _bit_count_compiled(bits):  # type: ignore[no-untyped-def]
+    return lambda bits: _bit_count(bits)
