@@ -29,6 +29,8 @@ Settings = HalfplaneSettings | RotationSettings
 WORLDS, VEHICLES = 500, 24
 CROWDS = ((8, 7), (24, 10), (24, 23), (100, 10), (100, 23), (1000, 10), (1000, 23), (10_000, 10), (10_000, 23))
 """Vehicles, and how many of them each hears."""
+DECISIONS = 100_000
+"""Of a batch at a time: a campaign takes hundreds of steps of the same worlds one after the other."""
 
 
 def drawn(random: np.random.Generator, shape: tuple[int, ...], extent_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -99,11 +101,11 @@ def crowd(random: np.random.Generator, vehicles: int, neighbours: int, settings:
 
 
 def crowds(settings: Settings) -> list[dict[str, Any]]:
-    """Time of a decision on one thread, interleaved; small crowds are stepped until they are worth a measurement."""
+    """Time of a decision on one thread, interleaved; every batch is stepped for so many DECISIONS in a round."""
     random = np.random.default_rng(1)
     batches = {(vehicles, neighbours): crowd(random, vehicles, neighbours, settings) for vehicles, neighbours in CROWDS}
     batches[WORLDS * VEHICLES, VEHICLES - 1] = worlds(random, settings)
-    times = {key: max(1, 20_000 // batch.decisions) for key, batch in batches.items()}
+    times = {key: max(1, DECISIONS // batch.decisions) for key, batch in batches.items()}
 
     def steps(key: tuple[int, int]) -> None:
         for _ in range(times[key]):
