@@ -23,7 +23,7 @@ from ridlink.avoidance import headings
 from ridlink.avoidance.graded import grade_one
 from ridlink.avoidance.halfplane import REACH_SIDES, avoid_one
 from ridlink.avoidance.kernel import kernel
-from ridlink.avoidance.lanes import copy_lanes
+from ridlink.avoidance.lanes import copy_lanes, lane_of
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import place_report
 from ridlink.avoidance.programme import new_choice, new_lines
@@ -65,6 +65,20 @@ def fill_in(numbers, picture, column):  # type: ignore[no-untyped-def]
         copy_lanes(numbers, LANES * b, picture[b], column)
     for j in range(LANES * whole, len(numbers)):
         picture[whole, column + j % LANES] = numbers[j]
+
+
+@kernel(forceinline=True, inner=True)
+def complete(picture, radius_m, error_sum_m, kept):  # type: ignore[no-untyped-def]
+    """Write what each neighbour is to one vehicle: radius of its disc, part of it for errors, `Memory` flags."""
+    whole = len(radius_m) // LANES
+    for b in range(whole):
+        block, first = picture[b], LANES * b
+        copy_lanes(radius_m, first, block, RADIUS)
+        copy_lanes(error_sum_m, first, block, ERROR_SUM)
+        copy_lanes(kept, first, block, KEPT)
+    for j in range(LANES * whole, len(radius_m)):
+        block, lane = picture[whole], lane_of(j)
+        block[RADIUS + lane], block[ERROR_SUM + lane], block[KEPT + lane] = radius_m[j], error_sum_m[j], kept[j]
 
 
 @kernel
@@ -149,10 +163,7 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
             if not deciding[world, i]:
                 continue
             kept = memory[world, i]
-            fill_in(radius_m[world, i], view, RADIUS)
-            fill_in(error_sum_m[world, i], view, ERROR_SUM)
-            for b in range(blocks):
-                copy_lanes(kept, LANES * b, view[b], KEPT)
+            complete(view, radius_m[world, i], error_sum_m[world, i], kept)
             view[i // LANES, HEARD + i % LANES] = 0.0
             route[world, i] = avoid_one(
                 own[world, i], view, blocks, range_m, pieces, piece_start, hulls, hull_start, route[world, i], settings,
