@@ -66,6 +66,9 @@ def capacity(
         ridlink capacity --definition candidate2,chance --sigma 1.9,3.5,10 --category 3
         ridlink capacity --definition candidate2 --interval 0.1,1,3 --density 20 --json
     """
+    from rich.console import Console
+    from rich.progress import track
+
     from ridlink.analysis.capacity import Airspace, capacities
     from ridlink.errors import ConfigError
     from ridlink.separation.definitions import Definition
@@ -77,7 +80,15 @@ def capacity(
         )
     ]
     try:
-        rows = list(capacities(airspaces, density_per_km2, bearable, seed, worlds))
+        found = capacities(airspaces, density_per_km2, bearable, seed, worlds)
+        console = Console(stderr=True)
+        few = len(airspaces) <= len(Definition)
+        rows = list(
+            track(
+                found, "simulating", len(airspaces), console=console, transient=True,
+                disable=few or not console.is_terminal,
+            )
+        )  # fmt: skip
     except ValueError as error:
         raise ConfigError(str(error)) from error
     if as_json:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import sys
 
 import pytest
@@ -55,3 +57,16 @@ def test_what_cannot_be_is_one_line(
     assert (end.value.code, out) == (2, "")
     assert text in err
     assert len(err.splitlines()) == 1
+
+
+def test_a_terminal_is_told_how_far_long_work_is_and_the_table_stays_clean() -> None:
+    reading, writing = os.openpty()
+    os.set_blocking(reading, False)
+    with open(reading, "rb", buffering=0) as terminal, open(writing, "wb", buffering=0) as stderr:
+        done = subprocess.run(
+            [sys.executable, "-m", "ridlink", "capacity", "--sigma", "3.5,10", "--worlds", "2"],
+            stdout=subprocess.PIPE, stderr=stderr, env=os.environ | {"TERM": "xterm"}, check=True,
+        )  # fmt: skip
+        assert b"simulating" in (terminal.read(4096) or b"")
+    assert b"simulating" not in done.stdout and b"\x1b" not in done.stdout
+    assert len(done.stdout.splitlines()) == 2 + 2 * 6
