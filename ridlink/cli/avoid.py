@@ -18,6 +18,7 @@ import click
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
 from ridlink.cli.options import signing_options
+from ridlink.cli.signals import ending_signals
 
 if TYPE_CHECKING:
     from ridlink.daemon.config import DaemonConfig
@@ -184,7 +185,8 @@ def avoid(
     """Keep one vehicle's distance: hear Remote ID, steer by velocity setpoints.
 
     Engages as soon as the vehicle is armed and in GUIDED or OFFBOARD, and ends when the pilot changes the mode. Never
-    arms, takes off or, without --guard, changes a mode itself. SIGTERM and Ctrl-C stop the vehicle and end the program.
+    arms, takes off or, without --guard, changes a mode itself. SIGTERM, Ctrl-C and the loss of its terminal stop the
+    vehicle and end the program.
 
     \b
         ridlink avoid --goal 47.39,8.54,100
@@ -269,12 +271,12 @@ async def _run(config: DaemonConfig, printer: _Printer) -> Summary:
     stop = asyncio.Event()
 
     def on_signal(number: int) -> None:
-        if stop.is_set():
+        if stop.is_set() and number != signal.SIGHUP:  # that comes twice when one terminal goes away
             os._exit(128 + number)
         stop.set()
 
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
+    for number in ending_signals():
         loop.add_signal_handler(number, on_signal, number)
     return await AvoidDaemon(config, on_event=printer.event).run(stop)
 

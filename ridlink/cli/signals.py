@@ -37,8 +37,17 @@ def removed_by_signals(remove: Callable[[], None]) -> Iterator[None]:
             signal.signal(number, action)
 
 
+def ending_signals() -> list[signal.Signals]:
+    """Signals that end what runs: SIGINT, SIGTERM, and SIGHUP of a terminal that goes away, unless that is ignored."""
+    hangup = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]  # as under nohup
+    return [signal.SIGINT, signal.SIGTERM, *hangup]
+
+
 def stopped_by_signals(loop: asyncio.AbstractEventLoop) -> asyncio.Event:
-    """An event that SIGINT or SIGTERM sets; a second signal finds the default action."""
+    """An event that SIGINT, SIGTERM or SIGHUP sets; a second SIGINT or SIGTERM finds the default action.
+
+    A second SIGHUP is the same terminal once more: its shell passes on what the kernel has sent already.
+    """
     import asyncio
 
     stop = asyncio.Event()
@@ -48,6 +57,6 @@ def stopped_by_signals(loop: asyncio.AbstractEventLoop) -> asyncio.Event:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.remove_signal_handler(number)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         loop.add_signal_handler(number, stop_once)
     return stop

@@ -19,6 +19,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ridlink.cli import cli
+from ridlink.cli.signals import ending_signals
 from ridlink.daemon.config import daemon_config
 from ridlink.daemon.config_file import read_config_file
 from ridlink.errors import ConfigError
@@ -68,14 +69,19 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
     asyncio.run(main())
 
 
-def test_f28_flies_reports_and_ends_on_sigterm() -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_f28_flies_reports_and_ends_on_sigterm(number: signal.Signals) -> None:
+    """SIGHUP is what a terminal sends that goes away: the kernel to its foreground, and then its shell once more."""
+
     async def test() -> None:
         async with daemon("--goal", GOAL, "--json") as (process, port):
             first = json.loads(await line(process.stdout))
             assert (first["event"], first["state"]) == ("state", "standby")
             async with LoopbackVehicle(Emulated(), port) as vehicle:
                 await vehicle.until(lambda: len(vehicle.setpoints()) >= 12)
-                process.send_signal(signal.SIGTERM)
+                process.send_signal(number)
+                if number == signal.SIGHUP:
+                    process.send_signal(number)
                 async with asyncio.timeout(2.0):
                     out, err = await process.communicate()
                 assert process.returncode == 0, err.decode()
@@ -92,6 +98,15 @@ def test_f28_flies_reports_and_ends_on_sigterm() -> None:
                 assert final["setpoint_gap_ms"].keys() == {"p50", "p99", "max"}
 
     run(test)
+
+
+def test_a_hangup_that_is_ignored_ends_nothing() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as under nohup
+    try:
+        assert signal.SIGHUP not in ending_signals()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert signal.SIGHUP in ending_signals()
 
 
 def test_tells_people_what_happens_and_ends_on_ctrl_c() -> None:
