@@ -217,7 +217,7 @@ def _avoid(
     if replayed is not None:
         return _replay(replayed, as_json)
     flat = overridden(read_config_file(config_file) if config_file else FlatConfig(), options)
-    config = daemon_config(flat)
+    config = daemon_config(flat, config_file)
     if print_config:
         click.echo(as_toml(config), nl=False)
         return EXIT_DONE

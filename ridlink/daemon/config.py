@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from pathlib import Path
@@ -63,12 +65,23 @@ class DaemonConfig:
             raise ConfigError(f"period must lie between 0.02 and 0.25 s, got {self.period_s}")
 
 
-def daemon_config(flat: FlatConfig) -> DaemonConfig:
+def daemon_config(flat: FlatConfig, config_file: str | None = None) -> DaemonConfig:
     """The configuration that the keys describe.
 
+    Args:
+        flat: The keys.
+        config_file: Where they were read, which nothing may be written to.
+
     Raises:
-        ConfigError: If a value is out of range; the text names it.
+        ConfigError: If a value is out of range, or two keys name one file; the text names it.
     """
+    _refuse_one_file_for_two({
+        "config": config_file,
+        "signing-key": flat.signing_key,
+        "signing-state": flat.signing_state,
+        "log": flat.log,
+        "input-log": flat.input_log,
+    })  # fmt: skip
 
     def or_default(value: Any, default: Any) -> Any:
         return default if value is None else value
@@ -129,6 +142,17 @@ def daemon_config(flat: FlatConfig) -> DaemonConfig:
         log=None if flat.log is None else Path(flat.log),
         input_log=None if flat.input_log is None else Path(flat.input_log),
     )
+
+
+def _refuse_one_file_for_two(files: Mapping[str, str | None]) -> None:
+    """What is written would replace what is read, and two recordings in one file are none."""
+    seen: dict[str, str] = {}
+    for key, name in files.items():
+        if name is None or (os.path.exists(name) and not os.path.isfile(name)):  # as /dev/null, or a pipe
+            continue
+        other = seen.setdefault(os.path.realpath(name), key)
+        if other != key:
+            raise ConfigError(f"{key} and {other} name the same file, {name}: give {key} one of its own")
 
 
 def _named(kind: type[Name], what: str, name: str) -> Name:

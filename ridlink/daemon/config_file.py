@@ -42,6 +42,10 @@ SOLVER_TABLES = {
 """Tables of a file, by the name of the solver whose constants they hold."""
 
 
+LONGEST = 1_048_576
+"""Bytes that are read of a file, which may be a device without an end."""
+
+
 class ObstacleTable(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """One [[obstacle]]."""
 
@@ -136,7 +140,11 @@ def read_config_file(path: str | Path) -> FlatConfig:
     """
     where = str(path)
     try:
-        text = Path(path).read_bytes().decode("utf-8")
+        with open(path, "rb") as file:
+            content = file.read(LONGEST + 1)
+        if len(content) > LONGEST:
+            raise ConfigError(f"{where}: is no configuration: longer than {LONGEST} bytes")
+        text = content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise ConfigError(f"{where}: is not UTF-8 text: {error.reason}") from error
     return read_config_text(text, where)

@@ -169,3 +169,31 @@ def test_links_may_be_given_as_text_and_the_period_is_bounded() -> None:
     for period in (0.0, 0.5, math.nan):
         with pytest.raises(ConfigError, match="period"):
             DaemonConfig(period_s=period)
+
+
+@pytest.mark.parametrize(
+    ("keys", "other", "mine"),
+    [
+        ({"log": "one", "input_log": "./one"}, "log", "input-log"),
+        ({"log": "daemon.toml"}, "config", "log"),
+        ({"signing_key": "key", "log": "link"}, "signing-key", "log"),
+        ({"signing_key": "key", "signing_state": "key"}, "signing-key", "signing-state"),
+    ],
+)
+def test_f34_what_is_written_never_replaces_what_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keys: dict[str, str], other: str, mine: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("link").symlink_to("key")
+    with pytest.raises(ConfigError, match=f"^{mine} and {other} name the same file"):
+        daemon_config(FlatConfig(**keys), "daemon.toml")
+
+
+def test_two_recordings_may_both_go_nowhere() -> None:
+    config = daemon_config(FlatConfig(log="/dev/null", input_log="/dev/null"))
+    assert config.log == config.input_log == Path("/dev/null")
+
+
+def test_f34_a_device_without_an_end_is_no_configuration() -> None:
+    with pytest.raises(ConfigError, match=r"^/dev/zero: is no configuration: longer than 1048576 bytes$"):
+        read_config_file("/dev/zero")
