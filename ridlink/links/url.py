@@ -33,6 +33,9 @@ class Scheme(StrEnum):
     SERIAL = "serial"
 
 
+_LOCAL = {"localhost": "127.0.0.1", "127.0.0.1": "127.0.0.1", "::1": "::1"}
+_EVERYWHERE = ("0.0.0.0", "::")
+
 _EXAMPLES = {
     Scheme.UDPIN: "udpin:127.0.0.1:14540",
     Scheme.UDPOUT: "udpout:127.0.0.1:14540",
@@ -60,6 +63,14 @@ class LinkUrl:
     def listens(self) -> bool:
         """Peers come to this end."""
         return self.scheme in (Scheme.UDPIN, Scheme.TCPIN)
+
+    def leads_to(self, other: LinkUrl) -> bool:
+        """The other one listens on this machine where this one speaks to: who opens both speaks to itself."""
+        if (self.scheme, other.scheme) not in ((Scheme.UDPOUT, Scheme.UDPIN), (Scheme.TCPOUT, Scheme.TCPIN)):
+            return False
+        mine, theirs = _LOCAL.get(self.host.lower(), self.host), _LOCAL.get(other.host.lower(), other.host)
+        everywhere = theirs in _EVERYWHERE and (mine in _LOCAL.values() or mine in _EVERYWHERE)
+        return self.port == other.port and (mine == theirs or everywhere)
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host

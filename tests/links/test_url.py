@@ -75,3 +75,22 @@ def test_any_text_parses_or_is_refused_with_a_spelling_that_parses(text: str) ->
             parse_link_url(right)
     else:
         assert parse_link_url(str(url)) == url
+
+
+@pytest.mark.parametrize(
+    ("mine", "other", "leads"),
+    [
+        ("udpout:127.0.0.1:1", "udpin:127.0.0.1:1", True),
+        ("udpout:localhost:1", "udpin:127.0.0.1:1", True),
+        ("udpout:127.0.0.1:1", "udpin:0.0.0.0:1", True),
+        ("udpout:[::1]:1", "udpin:[::]:1", True),
+        ("tcpout:drone.local:1", "tcpin:drone.local:1", True),
+        ("udpout:127.0.0.1:2", "udpin:127.0.0.1:1", False),
+        ("udpout:drone.local:1", "udpin:0.0.0.0:1", False),
+        ("tcpout:127.0.0.1:1", "udpin:127.0.0.1:1", False),
+        ("udpin:127.0.0.1:1", "udpin:127.0.0.1:1", False),
+        ("udpin:127.0.0.1:1", "udpout:127.0.0.1:1", False),
+    ],
+)
+def test_whether_a_link_leads_to_a_port_of_this_machine_that_is_listened_on(mine: str, other: str, leads: bool) -> None:
+    assert parse_link_url(mine).leads_to(parse_link_url(other)) is leads
