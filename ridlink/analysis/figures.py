@@ -6,7 +6,9 @@ differ in style as well, for print.
 
 from __future__ import annotations
 
+import errno
 import io
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,6 +69,8 @@ def draw_figures(folder: Path) -> list[Path]:
     Raises:
         OSError: If the folder or a file cannot be written.
     """
+    if folder.exists() and not folder.is_dir():  # `mkdir` says of a device that it exists
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
     folder.mkdir(parents=True, exist_ok=True)
     files: list[Path] = []
     for name, draw in FIGURES.items():

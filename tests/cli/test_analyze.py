@@ -63,6 +63,10 @@ def test_out_draws_and_names_the_files(tmp_path: Path) -> None:
     assert {Path(file).suffix for file in files} == {".png", ".svg"}
     (tmp_path / "file").touch()
     assert invoke("--out", tmp_path / "file").exit_code == 2
+    device = subprocess.run(
+        [sys.executable, "-m", "ridlink", "analyze", "--out", "/dev/null"], capture_output=True, text=True, check=False
+    )
+    assert (device.returncode, device.stderr) == (3, "ridlink: /dev/null: Not a directory\n")
 
 
 def test_the_table_needs_no_matplotlib_and_the_figures_say_how_to_get_it(tmp_path: Path) -> None:
