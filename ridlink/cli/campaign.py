@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_IO
 from ridlink.cli.campaign_options import (
@@ -104,6 +105,13 @@ def run(
         raise click.UsageError("Missing option '-o' / '--output': a campaign is kept in a folder.")
     if points and (definitions or solvers):
         raise click.UsageError("--point says definition and solver; --definition and --solver do not go with it.")
+    context = click.get_current_context()
+    if only_run is not None:
+        given = [f"--{name}" for name in ("output", "resume", "jobs", "scheduler") if _was_given(context, name)]
+        if given:
+            raise click.UsageError(f"{given[0]} does not go with --only-run K: one run is flown here, and not kept.")
+        if _was_given(context, "runs") and only_run >= runs:
+            raise click.UsageError(f"--only-run {only_run} is none of {runs} runs, which are 0 to {runs - 1}.")
     if log is not None and only_run is None:
         raise click.UsageError("--log goes with --only-run K: one flight, one log.")
     if scheduler is not None and jobs is not None:
@@ -130,6 +138,11 @@ def run(
         return _fly_one(choice.plans(), only_run, log, as_json)
     assert output is not None
     return _fly_all(choice, runs, jobs or len(os.sched_getaffinity(0)), scheduler, output, resume, as_json)
+
+
+def _was_given(context: click.Context, name: str) -> bool:
+    """Whether the caller said so, and not a default."""
+    return context.get_parameter_source(name) is not ParameterSource.DEFAULT
 
 
 def _named(points: tuple[str, ...] | None, part: int) -> tuple[str, ...]:

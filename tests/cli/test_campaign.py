@@ -244,6 +244,10 @@ def test_one_run_again_alone(whole: Path, ridlink: Ridlink) -> None:
     assert [each["arrival_s"] for each in document["vehicles"]] == flown["arrival_s"]
     assert row["min_separation_m"] == flown["distance_m"]
     assert "vehicle 8: arrived after" in ridlink(*CAMPAIGN[:-2], "--only-run", 0)[1]
+    code, out, err = ridlink(*CAMPAIGN, "--only-run", 200)
+    assert (code, out) == (2, "") and "--only-run 200 is none of 200 runs, which are 0 to 199" in err
+    code, out, err = ridlink(*CAMPAIGN[:-2], "--only-run", 0, "--resume")
+    assert (code, out) == (2, "") and "--resume does not go with --only-run" in err
 
 
 def test_the_log_of_a_flight_holds_what_was_true_and_what_was_told(tmp_path: Path, ridlink: Ridlink) -> None:
