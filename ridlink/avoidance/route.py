@@ -1,8 +1,7 @@
 """Static obstacles in the kernels: the half-plane that keeps out of one, and the way round it.
 
 Axes: north-east, metres. Polygons are convex and positively oriented (north to east), see `obstacles`. A grown polygon
-    is
-the set of points within a clearance of it; for routes its round corners are replaced by ARC points each.
+is the set of points within a clearance of it; for routes its round corners are replaced by ARC points each.
 """
 
 from __future__ import annotations

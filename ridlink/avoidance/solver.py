@@ -100,7 +100,7 @@ class _RowSolver(ABC):
     def __init__(self) -> None:
         self._own = np.zeros(rows.OWN_COLUMNS)
         self._result = rows.result_row()
-        self._most = self._count = 0
+        self._most = self._count = self._route_side = 0
         self._make_room(32, NO_OBSTACLES)
 
     def solve(
@@ -153,7 +153,9 @@ class _RowSolver(ABC):
         table[:count, 8], table[:count, 9] = traffic.radius_m, traffic.error_sum_m
         memory[:count] = traffic.memory
         pack(table, memory, count, self._neighbours)
-        return self._decision(count, int(self._decide(count, obstacles, route_side)))
+        self._route_side = route_side
+        self._decide(count, obstacles)
+        return self._decision(count)
 
     def _make_room(self, count: int, obstacles: Obstacles) -> None:
         """Scratch for so many neighbours and these obstacles."""
@@ -161,21 +163,21 @@ class _RowSolver(ABC):
         self._neighbours = rows.new_blocks(count)
         self._reports = np.zeros((count, 10))
         self._memory = np.zeros(count, np.int8)
-        self._reserve(count, obstacles)
+        self._reserve(obstacles)
 
     @abstractmethod
-    def _reserve(self, count: int, obstacles: Obstacles) -> None:
-        """Make the scratch of the kernel."""
+    def _reserve(self, obstacles: Obstacles) -> None:
+        """Make the scratch of the kernel, for as many neighbours as there is room for."""
 
     @abstractmethod
     def _has_room(self, obstacles: Obstacles) -> bool:
         """Whether the scratch does for these obstacles, at the number of neighbours it was made for."""
 
     @abstractmethod
-    def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
-        """Call the kernel; memory of the way round obstacles for the next step."""
+    def _decide(self, count: int, obstacles: Obstacles) -> None:
+        """Call the kernel; memory of the way round obstacles is brought up to date by who goes round them."""
 
-    def _decision(self, count: int, route: int) -> Decision:
+    def _decision(self, count: int) -> Decision:
         self._count = count
         row: FloatArray = self._result.copy()
         unpack_memory(self._neighbours, count, self._memory)
@@ -192,7 +194,7 @@ class _RowSolver(ABC):
             nearest_index=int(row[rows.R_NEAREST]),
             time_to_violation_s=float(row[rows.R_TIME]),
             memory=self._memory[:count].copy(),
-            route_side=route,
+            route_side=self._route_side,
         )
 
 
@@ -226,7 +228,7 @@ class HalfplaneSolver(_RowSolver):
                     found.append((plane, place))
         return found
 
-    def _reserve(self, count: int, obstacles: Obstacles) -> None:
+    def _reserve(self, obstacles: Obstacles) -> None:
         lanes = rows.LANES * len(self._neighbours)
         self._lines = new_lines(obstacles.piece_count + halfplane.REACH_SIDES, 2 * lanes, lanes)
         self._candidates, self._names = np.zeros_like(self._neighbours), np.zeros(lanes, np.int64)
@@ -238,13 +240,12 @@ class HalfplaneSolver(_RowSolver):
         hard = obstacles.piece_count + halfplane.REACH_SIDES
         return hard <= spare and ring_size(obstacles.hull_start) <= len(self._ring)
 
-    def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
-        route: int = halfplane.avoid_one(
+    def _decide(self, count: int, obstacles: Obstacles) -> None:
+        self._route_side = halfplane.avoid_one(
             self._own, self._neighbours, rows.blocks_for(count), math.inf, obstacles.piece_vertex_ne_m,
-            obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start, route_side, self._vector,
+            obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start, self._route_side, self._vector,
             self._candidates, self._names, self._lines, self._chosen, self._work, self._ring, self._result,
         )  # fmt: skip
-        return route
 
 
 class _HeadingSolver(_RowSolver):
@@ -257,8 +258,8 @@ class _HeadingSolver(_RowSolver):
     _vector: FloatArray
     _fan: FloatArray
 
-    def _reserve(self, count: int, obstacles: Obstacles) -> None:
-        self._sights = np.zeros((count, headings.SIGHT_COLUMNS))
+    def _reserve(self, obstacles: Obstacles) -> None:
+        self._sights = np.zeros((self._most, headings.SIGHT_COLUMNS))
         self._walls = np.zeros((obstacles.piece_count, headings.WALL_COLUMNS))
         self._way = np.zeros(headings.WAY_COLUMNS)
 
@@ -275,12 +276,11 @@ class GradedSolver(_HeadingSolver):
         self._fan = graded.candidates()
         super().__init__()
 
-    def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
+    def _decide(self, count: int, obstacles: Obstacles) -> None:
         graded.grade_one(
             self._own, self._neighbours, count, obstacles.piece_vertex_ne_m, obstacles.piece_start, self._vector,
             self._fan, self._sights, self._walls, self._way, self._result,
         )  # fmt: skip
-        return 0
 
 
 class RotationSolver(_HeadingSolver):
@@ -292,12 +292,11 @@ class RotationSolver(_HeadingSolver):
         self._fan = rotation.candidates(self.settings.step_deg, self.settings.left_weight)
         super().__init__()
 
-    def _decide(self, count: int, obstacles: Obstacles, route_side: int) -> int:
+    def _decide(self, count: int, obstacles: Obstacles) -> None:
         rotation.rotate_one(
             self._own, self._neighbours, count, obstacles.piece_vertex_ne_m, obstacles.piece_start, self._vector,
             self._fan, self._sights, self._walls, self._way, self._result,
         )  # fmt: skip
-        return 0
 
 
 _OWN_KERNELS = {
