@@ -34,14 +34,15 @@ def _checked(polygon: ArrayLike, name: str) -> FloatArray:
     if vertices.ndim != 2 or vertices.shape[1] != 2:
         raise ValueError(f"{name} must have shape (k, 2), got {vertices.shape}")
     if not np.all(np.isfinite(vertices)):
-        raise ValueError(f"{name} must be finite")
+        bad = vertices[~np.isfinite(vertices).all(axis=1)][0]
+        raise ValueError(f"{name} must be finite, got {bad.tolist()}")
     distinct = np.any(np.abs(vertices - np.roll(vertices, 1, axis=0)) > 1e-9, axis=1)
     vertices = vertices[distinct]
     if len(vertices) < 3:
         raise ValueError(f"{name} needs at least three distinct vertices, got {len(vertices)}")
     area = signed_area(vertices)
     if abs(area) < MIN_AREA_M2:
-        raise ValueError(f"{name} encloses no area")
+        raise ValueError(f"{name} encloses no area, its vertices are {vertices[:4].tolist()}")
     if area < 0.0:
         vertices = vertices[::-1]
     if _crosses_itself(vertices):

@@ -171,7 +171,10 @@ class Memory(IntFlag):
     """It has been clear of the disc and its buffer, so the buffer is now held against it."""
 
 
-_REMEMBERED = int(Memory.PASSING_RIGHT | Memory.PASSING_LEFT | Memory.APART)
+_MAY_BE_KEPT = np.zeros(256, np.bool_)
+"""By the flags as an int8, negative ones counted from the end; nobody is passed on both sides."""
+_MAY_BE_KEPT[[0, Memory.PASSING_RIGHT, Memory.PASSING_LEFT]] = True
+_MAY_BE_KEPT[Memory.APART : 2 * Memory.APART] = _MAY_BE_KEPT[: Memory.APART]
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,8 +226,8 @@ class Traffic:
         object.__setattr__(self, "memory", np.asarray(self.memory, dtype=np.int8))
         if self.reciprocal.shape != (count,):
             raise ValueError(f"reciprocal must have shape ({count},), got {self.reciprocal.shape}")
-        if self.memory.shape != (count,) or np.any(self.memory & ~_REMEMBERED):
-            raise ValueError(f"memory must hold {count} sets of Memory flags")
+        if self.memory.shape != (count,) or not np.all(_MAY_BE_KEPT[self.memory]):
+            raise ValueError(f"memory must hold {count} sets of Memory flags, got {self.memory.tolist()}")
 
     def __len__(self) -> int:
         return len(self.position_ne_m)

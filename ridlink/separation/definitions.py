@@ -148,8 +148,9 @@ def separation_discs(
     """
     definition = Definition(definition)
     interval = np.asarray(interval_s, dtype=np.float64)
-    if not np.all(np.isfinite(interval)) or np.any(interval < 0.0):
-        raise ValueError("interval_s must be finite and not negative")
+    allowed = np.isfinite(interval) & (interval >= 0.0)
+    if not np.all(allowed):
+        raise ValueError(f"interval_s must be finite and not negative, got {interval[~allowed].flat[0]:g}")
     # Every definition answers in the same shape, whatever it looks at.
     shape = np.broadcast_shapes(
         *map(

@@ -16,8 +16,9 @@ FloatArray = NDArray[np.float64]
 
 def _lengths(name: str, values: ArrayLike) -> FloatArray:
     array = np.asarray(values, dtype=np.float64)
-    if not np.all(np.isfinite(array)) or np.any(array < 0.0):
-        raise ValueError(f"{name} must be finite and not negative")
+    allowed = np.isfinite(array) & (array >= 0.0)
+    if not np.all(allowed):
+        raise ValueError(f"{name} must be finite and not negative, got {array[~allowed].flat[0]:g}")
     return array
 
 

@@ -83,8 +83,15 @@ def test_traffic_refuses_negative_values_and_wrong_lengths(name):
 
 def test_a_neighbour_need_not_say_what_it_commands():
     assert len(replace(TRAFFIC, command_ne_mps=np.full((1, 2), math.nan))) == 1
-    with pytest.raises(ValueError, match="memory"):
-        replace(TRAFFIC, memory=np.array([8], np.int8))
+
+
+def test_what_was_kept_of_an_encounter_is_checked():
+    """No flag that there is not, and no neighbour that is passed on both sides."""
+    for wrong in (3, 7, 8, 127, -1, -128):
+        with pytest.raises(ValueError, match=rf"memory must hold 1 sets of Memory flags, got \[{wrong}\]"):
+            replace(TRAFFIC, memory=np.array([wrong], np.int8))
+    for right in (0, 1, 2, 4, 5, 6):
+        assert replace(TRAFFIC, memory=np.array([right], np.int8)).memory == right
 
 
 def test_the_package_itself_does_not_load_the_compiler():

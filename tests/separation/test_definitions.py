@@ -109,8 +109,9 @@ def test_the_interval_is_measured_per_track():
         Definition.CANDIDATE2, **(EXACT | {"speed_mps": np.array([5.0, 5.0])}), interval_s=np.array([0.1, 1.0])
     )
     assert np.diff(discs.radius_m) == pytest.approx([0.9 * 15.0])
-    with pytest.raises(ValueError, match="interval_s"):
-        separation_discs(Definition.CANDIDATE2, **EXACT, interval_s=math.nan)
+    for wrong in (math.nan, -0.5, math.inf):
+        with pytest.raises(ValueError, match=f"interval_s must be .* got {wrong:g}"):
+            separation_discs(Definition.CANDIDATE2, **EXACT, interval_s=np.array([0.1, wrong]))
 
 
 @given(definitions, st.lists(anything, min_size=8, max_size=8))

@@ -42,15 +42,15 @@ def test_volumes_broadcast_over_leading_axes():
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("arguments", "named"),
     [
-        ([1.0, -1.0], [1.0, 1.0], [1.0, 1.0], 0.1),
-        ([1.0, 1.0], [1.0, math.nan], [1.0, 1.0], 0.1),
-        ([1.0, 1.0], [1.0, 1.0], [math.inf, 1.0], 0.1),
-        ([1.0, 1.0], [1.0, 1.0], [1.0, 1.0], -0.1),
-        ([1.0, 1.0, 1.0], [1.0, 1.0], [1.0, 1.0], 0.1),
+        (([1.0, -1.0], [1.0, 1.0], [1.0, 1.0], 0.1), "airframe_m .* got -1"),
+        (([1.0, 1.0], [1.0, math.nan], [1.0, 1.0], 0.1), "error_bound_m .* got nan"),
+        (([1.0, 1.0], [1.0, 1.0], [math.inf, 1.0], 0.1), "speed_mps .* got inf"),
+        (([1.0, 1.0], [1.0, 1.0], [1.0, 1.0], -0.1), "interval_s .* got -0.1"),
+        (([1.0, 1.0, 1.0], [1.0, 1.0], [1.0, 1.0], 0.1), r"airframe_m .* got shape \(3,\)"),
     ],
 )
-def test_a_meaningless_value_is_refused(arguments):
-    with pytest.raises(ValueError):
+def test_a_meaningless_value_is_refused_by_name(arguments, named):
+    with pytest.raises(ValueError, match=named):
         unmac_diameter(*arguments)
