@@ -248,7 +248,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
         route: Memory of the way round obstacles.
         settings: Constants, `HalfplaneSettings.as_vector`.
         candidates: Scratch, shape of `neighbours`; in it remain those that matter, with their half-planes.
-        names: Scratch: their places among the neighbours, shape (LANES count,), int64.
+        names: Scratch: their places among the neighbours, `rows.new_names(count)`.
         lines: Scratch, `new_lines(pieces, 2 LANES count, LANES count)`.
         chosen: Scratch, `new_choice` of the same.
         work: Scratch, another.

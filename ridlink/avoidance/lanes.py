@@ -21,10 +21,10 @@ BLOCKS_A_WORD = 64 // LANES
 """Blocks with a bit for each of their lanes in one number."""
 
 
-def _spread(builder: ir.IRBuilder, number: ir.Value) -> ir.Value:
-    """The same number in every lane."""
-    lanes = ir.Constant(ir.VectorType(ir.DoubleType(), LANES), ir.Undefined)
-    for k in range(LANES):
+def _together(builder: ir.IRBuilder, numbers: list[ir.Value]) -> ir.Value:
+    """Numbers of one type, one in each lane."""
+    lanes = ir.Constant(ir.VectorType(numbers[0].type, LANES), ir.Undefined)
+    for k, number in enumerate(numbers):
         lanes = builder.insert_element(lanes, number, ir.Constant(ir.IntType(32), k))
     return lanes
 
@@ -72,6 +72,90 @@ def _copy_lanes_compiled(source, at, target, to):  # type: ignore[no-untyped-def
     return lambda source, at, target, to: _copy_lanes(source, at, target, to)
 
 
+def gather_lanes(
+    source: np.ndarray, place_0: int, place_1: int, place_2: int, place_3: int, column: int, target: np.ndarray
+) -> None:
+    """Copy a column of four neighbours, by their places in the blocks of `source`, to the lanes of one block, `target`.
+
+    All four are read before they are written, and that in one piece: what is read in one piece soon after has to wait
+    for several pieces until they have left the processor.
+    """
+    places = place_0, place_1, place_2, place_3
+    target[column : column + LANES] = [source[place // LANES, column + place % LANES] for place in places]
+
+
+@intrinsic
+def _gather_lanes(  # type: ignore[no-untyped-def]
+    typing_context, source, place_0, place_1, place_2, place_3, column, target
+):
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        table = context.make_array(signature.args[0])(context, builder, arguments[0])
+        data = context.make_array(signature.args[6])(context, builder, arguments[6]).data
+        width, column = builder.extract_value(table.shape, 1), arguments[5]
+        numbers = []
+        for place in arguments[1:5]:
+            block = builder.ashr(place, ir.Constant(place.type, LANE_BITS))
+            lane = builder.and_(place, ir.Constant(place.type, LANES - 1))
+            at = builder.add(builder.add(builder.mul(block, width), lane), column)
+            numbers.append(builder.load(builder.gep(table.data, [at])))
+        lanes = _together(builder, numbers)
+        # Without a fence two halves would be stored.
+        fence = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(lanes.type, [lanes.type]), f"llvm.arithmetic.fence.v{LANES}f64"
+        )
+        place = builder.bitcast(builder.gep(data, [column]), lanes.type.as_pointer())
+        builder.store(builder.call(fence, [lanes]), place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(source, *[types.intp] * 5, target), generate
+
+
+@overload(gather_lanes)
+def _gather_lanes_compiled(source, place_0, place_1, place_2, place_3, column, target):  # type: ignore[no-untyped-def]
+    return lambda source, place_0, place_1, place_2, place_3, column, target: _gather_lanes(
+        source, place_0, place_1, place_2, place_3, column, target
+    )
+
+
+_PACKED = [[k for k in range(LANES) if bits >> k & 1] + [0] * (LANES - bits.bit_count()) for bits in range(1 << LANES)]
+"""The lanes of which a bit is set, one after the other, and then some; by the bits."""
+
+
+def pack_lanes(bits: int, first: int, places: np.ndarray, to: int) -> None:
+    """Write the places of those lanes of a block whose bit is set to `places[to:]`, int64, one after the other.
+
+    LANES places are written, however many bits there are: a loop over bits ends where nobody can foretell.
+
+    Args:
+        bits: A bit for each lane, as `lanes_from` gives them.
+        first: Place of the first lane.
+        places: Result.
+        to: Where to begin in it.
+    """
+    places[to : to + LANES] = [first + lane for lane in _PACKED[bits]]
+
+
+@intrinsic
+def _pack_lanes(typing_context, bits, first, places, to):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        bits, first, _, to = arguments
+        lanes = ir.VectorType(first.type, LANES)
+        rows = [ir.Constant(lanes, row) for row in _PACKED]
+        table = cgutils.global_constant(builder, "packed_lanes", ir.Constant(ir.ArrayType(lanes, len(rows)), rows))
+        packed = builder.load(builder.gep(table, [ir.Constant(bits.type, 0), bits]), align=8)
+        data = context.make_array(signature.args[2])(context, builder, arguments[2]).data
+        place = builder.bitcast(builder.gep(data, [to]), lanes.as_pointer())
+        builder.store(builder.add(packed, _together(builder, [first] * LANES)), place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, places, types.intp), generate
+
+
+@overload(pack_lanes)
+def _pack_lanes_compiled(bits, first, places, to):  # type: ignore[no-untyped-def]
+    return lambda bits, first, places, to: _pack_lanes(bits, first, places, to)
+
+
 def lanes_from(source: np.ndarray, at: int, least: float) -> int:
     """Which of LANES numbers from `source[at:]` on, contiguous float64, are not less than `least`: a bit for each."""
     return sum(int(source[at + k] >= least) << k for k in range(LANES))
@@ -83,7 +167,7 @@ def _lanes_from(typing_context, source, at, least):  # type: ignore[no-untyped-d
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         lanes = ir.VectorType(ir.DoubleType(), LANES)
         numbers = builder.load(builder.bitcast(builder.gep(data, [arguments[1]]), lanes.as_pointer()), align=8)
-        met = builder.fcmp_ordered(">=", numbers, _spread(builder, arguments[2]))
+        met = builder.fcmp_ordered(">=", numbers, _together(builder, [arguments[2]] * LANES))
         return builder.zext(builder.bitcast(met, ir.IntType(LANES)), ir.IntType(64))
 
     return types.int64(source, types.intp, types.float64), generate
@@ -136,7 +220,7 @@ def _exceed(typing_context, lines, first, last, x_1, x_2):  # type: ignore[no-un
             builder.module, ir.FunctionType(lanes, [lanes, lanes]), f"llvm.maxnum.v{LANES}f64"
         )
 
-        x_1, x_2 = _spread(builder, arguments[3]), _spread(builder, arguments[4])
+        x_1, x_2 = _together(builder, [arguments[3]] * LANES), _together(builder, [arguments[4]] * LANES)
         worst = cgutils.alloca_once_value(builder, ir.Constant(lanes, [float("-inf")] * LANES))
         step = ir.Constant(width.type, LANES)
         with cgutils.for_range_slice(builder, arguments[1], arguments[2], step, inc=True) as (column, _):

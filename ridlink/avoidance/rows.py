@@ -63,6 +63,11 @@ def new_blocks(count: int) -> np.ndarray:
     return np.zeros((blocks_for(count), BLOCK))
 
 
+def new_names(blocks: int) -> np.ndarray:
+    """Room for the places of all neighbours in so many blocks, int64: they are written LANES at a time."""
+    return np.zeros(LANES * (blocks + 1), np.int64)
+
+
 def result_row() -> np.ndarray:
     """Room for one result."""
     return np.zeros(RESULT_COLUMNS)

@@ -14,7 +14,7 @@ import math
 
 from ridlink.avoidance.encounter import EPSILON, HOLD_FACTOR, LEAN_RADII
 from ridlink.avoidance.kernel import kernel, larger, norm, smaller
-from ridlink.avoidance.lanes import BLOCKS_A_WORD, bit_count, block_of, lane_of, lanes_from, lowest_bit
+from ridlink.avoidance.lanes import bit_count, gather_lanes, lanes_from, pack_lanes
 from ridlink.avoidance.rows import (
     AGE,
     AGE_ACCELERATION,
@@ -126,40 +126,36 @@ def first_lane(block, column, number):  # type: ignore[no-untyped-def]
 
 
 @kernel(forceinline=True, inner=True)
-def collect(neighbours, count, meetings, candidates, names):  # type: ignore[no-untyped-def]
+def collect(neighbours, count, candidates, names):  # type: ignore[no-untyped-def]
     """Copy the neighbours that matter to the candidates: first those that are met, then those that bind.
 
     Args:
         neighbours: Blocks, with MATTERS filled in.
         count: Number of blocks.
-        meetings: Number of those that are met.
         candidates: Result, with no side to pass on.
         names: Result: their places among the neighbours.
 
     Returns:
         Number of candidates.
     """
-    met, bound = 0, meetings
-    for group in range(0, count, BLOCKS_A_WORD):
-        # A bit for each: a branch for each would go wrong every third time.
-        bits = meets = 0
-        for b in range(group, min(group + BLOCKS_A_WORD, count)):
-            bits |= lanes_from(neighbours[b], MATTERS, BINDS) << (LANES * (b - group))
-            meets |= lanes_from(neighbours[b], MATTERS, MEETS) << (LANES * (b - group))
-        while bits != 0:
-            place = lowest_bit(bits)
-            is_met = (meets >> place) & 1
-            to = bound + (met - bound) * is_met
-            met += is_met
-            bound += 1 - is_met
-            source, target = neighbours[group + block_of(place)], candidates[block_of(to)]
-            lane, free = lane_of(place), lane_of(to)
-            for column in range(0, HEARD, LANES):
-                target[column + free] = source[column + lane]
-            target[SIDE + free] = 0.0
-            names[to] = LANES * group + place
-            bits &= bits - 1
-    return bound
+    found = 0
+    for b in range(count):
+        met = lanes_from(neighbours[b], MATTERS, MEETS)
+        pack_lanes(met, LANES * b, names, found)
+        found += bit_count(met)
+    for b in range(count):
+        bound = lanes_from(neighbours[b], MATTERS, BINDS) ^ lanes_from(neighbours[b], MATTERS, MEETS)
+        pack_lanes(bound, LANES * b, names, found)
+        found += bit_count(bound)
+    for b in range(-(-found // LANES)):
+        target, first = candidates[b], LANES * b
+        # Lanes after the last one are filled with some neighbour or other.
+        place_0, place_1, place_2, place_3 = names[first], names[first + 1], names[first + 2], names[first + 3]
+        for column in range(0, HEARD, LANES):
+            gather_lanes(neighbours, place_0, place_1, place_2, place_3, column, target)
+        for k in range(LANES):
+            target[SIDE + k] = 0.0
+    return found
 
 
 @kernel(forceinline=True, inner=True)
@@ -230,5 +226,5 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
         near = b if margin < before else near
         meetings += bit_count(lanes_from(block, MATTERS, MEETS))
     nearest = LANES * near + first_lane(neighbours[near], GAP, margin) if near >= 0 else -1
-    found = collect(neighbours, count, meetings, candidates, names)
+    found = collect(neighbours, count, candidates, names)
     return found, meetings, nearest, margin

@@ -42,6 +42,7 @@ from ridlink.avoidance.rows import (
     RADIUS,
     REPORTED,
     blocks_for,
+    new_names,
 )
 
 SMALL_WORLD = 64
@@ -280,4 +281,4 @@ def graded_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np
 
 def _picture(worlds: int, vehicles: int) -> tuple[np.ndarray, ...]:
     blocks = np.zeros((worlds, blocks_for(vehicles), BLOCK))
-    return blocks, blocks.copy(), np.zeros((worlds, LANES * blocks_for(vehicles)), np.int64)
+    return blocks, blocks.copy(), np.stack([new_names(blocks_for(vehicles))] * worlds)
