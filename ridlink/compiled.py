@@ -8,10 +8,13 @@ stamp covers every module that holds kernels of its package.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import config, njit
+from numba.core.caching import FunctionCache
+from numba.core.runtime import rtsys
 
 Decorator = Callable[..., Any]
 
@@ -50,18 +53,34 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
             options["fastmath"] = {"contract"} if fused else False
             if not counted:
                 options["_nrt"] = False
-            try:
-                dispatcher = njit(cache=True, **options)(plain)
-            except RuntimeError:  # it can be kept neither beside the source nor at home
-                dispatcher = njit(**options)(plain)
-            index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-            if index is not None and hasattr(index, "_source_stamp"):
-                index._source_stamp = _stamp(files)
+            dispatcher = njit(**options)(plain)
+            if not config.DISABLE_JIT:
+                # Where it can be kept neither beside the source nor at home, it is compiled for this process.
+                with suppress(RuntimeError):
+                    dispatcher._cache = _KernelCache(plain, files)
             return dispatcher
 
         return compiled if function is None else compiled(function)
 
     return kernel
+
+
+class _KernelCache(FunctionCache):  # type: ignore[misc]
+    """Where the compiled code of one kernel is kept."""
+
+    def __init__(self, plain: Callable[..., Any], sources: tuple[Path, ...]) -> None:
+        super().__init__(plain)
+        self._cache_file._source_stamp = _stamp(sources)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The code for these types of arguments, None if there is none.
+
+        numba would first make its compiler ready, and with it look for the linear algebra of SciPy: 0.15 s, and twice
+        as much where SciPy is installed. What has been compiled needs no compiler, only who counts its references.
+        """
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 def _stamp(files: tuple[Path, ...]) -> tuple[tuple[int, int], ...]:

@@ -25,6 +25,16 @@ def test_without_a_place_to_keep_them_kernels_are_compiled_all_the_same(monkeypa
     assert kernel(3.0) == 1.5 and is_compiled(kernel)
 
 
+def test_what_is_kept_is_loaded_without_a_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Readying one takes several times as long as loading all kernels of a decision."""
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    assert kernel_decorator([Path(__file__)])(halved)(3.0) == 1.5
+    kept = kernel_decorator([Path(__file__)])(halved)
+    monkeypatch.setattr(kept.targetctx, "refresh", lambda: pytest.fail("the compiler is made ready"))
+    assert kept(3.0) == 1.5
+    assert kept.stats.cache_hits and not kept.stats.cache_misses
+
+
 def test_an_edit_in_any_source_of_a_package_makes_its_kernels_new(tmp_path: Path) -> None:
     source = tmp_path / "other.py"
     source.write_text("a")
