@@ -12,11 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ridlink.avoidance.types import FARTHEST
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MIN_AREA_M2 = 1e-6
 """A smaller polygon is a point or a line and has no inside."""
+
+LOST_SHARE = 1e-6
+"""Pieces that lack more of the area than this, or have more, are not those of the polygon: nothing is flown by them."""
 
 
 def _cross(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
@@ -33,9 +38,9 @@ def _checked(polygon: ArrayLike, name: str) -> FloatArray:
     vertices = np.asarray(polygon, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[1] != 2:
         raise ValueError(f"{name} must have shape (k, 2), got {vertices.shape}")
-    if not np.all(np.isfinite(vertices)):
-        bad = vertices[~np.isfinite(vertices).all(axis=1)][0]
-        raise ValueError(f"{name} must be finite, got {bad.tolist()}")
+    within = np.all(np.abs(vertices) <= FARTHEST, axis=1)
+    if not np.all(within):
+        raise ValueError(f"{name} must be finite and within {FARTHEST:g}, got {vertices[~within][0].tolist()}")
     distinct = np.any(np.abs(vertices - np.roll(vertices, 1, axis=0)) > 1e-9, axis=1)
     vertices = vertices[distinct]
     if len(vertices) < 3:
@@ -43,24 +48,36 @@ def _checked(polygon: ArrayLike, name: str) -> FloatArray:
     area = signed_area(vertices)
     if abs(area) < MIN_AREA_M2:
         raise ValueError(f"{name} encloses no area, its vertices are {vertices[:4].tolist()}")
+    if (met := _meeting_edge(vertices)) is not None:
+        at = int(np.flatnonzero(distinct)[met])
+        raise ValueError(f"{name} crosses or touches itself, on its edge from vertex {at} (the first is 0)")
     if area < 0.0:
         vertices = vertices[::-1]
-    if _crosses_itself(vertices):
-        raise ValueError(f"{name} crosses itself")
     return np.ascontiguousarray(vertices)
 
 
-def _crosses_itself(vertices: FloatArray) -> bool:
-    count = len(vertices)
-    for i in range(count):
-        a, b = vertices[i], vertices[(i + 1) % count]
-        for j in range(i + 2, count):
-            if (j + 1) % count == i:
-                continue
-            c, d = vertices[j], vertices[(j + 1) % count]
-            if _cross(a, b, c) * _cross(a, b, d) < 0.0 and _cross(c, d, a) * _cross(c, d, b) < 0.0:
-                return True
-    return False
+def _meeting_edge(vertices: FloatArray) -> int | None:
+    """Where the first edge begins that meets another one where they do not follow each other, or that leads back along
+    the one before; None if there is none. What touches itself has no inside that could be cut into pieces."""
+    ends, places = np.roll(vertices, -1, axis=0), np.arange(len(vertices))
+    lowest, highest = np.minimum(vertices, ends), np.maximum(vertices, ends)
+    for i, (here, end) in enumerate(zip(vertices, ends, strict=True)):
+        # Two edges meet where neither leaves both ends of the other one on the same side.
+        points = np.sign(_cross_all(here, end, vertices))
+        split = points * np.roll(points, -1) <= 0.0
+        splits = np.sign(_cross_all(vertices, ends, here)) * np.sign(_cross_all(vertices, ends, end)) <= 0.0
+        near = np.all((lowest <= highest[i]) & (highest >= lowest[i]), axis=1)
+        apart = (np.abs(places - i) > 1) & (np.abs(places - i) < len(places) - 1)
+        back = points[i - 1] == 0.0 and (end - here) @ (here - vertices[i - 1]) < 0.0
+        if back or np.any(near & apart & split & splits):
+            return i
+    return None
+
+
+def _cross_all(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """`_cross` over leading axes."""
+    along, offset = b - a, c - a
+    return np.asarray(along[..., 0] * offset[..., 1] - along[..., 1] * offset[..., 0])
 
 
 def convex_hull(points: FloatArray) -> FloatArray:
@@ -92,8 +109,9 @@ def _triangles(vertices: FloatArray) -> list[list[int]]:
             a, b, c = vertices[before], vertices[index], vertices[after]
             if _cross(a, b, c) <= 0.0:
                 continue
-            others = (vertices[k] for k in left if k not in (before, index, after))
-            if any(_cross(a, b, p) >= 0.0 and _cross(b, c, p) >= 0.0 and _cross(c, a, p) >= 0.0 for p in others):
+            others = vertices[[k for k in left if k not in (before, index, after)]]
+            edges = ((a, b), (b, c), (c, a))
+            if np.any(np.all([_cross_all(*edge, others) >= 0.0 for edge in edges], axis=0)):
                 continue
             triangles.append([before, index, after])
             left.pop(place)
@@ -162,13 +180,16 @@ class Obstacles:
 
         Raises:
             ValueError: If a polygon has fewer than three distinct vertices, no area, a value that is not finite, or
-                crosses itself.
+                crosses or touches itself.
         """
         pieces: list[FloatArray] = []
         hulls: list[FloatArray] = []
         for index, polygon in enumerate(polygons_ne_m):
             vertices = _checked(polygon, f"obstacle {index}")
-            pieces.extend(convex_pieces(vertices))
+            parts = convex_pieces(vertices)
+            if abs(sum(map(signed_area, parts)) / signed_area(vertices) - 1.0) > LOST_SHARE:
+                raise ValueError(f"obstacle {index} cannot be cut into convex pieces")
+            pieces.extend(parts)
             hulls.append(convex_hull(vertices))
         piece_vertices, piece_start = _flat(pieces)
         hull_vertices, hull_start = _flat(hulls)
