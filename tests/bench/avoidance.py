@@ -4,6 +4,10 @@ Vehicles are spread evenly, 24 to a square of 600 m, at 10 m/s in all directions
 24 everybody hears everybody. The kernels have no grid to find neighbours in: for more vehicles, or fewer neighbours,
 each decides as the only one in a world of its own with its k nearest, which numpy finds beforehand, untimed. Filling
 such a world for one decision is timed with it.
+
+Python-RVO2 (module `rvo2`), where it is installed, flies the same crowds in the same rounds, its own search for
+neighbours included; half-planes alone are compared with it. Its own set-up compiles it without optimisation, which makes
+it six to nine times as slow as it is with `-O3`.
 """
 
 from __future__ import annotations
@@ -29,6 +33,7 @@ Settings = HalfplaneSettings | RotationSettings
 WORLDS, VEHICLES = 500, 24
 CROWDS = ((8, 7), (24, 10), (24, 23), (100, 10), (100, 23), (1000, 10), (1000, 23), (10_000, 10), (10_000, 23))
 """Vehicles, and how many of them each hears."""
+RVO2_DECISIONS = 2_000
 DECISIONS = 100_000
 """Of a batch at a time: a campaign takes hundreds of steps of the same worlds one after the other."""
 
@@ -100,7 +105,43 @@ def crowd(random: np.random.Generator, vehicles: int, neighbours: int, settings:
     return Batch(position[near], velocity[near], deciding, settings)
 
 
-def crowds(settings: Settings) -> list[dict[str, Any]]:
+class Rvo2:
+    """The same crowd for Python-RVO2, as often as makes RVO2_DECISIONS: it moves vehicles, and each is to move little.
+
+    Raises:
+        ImportError: If it is not installed.
+    """
+
+    def __init__(self, vehicles: int, neighbours: int) -> None:
+        import rvo2  # type: ignore[import-not-found]
+
+        random, extent_m = np.random.default_rng(1), SPACING_M * vehicles**0.5
+        self._simulators = [
+            rvo2.PyRVOSimulator(0.1, EVERYWHERE_M, neighbours, 8.0, 2.0, DISC_M / 2.0, SPEED_MPS)
+            for _ in range(max(1, RVO2_DECISIONS // vehicles))
+        ]
+        self.decisions = vehicles * len(self._simulators)
+        for simulator in self._simulators:
+            for place, flown in zip(*(part.tolist() for part in drawn(random, (vehicles,), extent_m)), strict=True):
+                agent = simulator.addAgent(tuple(place))
+                simulator.setAgentVelocity(agent, tuple(flown))
+                simulator.setAgentPrefVelocity(agent, tuple(flown))
+
+    def step(self) -> None:
+        """Decide for everybody once, and move."""
+        for simulator in self._simulators:
+            simulator.doStep()
+
+
+def peers() -> dict[tuple[int, int], Rvo2]:
+    """Of every batch; none if Python-RVO2 is not installed."""
+    try:
+        return {(vehicles, neighbours): Rvo2(vehicles, neighbours) for vehicles, neighbours in CROWDS}
+    except ImportError:
+        return {}
+
+
+def crowds(settings: Settings, peers: dict[tuple[int, int], Rvo2]) -> list[dict[str, Any]]:
     """Time of a decision on one thread, interleaved; every batch is stepped for so many DECISIONS in a round."""
     random = np.random.default_rng(1)
     batches = {(vehicles, neighbours): crowd(random, vehicles, neighbours, settings) for vehicles, neighbours in CROWDS}
@@ -111,11 +152,14 @@ def crowds(settings: Settings) -> list[dict[str, Any]]:
         for _ in range(times[key]):
             batches[key].step()
 
-    seconds = interleaved({f"{key[0]} {key[1]}": lambda key=key: steps(key) for key in batches})  # type: ignore[misc]
+    actions: dict[str, Any] = {f"{key[0]} {key[1]}": lambda key=key: steps(key) for key in batches}
+    seconds = interleaved(actions | {f"rvo2 {key[0]} {key[1]}": peer.step for key, peer in peers.items()})
     table = []
-    for (vehicles, neighbours), used in zip(batches, seconds.values(), strict=True):
+    for vehicles, neighbours in batches:
         batch, each = batches[vehicles, neighbours], times[vehicles, neighbours]
-        spent = [1e9 * one / each / batch.decisions for one in used]
+        spent = [1e9 * one / each / batch.decisions for one in seconds[f"{vehicles} {neighbours}"]]
+        same = (VEHICLES if vehicles == WORLDS * VEHICLES else vehicles, neighbours)
+        peer = [1e9 * one / peers[same].decisions for one in seconds[f"rvo2 {same[0]} {same[1]}"]] if peers else None
         table.append(
             {
                 "vehicles": vehicles,
@@ -126,6 +170,7 @@ def crowds(settings: Settings) -> list[dict[str, Any]]:
                 "decision_max_ns": max(spent),
                 "per_s": 1e9 / statistics.median(spent),
                 "infeasible": batch.infeasible(),
+                "python_rvo2_ns": None if peer is None else statistics.median(peer),
             }
         )
     return table
@@ -150,22 +195,6 @@ def threads() -> float:
             taken.append(time.perf_counter() - begun)
         least.append(min(taken))
     return least[0] / least[1]
-
-
-def python_rvo2(vehicles: int, neighbours: int) -> float | None:
-    """Time of a decision by Python-RVO2, its search for neighbours included [ns]; None if it is not installed."""
-    try:
-        import rvo2  # type: ignore[import-not-found]
-    except ImportError:
-        return None
-    position, velocity = drawn(np.random.default_rng(1), (vehicles,), SPACING_M * vehicles**0.5)
-    simulator = rvo2.PyRVOSimulator(0.1, EVERYWHERE_M, neighbours, 8.0, 2.0, DISC_M / 2.0, SPEED_MPS)
-    for k in range(vehicles):
-        simulator.addAgent(tuple(position[k]))
-        simulator.setAgentVelocity(k, tuple(velocity[k]))
-        simulator.setAgentPrefVelocity(k, tuple(velocity[k]))
-    spent = interleaved({"rvo2": simulator.doStep})["rvo2"]
-    return 1e9 * statistics.median(spent) / vehicles
 
 
 STARTING = """
@@ -196,34 +225,32 @@ def start() -> dict[str, tuple[float, float]]:
 
 def report() -> dict[str, Any]:
     """Measure everything and print it."""
-    table, rotation, faster, started = crowds(HALFPLANES), crowds(ROTATION), threads(), start()
+    beside = peers()
+    table, rotation, faster, started = crowds(HALFPLANES, beside), crowds(ROTATION, {}), threads(), start()
     for solver, found in (("half-planes", table), ("rotation", rotation)):
         print(f"\ndecisions by {solver} in batches, CPU time on one thread, median of {ROUNDS} interleaved rounds")
         print(f"{'vehicles':>20}{'neighbours':>12}{'a decision':>14}{'decisions':>14}{'infeasible':>12}  (spread)")
         for row in found:
             name = f"{row['worlds']} x {VEHICLES}" if row["worlds"] > 1 else f"{row['vehicles']:,}"
+            peer = row["python_rvo2_ns"]
+            told = f"  Python-RVO2 {peer:,.0f} ns, {peer / row['decision_ns']:.0f} times as long" if peer else ""
             print(
                 f"{name:>20}{row['neighbours']:>12}{row['decision_ns']:>11.0f} ns{row['per_s']:>12,.0f}/s"
-                f"{row['infeasible']:>12.1%}  ({row['decision_min_ns']:.0f}-{row['decision_max_ns']:.0f})"
+                f"{row['infeasible']:>12.1%}  ({row['decision_min_ns']:.0f}-{row['decision_max_ns']:.0f}){told}"
             )
     print(
         f"half-planes: a neighbour more {slope(table):.1f} ns; two threads over {WORLDS} worlds: {faster:.2f} times one"
     )
     for state, (one, batch) in (("compiled", started["cold_s"]), ("from the cache", started["cached_s"])):
         print(f"half-planes {state}: {one:.2f} s for one own-ship, {batch:.2f} s more for batches")
-    peer = {key: python_rvo2(*key) for key in ((24, 23), (1000, 10))}
-    for (vehicles, neighbours), taken in peer.items():
-        if taken is None:
-            print("Python-RVO2 is not installed: no figures beside it")
-            break
-        print(f"Python-RVO2, {vehicles:,} vehicles, {neighbours} neighbours: {taken:,.0f} ns a decision")
+    if not beside:
+        print("Python-RVO2 is not installed: no figures beside it (its set-up compiles without optimisation; give it -O3)")
     return {
         "batches": table,
         "rotation_batches": rotation,
         "neighbour_ns": slope(table),
         "two_threads": faster,
         "avoidance_start": started,
-        "python_rvo2_ns": {f"{key[0]} x {key[1]}": taken for key, taken in peer.items()},
     }
 
 
