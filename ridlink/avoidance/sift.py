@@ -136,13 +136,14 @@ def collect(neighbours, count, candidates, names):  # type: ignore[no-untyped-de
         names: Result: their places among the neighbours.
 
     Returns:
-        Number of candidates.
+        Number of candidates, and of those that are met.
     """
     found = 0
     for b in range(count):
         met = lanes_from(neighbours[b], MATTERS, MEETS)
         pack_lanes(met, LANES * b, names, found)
         found += bit_count(met)
+    meetings = found
     for b in range(count):
         bound = lanes_from(neighbours[b], MATTERS, BINDS) ^ lanes_from(neighbours[b], MATTERS, MEETS)
         pack_lanes(bound, LANES * b, names, found)
@@ -155,7 +156,7 @@ def collect(neighbours, count, candidates, names):  # type: ignore[no-untyped-de
             gather_lanes(neighbours, place_0, place_1, place_2, place_3, column, target)
         for k in range(LANES):
             target[SIDE + k] = 0.0
-    return found
+    return found, meetings
 
 
 @kernel(forceinline=True, inner=True)
@@ -184,7 +185,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
         settings[HORIZON], settings[RESPONSE], settings[BUFFER_SHARE], settings[AGE_ACCELERATION] / 2.0,
     )  # fmt: skip
     reach = range_m * range_m
-    margin, near, meetings = FAR, -1, 0
+    margin, near = FAR, -1
     for b in range(count):
         block, before = neighbours[b], margin
         for k in range(LANES):
@@ -224,7 +225,6 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             # An encounter is forgotten with the neighbour that goes out of range, a side with the one that it avoids.
             block[KEPT + k] = (IS_APART if apart & heard else 0.0) + (side if meets & heard else 0.0)
         near = b if margin < before else near
-        meetings += bit_count(lanes_from(block, MATTERS, MEETS))
     nearest = LANES * near + first_lane(neighbours[near], GAP, margin) if near >= 0 else -1
-    found = collect(neighbours, count, candidates, names)
+    found, meetings = collect(neighbours, count, candidates, names)
     return found, meetings, nearest, margin
