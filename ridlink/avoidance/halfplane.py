@@ -24,6 +24,7 @@ from ridlink.avoidance.programme import (
     EXCESS,
     N_1,
     N_2,
+    exceeds,
     least_bad,
     measure,
     nearest,
@@ -262,6 +263,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
     preferred = result[R_PREFERRED : R_PREFERRED + 2]
     pair = result[R_VELOCITY : R_VELOCITY + 2]
     route = preferred_velocity(own, hulls, hull_start, route, settings, ring, pair, preferred)
+    slow = slowness(preferred, own[VELOCITY], own[VELOCITY + 1], limit)
     # First room for firm half-planes, filled from the end, then the hard ones, then the soft ones.
     begin = hard = LANES * count
     first, near_obstacle = obstacle_half_planes(own, pieces, piece_start, settings, lines, hard, pair)
@@ -280,10 +282,9 @@ def avoid_one(  # type: ignore[no-untyped-def]
         begin = contact_half_planes(own, neighbours, count, candidates, found, settings[CONTACT_STEP], lines, hard)
 
     # Starting and stalled are the same to the speed; both turns together would lead away from the goal.
-    if start > 0.0:
-        start *= settings[START_TURN] * slowness(preferred, own[VELOCITY], own[VELOCITY + 1], limit)
-    speed = norm(preferred[0], preferred[1])
-    if speed > limit:
+    start *= settings[START_TURN] * slow
+    if exceeds(preferred[0], preferred[1], limit):
+        speed = norm(preferred[0], preferred[1])
         preferred[0], preferred[1] = preferred[0] * limit / speed, preferred[1] * limit / speed
     extra = own[EXTRA_TURN]
     if extra != 0.0 and measure(lines, first, used, preferred[0], preferred[1]) <= EPSILON:
@@ -306,7 +307,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
     pair = work[len(work) - 1]
     pair[0], pair[1] = preferred[0], preferred[1]
     keep_within(own, change, limit, pair)
-    moved = norm(x[0] - pair[0], x[1] - pair[1]) > TOUCHING_MPS
+    moved = exceeds(x[0] - pair[0], x[1] - pair[1], TOUCHING_MPS)
     result[R_STATUS] = FREE
     if not feasible:
         result[R_STATUS] = INFEASIBLE
@@ -326,6 +327,6 @@ def avoid_one(  # type: ignore[no-untyped-def]
     if begin < first:
         nearest_admissible(lines, begin, hard, first, first, limit, pair, chosen, work, command)
     else:
-        unconstrained(limit, pair, False, command)
+        unconstrained(limit, pair, command)
     keep_within(own, change, limit, command)
     return route

@@ -29,6 +29,16 @@ EPSILON = 1e-9
 N_1, N_2, BOUND, EXCESS = range(4)
 
 
+WITHIN = 1.0 + 1e-12
+"""Rounding of a square. Half of all velocities at a limit come out above it, and which ones nobody can foretell."""
+
+
+@kernel(forceinline=True, inner=True)
+def exceeds(x_1, x_2, limit_mps):  # type: ignore[no-untyped-def]
+    """Whether a velocity is above a limit by more than rounding makes of one that is at it."""
+    return x_1 * x_1 + x_2 * x_2 > WITHIN * limit_mps * limit_mps
+
+
 @kernel(forceinline=True, inner=True)
 def optimum_on_edge(chosen, index, limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
     """Best point on the edge of half-plane `index` that meets all earlier ones; False if there is none.
@@ -69,21 +79,22 @@ def optimum_on_edge(chosen, index, limit_mps, aim, linear, point):  # type: igno
 
 
 @kernel(forceinline=True, inner=True)
-def unconstrained(limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
-    """Best point of the disc; arguments as in `optimum_on_edge`."""
-    length = norm(aim[0], aim[1])
-    scale = limit_mps / length if linear or length > limit_mps else 1.0
-    point[0] = aim[0] * scale
-    point[1] = aim[1] * scale
+def unconstrained(limit_mps, preferred, point):  # type: ignore[no-untyped-def]
+    """Point of the disc nearest a velocity, shape (2,)."""
+    point[0], point[1] = preferred[0], preferred[1]
+    if exceeds(preferred[0], preferred[1], limit_mps):
+        scale = limit_mps / norm(preferred[0], preferred[1])
+        point[0], point[1] = preferred[0] * scale, preferred[1] * scale
 
 
 @kernel(forceinline=True, inner=True)
 def furthest(chosen, count, limit_mps, direction, point):  # type: ignore[no-untyped-def]
-    """Furthest point of the disc in a direction within the first `count` of a few half-planes; False if there is none.
+    """Furthest point of the disc in a direction, a unit vector, within the first `count` of a few half-planes; False if
+    there is none.
 
     Arguments as in `optimum_on_edge`.
     """
-    unconstrained(limit_mps, direction, True, point)
+    point[0], point[1] = limit_mps * direction[0], limit_mps * direction[1]
     for i in range(count):
         if chosen[i, 0] * point[0] + chosen[i, 1] * point[1] < chosen[i, 2] - EPSILON and not optimum_on_edge(
             chosen, i, limit_mps, direction, True, point
@@ -128,7 +139,7 @@ def nearest(lines, first, last, limit_mps, preferred, chosen, point):  # type: i
     Returns:
         True if there is one; then also the largest excess over these half-planes, all of which are measured there.
     """
-    unconstrained(limit_mps, preferred, False, point)
+    unconstrained(limit_mps, preferred, point)
     worst = measure(lines, first, last, point[0], point[1])
     # A half-plane is chosen but once, except by rounding where two of them are all but parallel.
     for place in range(last - first):
@@ -186,8 +197,9 @@ def least_excess(lines, hard, met, first, last, limit_mps, chosen, work, point):
             length = norm(e_1, e_2)
             if length <= EPSILON:
                 continue
-            work[used, 0], work[used, 1] = e_1 / length, e_2 / length
-            work[used, 2] = (chosen[j, 2] - d) / length
+            once_per = 1.0 / length
+            work[used, 0], work[used, 1] = e_1 * once_per, e_2 * once_per
+            work[used, 2] = (chosen[j, 2] - d) * once_per
             used += 1
         kept_1, kept_2 = point[0], point[1]
         aim[0], aim[1] = n_1, n_2
@@ -226,11 +238,9 @@ def least_bad(  # type: ignore[no-untyped-def]
         preferred: Preferred velocity, shape (2,).
         chosen: Scratch, shape (m + 2, 3).
         work: Scratch of the same shape.
-        point: Result, shape (2,).
+        point: In: a point of the disc, as `nearest` leaves it. Out: that velocity, shape (2,).
     """
-    if begin == first:
-        unconstrained(limit_mps, preferred, False, point)
-    elif not is_met(lines, begin, first, limit_mps, preferred, chosen, point):
+    if begin < first and not is_met(lines, begin, first, limit_mps, preferred, chosen, point):
         if not is_met(lines, hard, first, limit_mps, preferred, chosen, point):
             move_back(lines, hard, first, least_excess(lines, hard, hard, hard, first, limit_mps, chosen, work, point))
             is_met(lines, hard, first, limit_mps, preferred, chosen, point)

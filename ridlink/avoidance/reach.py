@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from ridlink.avoidance.kernel import kernel, norm
-from ridlink.avoidance.programme import BOUND, N_1, N_2
+from ridlink.avoidance.programme import BOUND, N_1, N_2, exceeds
 from ridlink.avoidance.rows import COMMAND
 
 REACH_SIDES = 32
@@ -35,9 +35,9 @@ def reach_half_planes(own, change_mps, lines, first):  # type: ignore[no-untyped
 @kernel(forceinline=True, inner=True)
 def keep_within(own, change_mps, limit, x):  # type: ignore[no-untyped-def]
     """Take a velocity back into the limit, and to what can be reached from the last command; True if it was outside."""
-    speed = norm(x[0], x[1])
-    outside = speed > limit
+    outside = exceeds(x[0], x[1], limit)
     if outside:
+        speed = norm(x[0], x[1])
         x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
     if math.isinf(change_mps):
         return outside
