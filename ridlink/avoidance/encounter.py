@@ -17,6 +17,9 @@ from ridlink.avoidance.kernel import kernel, larger, smaller
 
 EPSILON = 1e-9
 
+LEAST = 1e-18
+"""A length that can still be divided by, m."""
+
 HOLD_FACTOR = 1.3
 CLEAR_FACTOR = 0.5
 """The rule of the road gives way when own-ship is so many radii on the other side already. A side is held until the
@@ -63,7 +66,7 @@ def half_plane(  # type: ignore[no-untyped-def]
     inside = square < radius_square
     circle = (side == 0.0) & (towards < 0.0) & (towards * towards > radius_square * off_square)
     # Straight on is passed on the right, also when rounding says left.
-    rightwards = (across >= 0.0) | (across * across <= EPSILON * EPSILON * square * off_square)
+    rightwards = across >= -EPSILON * (square + off_square)
     nearer = 1.0 if rightwards else -1.0
     leg = nearer if side == 0.0 else side
 
@@ -71,14 +74,15 @@ def half_plane(  # type: ignore[no-untyped-def]
     outside_square = off_square if circle else square - radius_square
     root = math.sqrt(larger(square if inside else outside_square, 0.0))
     outside_divisor = root if circle else square
-    once_per = 1.0 / larger(root if inside else outside_divisor, EPSILON * EPSILON)
+    once_per = (-1.0 if inside else 1.0) / larger(root if inside else outside_divisor, LEAST)
     # Leg of the cone: r turned by asin(R / |r|) to its side; the outward normal is a quarter turn further.
-    leg_1, leg_2 = r_1 * root - leg * r_2 * radius_m, r_2 * root + leg * r_1 * radius_m
-    out_1, out_2 = off_1 if circle else -leg * leg_2, off_2 if circle else leg * leg_1
-    n_1, n_2 = (-r_1 if inside else out_1) * once_per, (-r_2 if inside else out_2) * once_per
+    turned = leg * root
+    leg_1, leg_2 = -radius_m * r_1 - turned * r_2, turned * r_1 - radius_m * r_2
     # Exactly on top of each other any direction separates.
-    on_top = inside & (square < EPSILON * EPSILON)
-    n_1, n_2 = way_1 if on_top else n_1, way_2 if on_top else n_2
+    on_top = root < LEAST
+    in_1, in_2 = -LEAST * way_1 if on_top else r_1, -LEAST * way_2 if on_top else r_2
+    out_1, out_2 = off_1 if circle else leg_1, off_2 if circle else leg_2
+    n_1, n_2 = (in_1 if inside else out_1) * once_per, (in_2 if inside else out_2) * once_per
 
     along = n_1 * w_1 + n_2 * w_2
     parting = smaller(barrier_per_s * (edge_m - root), most_mps) - along

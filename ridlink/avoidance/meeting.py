@@ -161,8 +161,7 @@ def neighbour_half_planes(own, candidates, found, preferred, settings, lines, fi
             c_1, c_2 = block[N_COMMAND + k], block[N_COMMAND + LANES + k]
             disc, radius, side = block[RADIUS + k], block[WIDE + k], block[SIDE + k]
             horizon = larger(least_horizon, stretch * radius)
-            some = larger(radius, EPSILON)
-            once_per_horizon = 1.0 / (horizon * some) * some
+            once_per_horizon = 1.0 / horizon
             w_1, w_2 = v_1 - u_1, v_2 - u_2
             # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
             apart = block[KEPT + k] >= IS_APART
