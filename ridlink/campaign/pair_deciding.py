@@ -132,7 +132,7 @@ class PairDecider:
             choice = new_choice(lines.shape[1])
             self._constants: tuple[Any, ...] = (obstacles.hull_vertex_ne_m, obstacles.hull_start)
             self._scratch: tuple[Any, ...] = (
-                np.zeros((worlds, blocks, rows.BLOCK)), np.zeros((worlds, rows.LANES * blocks), np.int64),
+                np.zeros((worlds, blocks, rows.BLOCK)), np.stack([rows.new_names(blocks)] * worlds),
                 np.stack([lines] * worlds), np.stack([choice] * worlds), np.stack([choice] * worlds),
                 np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
             )  # fmt: skip
