@@ -6,8 +6,8 @@ each decides as the only one in a world of its own with its k nearest, which num
 such a world for one decision is timed with it.
 
 Python-RVO2 (module `rvo2`), where it is installed, flies the same crowds in the same rounds, its own search for
-neighbours included; half-planes alone are compared with it. Its own set-up compiles it without optimisation, which makes
-it six to nine times as slow as it is with `-O3`.
+neighbours included; half-planes alone are compared with it. Its own set-up compiles it without optimisation, six to
+nine times as slow as with `-O3`.
 """
 
 from __future__ import annotations
@@ -244,7 +244,7 @@ def report() -> dict[str, Any]:
     for state, (one, batch) in (("compiled", started["cold_s"]), ("from the cache", started["cached_s"])):
         print(f"half-planes {state}: {one:.2f} s for one own-ship, {batch:.2f} s more for batches")
     if not beside:
-        print("Python-RVO2 is not installed: no figures beside it (its set-up compiles without optimisation; give it -O3)")
+        print("Python-RVO2 is not installed: no figures beside it")
     return {
         "batches": table,
         "rotation_batches": rotation,
