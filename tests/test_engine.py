@@ -20,6 +20,7 @@ from ridlink.failsafe import State
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import Encoder, Message
 from ridlink.periodic import Periodic
+from ridlink.remote_id.accuracy import AccuracyConvention
 from ridlink.remote_id.bridge import pack_to_mavlink
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, Separation
@@ -157,6 +158,18 @@ def test_an_intruder_that_avoids_nobody_is_kept_out_under_every_definition(defin
     needed = {"snmac": 15.0, "odid-accuracy": 0.6 + 6.0}.get(definition, 40.0)
     assert least[0] >= needed
     assert math.dist(flight.vehicle.position[:2], (200.0, 0.0)) < 3.0
+
+
+def test_what_an_accuracy_code_is_taken_for_is_configured() -> None:
+    """A 10 m code: 12.26 m by the letter, 30 m where an autopilot filled in one sigma, 10 m as three sigma."""
+    margins = {}
+    for convention in AccuracyConvention:
+        flight = Flight(settings=config(definition=Definition.ODID_ACCURACY, accuracy_convention=convention))
+        flight.others = [lambda now_s: intruder(90.0, 90.0, (0.0,) * 3).remote_id(now_s, horizontal_accuracy=10)]
+        margins[convention] = flight.step(5).decision.nearest_margin_m
+    letter = margins[AccuracyConvention.LETTER]
+    assert letter - margins[AccuracyConvention.ONE_SIGMA] == pytest.approx(30.0 - 12.256, abs=0.1)
+    assert letter - margins[AccuracyConvention.AS_IS] == pytest.approx(10.0 - 12.256, abs=0.1)
 
 
 @pytest.mark.parametrize(("up_m", "spoilt", "passes"), [(40.0, {}, True), (40.0, {"speed_vertical_mps": None}, False),

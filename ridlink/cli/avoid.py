@@ -85,6 +85,12 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     help="Of chance: halfplane, covariance or contours, from tight to loose.  [default: halfplane]",
 )
 @click.option(
+    "--accuracy-convention",
+    metavar="NAME",
+    help="Of odid-accuracy: what others mean by their codes: letter (95 % of positions), one-sigma (as PX4 and "
+    "ArduPilot fill them) or as-is (three sigma).  [default: letter]",
+)
+@click.option(
     "--solver",
     metavar="NAME",
     help="What chooses the velocity: halfplane, graded (faster in traffic, promises no distance) or rotation (the "

@@ -19,6 +19,7 @@ from ridlink.errors import ConfigError
 from ridlink.links import LinkUrl, SigningOptions, parse_link_url
 from ridlink.metrics import parse_metrics_address
 from ridlink.own_ship.broadcast import Form
+from ridlink.remote_id.accuracy import AccuracyConvention
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.setpoint import VelocityLimits
@@ -99,6 +100,11 @@ def daemon_config(flat: FlatConfig, config_file: str | None = None) -> DaemonCon
             definition=_named(Definition, "definition", or_default(flat.definition, engine.definition)),
             eta=or_default(flat.eta, engine.eta),
             chance_bound=_named(ChanceBound, "chance-bound", or_default(flat.chance_bound, engine.chance_bound)),
+            accuracy_convention=_named(
+                AccuracyConvention,
+                "accuracy-convention",
+                or_default(flat.accuracy_convention, engine.accuracy_convention),
+            ),
             cruise_mps=or_default(flat.cruise, engine.cruise_mps),
             airframe_m=or_default(flat.airframe, engine.airframe_m),
             airframe_height_m=flat.airframe_height,
@@ -190,6 +196,7 @@ def as_toml(config: DaemonConfig) -> str:
         f'definition = "{engine.definition}"',
         f"eta = {engine.eta}",
         f'chance_bound = "{engine.chance_bound}"',
+        f'accuracy_convention = "{engine.accuracy_convention}"',
         f'solver = "{engine.solver}"',
         f"cruise = {engine.cruise_mps}",
         f"airframe = {engine.airframe_m}",

@@ -62,6 +62,7 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     definition: str | None = None
     eta: float | None = None
     chance_bound: str | None = None
+    accuracy_convention: str | None = None
     solver: str | None = None
     cruise: float | None = None
     airframe: float | None = None

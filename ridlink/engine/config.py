@@ -11,6 +11,7 @@ from ridlink.engine.static_obstacles import Polygon, StaticObstacles
 from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
 from ridlink.own_ship.broadcast import BroadcastSettings, Form
+from ridlink.remote_id.accuracy import AccuracyConvention
 from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import MIN_AIRFRAME_M
@@ -39,6 +40,7 @@ class EngineConfig:
         definition: What sizes the discs.
         eta: Under `Definition.CHANCE`, the probability that no neighbour comes too close, at any one instant.
         chance_bound: Under `Definition.CHANCE`, how that becomes a distance.
+        accuracy_convention: Under `Definition.ODID_ACCURACY`, what others are taken to mean by their accuracy codes.
         cruise_mps: Speed wanted, and the highest that avoidance asks for: a vehicle that cannot fly faster would
             answer a faster command with less than half-planes assume.
         airframe_m: Largest horizontal extent of the own airframe, rotors turning.
@@ -75,6 +77,7 @@ class EngineConfig:
     definition: Definition = Definition.CANDIDATE2
     eta: float = DEFAULT_ETA
     chance_bound: ChanceBound = ChanceBound.HALFPLANE
+    accuracy_convention: AccuracyConvention = AccuracyConvention.LETTER
     cruise_mps: float = 10.0
     airframe_m: float = 0.6
     airframe_height_m: float | None = None

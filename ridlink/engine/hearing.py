@@ -38,7 +38,7 @@ class Hearing:
         self, config: EngineConfig, intake: Intake, telemetry: OwnShipTelemetry, picture: TrafficPicture
     ) -> None:
         self._config, self._intake, self._telemetry, self._picture = config, intake, telemetry, picture
-        self._assemblers = {"vehicle": ReportAssembler(), "rid": ReportAssembler()}
+        self._assemblers = {link: ReportAssembler(convention=config.accuracy_convention) for link in ("vehicle", "rid")}
         self.uas_id = config.uas_id.encode() if config.uas_id else None
         self.reports = 0
         self.counters: Counter[str] = Counter()

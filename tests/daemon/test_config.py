@@ -130,6 +130,7 @@ def test_flag_over_file_over_default(write) -> None:
         ("[rotation]\nstep_deg = 7.0", ["step_deg must divide", "7.0"]),
         ('definition = "chance"\neta = 1.0', ["eta", "got 1"]),
         ('chance_bound = "contour"', ["did you mean 'contours'?"]),
+        ('accuracy_convention = "1-sigma"', ["accuracy-convention", "did you mean 'one-sigma'?"]),
         ('definition = "xyz"', ["known are snmac, remote-id"]),
         ('vehicle = "udp:127.0.0.1:14540"', ["udpin:127.0.0.1:14540"]),
         ("cruise = 16.0", ["above v-max"]),
