@@ -161,21 +161,39 @@ def lanes_from(source: np.ndarray, at: int, least: float) -> int:
     return sum(int(source[at + k] >= least) << k for k in range(LANES))
 
 
-@intrinsic
-def _lanes_from(typing_context, source, at, least):  # type: ignore[no-untyped-def]
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        lanes = ir.VectorType(ir.DoubleType(), LANES)
-        numbers = builder.load(builder.bitcast(builder.gep(data, [arguments[1]]), lanes.as_pointer()), align=8)
-        met = builder.fcmp_ordered(">=", numbers, _together(builder, [arguments[2]] * LANES))
-        return builder.zext(builder.bitcast(met, ir.IntType(LANES)), ir.IntType(64))
+def lanes_with(source: np.ndarray, at: int, number: float) -> int:
+    """Which of LANES numbers from `source[at:]` on, contiguous float64, are that one: a bit for each."""
+    return sum(int(source[at + k] == number) << k for k in range(LANES))
 
-    return types.int64(source, types.intp, types.float64), generate
+
+def _compared(comparison: str):  # type: ignore[no-untyped-def]
+    """An instruction that compares LANES numbers with one."""
+
+    @intrinsic
+    def instruction(typing_context, source, at, number):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+            lanes = ir.VectorType(ir.DoubleType(), LANES)
+            numbers = builder.load(builder.bitcast(builder.gep(data, [arguments[1]]), lanes.as_pointer()), align=8)
+            met = builder.fcmp_ordered(comparison, numbers, _together(builder, [arguments[2]] * LANES))
+            return builder.zext(builder.bitcast(met, ir.IntType(LANES)), ir.IntType(64))
+
+        return types.int64(source, types.intp, types.float64), generate
+
+    return instruction
+
+
+_lanes_from, _lanes_with = _compared(">="), _compared("==")
 
 
 @overload(lanes_from)
 def _lanes_from_compiled(source, at, least):  # type: ignore[no-untyped-def]
     return lambda source, at, least: _lanes_from(source, at, least)
+
+
+@overload(lanes_with)
+def _lanes_with_compiled(source, at, number):  # type: ignore[no-untyped-def]
+    return lambda source, at, number: _lanes_with(source, at, number)
 
 
 def lowest_bit(bits: int) -> int:

@@ -20,7 +20,7 @@ import numpy as np
 
 from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.lanes import exceed, lanes_from, lowest_bit
-from ridlink.avoidance.rows import LANES
+from ridlink.avoidance.rows import LANES, aligned
 
 EPSILON = 1e-9
 """Speeds are compared to this, m/s; it is far below what any autopilot resolves."""
@@ -275,7 +275,7 @@ def padded(count: int) -> int:
 
 def new_lines(hard: int, soft: int, firm: int = 0) -> np.ndarray:
     """Room for so many half-planes, shape (4, m), none of which forbids anything."""
-    lines = np.zeros((4, padded(firm) + padded(hard) + padded(soft)))
+    lines = aligned(np.zeros((4, padded(firm) + padded(hard) + padded(soft))))
     lines[BOUND] = -np.inf
     return lines
 

@@ -53,6 +53,24 @@ PASSING_RIGHT, PASSING_LEFT, IS_APART = 1, 2, 4
 ) = range(18)  # fmt: skip
 
 
+LINE_BYTES = 64
+"""A line of the cache."""
+
+
+def aligned(array: np.ndarray) -> np.ndarray:
+    """A copy that begins with a line of the cache: what is read in one piece would lie half in one, half in another."""
+    room = np.zeros(array.nbytes + LINE_BYTES, np.uint8)
+    begin = -room.ctypes.data % LINE_BYTES
+    copy = room[begin : begin + array.nbytes].view(array.dtype).reshape(array.shape)
+    copy[...] = array
+    return copy
+
+
+def for_worlds(array: np.ndarray, worlds: int) -> np.ndarray:
+    """The same scratch for each of so many worlds, with a leading axis."""
+    return aligned(np.stack([array] * worlds))
+
+
 def blocks_for(count: int) -> int:
     """Blocks that hold so many neighbours."""
     return -(-count // LANES)
@@ -60,7 +78,7 @@ def blocks_for(count: int) -> int:
 
 def new_blocks(count: int) -> np.ndarray:
     """Room for so many neighbours, shape (blocks, BLOCK); nobody is heard yet."""
-    return np.zeros((blocks_for(count), BLOCK))
+    return aligned(np.zeros((blocks_for(count), BLOCK)))
 
 
 def new_names(blocks: int) -> np.ndarray:

@@ -14,7 +14,7 @@ import math
 
 from ridlink.avoidance.encounter import EPSILON, HOLD_FACTOR, LEAN_RADII
 from ridlink.avoidance.kernel import kernel, larger, norm, smaller
-from ridlink.avoidance.lanes import bit_count, gather_lanes, lanes_from, pack_lanes
+from ridlink.avoidance.lanes import bit_count, gather_lanes, lanes_with, pack_lanes
 from ridlink.avoidance.rows import (
     AGE,
     AGE_ACCELERATION,
@@ -140,12 +140,12 @@ def collect(neighbours, count, candidates, names):  # type: ignore[no-untyped-de
     """
     found = 0
     for b in range(count):
-        met = lanes_from(neighbours[b], MATTERS, MEETS)
+        met = lanes_with(neighbours[b], MATTERS, MEETS)
         pack_lanes(met, LANES * b, names, found)
         found += bit_count(met)
     meetings = found
     for b in range(count):
-        bound = lanes_from(neighbours[b], MATTERS, BINDS) ^ lanes_from(neighbours[b], MATTERS, MEETS)
+        bound = lanes_with(neighbours[b], MATTERS, BINDS)
         pack_lanes(bound, LANES * b, names, found)
         found += bit_count(bound)
     for b in range(-(-found // LANES)):

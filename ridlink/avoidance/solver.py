@@ -231,7 +231,7 @@ class HalfplaneSolver(_RowSolver):
     def _reserve(self, obstacles: Obstacles) -> None:
         lanes = rows.LANES * len(self._neighbours)
         self._lines = new_lines(obstacles.piece_count + halfplane.REACH_SIDES, 2 * lanes, lanes)
-        self._candidates, self._names = np.zeros_like(self._neighbours), rows.new_names(len(self._neighbours))
+        self._candidates, self._names = rows.aligned(self._neighbours), rows.new_names(len(self._neighbours))
         self._chosen, self._work = (new_choice(self._lines.shape[1]) for _ in range(2))
         self._ring = np.zeros((ring_size(obstacles.hull_start), 2))
 

@@ -30,7 +30,6 @@ from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.rows import (
-    BLOCK,
     ERROR_SUM,
     GAP,
     HEARD,
@@ -42,6 +41,8 @@ from ridlink.avoidance.rows import (
     RADIUS,
     REPORTED,
     blocks_for,
+    for_worlds,
+    new_blocks,
     new_names,
 )
 
@@ -257,9 +258,9 @@ def halfplane_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple
     choice = new_choice(lines.shape[1])
     return (
         *_picture(worlds, vehicles),
-        np.stack([lines] * worlds),
-        np.stack([choice] * worlds),
-        np.stack([choice] * worlds),
+        for_worlds(lines, worlds),
+        for_worlds(choice, worlds),
+        for_worlds(choice, worlds),
         np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
     )
 
@@ -280,5 +281,5 @@ def graded_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np
 
 
 def _picture(worlds: int, vehicles: int) -> tuple[np.ndarray, ...]:
-    blocks = np.zeros((worlds, blocks_for(vehicles), BLOCK))
-    return blocks, blocks.copy(), np.stack([new_names(blocks_for(vehicles))] * worlds)
+    blocks, names = new_blocks(vehicles), new_names(blocks_for(vehicles))
+    return for_worlds(blocks, worlds), for_worlds(blocks, worlds), for_worlds(names, worlds)

@@ -120,7 +120,7 @@ class PairDecider:
         self._memory = np.zeros((worlds, vehicles, vehicles), np.int8)
         self._room: tuple[Any, ...] = (
             np.zeros((worlds, vehicles, 10)), np.zeros((worlds, vehicles), np.int8),
-            np.zeros((worlds, vehicles), np.int64), np.zeros((worlds, blocks, rows.BLOCK)),
+            np.zeros((worlds, vehicles), np.int64), rows.for_worlds(rows.new_blocks(vehicles), worlds),
         )  # fmt: skip
         self._walls = (obstacles.piece_vertex_ne_m, obstacles.piece_start, settings.as_vector())
         self._route: NDArray[np.int64] | None = None
@@ -132,8 +132,8 @@ class PairDecider:
             choice = new_choice(lines.shape[1])
             self._constants: tuple[Any, ...] = (obstacles.hull_vertex_ne_m, obstacles.hull_start)
             self._scratch: tuple[Any, ...] = (
-                np.zeros((worlds, blocks, rows.BLOCK)), np.stack([rows.new_names(blocks)] * worlds),
-                np.stack([lines] * worlds), np.stack([choice] * worlds), np.stack([choice] * worlds),
+                rows.for_worlds(rows.new_blocks(vehicles), worlds), rows.for_worlds(rows.new_names(blocks), worlds),
+                rows.for_worlds(lines, worlds), rows.for_worlds(choice, worlds), rows.for_worlds(choice, worlds),
                 np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
             )  # fmt: skip
             return
