@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from numba import config, njit
+from numba import config, njit, types
 from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
+from numba.extending import lower_builtin, type_callable
 
 Decorator = Callable[..., Any]
 
@@ -63,6 +65,32 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
         return compiled if function is None else compiled(function)
 
     return kernel
+
+
+def instructions_for(plain: Callable[..., Any]) -> Decorator:
+    """A decorator for the instructions that kernels have in the place of a plain function.
+
+    What it decorates is as for `numba.extending.intrinsic`: from the types of the arguments it gives the signature and
+    what writes the instructions. They stand in the caller itself; by way of `numba.extending.overload` each would be a
+    function of its own, which takes 20 ms to compile for every kind of caller.
+    """
+
+    def register(instructions: Callable[..., Any]) -> Callable[..., Any]:
+        @type_callable(plain)  # type: ignore[untyped-decorator]
+        def type_call(context: Any) -> Callable[..., Any]:
+            def typer(*kinds: Any) -> Any:
+                return instructions(context, *kinds)[0]
+
+            typer.__signature__ = signature(plain)  # type: ignore[attr-defined]
+            return typer
+
+        @lower_builtin(plain, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
+        def write(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
+            return instructions(context.typing_context, *call.args)[1](context, builder, call, arguments)
+
+        return instructions
+
+    return register
 
 
 class _KernelCache(FunctionCache):  # type: ignore[misc]

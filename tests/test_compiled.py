@@ -3,18 +3,40 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
-from numba import config
+from numba import config, types
 from numba.core import caching
 
-from ridlink.compiled import is_compiled, kernel_decorator
+from ridlink.compiled import instructions_for, is_compiled, kernel_decorator
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
 
 
 def halved(value: float) -> float:
     return value / 2.0
+
+
+def doubled(value: float) -> float:
+    return value + value
+
+
+@instructions_for(doubled)
+def double(typing_context: Any, value: Any) -> Any:
+    return types.float64(types.float64), lambda context, builder, call, arguments: builder.fadd(*2 * arguments)
+
+
+def test_instructions_stand_in_the_caller_itself(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Each would take its time to compile if it were a function, once for every kind of caller."""
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+
+    @kernel_decorator([Path(__file__)])
+    def fourfold(value: float) -> float:
+        return doubled(doubled(value))
+
+    assert fourfold(3) == 4 * doubled(3) / 2 == 12.0
+    assert all("doubled" not in code for code in fourfold.inspect_llvm().values())
 
 
 def test_without_a_place_to_keep_them_kernels_are_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

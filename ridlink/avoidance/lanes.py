@@ -6,14 +6,16 @@ Everything is written twice, as plain Python and as instructions, and both do th
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload
 
 from ridlink.avoidance.kernel import kernel
 from ridlink.avoidance.rows import LANES
+from ridlink.compiled import instructions_for
 
 LANE_BITS = LANES.bit_length() - 1
 
@@ -49,7 +51,7 @@ def copy_lanes(source: np.ndarray, at: int, target: np.ndarray, to: int) -> None
     target[to : to + LANES] = source[at : at + LANES]
 
 
-@intrinsic
+@instructions_for(copy_lanes)
 def _copy_lanes(typing_context, source, at, target, to):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         places = []
@@ -67,11 +69,6 @@ def _copy_lanes(typing_context, source, at, target, to):  # type: ignore[no-unty
     return types.void(source, types.intp, target, types.intp), generate
 
 
-@overload(copy_lanes)
-def _copy_lanes_compiled(source, at, target, to):  # type: ignore[no-untyped-def]
-    return lambda source, at, target, to: _copy_lanes(source, at, target, to)
-
-
 def gather_lanes(
     source: np.ndarray, place_0: int, place_1: int, place_2: int, place_3: int, column: int, target: np.ndarray
 ) -> None:
@@ -84,7 +81,7 @@ def gather_lanes(
     target[column : column + LANES] = [source[place // LANES, column + place % LANES] for place in places]
 
 
-@intrinsic
+@instructions_for(gather_lanes)
 def _gather_lanes(  # type: ignore[no-untyped-def]
     typing_context, source, place_0, place_1, place_2, place_3, column, target
 ):
@@ -110,13 +107,6 @@ def _gather_lanes(  # type: ignore[no-untyped-def]
     return types.void(source, *[types.intp] * 5, target), generate
 
 
-@overload(gather_lanes)
-def _gather_lanes_compiled(source, place_0, place_1, place_2, place_3, column, target):  # type: ignore[no-untyped-def]
-    return lambda source, place_0, place_1, place_2, place_3, column, target: _gather_lanes(
-        source, place_0, place_1, place_2, place_3, column, target
-    )
-
-
 _PACKED = [[k for k in range(LANES) if bits >> k & 1] + [0] * (LANES - bits.bit_count()) for bits in range(1 << LANES)]
 """The lanes of which a bit is set, one after the other, and then some; by the bits."""
 
@@ -135,7 +125,7 @@ def pack_lanes(bits: int, first: int, places: np.ndarray, to: int) -> None:
     places[to : to + LANES] = [first + lane for lane in _PACKED[bits]]
 
 
-@intrinsic
+@instructions_for(pack_lanes)
 def _pack_lanes(typing_context, bits, first, places, to):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         bits, first, _, to = arguments
@@ -151,11 +141,6 @@ def _pack_lanes(typing_context, bits, first, places, to):  # type: ignore[no-unt
     return types.void(types.int64, types.int64, places, types.intp), generate
 
 
-@overload(pack_lanes)
-def _pack_lanes_compiled(bits, first, places, to):  # type: ignore[no-untyped-def]
-    return lambda bits, first, places, to: _pack_lanes(bits, first, places, to)
-
-
 def lanes_from(source: np.ndarray, at: int, least: float) -> int:
     """Which of LANES numbers from `source[at:]` on, contiguous float64, are not less than `least`: a bit for each."""
     return sum(int(source[at + k] >= least) << k for k in range(LANES))
@@ -166,10 +151,10 @@ def lanes_with(source: np.ndarray, at: int, number: float) -> int:
     return sum(int(source[at + k] == number) << k for k in range(LANES))
 
 
-def _compared(comparison: str):  # type: ignore[no-untyped-def]
-    """An instruction that compares LANES numbers with one."""
+def _compared(plain: Callable[[np.ndarray, int, float], int], comparison: str) -> None:
+    """An instruction that compares LANES numbers with one stands for a function."""
 
-    @intrinsic
+    @instructions_for(plain)
     def instruction(typing_context, source, at, number):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
             data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
@@ -180,20 +165,9 @@ def _compared(comparison: str):  # type: ignore[no-untyped-def]
 
         return types.int64(source, types.intp, types.float64), generate
 
-    return instruction
 
-
-_lanes_from, _lanes_with = _compared(">="), _compared("==")
-
-
-@overload(lanes_from)
-def _lanes_from_compiled(source, at, least):  # type: ignore[no-untyped-def]
-    return lambda source, at, least: _lanes_from(source, at, least)
-
-
-@overload(lanes_with)
-def _lanes_with_compiled(source, at, number):  # type: ignore[no-untyped-def]
-    return lambda source, at, number: _lanes_with(source, at, number)
+_compared(lanes_from, ">=")
+_compared(lanes_with, "==")
 
 
 def lowest_bit(bits: int) -> int:
@@ -201,17 +175,12 @@ def lowest_bit(bits: int) -> int:
     return (bits & -bits).bit_length() - 1
 
 
-@intrinsic
+@instructions_for(lowest_bit)
 def _lowest_bit(typing_context, bits):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
 
     return types.int64(types.int64), generate
-
-
-@overload(lowest_bit)
-def _lowest_bit_compiled(bits):  # type: ignore[no-untyped-def]
-    return lambda bits: _lowest_bit(bits)
 
 
 def exceed(lines: np.ndarray, first: int, last: int, x_1: float, x_2: float) -> float:
@@ -227,7 +196,7 @@ def exceed(lines: np.ndarray, first: int, last: int, x_1: float, x_2: float) -> 
     return float(worst)
 
 
-@intrinsic
+@instructions_for(exceed)
 def _exceed(typing_context, lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         table = context.make_array(signature.args[0])(context, builder, arguments[0])
@@ -264,24 +233,14 @@ def _exceed(typing_context, lines, first, last, x_1, x_2):  # type: ignore[no-un
     return types.float64(lines, types.intp, types.intp, types.float64, types.float64), generate
 
 
-@overload(exceed)
-def _exceed_compiled(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
-    return lambda lines, first, last, x_1, x_2: _exceed(lines, first, last, x_1, x_2)
-
-
 def bit_count(bits: int) -> int:
     """Number of bits that are set."""
     return bits.bit_count()
 
 
-@intrinsic
+@instructions_for(bit_count)
 def _bit_count(typing_context, bits):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return builder.ctpop(arguments[0])
 
     return types.int64(types.int64), generate
-
-
-@overload(bit_count)
-def _bit_count_compiled(bits):  # type: ignore[no-untyped-def]
-    return lambda bits: _bit_count(bits)
