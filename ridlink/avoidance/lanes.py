@@ -107,6 +107,40 @@ def _gather_lanes(  # type: ignore[no-untyped-def]
     return types.void(source, *[types.intp] * 5, target), generate
 
 
+def turn_lanes(
+    source: np.ndarray, row: int, column: int, target: np.ndarray, to_0: int, to_1: int, to_2: int, to_3: int
+) -> None:
+    """Copy four columns of four rows of `source`, to four columns of one block, one lane for each row."""
+    for k, to in enumerate((to_0, to_1, to_2, to_3)):
+        target[to : to + LANES] = source[row : row + LANES, column + k]
+
+
+@instructions_for(turn_lanes)
+def _turn_lanes(typing_context, source, row, column, target, to_0, to_1, to_2, to_3):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        table = context.make_array(signature.args[0])(context, builder, arguments[0])
+        data = context.make_array(signature.args[3])(context, builder, arguments[3]).data
+        lanes, place = ir.VectorType(ir.DoubleType(), LANES), ir.VectorType(ir.IntType(32), LANES)
+        width = builder.extract_value(table.shape, 1)
+        at = builder.add(builder.mul(arguments[1], width), arguments[2])
+        rows = []
+        for _ in range(LANES):
+            rows.append(builder.load(builder.bitcast(builder.gep(table.data, [at]), lanes.as_pointer()), align=8))
+            at = builder.add(at, width)
+
+        def mixed(a: ir.Value, b: ir.Value, places: list[int]) -> ir.Value:
+            return builder.shuffle_vector(a, b, ir.Constant(place, places))
+
+        evens, odds = [0, 4, 2, 6], [1, 5, 3, 7]
+        halves = [(mixed(rows[k], rows[k + 1], evens), mixed(rows[k], rows[k + 1], odds)) for k in (0, 2)]
+        columns = [mixed(halves[0][k], halves[1][k], side) for side in ([0, 1, 4, 5], [2, 3, 6, 7]) for k in (0, 1)]
+        for to, numbers in zip(arguments[4:], columns, strict=True):
+            builder.store(numbers, builder.bitcast(builder.gep(data, [to]), lanes.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(source, types.intp, types.intp, target, *[types.intp] * 4), generate
+
+
 _PACKED = [[k for k in range(LANES) if bits >> k & 1] + [0] * (LANES - bits.bit_count()) for bits in range(1 << LANES)]
 """The lanes of which a bit is set, one after the other, and then some; by the bits."""
 

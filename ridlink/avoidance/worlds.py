@@ -25,7 +25,7 @@ from ridlink.avoidance.halfplane import REACH_SIDES, avoid_one
 from ridlink.avoidance.kernel import kernel
 from ridlink.avoidance.lanes import copy_lanes, lane_of
 from ridlink.avoidance.obstacles import Obstacles
-from ridlink.avoidance.packing import place_report
+from ridlink.avoidance.packing import place_reports
 from ridlink.avoidance.programme import new_choice, new_lines
 from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.route import ring_size
@@ -53,10 +53,9 @@ SMALL_WORLD = 64
 @kernel
 def draw_picture(heard, present, picture):  # type: ignore[no-untyped-def]
     """What the others hear of each vehicle of one world, as blocks of neighbours."""
+    place_reports(heard, len(heard), picture)
     for j in range(len(heard)):
-        block, lane = picture[j // LANES], j % LANES
-        place_report(heard[j], block, lane)
-        block[HEARD + lane] = 1.0 if present[j] else 0.0
+        picture[j // LANES, HEARD + j % LANES] = 1.0 if present[j] else 0.0
 
 
 @kernel(forceinline=True)

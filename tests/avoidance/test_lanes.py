@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from ridlink.avoidance.lanes import gather_lanes, pack_lanes
+from ridlink.avoidance.lanes import gather_lanes, pack_lanes, turn_lanes
 from ridlink.avoidance.rows import LANES
 
 
@@ -18,6 +18,20 @@ def packed(bits, first, places, to):
 @njit
 def gathered(source, place_0, place_1, place_2, place_3, column, target):
     gather_lanes(source, place_0, place_1, place_2, place_3, column, target)
+
+
+@njit
+def turned(source, row, column, target, to_0, to_1, to_2, to_3):
+    turn_lanes(source, row, column, target, to_0, to_1, to_2, to_3)
+
+
+@pytest.mark.parametrize("turn", [turn_lanes, turned])
+def test_columns_of_four_rows_become_columns_of_a_block(turn):
+    source, target = np.arange(100.0).reshape(10, 10), np.zeros(5 * LANES)
+    turn(source, 3, 5, target, 0, 3 * LANES, LANES, 4 * LANES)
+    # Rows 3 to 6, columns 5 to 8; nothing is written between.
+    wanted = [[35, 45, 55, 65], [37, 47, 57, 67], [0, 0, 0, 0], [36, 46, 56, 66], [38, 48, 58, 68]]
+    assert target.reshape(5, LANES).tolist() == wanted
 
 
 @pytest.mark.parametrize("pack", [pack_lanes, packed])
