@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ridlink.separation.gaussian import normal_cdf, normal_quantile
+from ridlink.separation.volumes import checked_lengths
 
 FloatArray = NDArray[np.float64]
 
@@ -92,9 +93,10 @@ def chance_error_sum(
         Distances, never negative: below an eta of one half the half-plane would give some of the separation away.
 
     Raises:
-        ValueError: If eta is not within (0, 1), or the form is unknown.
+        ValueError: If eta is not within (0, 1), the form is unknown, or a bound is negative or not finite.
     """
-    own, other = np.asarray(own_error_bound_m) / 3.0, np.asarray(error_bound_m) / 3.0
+    own = checked_lengths("own_error_bound_m", own_error_bound_m) / 3.0
+    other = checked_lengths("error_bound_m", error_bound_m) / 3.0
     # Few different counts occur in any batch, however large, and quantiles are slow.
     risks, position = np.unique(pair_risk(eta, neighbours), return_inverse=True)
     shape = np.shape(neighbours)
@@ -121,9 +123,18 @@ def instant_probability(slack_m: ArrayLike, own_error_bound_m: ArrayLike, error_
         slack_m: Distance kept beyond the one that matters, error_sum_m of a disc; may be negative.
         own_error_bound_m: Own three-sigma position error per axis.
         error_bound_m: That of the others.
+
+    Raises:
+        ValueError: If a bound is negative or not finite, or the slack is no number.
     """
-    sigma = np.hypot(np.asarray(own_error_bound_m), np.asarray(error_bound_m)) / 3.0
+    own, other = (
+        checked_lengths("own_error_bound_m", own_error_bound_m),
+        checked_lengths("error_bound_m", error_bound_m),
+    )
+    sigma = np.hypot(own, other) / 3.0
     slack = np.asarray(slack_m, dtype=np.float64)
+    if np.any(np.isnan(slack)):
+        raise ValueError("slack_m must be a number, got nan")
     uncertain = sigma > 0.0
     certain = np.where(slack >= 0.0, 1.0, 0.0)
     return np.where(uncertain, normal_cdf(slack / np.where(uncertain, sigma, 1.0)), certain)

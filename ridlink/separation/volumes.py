@@ -14,7 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 
-def _lengths(name: str, values: ArrayLike) -> FloatArray:
+def checked_lengths(name: str, values: ArrayLike) -> FloatArray:
+    """The same as an array.
+
+    Raises:
+        ValueError: If a value is negative or not finite; it is named.
+    """
     array = np.asarray(values, dtype=np.float64)
     allowed = np.isfinite(array) & (array >= 0.0)
     if not np.all(allowed):
@@ -23,7 +28,7 @@ def _lengths(name: str, values: ArrayLike) -> FloatArray:
 
 
 def _pairs(name: str, values: ArrayLike) -> FloatArray:
-    array = _lengths(name, values)
+    array = checked_lengths(name, values)
     if array.ndim == 0 or array.shape[-1] != 2:
         raise ValueError(f"{name} needs a last axis of 2, one value for each vehicle, got shape {array.shape}")
     return array
@@ -69,9 +74,9 @@ def uncertainty_diameter(
         ValueError: If any length, speed or interval is negative or not finite.
     """
     sides = 1.0 if direction_known else 2.0
-    flown = _lengths("interval_s", interval_s) * _lengths("speed_mps", speed_mps)
-    error = _lengths("error_bound_m", error_bound_m)
-    return np.asarray(_lengths("airframe_m", airframe_m) + 2.0 * error + sides * flown)
+    flown = checked_lengths("interval_s", interval_s) * checked_lengths("speed_mps", speed_mps)
+    error = checked_lengths("error_bound_m", error_bound_m)
+    return np.asarray(checked_lengths("airframe_m", airframe_m) + 2.0 * error + sides * flown)
 
 
 def unmac_diameter(
@@ -102,7 +107,7 @@ def unmac_diameter(
     airframe = _pairs("airframe_m", airframe_m)
     error = _pairs("error_bound_m", error_bound_m)
     speed = _pairs("speed_mps", speed_mps)
-    interval = _lengths("interval_s", interval_s)[..., None]
+    interval = checked_lengths("interval_s", interval_s)[..., None]
     return np.asarray(
         uncertainty_diameter(airframe, error, speed, interval, direction_known=direction_known).sum(axis=-1)
     )

@@ -294,6 +294,18 @@ def test_an_eta_that_is_no_probability_is_refused(eta: float) -> None:
         mission_probability(eta, 1.0, 1.0)
 
 
+@pytest.mark.parametrize("bound_m", [math.nan, -1.0, math.inf])
+@pytest.mark.parametrize("whose", ["own_error_bound_m", "error_bound_m"])
+def test_an_error_bound_that_is_none_is_refused(whose: str, bound_m: float) -> None:
+    bounds = {"own_error_bound_m": 3.0, "error_bound_m": np.array([3.0, 3.0])} | {whose: np.array([3.0, bound_m])}
+    with pytest.raises(ValueError, match=f"^{whose} must be .* got {bound_m:g}"):
+        chance_error_sum(**bounds)
+    with pytest.raises(ValueError, match=f"^{whose} must be .* got {bound_m:g}"):
+        instant_probability(1.0, **bounds)
+    with pytest.raises(ValueError, match="slack_m"):
+        instant_probability(math.nan, 3.0, 3.0)
+
+
 @pytest.mark.parametrize(("duration_s", "time_constant_s"), [(-1.0, 1.0), (math.inf, 1.0), (1.0, 0.0), (1.0, math.nan)])
 def test_a_meaningless_mission_is_refused(duration_s: float, time_constant_s: float) -> None:
     with pytest.raises(ValueError, match="must be"):
