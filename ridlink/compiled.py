@@ -7,14 +7,19 @@ stamp covers every module that holds kernels of its package.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from inspect import signature
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from numba import config, njit, types
 from numba.core.caching import FunctionCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.runtime import rtsys
 from numba.extending import lower_builtin, type_callable
 
@@ -35,8 +40,9 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
         sum may be rounded but once, where the machine can: for answers that do not hang on the last bit. With `nogil`
         other threads of Python go on meanwhile, which is for kernels that take a while: whoever lets go of the lock may
         have to wait for it. Loops over worlds are spread over threads or processes by the caller; numba's own way of it
-        takes seconds more to compile. An `inner` kernel is called by other kernels only: no way in from Python is
-        compiled, which takes as long as many a kernel. With NUMBA_DISABLE_JIT=1 the function stays plain Python.
+        takes seconds more to compile. An `inner` kernel is called by other kernels only: it has no way in from Python,
+        which takes as long to compile as many a kernel, and no machine code of its own. With NUMBA_DISABLE_JIT=1 the
+        function stays plain Python.
     """
     files = tuple(sources)
 
@@ -52,11 +58,13 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
         def compiled(plain: Callable[..., Any]) -> Any:
             options: dict[str, Any] = {"nogil": nogil, "forceinline": forceinline, "error_model": "numpy"}
             options["no_cfunc_wrapper"], options["no_cpython_wrapper"] = True, inner
+            options["pipeline_class"] = _InnerCompiler if inner else _KernelCompiler
             options["fastmath"] = {"contract"} if fused else False
             if not counted:
                 options["_nrt"] = False
             dispatcher = njit(**options)(plain)
             if not config.DISABLE_JIT:
+                dispatcher.get_call_template = partial(_call_template, dispatcher)
                 # Where it can be kept neither beside the source nor at home, it is compiled for this process.
                 with suppress(RuntimeError):
                     dispatcher._cache = _KernelCache(plain, files)
@@ -65,6 +73,59 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
         return compiled if function is None else compiled(function)
 
     return kernel
+
+
+def _call_template(dispatcher: Any, arguments: Any, named: Any) -> Any:
+    """Have a kernel compiled for these types of arguments: once for a constant and a variable of its type."""
+    return type(dispatcher).get_call_template(dispatcher, [types.unliteral(one) for one in arguments], named)
+
+
+class _KernelCompiler(Compiler):  # type: ignore[misc]
+    """Compiles one kernel, and those that it calls first."""
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile a function. Little of what is left behind is garbage; to look for it would take a tenth more."""
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            return super().compile_extra(func)
+        finally:
+            if collects:
+                gc.enable()
+
+
+class _InnerCompiler(_KernelCompiler):
+    """Compiles a kernel that only becomes part of others."""
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile a function, as far as it must be before it becomes part of another."""
+        self.state.library = _InnerCode(self.state.targetctx.codegen(), func.__qualname__)
+        return super().compile_extra(func)
+
+
+class _InnerCode(JITCodeLibrary):  # type: ignore[misc]
+    """Code of an inner kernel: it is optimised, and machine code made of it, as part of others only."""
+
+    @property
+    def codegen(self) -> Any:
+        """What is told where the machine code finds what it keeps in Python: there is none."""
+        return SimpleNamespace(set_env=lambda name, environment: None)
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Address of a function: none."""
+        self._ensure_finalized()
+        return 0
+
+    def serialize_using_object_code(self) -> Any:
+        """What is kept on disk."""
+        return self.serialize_using_bitcode()
 
 
 def instructions_for(plain: Callable[..., Any]) -> Decorator:

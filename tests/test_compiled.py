@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from typing import Any
 
 import pytest
 from numba import config, types
 from numba.core import caching
+from numba.core.errors import TypingError
 
 from ridlink.compiled import instructions_for, is_compiled, kernel_decorator
 
@@ -37,6 +39,43 @@ def test_instructions_stand_in_the_caller_itself(monkeypatch: pytest.MonkeyPatch
 
     assert fourfold(3) == 4 * doubled(3) / 2 == 12.0
     assert all("doubled" not in code for code in fourfold.inspect_llvm().values())
+
+
+def product(value: float, times: int) -> float:
+    return value * times
+
+
+def called_by_another() -> Any:
+    """An inner kernel that a new caller has been given a constant and a variable for."""
+    kernel = kernel_decorator([Path(__file__)])
+    inner = kernel(inner=True)(product)
+
+    @kernel
+    def caller(value: float, times: int) -> float:
+        return inner(value, 2) + inner(value, times)
+
+    assert caller(3.0, 5) == 21.0
+    return inner
+
+
+def test_an_inner_kernel_is_compiled_once_for_constants_and_variables_and_kept_for_other_callers(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    first, second = called_by_another(), called_by_another()
+    assert len(first.signatures) == len(second.signatures) == 1
+    assert not first.stats.cache_hits and second.stats.cache_hits
+
+
+def test_garbage_is_collected_again_when_a_kernel_has_been_compiled_or_could_not_be(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    kernel = kernel_decorator([Path(__file__)])(halved)
+    with pytest.raises(TypingError):
+        kernel("no number")
+    assert gc.isenabled()
+    assert kernel(3.0) == 1.5 and gc.isenabled()
 
 
 def test_without_a_place_to_keep_them_kernels_are_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
