@@ -186,7 +186,7 @@ def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon):  # type: ignore[no-unt
     return 0.0 if square < EPSILON else weight
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def time_to_entry(r_1, r_2, w_1, w_2, radius_m, never_s):  # type: ignore[no-untyped-def]
     """Time [s] until a disc is entered at relative velocity w (own less neighbour's); 0 inside, `never_s` if never."""
     inside = radius_m * radius_m - r_1 * r_1 - r_2 * r_2

@@ -97,21 +97,21 @@ MOST_TURN = 1.5
 """All turns together [rad]: a quarter turn and more would lead away from the goal."""
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def slowness(preferred, v_1, v_2, limit):  # type: ignore[no-untyped-def]
     """How far own-ship is from the speed it wants, 0 at that speed and 1 at rest."""
     wanted = min(norm(preferred[0], preferred[1]), limit)
     return max(1.0 - norm(v_1, v_2) / max(wanted, EPSILON), 0.0)
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
     """Distance [m] aimed at from obstacles. As with discs, a clearance that is grazed with a drifting position is
     lost."""
     return own[CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def steadied(c_1, c_2, to_1, to_2, to_goal_m):  # type: ignore[no-untyped-def]
     """The way to a goal, turned away from the course flown no further than that has to be left.
 
@@ -131,7 +131,7 @@ def steadied(c_1, c_2, to_1, to_2, to_goal_m):  # type: ignore[no-untyped-def]
     return to_1 + past * c_2, to_2 - past * c_1
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
     """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
     if own[AIM_IS_VELOCITY] != 0.0:

@@ -253,7 +253,7 @@ def least_bad(  # type: ignore[no-untyped-def]
     least_excess(lines, begin, first, first, last, limit_mps, chosen, work, point)
 
 
-@kernel
+@kernel(inner=True)
 def nearest_admissible(  # type: ignore[no-untyped-def]
     lines, begin, hard, first, last, limit_mps, preferred, chosen, work, point
 ):

@@ -24,7 +24,7 @@ TIE_M = 1.0
 """Ways that differ by less count as equal, and equal ways are passed on the right."""
 
 
-@kernel
+@kernel(inner=True)
 def nearest_point(vertex, first, last, p_1, p_2, found):  # type: ignore[no-untyped-def]
     """Signed distance [m] of a point to a convex polygon, negative inside, and the outward normal at the nearest point.
 
@@ -66,7 +66,7 @@ def nearest_point(vertex, first, last, p_1, p_2, found):  # type: ignore[no-unty
     return closest
 
 
-@kernel
+@kernel(inner=True)
 def approach_speed(gap_m, horizon_s, deceleration_mps2, response_s):  # type: ignore[no-untyped-def]
     """Largest speed [m/s] towards an obstacle from which the vehicle still stops within the gap."""
     if math.isinf(deceleration_mps2):
@@ -151,7 +151,7 @@ def length_round(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-unty
     return length
 
 
-@kernel
+@kernel(inner=True)
 def route_aim(vertex, start, p_1, p_2, goal_1, goal_2, clearance_m, memory, ring, aim):  # type: ignore[no-untyped-def]
     """Point to fly to now on the way to a goal round convex polygons; the goal itself when nothing is in the way.
 

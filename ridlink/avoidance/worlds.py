@@ -50,7 +50,7 @@ SMALL_WORLD = 64
 """Vehicles up to which everybody is passed over for everybody."""
 
 
-@kernel
+@kernel(inner=True)
 def draw_picture(heard, present, picture):  # type: ignore[no-untyped-def]
     """What the others hear of each vehicle of one world, as blocks of neighbours."""
     place_reports(heard, len(heard), picture)
@@ -58,7 +58,7 @@ def draw_picture(heard, present, picture):  # type: ignore[no-untyped-def]
         picture[j // LANES, HEARD + j % LANES] = 1.0 if present[j] else 0.0
 
 
-@kernel(forceinline=True)
+@kernel(forceinline=True, inner=True)
 def fill_in(numbers, picture, column):  # type: ignore[no-untyped-def]
     """Write a column of all blocks, a number for each vehicle."""
     whole = len(numbers) // LANES
@@ -82,7 +82,7 @@ def complete(picture, radius_m, error_sum_m, kept):  # type: ignore[no-untyped-d
         block[RADIUS + lane], block[ERROR_SUM + lane], block[KEPT + lane] = radius_m[j], error_sum_m[j], kept[j]
 
 
-@kernel
+@kernel(inner=True)
 def gather(own, i, radius_m, error_sum_m, range_m, picture, neighbours, names):  # type: ignore[no-untyped-def]
     """Copy the vehicles that vehicle `i` of one world hears to blocks of their own.
 
@@ -116,7 +116,7 @@ def gather(own, i, radius_m, error_sum_m, range_m, picture, neighbours, names): 
     return count
 
 
-@kernel
+@kernel(inner=True)
 def name_vehicles(names, answer):  # type: ignore[no-untyped-def]
     """The nearest neighbour and the binding ones by their place in the world."""
     for column in (R_NEAREST, R_BINDING, R_BINDING + 1, R_BINDING + 2):

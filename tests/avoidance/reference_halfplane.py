@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 
+from ridlink.avoidance import halfplane, route
 from ridlink.avoidance.encounter import CLEAR_FACTOR, DODGE_MPS, EPSILON, HOLD_FACTOR
-from ridlink.avoidance.halfplane import TOUCHING_MPS, buffered_clearance, preferred_velocity, slowness
+from ridlink.avoidance.halfplane import TOUCHING_MPS
 from ridlink.avoidance.kernel import norm
 from ridlink.avoidance.meeting import PUSHED_MPS, START_RADII
-from ridlink.avoidance.route import approach_speed, nearest_point
 from ridlink.avoidance.rows import (
     AGE_ACCELERATION,
     BARRIER,
@@ -54,6 +54,15 @@ from ridlink.avoidance.rows import (
     VELOCITY,
 )
 from ridlink.avoidance.sift import APART_FACTOR, HORIZON_RADII
+from tests.avoidance.way_in import way_in
+
+buffered_clearance, preferred_velocity, slowness, approach_speed, nearest_point = map(
+    way_in,
+    (
+        halfplane.buffered_clearance, halfplane.preferred_velocity, halfplane.slowness, route.approach_speed,
+        route.nearest_point,
+    ),
+)  # fmt: skip
 
 # Columns of a neighbour. Its position is the reported one, AGE seconds old; the command is NaN where none was given.
 N_POSITION, N_VELOCITY, N_COMMAND, AGE, RADIUS, ERROR_SUM, RECIPROCAL, NEIGHBOUR_COLUMNS = (0, 2, 4, 6, 7, 8, 9, 10)

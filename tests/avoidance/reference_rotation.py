@@ -8,9 +8,11 @@ import math
 
 import numpy as np
 
-from ridlink.avoidance import rotation, rows
+from ridlink.avoidance import rotation, route, rows
 from ridlink.avoidance.headings import EPSILON, WALL_S, ray_to_piece
-from ridlink.avoidance.route import nearest_point
+from tests.avoidance.way_in import way_in
+
+nearest_point = way_in(route.nearest_point)
 
 
 def straightforward(own, heard, radius, range_m, obstacles, settings):

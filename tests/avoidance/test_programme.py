@@ -6,7 +6,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.avoidance.programme import nearest_admissible, new_choice, new_lines, padded
+from ridlink.avoidance import programme
+from ridlink.avoidance.programme import new_choice, new_lines, padded
+from tests.avoidance.way_in import way_in
+
+nearest_admissible = way_in(programme.nearest_admissible)
 
 LIMIT = 10.0
 half_planes = st.lists(st.tuples(st.floats(0.0, 2.0 * math.pi), st.floats(-9.0, 9.0)), min_size=0, max_size=8).map(
