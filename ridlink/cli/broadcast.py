@@ -64,7 +64,7 @@ def broadcast(
     \b
     ridlink broadcast --airframe 0.9 --uas-id 1581F45TB2191500A03A
     ridlink broadcast --form module --to tcpout:127.0.0.1:5790
-    ridlink broadcast --relay-as 02:52:49:44:00:01 --to udpout:127.0.0.1:14540
+    ridlink broadcast --relay-as 02:52:49:44:00:01 --to udpout:127.0.0.1:14550
     """
     import asyncio
 

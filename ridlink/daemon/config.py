@@ -16,7 +16,7 @@ from ridlink.avoidance.types import SolverKind
 from ridlink.daemon.config_file import SOLVER_TABLES, FlatConfig
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
-from ridlink.links import LinkUrl, SigningOptions, parse_link_url
+from ridlink.links import LinkUrl, SigningOptions, parse_link_url, refuse_to_speak_to_oneself
 from ridlink.metrics import parse_metrics_address
 from ridlink.own_ship.broadcast import Form
 from ridlink.remote_id.accuracy import AccuracyConvention
@@ -62,7 +62,7 @@ class DaemonConfig:
             value = getattr(self, name)
             if isinstance(value, str):
                 object.__setattr__(self, name, parse_link_url(value))
-        _refuse_to_speak_to_oneself({"vehicle": self.vehicle, "rid": self.remote_id, "broadcast-to": self.broadcast_to})
+        refuse_to_speak_to_oneself({"vehicle": self.vehicle, "rid": self.remote_id, "broadcast-to": self.broadcast_to})
         if not 0.02 <= self.period_s <= 0.25:
             raise ConfigError(f"period must lie between 0.02 and 0.25 s, got {self.period_s}")
 
@@ -149,17 +149,6 @@ def daemon_config(flat: FlatConfig, config_file: str | None = None) -> DaemonCon
         log=None if flat.log is None else Path(flat.log),
         input_log=None if flat.input_log is None else Path(flat.input_log),
     )
-
-
-def _refuse_to_speak_to_oneself(links: Mapping[str, LinkUrl | None]) -> None:
-    """A port that one link listens on is nobody else's whom another one could speak to."""
-    for key, link in links.items():
-        for other, listening in links.items():
-            if link is not None and listening is not None and link.leads_to(listening):
-                raise ConfigError(
-                    f"{key} {link} leads to the port that {other} listens on, {listening}: the daemon would speak to "
-                    f"itself; give {key} another port, as in {DEFAULT_REMOTE_ID}"
-                )
 
 
 def _refuse_one_file_for_two(files: Mapping[str, str | None]) -> None:

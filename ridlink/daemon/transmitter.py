@@ -15,7 +15,15 @@ from typing import Any
 
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.engine.intake import REMOTE_ID_NAMES, VEHICLE_IDS, Intake
-from ridlink.links import Address, Link, LinkUrl, SigningOptions, open_link, open_signed_link
+from ridlink.links import (
+    Address,
+    Link,
+    LinkUrl,
+    SigningOptions,
+    open_link,
+    open_signed_link,
+    refuse_to_speak_to_oneself,
+)
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
@@ -52,6 +60,9 @@ class TransmitterConfig:
     vehicle_sysid: int | None = None
     signing: SigningOptions | None = None
     allow_v1: bool = False
+
+    def __post_init__(self) -> None:
+        refuse_to_speak_to_oneself({"vehicle": self.vehicle, "to": self.to})
 
 
 class Transmitter:

@@ -173,10 +173,6 @@ class Proxy:
             speaker.link.send(data)
 
 
-_HERE = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1"}
-"""Other names under which a port of this machine is reached."""
-
-
 async def open_proxy(
     near: LinkUrl, far: LinkUrl, *, there: Impairment = NO_IMPAIRMENT, back: Impairment = NO_IMPAIRMENT, seed: int = 1
 ) -> Proxy:
@@ -197,7 +193,7 @@ async def open_proxy(
         raise ConfigError(f"{near}: the proxy listens on UDP; write udpin:{near.host}:{near.port}")
     if far.scheme is not Scheme.UDPOUT:
         raise ConfigError(f"{far}: the proxy speaks UDP to the far end; write udpout:{far.host}:{far.port}")
-    if (_HERE.get(near.host, near.host), near.port) == (_HERE.get(far.host, far.host), far.port):
+    if far.leads_to(near):
         raise ConfigError(f"{far}: is the near end itself; what comes would go round for ever")
     proxy = Proxy(far, there, back, seed)
     proxy.near = await open_link(near, proxy.receive)

@@ -8,10 +8,11 @@ from ridlink.links.memory import MemoryLink, memory_link_pair
 from ridlink.links.signed import SigningOptions, open_signed_link
 from ridlink.links.tcp import open_tcp_link
 from ridlink.links.udp import open_udp_link
-from ridlink.links.url import LinkUrl, Scheme, parse_link_url
+from ridlink.links.url import LinkUrl, Scheme, parse_link_url, refuse_to_speak_to_oneself
 
 __all__ = ["Address", "Link", "LinkUrl", "MemoryLink", "OnDatagram", "Scheme", "SigningOptions",
-           "memory_link_pair", "open_link", "open_signed_link", "parse_link_url"]  # fmt: skip
+           "memory_link_pair", "open_link", "open_signed_link", "parse_link_url",
+           "refuse_to_speak_to_oneself"]  # fmt: skip
 
 
 async def open_link(url: LinkUrl | str, on_datagram: OnDatagram) -> Link:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NoReturn
@@ -34,7 +35,7 @@ class Scheme(StrEnum):
 
 
 _LOCAL = {"localhost": "127.0.0.1", "127.0.0.1": "127.0.0.1", "::1": "::1"}
-_EVERYWHERE = ("0.0.0.0", "::")
+_HERE = {"127.0.0.1", "::1", "0.0.0.0", "::"}
 
 _EXAMPLES = {
     Scheme.UDPIN: "udpin:127.0.0.1:14540",
@@ -68,9 +69,9 @@ class LinkUrl:
         """The other one listens on this machine where this one speaks to: who opens both speaks to itself."""
         if (self.scheme, other.scheme) not in ((Scheme.UDPOUT, Scheme.UDPIN), (Scheme.TCPOUT, Scheme.TCPIN)):
             return False
-        mine, theirs = _LOCAL.get(self.host.lower(), self.host), _LOCAL.get(other.host.lower(), other.host)
-        everywhere = theirs in _EVERYWHERE and (mine in _LOCAL.values() or mine in _EVERYWHERE)
-        return self.port == other.port and (mine == theirs or everywhere)
+        mine, theirs = (_LOCAL.get(host.lower(), host) for host in (self.host, other.host))
+        # To speak to every address is to speak to this machine, and to listen on every one is to hear that.
+        return self.port == other.port and (mine == theirs or {mine, theirs} <= _HERE)
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
@@ -79,6 +80,24 @@ class LinkUrl:
 
 def _refuse(text: str, reason: str, right: str) -> NoReturn:
     raise ConfigError(f"connection string {text!r}: {reason}; write {right}")
+
+
+def refuse_to_speak_to_oneself(links: Mapping[str, LinkUrl | None]) -> None:
+    """A port that one link listens on is nobody else's whom another one could speak to.
+
+    Args:
+        links: By the names that the user has for them; None where there is none.
+
+    Raises:
+        ConfigError: If one of them leads to another.
+    """
+    for key, link in links.items():
+        for other, listening in links.items():
+            if link is not None and listening is not None and link.leads_to(listening):
+                raise ConfigError(
+                    f"{key} {link} leads to the port that {other} listens on, {listening}: what is sent would be heard "
+                    f"here; give {key} another port"
+                )
 
 
 def parse_link_url(text: str) -> LinkUrl:

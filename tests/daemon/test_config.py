@@ -137,8 +137,8 @@ def test_flag_over_file_over_default(write) -> None:
         ("v_max = -1.0", ["horizontal_mps must be positive"]),
         ("response_time = -1.0", ["response_time_s must not be negative"]),
         ("goal = [86.0, 8.0]", ["latitude"]),
-        ('rid = "udpout:127.0.0.1:14540"', ["rid udpout:127.0.0.1:14540", "vehicle listens on", "14650"]),
-        ('vehicle = "udpin:0.0.0.0:1"\nbroadcast_to = "udpout:localhost:1"', ["broadcast-to", "speak to itself"]),
+        ('rid = "udpout:127.0.0.1:14540"', ["rid udpout:127.0.0.1:14540", "vehicle listens on", "another port"]),
+        ('vehicle = "udpin:0.0.0.0:1"\nbroadcast_to = "udpout:localhost:1"', ["broadcast-to", "heard here"]),
         ("vehicle_sysid = 256", ["between 1 and 255"]),
     ],
 )

@@ -84,6 +84,7 @@ def test_any_text_parses_or_is_refused_with_a_spelling_that_parses(text: str) ->
         ("udpout:localhost:1", "udpin:127.0.0.1:1", True),
         ("udpout:127.0.0.1:1", "udpin:0.0.0.0:1", True),
         ("udpout:[::1]:1", "udpin:[::]:1", True),
+        ("udpout:0.0.0.0:1", "udpin:127.0.0.1:1", True),
         ("tcpout:drone.local:1", "tcpin:drone.local:1", True),
         ("udpout:127.0.0.1:2", "udpin:127.0.0.1:1", False),
         ("udpout:drone.local:1", "udpin:0.0.0.0:1", False),
