@@ -3,6 +3,11 @@
 numba keeps compiled code beside the source and asks only whether the *file of that function* has changed. A kernel
 carries the code of those it calls, so an edit in one module would leave old code alive in another. Here a kernel's
 stamp covers every module that holds kernels of its package.
+
+Where the compiler's time goes, for the kernels of half-planes: two thirds into Python, for reading the functions,
+their types and their instructions about alike; a third into LLVM, for reading these, putting each function in order,
+optimising kernels with all that they call, and machine code about alike. So what costs is every function and every
+set of types that it is compiled for, more than what it does.
 """
 
 from __future__ import annotations
