@@ -176,6 +176,10 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
 
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code, but not the source of the kernel with the type of every name, which takes as long to write."""
+        super().save_overload(sig, data._replace(type_annotation=""))
+
 
 def _stamp(files: tuple[Path, ...]) -> tuple[tuple[int, int], ...]:
     return tuple((status.st_mtime_ns, status.st_size) for status in (file.stat() for file in files if file.exists()))
