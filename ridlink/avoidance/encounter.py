@@ -28,6 +28,9 @@ miss distance is HOLD_FACTOR radii."""
 LEAN_RADII = 2.0
 """A neighbour that is passed at so many radii of its disc calls for no turn."""
 
+LEAN_HORIZONS = 2.5
+"""Nor does one that is met later than so many conflict horizons."""
+
 DODGE_MPS = 1.0
 """A neighbour that moves to its right across the line of sight by more than this dodges to the right."""
 
@@ -162,7 +165,7 @@ def passing_side(  # type: ignore[no-untyped-def]
 
 
 @kernel(forceinline=True, inner=True)
-def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon):  # type: ignore[no-untyped-def]
+def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon, horizons):  # type: ignore[no-untyped-def]
     """Weight in [0, 1] of the turn that a neighbour calls for, tapered in miss distance and time.
 
     A turn switched by a threshold moves the miss distance over that threshold itself and chatters.
@@ -174,6 +177,7 @@ def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon):  # type: ignore[no-unt
         w_2: East of it.
         radius_m: Disc without its buffer.
         once_per_horizon: One over the conflict horizon, 1/s.
+        horizons: So many of it away the turn begins; it is whole from one later on.
     """
     square = w_1 * w_1 + w_2 * w_2
     radius = larger(radius_m, EPSILON)
@@ -181,7 +185,7 @@ def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon):  # type: ignore[no-unt
     time = (r_1 * w_1 + r_2 * w_2) * radius * once_per
     miss_radii = abs(r_1 * w_2 - r_2 * w_1) * math.sqrt(square) * once_per
     near = smaller(larger(LEAN_RADII - miss_radii, 0.0), 1.0)
-    soon = smaller(larger(2.5 - time * once_per_horizon, 0.0), 1.0)
+    soon = smaller(larger(horizons - time * once_per_horizon, 0.0), 1.0)
     weight = near * soon * smaller(larger(time, 0.0), 1.0)
     return 0.0 if square < EPSILON else weight
 

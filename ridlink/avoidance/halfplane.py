@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from ridlink.avoidance.contact import contact_half_planes
-from ridlink.avoidance.encounter import EPSILON
+from ridlink.avoidance.encounter import EPSILON, LEAN_HORIZONS
 from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.lanes import BLOCKS_A_WORD, lanes_from, lowest_bit
 from ridlink.avoidance.meeting import meet, neighbour_half_planes
@@ -79,6 +79,7 @@ from ridlink.avoidance.rows import (
 from ridlink.avoidance.rows import OWN_COLUMNS as OWN_COLUMNS
 from ridlink.avoidance.rows import RESULT_COLUMNS as RESULT_COLUMNS
 from ridlink.avoidance.sift import FAR, sift
+from ridlink.avoidance.turning import earlier_and_wider, heard_by
 
 TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
@@ -92,6 +93,9 @@ INTERVAL_S = 0.1
 STRAIGHT_M, STRAIGHT_SHARE = 3.0, 0.25
 """A slow vehicle whose course leads past its goal at this distance, or this share of the way to it if that is less,
 flies straight on: its own position drifts by as much while it turns, and to turn after every drift is to weave."""
+
+AMENDED = 3.0
+"""Where its velocity leads past the goal at so many times that distance, the command leads to the goal itself."""
 
 MOST_TURN = 1.5
 """All turns together [rad]: a quarter turn and more would lead away from the goal."""
@@ -112,12 +116,17 @@ def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
 
 
 @kernel(forceinline=True, inner=True)
-def steadied(c_1, c_2, to_1, to_2, to_goal_m):  # type: ignore[no-untyped-def]
-    """The way to a goal, turned away from the course flown no further than that has to be left.
+def steadied(c_1, c_2, v_1, v_2, to_1, to_2, to_goal_m):  # type: ignore[no-untyped-def]
+    """The way to a goal, turned away from the course commanded no further than that has to be left.
+
+    A vehicle that comes back from a detour still flies outwards of what it is told, PX4 for seconds: the further its
+    velocity leads past the goal, the nearer to it the command must lead.
 
     Args:
         c_1: North of the velocity commanded.
         c_2: East of it.
+        v_1: North of the velocity flown.
+        v_2: East of it.
         to_1: North of the goal as seen from own-ship.
         to_2: East of it.
         to_goal_m: How far it is.
@@ -127,6 +136,8 @@ def steadied(c_1, c_2, to_1, to_2, to_goal_m):  # type: ignore[no-untyped-def]
         return to_1, to_2
     once_per_speed = 1.0 / math.sqrt(square)
     most = min(STRAIGHT_M, STRAIGHT_SHARE * to_goal_m)
+    flown_past = abs(v_1 * to_2 - v_2 * to_1) / max(norm(v_1, v_2), EPSILON)
+    most = min(max(AMENDED * most - flown_past, 0.0), most)
     past = min(max((c_1 * to_2 - c_2 * to_1) * once_per_speed, -most), most) * once_per_speed
     return to_1 + past * c_2, to_2 - past * c_1
 
@@ -147,7 +158,9 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
         length = norm(to_1, to_2)
     slow = not math.isinf(settings[ARRIVAL])
     if slow and route == 0:
-        to_1, to_2 = steadied(own[COMMAND], own[COMMAND + 1], to_1, to_2, length)
+        to_1, to_2 = steadied(
+            own[COMMAND], own[COMMAND + 1], own[VELOCITY], own[VELOCITY + 1], to_1, to_2, length
+        )  # fmt: skip
         length = norm(to_1, to_2)
     preferred[0] = preferred[1] = 0.0
     if to_goal < EPSILON or length < EPSILON:
@@ -273,7 +286,10 @@ def avoid_one(  # type: ignore[no-untyped-def]
         first = reach_half_planes(own, change, lines, first)
     found, meetings, closest, margin = sift(own, neighbours, count, range_m, preferred, settings, candidates, names)
     result[R_MATTERING] = found
-    right, left, start, violation = meet(own, neighbours, candidates, found, names, meetings, preferred, settings)
+    sooner, wider = earlier_and_wider(heard_by(neighbours, count)) if settings[RESPONSE] > 0.0 else (0.0, 0.0)
+    right, left, start, violation = meet(
+        own, neighbours, candidates, found, names, meetings, preferred, LEAN_HORIZONS + sooner, settings
+    )
     if margin < 0.0:
         violation = 0.0
     used = neighbour_half_planes(own, candidates, found, preferred, settings, lines, first)
@@ -290,7 +306,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
     if extra != 0.0 and measure(lines, first, used, preferred[0], preferred[1]) <= EPSILON:
         # A turn that outlives its cause leads round the goal for ever: whose way is free flies straight on.
         extra = 0.0
-    turn = settings[RIGHT_TURN] * (right - left) + extra + max(start - max(extra, 0.0), 0.0)
+    turn = settings[RIGHT_TURN] * (1.0 + wider) * (right - left) + extra + max(start - max(extra, 0.0), 0.0)
     turn = min(turn, MOST_TURN)
     if turn != 0.0:
         c, s = math.cos(turn), math.sin(turn)

@@ -50,7 +50,7 @@ Who stands at the edge of a disc waits, and is not just starting."""
 
 
 @kernel(forceinline=True, inner=True)
-def meet(own, neighbours, candidates, found, names, meetings, preferred, settings):  # type: ignore[no-untyped-def]
+def meet(own, neighbours, candidates, found, names, meetings, preferred, horizons, settings):  # type: ignore[no-untyped-def]
     """Sides to pass on, and turns that are called for, of the neighbours that are met on the way.
 
     Args:
@@ -63,6 +63,7 @@ def meet(own, neighbours, candidates, found, names, meetings, preferred, setting
         names: As `sift` left them.
         meetings: Number of neighbours that are met.
         preferred: Velocity without traffic, shape (2,).
+        horizons: Conflicts later than so many conflict horizons call for no turn.
         settings: Constants.
 
     Returns:
@@ -97,7 +98,7 @@ def meet(own, neighbours, candidates, found, names, meetings, preferred, setting
             violation = smaller(violation, entry if heard else FAR)
 
             rule = rule_side(v_1, v_2, u_1, u_2, reciprocal, cosine, course_speed)
-            called = lean(r_1, r_2, a_1 - u_1, a_2 - u_2, disc, once_per_horizon)
+            called = lean(r_1, r_2, a_1 - u_1, a_2 - u_2, disc, once_per_horizon, horizons)
             weight = called if heard else 0.0
             right, left = larger(right, 0.0 if rule < 0.0 else weight), larger(left, weight if rule < 0.0 else 0.0)
             # Going round works where the other does it too; who stands or lands is passed, not gone round with.

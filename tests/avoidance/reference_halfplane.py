@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from ridlink.avoidance import halfplane, route
+from ridlink.avoidance import halfplane, route, turning
 from ridlink.avoidance.encounter import CLEAR_FACTOR, DODGE_MPS, EPSILON, HOLD_FACTOR
 from ridlink.avoidance.halfplane import TOUCHING_MPS
 from ridlink.avoidance.kernel import norm
@@ -56,11 +56,11 @@ from ridlink.avoidance.rows import (
 from ridlink.avoidance.sift import APART_FACTOR, HORIZON_RADII
 from tests.avoidance.way_in import way_in
 
-buffered_clearance, preferred_velocity, slowness, approach_speed, nearest_point = map(
+buffered_clearance, preferred_velocity, slowness, approach_speed, nearest_point, earlier_and_wider = map(
     way_in,
     (
         halfplane.buffered_clearance, halfplane.preferred_velocity, halfplane.slowness, route.approach_speed,
-        route.nearest_point,
+        route.nearest_point, turning.earlier_and_wider,
     ),
 )  # fmt: skip
 
@@ -305,7 +305,7 @@ def passing_side(memory, r_1, r_2, v_1, v_2, u_1, u_2, c_1, c_2, reciprocal, rad
     return -wanted if wanted * miss < -CLEAR_FACTOR * radius_m else wanted
 
 
-def lean(preferred, r_1, r_2, u_1, u_2, radius_m, horizon_s):
+def lean(preferred, r_1, r_2, u_1, u_2, radius_m, horizon_s, horizons):
     """Weight in [0, 1] of the turn that a neighbour calls for, tapered in miss distance and time.
 
     A turn switched by a threshold moves the miss distance over that threshold itself and chatters.
@@ -319,7 +319,7 @@ def lean(preferred, r_1, r_2, u_1, u_2, radius_m, horizon_s):
         return 0.0
     miss = abs(r_1 * w_2 - r_2 * w_1) / math.sqrt(square)
     near = min(max((2.0 * radius_m - miss) / radius_m, 0.0), 1.0)
-    soon = min(max((2.5 * horizon_s - time) / horizon_s, 0.0), 1.0)
+    soon = min(max((horizons * horizon_s - time) / horizon_s, 0.0), 1.0)
     return near * soon * min(time, 1.0)
 
 
@@ -425,6 +425,7 @@ def avoid_one(
     used = firm = hard
     if settings[CONTACT_STEP] > 0.0:
         firm = used = contact_half_planes(own, neighbours, count, settings, lines, owner, hard)
+    sooner, wider = earlier_and_wider(count) if settings[RESPONSE] > 0.0 else (0.0, 0.0)
     pressed = False
     right = left = start = 0.0
     margin, nearest, violation = math.inf, -1, math.inf
@@ -441,7 +442,7 @@ def avoid_one(
             margin, nearest = distance - neighbours[j, RADIUS], j
         violation = min(violation, time_to_entry(r_1, r_2, v_1 - u_1, v_2 - u_2, neighbours[j, RADIUS]))
         overlapped = overlapped or distance < neighbours[j, RADIUS]
-        weight = lean(preferred, r_1, r_2, u_1, u_2, neighbours[j, RADIUS], horizon)
+        weight = lean(preferred, r_1, r_2, u_1, u_2, neighbours[j, RADIUS], horizon, 2.5 + sooner)
         if weight > 0.0 and rule_side(v_1, v_2, u_1, u_2, neighbours[j, RECIPROCAL], settings) < 0:
             left = max(left, weight)
         else:
@@ -509,7 +510,7 @@ def avoid_one(
         lines[k, 0] * preferred[0] + lines[k, 1] * preferred[1] >= lines[k, 2] - EPSILON for k in range(firm, used)
     )
     extra = 0.0 if free else own[EXTRA_TURN]
-    turn = settings[RIGHT_TURN] * (right - left) + extra + max(start - max(extra, 0.0), 0.0)
+    turn = settings[RIGHT_TURN] * (1.0 + wider) * (right - left) + extra + max(start - max(extra, 0.0), 0.0)
     turn = min(turn, 1.5)
     if turn != 0.0:
         c, s = math.cos(turn), math.sin(turn)

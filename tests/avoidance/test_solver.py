@@ -133,17 +133,26 @@ def test_a_free_path_keeps_the_preferred_velocity():
 
 def test_a_course_that_leads_to_the_goal_within_three_metres_is_flown_on():
     """To turn after every drift of the own position is to weave. Near the goal a quarter of the way counts."""
-    for offset, course in ((0.0, 0.0), (2.0, 0.0), (-2.0, 0.0), (8.0, 5.0), (-8.0, -5.0)):
+    for offset, course in ((0.0, 0.0), (2.0, 0.0), (-2.0, 0.0), (5.0, 2.0), (-5.0, -2.0)):
         decision = solve(own_ship(), Traffic.empty(), goal_ne_m=(100.0, offset))
         assert bearing(decision.preferred_ne_mps) == pytest.approx(math.atan2(course, 100.0), abs=0.002), offset
-    near = solve(own_ship(velocity=(1.0, 0.0)), Traffic.empty(), goal_ne_m=(4.0, 3.0))
-    assert bearing(near.preferred_ne_mps) == pytest.approx(math.atan2(3.0, 4.0) - math.atan(0.25), abs=0.02)
+    near = solve(own_ship(velocity=(1.0, 0.0)), Traffic.empty(), goal_ne_m=(4.8, 2.0))
+    assert bearing(near.preferred_ne_mps) == pytest.approx(math.atan2(2.0, 4.8) - math.atan(0.25), abs=0.02)
     for away in ((0.0, 0.0), (-1.0, 0.0), (1e-9, 0.0)):
         decision = solve(own_ship(command=away), Traffic.empty(), goal_ne_m=(100.0, 2.0))
         assert bearing(decision.preferred_ne_mps) == pytest.approx(math.atan2(2.0, 100.0))
     at_once = HalfplaneSolver(HalfplaneSettings(arrival_deceleration_mps2=math.inf))
     exact = solve(own_ship(), Traffic.empty(), at_once, goal_ne_m=(100.0, 2.0))
     assert bearing(exact.preferred_ne_mps) == pytest.approx(math.atan2(2.0, 100.0)), "obeys at once"
+
+
+def test_who_still_flies_past_the_goal_by_three_times_that_is_told_to_fly_to_the_goal_itself():
+    """PX4 comes back from a detour a few degrees outwards of what it is told, for seconds."""
+    for offset, course in ((3.0, 0.0), (6.0, 3.0), (7.5, 6.0), (9.0, 9.0), (20.0, 20.0), (-7.5, -6.0)):
+        decision = solve(own_ship(), Traffic.empty(), goal_ne_m=(200.0, offset))
+        assert bearing(decision.preferred_ne_mps) == pytest.approx(math.atan2(course, 200.0), abs=0.001), offset
+    straight = solve(own_ship(command=(10.0, 0.3)), Traffic.empty(), goal_ne_m=(200.0, 7.5))
+    assert bearing(straight.preferred_ne_mps) == pytest.approx(math.atan2(6.0, 200.0), abs=0.001)
 
 
 def test_alone_the_preferred_velocity_may_be_given_instead_of_a_goal():
@@ -321,6 +330,18 @@ def test_the_slower_it_is_the_further_it_turns_to_the_right():
     crossing = traffic((100.0, 100.0, 0.0, -10.0))
     turns = [bearing(solve(own_ship(velocity=(v, 0.0)), crossing).preferred_ne_mps) for v in (10.0, 5.0, 0.0)]
     assert turns == pytest.approx([0.3, 0.6, 0.9])
+
+
+def test_a_slow_vehicle_turns_sooner_for_few_and_further_for_several():
+    """One that is met after 24 s is three horizons away; the others stand far off the way, and none of them is met."""
+    met, at_once = (240.0, 240.0, 0.0, -10.0), HalfplaneSolver(HalfplaneSettings(response_time_s=0.0))
+    for others, sooner in ((0, 0.75), (2, 0.75), (3, 0.4375), (4, 0.125), (5, 0.0), (6, 0.0), (9, 0.0)):
+        aside = [(-60.0 - 40.0 * k, -300.0, 0.0, 0.0) for k in range(others)]
+        decision = solve(own_ship(), traffic(met, *aside))
+        few = min(max(6 - others, 0) / 4.0, 1.0)
+        wider = 1.0 + 0.4 * few * min(others, 2) / 2.0
+        assert bearing(decision.preferred_ne_mps) == pytest.approx(0.3 * wider * sooner, abs=1e-6), others
+        assert bearing(solve(own_ship(), traffic(met, *aside), at_once).preferred_ne_mps) == pytest.approx(0.0)
 
 
 def test_nobody_goes_round_with_a_vehicle_that_avoids_nobody_or_stands_at_its_disc():

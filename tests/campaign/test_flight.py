@@ -86,7 +86,9 @@ def test_without_avoidance_flights_are_straight_whatever_the_reports_are():
 
 def test_who_hears_nothing_of_the_other_flies_straight_on():
     large = replace(meeting(), airframe_m=np.full(2, 8.0))
-    plan = Plan(large, settings=HalfplaneSettings(), sigma_m=0.0, link=Link(0.999, 1e6), dynamics="px4")
+    # a horizon so short that nothing is done yet while the other is coasted
+    constants = HalfplaneSettings(horizon_s=3.0)
+    plan = Plan(large, settings=constants, sigma_m=0.0, link=Link(0.999, 1e6), dynamics="px4")
     deaf, hearing = fly(plan, range(3)), fly(replace(plan, link=Link()), range(3))
     # known at the start, coasted for 10 s while in conflict, and then nothing
     assert np.all(deaf.distance_m < 8.0)
