@@ -136,8 +136,11 @@ def steadied(c_1, c_2, v_1, v_2, to_1, to_2, to_goal_m):  # type: ignore[no-unty
         return to_1, to_2
     once_per_speed = 1.0 / math.sqrt(square)
     most = min(STRAIGHT_M, STRAIGHT_SHARE * to_goal_m)
-    flown_past = abs(v_1 * to_2 - v_2 * to_1) / max(norm(v_1, v_2), EPSILON)
-    most = min(max(AMENDED * most - flown_past, 0.0), most)
+    # A root and a division only where it is not nearly straight.
+    across, flown_square, near = v_1 * to_2 - v_2 * to_1, v_1 * v_1 + v_2 * v_2, (AMENDED - 1.0) * most
+    if across * across > near * near * flown_square:
+        flown_past = abs(across) / max(math.sqrt(flown_square), EPSILON)
+        most = min(max(AMENDED * most - flown_past, 0.0), most)
     past = min(max((c_1 * to_2 - c_2 * to_1) * once_per_speed, -most), most) * once_per_speed
     return to_1 + past * c_2, to_2 - past * c_1
 
