@@ -79,7 +79,7 @@ from ridlink.avoidance.rows import (
 from ridlink.avoidance.rows import OWN_COLUMNS as OWN_COLUMNS
 from ridlink.avoidance.rows import RESULT_COLUMNS as RESULT_COLUMNS
 from ridlink.avoidance.sift import FAR, sift
-from ridlink.avoidance.turning import earlier_and_wider, heard_by
+from ridlink.avoidance.turning import earlier_and_wider
 
 TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
@@ -287,9 +287,11 @@ def avoid_one(  # type: ignore[no-untyped-def]
     walls, change = first, settings[ACCELERATION] * INTERVAL_S
     if not math.isinf(change):
         first = reach_half_planes(own, change, lines, first)
-    found, meetings, closest, margin = sift(own, neighbours, count, range_m, preferred, settings, candidates, names)
+    heard, found, meetings, closest, margin = sift(
+        own, neighbours, count, range_m, preferred, settings, candidates, names
+    )
     result[R_MATTERING] = found
-    sooner, wider = earlier_and_wider(heard_by(neighbours, count)) if settings[RESPONSE] > 0.0 else (0.0, 0.0)
+    sooner, wider = earlier_and_wider(heard) if settings[RESPONSE] > 0.0 else (0.0, 0.0)
     right, left, start, violation = meet(
         own, neighbours, candidates, found, names, meetings, preferred, LEAN_HORIZONS + sooner, settings
     )

@@ -136,12 +136,13 @@ def collect(neighbours, count, candidates, names):  # type: ignore[no-untyped-de
         names: Result: their places among the neighbours.
 
     Returns:
-        Number of candidates, and of those that are met.
+        Number of neighbours that are heard, of candidates, and of those that are met.
     """
-    found = 0
+    heard, found = LANES * count, 0
     for b in range(count):
         met = lanes_with(neighbours[b], MATTERS, MEETS)
         pack_lanes(met, LANES * b, names, found)
+        heard -= bit_count(lanes_with(neighbours[b], GAP, FAR))
         found += bit_count(met)
     meetings = found
     for b in range(count):
@@ -156,7 +157,7 @@ def collect(neighbours, count, candidates, names):  # type: ignore[no-untyped-de
             gather_lanes(neighbours, place_0, place_1, place_2, place_3, column, target)
         for k in range(LANES):
             target[SIDE + k] = 0.0
-    return found, meetings
+    return heard, found, meetings
 
 
 @kernel(forceinline=True, inner=True)
@@ -174,8 +175,8 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
         names: Result: their places among the neighbours.
 
     Returns:
-        Number of those that matter; of those that are met; place of the first neighbour with the least distance less
-        radius, -1 if nobody is heard; that distance [m], FAR if there is none.
+        Number of neighbours that are heard; of those that matter; of those that are met; place of the first neighbour
+        with the least distance less radius, -1 if nobody is heard; that distance [m], FAR if there is none.
     """
     p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
     o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
@@ -226,5 +227,5 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             block[KEPT + k] = (IS_APART if apart & heard else 0.0) + (side if meets & heard else 0.0)
         near = b if margin < before else near
     nearest = LANES * near + first_lane(neighbours[near], GAP, margin) if near >= 0 else -1
-    found, meetings = collect(neighbours, count, candidates, names)
-    return found, meetings, nearest, margin
+    heard, found, meetings = collect(neighbours, count, candidates, names)
+    return heard, found, meetings, nearest, margin

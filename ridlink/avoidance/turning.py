@@ -6,9 +6,6 @@ Vehicles that obey at once turn as ever: what is found here changes nothing for 
 from __future__ import annotations
 
 from ridlink.avoidance.kernel import kernel
-from ridlink.avoidance.lanes import bit_count, lanes_from
-from ridlink.avoidance.rows import GAP, LANES
-from ridlink.avoidance.sift import FAR
 
 FEW, CROWD = 3, 7
 """So many heard or fewer are few; less is done among more, and nothing in a crowd: there everybody would make a detour
@@ -19,20 +16,6 @@ SOONER_HORIZONS = 1.25
 
 WIDER_SHARE, SEVERAL = 0.4, 3
 """How much further: by so much for SEVERAL, who go round each other on a wider circle than two do, and not for one."""
-
-
-@kernel(forceinline=True, inner=True)
-def heard_by(neighbours, count):  # type: ignore[no-untyped-def]
-    """Number of neighbours that are heard.
-
-    Args:
-        neighbours: Blocks, with GAP filled in by `sift`.
-        count: Number of blocks.
-    """
-    heard = LANES * count
-    for b in range(count):
-        heard -= bit_count(lanes_from(neighbours[b], GAP, FAR))
-    return heard
 
 
 @kernel(forceinline=True, inner=True)
