@@ -37,7 +37,7 @@ DODGE_MPS = 1.0
 
 @kernel(forceinline=True, inner=True)
 def half_plane(  # type: ignore[no-untyped-def]
-    r_1, r_2, radius_m, once_per_horizon, edge_m, w_1, w_2, side, way_1, way_2, barrier_per_s, most_mps
+    r_1, r_2, radius_m, horizon_s, edge_m, w_1, w_2, side, way_1, way_2, barrier_per_s, most_mps
 ):
     """Smallest change of the relative velocity that leaves the velocity obstacle of a disc, or that separates within.
 
@@ -49,7 +49,7 @@ def half_plane(  # type: ignore[no-untyped-def]
         r_1: North of the neighbour as seen from own-ship.
         r_2: East of it.
         radius_m: Radius of the disc.
-        once_per_horizon: One over the time after which conflicts do not count, 1/s, which cuts the cone off.
+        horizon_s: Time after which conflicts do not count, which cuts the cone off.
         edge_m: What the barrier defends, not above the radius.
         w_1: North of the relative velocity, own less neighbour's.
         w_2: East of it.
@@ -63,7 +63,8 @@ def half_plane(  # type: ignore[no-untyped-def]
         Outward normal of the boundary and the change along it [m/s].
     """
     square, radius_square = r_1 * r_1 + r_2 * r_2, radius_m * radius_m
-    off_1, off_2 = w_1 - r_1 * once_per_horizon, w_2 - r_2 * once_per_horizon
+    # From the middle of the circle, all of it times the horizon: a division would come before everything else.
+    off_1, off_2 = w_1 * horizon_s - r_1, w_2 * horizon_s - r_2
     off_square = off_1 * off_1 + off_2 * off_2
     towards, across = r_1 * off_1 + r_2 * off_2, r_1 * off_2 - r_2 * off_1
     inside = square < radius_square
@@ -89,7 +90,7 @@ def half_plane(  # type: ignore[no-untyped-def]
 
     along = n_1 * w_1 + n_2 * w_2
     parting = smaller(barrier_per_s * (edge_m - root), most_mps) - along
-    leaving = radius_m * once_per_horizon - root if circle else -along
+    leaving = (radius_m - root) * (1.0 / horizon_s) if circle else -along
     return n_1, n_2, parting if inside else leaving
 
 

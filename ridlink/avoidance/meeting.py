@@ -162,7 +162,6 @@ def neighbour_half_planes(own, candidates, found, preferred, settings, lines, fi
             c_1, c_2 = block[N_COMMAND + k], block[N_COMMAND + LANES + k]
             disc, radius, side = block[RADIUS + k], block[WIDE + k], block[SIDE + k]
             horizon = larger(least_horizon, stretch * radius)
-            once_per_horizon = 1.0 / horizon
             w_1, w_2 = v_1 - u_1, v_2 - u_2
             # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
             apart = block[KEPT + k] >= IS_APART
@@ -172,7 +171,7 @@ def neighbour_half_planes(own, candidates, found, preferred, settings, lines, fi
 
             now_side = side if r_1 * w_1 + r_2 * w_2 > 0.0 else 0.0
             n_1, n_2, change = half_plane(
-                r_1, r_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, now_side, way_1, way_2, barrier, asked
+                r_1, r_2, radius, horizon, edge, o_1 - x_1, o_2 - x_2, now_side, way_1, way_2, barrier, asked
             )
             bound = n_1 * o_1 + n_2 * o_2 + share * change
             matters = heard & (bound > -limit)
@@ -182,7 +181,7 @@ def neighbour_half_planes(own, candidates, found, preferred, settings, lines, fi
             s_1, s_2 = r_1 - w_1 * wait, r_2 - w_2 * wait
             later_side = side if s_1 * w_1 + s_2 * w_2 > 0.0 else 0.0
             n_1, n_2, change = half_plane(
-                s_1, s_2, radius, once_per_horizon, edge, o_1 - x_1, o_2 - x_2, later_side, way_1, way_2, barrier, asked
+                s_1, s_2, radius, horizon, edge, o_1 - x_1, o_2 - x_2, later_side, way_1, way_2, barrier, asked
             )
             bound = n_1 * o_1 + n_2 * o_2 + share * change
             matters = heard & (bound > -limit)

@@ -25,7 +25,7 @@ def both(r_1, r_2, o_1, o_2, u_1, u_2, radius_m, horizon_s, share, limit_mps):
     shared = horizon_s / share
     nothing = forbids_nothing(e_1, e_2, o_1, o_2, shared, SURELY * (shared * limit_mps + radius_m))
     n_1, n_2, change = half_plane(
-        r_1, r_2, radius_m, 1.0 / horizon_s, radius_m, o_1 - u_1, o_2 - u_2, 0.0, 1.0, 0.0, 1.0, limit_mps
+        r_1, r_2, radius_m, horizon_s, radius_m, o_1 - u_1, o_2 - u_2, 0.0, 1.0, 0.0, 1.0, limit_mps
     )
     return nothing, n_1 * o_1 + n_2 * o_2 + share * change
 
