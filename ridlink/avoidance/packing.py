@@ -20,6 +20,7 @@ from ridlink.avoidance.rows import (
     REPORTED,
     SPEED,
 )
+from ridlink.avoidance.sift import SURELY
 
 
 @kernel(forceinline=True, inner=True)
@@ -33,7 +34,7 @@ def place_report(report, block, lane):  # type: ignore[no-untyped-def]
     commands = not (math.isnan(report[4]) or math.isnan(report[5]))
     block[N_COMMAND + lane] = report[4] if commands else report[2]
     block[N_COMMAND + LANES + lane] = report[5] if commands else report[3]
-    block[SPEED + lane] = norm(report[2], report[3])
+    block[SPEED + lane] = SURELY * norm(report[2], report[3])
     block[AGE + lane], block[RECIPROCAL + lane] = age, report[7]
 
 
@@ -60,7 +61,7 @@ def place_reports(reports, count, blocks):  # type: ignore[no-untyped-def]
             # Nothing but NaN differs from itself.
             commands = (c_1 == c_1) & (c_2 == c_2)
             block[N_COMMAND + k], block[N_COMMAND + LANES + k] = c_1 if commands else u_1, c_2 if commands else u_2
-            block[SPEED + k] = norm(u_1, u_2)
+            block[SPEED + k] = SURELY * norm(u_1, u_2)
     for j in range(LANES * whole, count):
         place_report(reports[j], blocks[whole], j % LANES)
 

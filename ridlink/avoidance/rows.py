@@ -23,10 +23,10 @@ LANES = 4
 """Neighbours in a block: what a register of 256 bits holds, with which the compiler works. Eight are no faster."""
 
 # Columns of a block of neighbours. The position is where the neighbour is now, REPORTED where its report had it; the
-# command is its velocity where none was given. Lanes of which HEARD is zero count for nothing. KEPT is what is kept of
-# the encounter, a sum of `Memory` flags. WIDE, the radius with its buffer, is the kernels' own as are the columns from
-# GAP on: distance less radius, whether the neighbour matters, the side to pass on, half-planes of now and of later
-# (n_1, n_2, bound). What half-planes are made of comes first, then the command, which only those that are met need.
+# command is its velocity where none was given, SPEED its speed, rounded up. Lanes of which HEARD is zero count for
+# nothing. KEPT is what is kept of the encounter, a sum of `Memory` flags. WIDE, the radius with its buffer, is the
+# kernels' own as are the columns from GAP on: distance less radius, whether the neighbour matters, the side to pass on,
+# half-planes of now and of later (n_1, n_2, bound). What half-planes are made of comes first, then the command.
 (
     N_POSITION, N_VELOCITY, RECIPROCAL, RADIUS, KEPT, WIDE, N_COMMAND, HEARD, ERROR_SUM, AGE, SPEED, REPORTED, GAP,
     MATTERS, SIDE, NOW, LATER, BLOCK,

@@ -43,7 +43,7 @@ from ridlink.avoidance.rows import (
     WIDE,
 )
 
-APART_FACTOR = 1.3
+APART_FACTOR = HOLD_FACTOR
 """A neighbour that was once so many radii away, buffer included, has the buffer held against it from then on. One that
 begins nearer, as in a fleet that starts side by side, may stay there and come up to the disc itself: pushing it out of
 a buffer first is what kept such fleets from moving at all. Once it has left, it is as any other."""
@@ -58,11 +58,11 @@ one of infinity and a number is, and what it makes of that does not go by lanes.
 BINDS, MEETS = 1.0, 2.0
 """How a neighbour may matter: by its half-planes alone, or because it is met on the way as well."""
 
-SURELY = 1.0 + 1e-9
-"""What is compared differs by this much more than rounding can make of it."""
+SURELY = 1.0 + 1e-6
+"""What is compared differs by this much more than rounding can make of it within 80,000 radii."""
 
-LITTLE_LESS = 1.0 - 1e-12
-"""So much is left of a square of which another one is taken, which magnifies rounding."""
+LITTLE = 1e-6
+"""And by this much, m/s, where nobody moves."""
 
 HOLD_SQUARE, LEAN_SQUARE = (SURELY * HOLD_FACTOR) ** 2, (SURELY * LEAN_RADII) ** 2
 
@@ -76,7 +76,7 @@ def approaches(r_1, r_2, square, w_1, w_2, radius_square):  # type: ignore[no-un
     Args:
         r_1: North of the point.
         r_2: East of it.
-        square: Square of r, or less by what rounding may take.
+        square: Square of r.
         w_1: North of the velocity.
         w_2: East of it.
         radius_square: Square of the radius.
@@ -181,7 +181,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
     p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
     o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
     a_1, a_2 = preferred[0], preferred[1]
-    fastest, stretch = max(own[LIMIT], norm(o_1, o_2)), HORIZON_RADII / max(own[CRUISE], 1.0)
+    fastest, stretch = SURELY * max(own[LIMIT], norm(o_1, o_2)) + LITTLE, HORIZON_RADII / max(own[CRUISE], 1.0)
     least_horizon, wait, buffer, growth = (
         settings[HORIZON], settings[RESPONSE], settings[BUFFER_SHARE], settings[AGE_ACCELERATION] / 2.0,
     )  # fmt: skip
@@ -205,14 +205,14 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             margin = smaller(margin, gap)
 
             w_1, w_2 = v_1 - u_1, v_2 - u_2
-            square *= LITTLE_LESS
-            passed = approaches(r_1, r_2, square, w_1, w_2, HOLD_SQUARE * radius * radius)
+            hold_square = HOLD_SQUARE * (radius * radius)
+            passed = approaches(r_1, r_2, square, w_1, w_2, hold_square)
             leans = approaches(r_1, r_2, square, a_1 - u_1, a_2 - u_2, LEAN_SQUARE * disc * disc + EPSILON)
             e_1, e_2 = plus_product(r_1, -horizon, o_1 - u_1), plus_product(r_2, -horizon, o_2 - u_2)
             l_1, l_2 = plus_product(e_1, -wait, w_1), plus_product(e_2, -wait, w_2)
             # h / share, of which the share is a half or whole.
             shared = plus_product(horizon, horizon, block[RECIPROCAL + k])
-            most = SURELY * (shared * larger(fastest, block[SPEED + k]) + radius)
+            most = plus_product(radius, shared, larger(fastest, block[SPEED + k]))
             free_now = forbids_nothing(e_1, e_2, o_1, o_2, shared, most)
             free_later = forbids_nothing(l_1, l_2, o_1, o_2, shared, most)
             meets = passed | leans
@@ -221,7 +221,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             block[MATTERS + k] = degree if matters else 0.0
 
             kept = block[KEPT + k]
-            apart = (kept >= IS_APART) | (distance >= APART_FACTOR * radius)
+            apart = (kept >= IS_APART) | (square >= hold_square)
             side = kept - IS_APART if kept >= IS_APART else kept
             # An encounter is forgotten with the neighbour that goes out of range, a side with the one that it avoids.
             block[KEPT + k] = (IS_APART if apart & heard else 0.0) + (side if meets & heard else 0.0)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from ridlink.avoidance.encounter import half_plane
-from ridlink.avoidance.sift import SURELY, forbids_nothing
+from ridlink.avoidance.sift import LITTLE, SURELY, forbids_nothing
 
 BEYOND = st.one_of(
     st.just(0.0), st.builds(math.copysign, st.floats(-14.0, 0.0).map(lambda e: 10.0**e), st.sampled_from([-1, 1]))
@@ -23,7 +23,7 @@ def both(r_1, r_2, o_1, o_2, u_1, u_2, radius_m, horizon_s, share, limit_mps):
     """Whether nothing is forbidden, as the sieve says; where the half-plane with no side begins [m/s]."""
     e_1, e_2 = r_1 - horizon_s * (o_1 - u_1), r_2 - horizon_s * (o_2 - u_2)
     shared = horizon_s / share
-    nothing = forbids_nothing(e_1, e_2, o_1, o_2, shared, SURELY * (shared * limit_mps + radius_m))
+    nothing = forbids_nothing(e_1, e_2, o_1, o_2, shared, radius_m + shared * (SURELY * limit_mps + LITTLE))
     n_1, n_2, change = half_plane(
         r_1, r_2, radius_m, horizon_s, radius_m, o_1 - u_1, o_2 - u_2, 0.0, 1.0, 0.0, 1.0, limit_mps
     )
@@ -58,7 +58,7 @@ def test_a_neighbour_is_set_aside_exactly_where_its_half_plane_begins_beyond_the
     nothing, bound = both(*r, *o, *u, radius, horizon, share, limit)
     if nothing:
         assert bound <= -limit * (1.0 - 1e-12)
-    # Near is what SURELY leaves to the full computation; the share counts from the terms that may cancel.
-    certain = 1e-8 * (1.0 + horizon / share * limit / off)
+    # Near is what SURELY and LITTLE leave to the full computation; the share counts from the terms that may cancel.
+    certain = 1e-5 * (1.0 + horizon / share * limit / off)
     if abs(beyond) > certain:
         assert nothing == (beyond > 0.0) == (bound < -limit)
