@@ -76,7 +76,7 @@ def half_plane(  # type: ignore[no-untyped-def]
 
     # Of |r|, the distance from the middle of the circle and the length of the leg only one is needed.
     outside_square = off_square if circle else square - radius_square
-    root = math.sqrt(larger(square if inside else outside_square, 0.0))
+    root = math.sqrt(square if inside else outside_square)
     outside_divisor = root if circle else square
     once_per = (-1.0 if inside else 1.0) / larger(root if inside else outside_divisor, LEAST)
     # Leg of the cone: r turned by asin(R / |r|) to its side; the outward normal is a quarter turn further.
