@@ -233,7 +233,7 @@ def report() -> dict[str, Any]:
         for row in found:
             name = f"{row['worlds']} x {VEHICLES}" if row["worlds"] > 1 else f"{row['vehicles']:,}"
             peer = row["python_rvo2_ns"]
-            told = f"  Python-RVO2 {peer:,.0f} ns, {peer / row['decision_ns']:.0f} times as long" if peer else ""
+            told = f"  Python-RVO2 {peer:,.0f} ns, {peer / row['decision_ns']:.1f} times as long" if peer else ""
             print(
                 f"{name:>20}{row['neighbours']:>12}{row['decision_ns']:>11.0f} ns{row['per_s']:>12,.0f}/s"
                 f"{row['infeasible']:>12.1%}  ({row['decision_min_ns']:.0f}-{row['decision_max_ns']:.0f}){told}"
