@@ -125,7 +125,7 @@ def read_records(file: BinaryIO, name: str) -> Iterator[list[Any]]:
             return
         try:
             yield _decode(data)
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise CaptureError(f"{name}: is no input log of ridlink avoid, or a damaged one: {error}") from error
 
 

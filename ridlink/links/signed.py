@@ -124,7 +124,7 @@ def open_signing(options: SigningOptions) -> Signing:
         state = msgspec.json.decode(options.state.read_bytes(), type=_State)
     except FileNotFoundError:
         state = _State(0, [])
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise ConfigError(
             f"{options.state}: is damaged ({error}); remove it if nobody can have recorded this link"
         ) from error

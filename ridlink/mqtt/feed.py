@@ -64,7 +64,7 @@ class Feed:
             return []
         try:
             document = msgspec.json.decode(payload)
-        except (msgspec.DecodeError, RecursionError):
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             self.counters["not_json"] += 1
             return []
         if isinstance(document, dict) and isinstance(document.get("states"), list):

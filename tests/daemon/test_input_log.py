@@ -65,7 +65,10 @@ def test_the_replay_of_a_recorded_input_gives_the_identical_decision_log(tmp_pat
         replay(path)
 
 
-@pytest.mark.parametrize("data", [b"", b"x" * 100, b"\x01\x00\x00\x00\xc1", b"\x04\x00\x00\x00\x93\x01\x02\x03"])
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"x" * 100, b"\x01\x00\x00\x00\xc1", b"\x04\x00\x00\x00\x93\x01\x02\x03", b"\x03\x00\x00\x00\x91\xa1\xfd"],
+)
 def test_what_is_no_input_log_is_refused(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "x.input"
     path.write_bytes(data)

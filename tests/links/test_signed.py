@@ -186,7 +186,10 @@ def test_f34_a_key_is_taken_from_its_owners_file_alone(key_file: Path) -> None:
             read_key(key_file)
 
 
-@pytest.mark.parametrize("content", [b"", b"{}", b'{"timestamp":-1,"streams":[]}', b'{"timestamp":1,"streams":[[1]]}'])
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{}", b'{"timestamp":-1,"streams":[]}', b'{"timestamp":1,"streams":[[1]]}', b'{"timestamp":1,"\xfd":[]}'],
+)
 def test_a_damaged_clock_is_said_and_not_begun_anew(key_file: Path, content: bytes) -> None:
     options = SigningOptions(key_file)
     options.state.write_bytes(content)

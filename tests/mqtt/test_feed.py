@@ -57,6 +57,7 @@ def test_names_of_other_tools_are_understood_but_an_altitude_above_an_unknown_re
     ("payload", "cause"),
     [
         (b"{", "not_json"),
+        (b'{"id": "\xfd"}', "not_json"),
         (b"[" * 5000, "not_json"),
         (b" " * 70_000, "too_long"),
         (b"[1, null]", "not_an_object"),
