@@ -139,10 +139,12 @@ def advance(rung: Rung, seen: Conditions, settings: FailsafeSettings | None = No
 
 
 def _engaged(seen: Conditions, settings: FailsafeSettings) -> Rung:
-    ended = _end_of_engagement(seen, settings)
+    # What was said while the loop slept waits in the sockets until the next step: that is no silence of the autopilot.
+    asleep_s = seen.since_last_step_s if seen.since_last_step_s > settings.pause_s else 0.0
+    ended = _end_of_engagement(seen, settings, asleep_s)
     if ended:
         return Rung(State.STANDBY, False, Stream.NOTHING, ended)
-    if not seen.own_state_age_s <= settings.stop_after_s:
+    if not seen.own_state_age_s - asleep_s <= settings.stop_after_s:
         return Rung(State.STOPPED, False, Stream.NOTHING, "own state lost: the autopilot's own failsafe takes over")
     doubt = _doubt(seen, settings)
     if doubt:
@@ -150,10 +152,10 @@ def _engaged(seen: Conditions, settings: FailsafeSettings) -> Rung:
     return Rung(State.ENGAGED, True, Stream.DECISION, "avoiding")
 
 
-def _end_of_engagement(seen: Conditions, settings: FailsafeSettings) -> str:
+def _end_of_engagement(seen: Conditions, settings: FailsafeSettings, asleep_s: float) -> str:
     if seen.rebooted:
         return "the autopilot restarted"
-    if seen.autopilot_heard_s > settings.heartbeat_lost_s:
+    if seen.autopilot_heard_s - asleep_s > settings.heartbeat_lost_s:
         return "no heartbeat of the autopilot"
     if not seen.armed:
         return "disarmed"

@@ -117,6 +117,25 @@ def test_doubt_holds_and_goes_by(change: dict[str, object]) -> None:
     assert (back.state, back.stream) == (State.ENGAGED, Stream.DECISION)
 
 
+@pytest.mark.parametrize("slept_s", [3.5, 6.0, 60.0])
+def test_f17_a_loop_that_slept_holds_before_it_calls_the_autopilot_silent(slept_s: float) -> None:
+    unread = replace(FLYING, since_last_step_s=slept_s, autopilot_heard_s=slept_s + 0.5, own_state_age_s=slept_s)
+    held = climb(ENGAGED, unread)
+    assert (held.state, held.stream, held.reason) == (State.HOLD, Stream.ZERO, "the loop paused")
+    assert climb(held, FLYING).state is State.ENGAGED
+    silent = replace(unread, since_last_step_s=0.1)  # the sockets have been read, and there was nothing
+    assert climb(held, silent).stream is Stream.NOTHING
+    assert climb(ENGAGED, replace(unread, external_mode=False)).stream is Stream.NOTHING
+
+
+def test_f17_silence_from_before_the_sleep_counts() -> None:
+    slept = replace(FLYING, since_last_step_s=2.0)
+    assert climb(ENGAGED, replace(slept, autopilot_heard_s=5.1)).state is State.STANDBY
+    assert climb(ENGAGED, replace(slept, own_state_age_s=7.1)).state is State.STOPPED
+    # Nor is any step longer than it was: 0.3 s is no sleep.
+    assert climb(ENGAGED, replace(FLYING, since_last_step_s=0.3, autopilot_heard_s=3.1)).state is State.STANDBY
+
+
 def test_lasting_doubt_stops_the_stream_for_good() -> None:
     held = climb(ENGAGED, replace(FLYING, own_state_age_s=4.9))
     assert held.state is State.HOLD
@@ -182,7 +201,8 @@ def test_decisions_are_streamed_only_to_an_armed_vehicle_in_its_mode(seen: list[
             )
             assert before.state in (State.ENGAGED, State.HOLD)
         if rung.stream is Stream.ZERO:
-            assert step.armed and step.autopilot_heard_s <= 3.0
+            asleep_s = step.since_last_step_s if step.since_last_step_s > 0.3 else 0.0
+            assert step.armed and step.autopilot_heard_s - asleep_s <= 3.0
             assert step.external_mode or (step.wants_stream and rung.requested)
         if not before.requested and before.state is not State.ENGAGED:
             assert rung.stream is Stream.NOTHING
