@@ -102,13 +102,13 @@ def encode_setpoint(
     Args:
         encoder: Who sends.
         velocity: North, east, down [m/s].
-        time_boot_ms: Time since start; must not go back.
+        time_boot_ms: Time since start; the wire has it modulo 2**32, which is 50 days.
         target_system: System id of the autopilot.
         target_component: Its component id.
     """
     return encoder.encode(
         "SET_POSITION_TARGET_LOCAL_NED",
-        time_boot_ms=time_boot_ms,
+        time_boot_ms=time_boot_ms & 0xFFFFFFFF,
         target_system=target_system,
         target_component=target_component,
         coordinate_frame=FRAME_LOCAL_NED,

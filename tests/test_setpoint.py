@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ridlink.engine import Engine, EngineConfig
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.setpoint import STOP, SetpointStream, VelocityLimits, clamp_velocity, encode_setpoint
@@ -113,6 +115,17 @@ def test_time_never_goes_back() -> None:
     stream, encoder = SetpointStream(LIMITS), Encoder(1, 196)
     stream.next(encoder, STOP, 500, 1, 1)
     assert decoded(stream.next(encoder, STOP, 400, 1, 1)).time_boot_ms == 500
+
+
+def test_the_stream_goes_on_when_the_milliseconds_of_the_wire_begin_anew() -> None:
+    engine = Engine(EngineConfig())
+    engine.step(0.0)
+    stream, encoder = SetpointStream(LIMITS), Encoder(1, 196)
+    times_ms = [engine.time_boot_ms(0.1 * k + 2**32 / 1e3 - 0.2) for k in range(5)]
+    frames = [decoded(stream.next(encoder, (5.0, 0.0, 0.0), time_ms, 1, 1)) for time_ms in times_ms]
+    assert [frame.time_boot_ms for frame in frames[2:]] == [0, 100, 200]
+    steps = [after.vx - before.vx for before, after in pairwise(frames)]
+    assert steps == pytest.approx([0.1 * LIMITS.acceleration_mps2] * 4, rel=0.02)
 
 
 def test_restart_begins_from_zero() -> None:

@@ -60,7 +60,7 @@ def status(encoder: Encoder, record: DecisionRecord, time_boot_ms: int, decision
     margin_cm, violation_ms = record.nearest_margin_m * 100.0, record.time_to_violation_s * 1e3
     return encoder.encode(
         "RIDLINK_STATUS",
-        time_boot_ms=time_boot_ms,
+        time_boot_ms=time_boot_ms & 0xFFFFFFFF,
         state=record.state,
         solver_status=Status.FREE if record.status is None else record.status,
         tracks=min(record.tracks, 65535),

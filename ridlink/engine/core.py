@@ -365,8 +365,8 @@ class Engine:
     # --- frames ---------------------------------------------------------------------------------------------------
 
     def time_boot_ms(self, now_s: float) -> int:
-        """Time since the first step, as frames have it."""
-        return int((now_s - (self._started_s or 0.0)) * 1e3) & 0xFFFFFFFF
+        """Time since the first step; frames have it modulo 2**32."""
+        return int((now_s - (self._started_s or 0.0)) * 1e3)
 
     def _setpoint(self, velocity: Velocity, now_s: float) -> bytes:
         lock = self.telemetry.lock
