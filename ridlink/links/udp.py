@@ -177,9 +177,10 @@ async def open_udp_link(url: LinkUrl, on_datagram: OnDatagram) -> UdpLink:
 def open_failure(url: LinkUrl, error: OSError) -> str:
     """One line that says why a link did not open and what to do about it."""
     if error.errno == errno.EADDRINUSE:
+        kind = "u" if url.scheme is Scheme.UDPIN else "t"
         return (
-            f"{url}: port {url.port} is in use by another program; stop it (ss -ulpn shows which) or choose another "
-            f"port, as in {url.scheme}:{url.host}:{url.port + 1}"
+            f"{url}: port {url.port} is in use by another program; stop it (ss -{kind}lpn shows which) or choose "
+            f"another port, as in {url.scheme}:{url.host}:{url.port + 1}"
         )
     if error.errno == errno.EADDRNOTAVAIL:
         return f"{url}: {url.host} is no address of this machine; 127.0.0.1 is for this machine only, 0.0.0.0 for all"

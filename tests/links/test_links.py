@@ -305,14 +305,14 @@ def test_a_datagram_larger_than_udp_is_counted_not_raised() -> None:
     run(test)
 
 
-@pytest.mark.parametrize("scheme", ["udpin", "tcpin"])
-def test_a_port_in_use_is_named_with_a_way_out(scheme: str) -> None:
+@pytest.mark.parametrize(("scheme", "shows"), [("udpin", "ss -ulpn"), ("tcpin", "ss -tlpn")])
+def test_a_port_in_use_is_named_with_a_way_out(scheme: str, shows: str) -> None:
     async def test() -> None:
         first = await open_link(f"{scheme}:127.0.0.1:0", Inbox())
         port = first.local_address[1]
         with pytest.raises(LinkError, match=f"port {port} is in use") as caught:
             await open_link(f"{scheme}:127.0.0.1:{port}", Inbox())
-        assert f"{scheme}:127.0.0.1:{port + 1}" in str(caught.value)
+        assert f"{scheme}:127.0.0.1:{port + 1}" in str(caught.value) and shows in str(caught.value)
         first.close()
 
     run(test)
