@@ -91,7 +91,7 @@ class Transmitter:
         self._utc = SteadyUtc(time.monotonic())
         self._uas_id: bytes | None = None
         self._heartbeat_due, self._second, self._home_due = Periodic(1.0), Periodic(1.0), Periodic(HOME_PERIOD_S)
-        self._told: tuple[str, str] = ("", "")
+        self._told: tuple[int, str] | None = None
         self._vehicle: Link | None = None
         self._to: Link | None = None
 
@@ -153,8 +153,7 @@ class Transmitter:
             if not (isinstance(found, Frame) and found.checked and found.msgid == ARM_STATUS):
                 continue
             message = decode_message(found)
-            error = message.error if isinstance(message.error, bytes) else str(message.error).encode()
-            told = (str(message.status), display_text(error))
+            told = (message.status, display_text(message.error))
             if told != self._told:
                 self._told = told
                 self._emit("module", good_to_arm=message.status == 0, text=told[1])
@@ -175,8 +174,7 @@ class Transmitter:
         for datagram in self._broadcast.datagrams(
             self._encoder, telemetry, now_s=now_s, utc_s=utc_s, uas_id=self._uas_id
         ):
-            self._send(datagram)
-            self.counters["sent"] += 1
+            self.counters["sent"] += self._send(datagram)
         if self._second.due(now_s):
             self._tell(now_s)
 
@@ -195,9 +193,8 @@ class Transmitter:
             source = lock.source if lock is not None else None
             self._vehicle.send(frame, source if isinstance(source, tuple) else None)
 
-    def _send(self, data: bytes) -> None:
-        if self._to is not None:
-            self._to.send(data)
+    def _send(self, data: bytes) -> bool:
+        return self._to is not None and self._to.send(data)
 
     def _tell(self, now_s: float) -> None:
         telemetry = self._telemetry

@@ -1,0 +1,47 @@
+"""The transmitter alone, on real sockets, in this process; as a program it is in `tests/cli/test_broadcast.py`."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from typing import Any
+
+from ridlink.daemon.transmitter import Transmitter, TransmitterConfig
+from ridlink.links import open_link, parse_link_url
+from ridlink.own_ship.broadcast import BroadcastSettings
+from tests.daemon.emulated import PATIENCE_S, Emulated
+from tests.daemon.harness import run
+
+
+def test_what_the_network_did_not_take_is_not_counted_as_sent() -> None:
+    async def test() -> None:
+        said: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
+
+        async def not_taken(least: int) -> dict[str, Any]:
+            """The first summary that tells of so many datagrams that did not leave."""
+            while True:
+                told = await asyncio.wait_for(said.get(), PATIENCE_S)
+                if told["rejects"].get("transmitter_link_no_peer", 0) >= least:
+                    return told
+
+        with socket.create_server(("127.0.0.1", 0)) as module:
+            config = TransmitterConfig(
+                vehicle=parse_link_url("udpin:127.0.0.1:0"),
+                to=parse_link_url(f"tcpout:127.0.0.1:{module.getsockname()[1]}"),
+                settings=BroadcastSettings(airframe_m=0.6, airframe_height_m=0.3),
+            )
+            transmitter, stop = Transmitter(config, on_event=said.put_nowait), asyncio.Event()
+            task = asyncio.create_task(transmitter.run(stop))
+            await asyncio.wait_for(transmitter.ready.wait(), PATIENCE_S)
+            module.accept()[0].close()
+        assert transmitter.vehicle_address is not None
+        vehicle = await open_link(f"udpout:127.0.0.1:{transmitter.vehicle_address[1]}", lambda data, address: None)
+        vehicle.send(Emulated().telemetry(0.0))
+        before = await not_taken(1)
+        after = await not_taken(before["rejects"]["transmitter_link_no_peer"] + 5)
+        assert after["sent"] == before["sent"]
+        vehicle.close()
+        stop.set()
+        assert (await asyncio.wait_for(task, PATIENCE_S))["sent"] == before["sent"]
+
+    run(test)
