@@ -69,6 +69,7 @@ class AvoidDaemon:
         self.vehicle_address: Address | None = None
         self.remote_id_address: Address | None = None
         self._on_event = on_event
+        self._opened = False
         self._vehicle: Link | None = None
         self._air: Link | None = None
         self._transmitter: Link | None = None
@@ -116,6 +117,7 @@ class AvoidDaemon:
             if self.config.input_log is not None:
                 self._input_log = InputLog(self.config.input_log, as_toml(self.config))
             self.vehicle_address, self.remote_id_address = self._vehicle.local_address, self._air.local_address
+            self._opened = True
             try:
                 await self._keep_time(stop, warm)
             finally:
@@ -224,20 +226,24 @@ class AvoidDaemon:
     # --- bytes ----------------------------------------------------------------------------------------------------
 
     def _from_vehicle(self, data: bytes, address: Address) -> None:
-        self._record(data)
-        now_s = time.monotonic()
-        utc_s = self._utc.at(now_s)
-        if self._input_log is not None:
-            self._input_log.datagram("v", now_s, utc_s, address, data)
-        self.engine.receive_vehicle(data, now_s, source=address, utc_s=utc_s)
+        if (times := self._heard("v", data, address)) is not None:
+            self.engine.receive_vehicle(data, times[0], source=address, utc_s=times[1])
 
     def _from_air(self, data: bytes, address: Address) -> None:
+        if (times := self._heard("a", data, address)) is not None:
+            self.engine.receive_remote_id(data, address, times[0], utc_s=times[1])
+
+    def _heard(self, link: str, data: bytes, address: Address) -> tuple[float, float | None] | None:
+        """Record a datagram; when it came, monotonic and UTC. None while links are still being opened: what cannot be
+        recorded yet must not be decided about."""
+        if not self._opened:
+            return None
         self._record(data)
         now_s = time.monotonic()
         utc_s = self._utc.at(now_s)
         if self._input_log is not None:
-            self._input_log.datagram("a", now_s, utc_s, address, data)
-        self.engine.receive_remote_id(data, address, now_s, utc_s=utc_s)
+            self._input_log.datagram(link, now_s, utc_s, address, data)
+        return now_s, utc_s
 
     def _send(self, output: StepOutput) -> None:
         for frame in output.to_vehicle:

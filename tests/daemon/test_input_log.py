@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import socket
+import threading
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from ridlink.cli import cli
+from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.input_log import replay
+from ridlink.daemon.service import AvoidDaemon
 from ridlink.errors import CaptureError
 from tests.daemon.emulated import POSITION_MODE, Emulated
 from tests.daemon.harness import run, running
@@ -75,3 +80,34 @@ def test_what_is_no_input_log_is_refused(tmp_path: Path, data: bytes) -> None:
     with pytest.raises(CaptureError, match="no input log"):
         replay(path)
     assert CliRunner().invoke(cli, ["avoid", "--replay", str(path)]).exit_code != 0
+
+
+def test_a_vehicle_that_speaks_while_links_are_opened_is_decided_about_alike_again(tmp_path: Path) -> None:
+    path, vehicle = tmp_path / "early.input", Emulated()
+    telemetry, silent = vehicle.telemetry(0.0), threading.Event()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+
+    def speak() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as voice:
+            while not silent.is_set():
+                voice.sendto(telemetry, ("127.0.0.1", port))
+
+    async def test() -> None:
+        daemon, stop = AvoidDaemon(DaemonConfig(vehicle=f"udpin:127.0.0.1:{port}", input_log=path)), asyncio.Event()  # type: ignore[arg-type]
+        speaker = threading.Thread(target=speak)
+        speaker.start()
+        try:
+            task = asyncio.create_task(daemon.run(stop))
+            async with asyncio.timeout(60.0):
+                await daemon.ready.wait()
+        finally:
+            silent.set()
+            speaker.join()
+        stop.set()
+        await task
+
+    run(test)
+    decisions, flown_hash = replay(path)
+    assert decisions.digest == flown_hash
