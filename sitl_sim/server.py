@@ -143,7 +143,8 @@ class FleetServer:
         """Open all sockets.
 
         Raises:
-            LinkError: If a port is in use; those opened before are released.
+            LinkError: If a port is in use; whatever is wrong, those opened before are released.
+            ConfigError: If there can be no link to the ground station.
         """
         self._loop = asyncio.get_running_loop()
         config = self.config
@@ -154,7 +155,7 @@ class FleetServer:
             self._air_socket.attach(await _listen(config.air_port, self._on_air_datagram))
             if config.ground_station is not None:
                 self._display_link = await open_link(config.ground_station, lambda _, __: None)
-        except LinkError:
+        except BaseException:
             await self.close()
             raise
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import os
 import tempfile
 from collections.abc import Callable, Sequence
@@ -246,6 +245,6 @@ def _result(
     }
 
 
-def _worst(summaries: Sequence[dict[str, Any]], quantity: str, figures: Sequence[str]) -> dict[str, float]:
-    """The worst daemon's figure, each: no average hides a daemon that stutters."""
-    return {figure: max((s[quantity][figure] for s in summaries), default=math.nan) for figure in figures}
+def _worst(summaries: Sequence[dict[str, Any]], quantity: str, figures: Sequence[str]) -> dict[str, float | None]:
+    """The worst daemon's figure, each: no average hides a daemon that stutters. None without any daemon."""
+    return {figure: max((s[quantity][figure] for s in summaries), default=None) for figure in figures}
