@@ -115,8 +115,9 @@ class MetricsServer:
         host, port = address
         try:
             self._server, self._thread = start_http_server(port, host, registry)
-        except OSError as error:
-            raise LinkError(f"metrics {host}:{port}: {error.strerror or error}; choose another port") from error
+        except (OSError, UnicodeError) as error:  # a name with an empty label is no OSError
+            reason = getattr(error, "strerror", None) or error
+            raise LinkError(f"metrics {host}:{port}: {reason}; choose another address") from error
         self.port = int(self._server.server_port)
 
     def publish(self, values: Mapping[str, Value]) -> None:

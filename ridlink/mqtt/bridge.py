@@ -121,10 +121,12 @@ class Bridge:
                 asyncio.create_task(self._keep_time(link)),
                 asyncio.create_task(stop.wait()),
             ]
-            done, pending = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            for task in pending:
-                task.cancel()
-            await asyncio.gather(*pending, return_exceptions=True)
+            try:
+                done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for task in tasks:
+                    task.cancel()
+                await asyncio.gather(*tasks, return_exceptions=True)
             for task in done:
                 task.result()
         finally:
@@ -166,7 +168,7 @@ class Bridge:
                     wait_s = BACK_OFF_S[0]
                     self._tell(f"connected to {self._broker}")
                     await self._converse(client)
-            except (aiomqtt.MqttError, OSError) as error:
+            except (aiomqtt.MqttError, OSError, UnicodeError) as error:  # the last one for a name that can be none
                 was_connected = self.connected.is_set()
                 self.connected.clear()
                 reason = _reason(error)
@@ -269,10 +271,10 @@ def _refuse_own(feed_topic: str, topics: Topics) -> None:
 
 
 def _is_final(error: Exception) -> bool:
-    """Trying again cannot help: a wrong certificate or password."""
+    """Trying again cannot help: a wrong certificate or password, or no name of a host."""
     cause: BaseException | None = error
     while cause is not None:
-        if isinstance(cause, ssl.SSLError | BrokerError):
+        if isinstance(cause, ssl.SSLError | BrokerError | UnicodeError):
             return True
         cause = cause.__cause__ or cause.__context__
     return isinstance(error, aiomqtt.MqttCodeError) and "not authori" in str(error).lower()

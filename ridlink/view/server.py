@@ -288,6 +288,8 @@ def _listen(host: str, port: int) -> socket.socket:
             listening.close()
             raise
         return listening
+    except UnicodeError as error:  # a name with an empty label is no OSError
+        raise LinkError(f"http://{host}:{port}/: no such host: {error}") from error
     except OSError as error:
         what = f"port {port} is in use" if error.errno == errno.EADDRINUSE else (error.strerror or str(error))
         raise LinkError(f"http://{host}:{port}/: {what}") from error

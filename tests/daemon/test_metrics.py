@@ -78,8 +78,10 @@ def test_figures_of_one_instant_with_their_kinds() -> None:
             ("ridlink_mqtt_waiting",): 3.0,
             ("ridlink_mqtt_events_total", "refused"): 2.0,
         }
-        with pytest.raises(LinkError, match="choose another port"):
+        with pytest.raises(LinkError, match="choose another address"):
             MetricsServer(("127.0.0.1", server.port), AVOID_METRICS)
+        with pytest.raises(LinkError, match="label empty"):
+            MetricsServer(("127..0.0.1", 0), AVOID_METRICS)
     finally:
         server.close()
     assert all(name.endswith(("metres", "seconds")) or metric.kind for name, metric in AVOID_METRICS.items())

@@ -244,6 +244,34 @@ def test_nobody_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     run(body)
 
 
+def test_a_name_that_no_host_can_have_is_one_line() -> None:
+    async def body() -> None:
+        bridge = Bridge(BrokerUrl("broker..local", 1883, False), TOPICS, Publisher(PublisherSettings(TOPICS)), SOURCE)
+        with pytest.raises(BrokerError, match=r"mqtt://broker\.\.local:1883: .*label empty"):
+            await bridge.run(asyncio.Event())
+
+    run(body)
+
+
+def test_a_bridge_that_is_cancelled_leaves_nothing_behind() -> None:
+    async def body() -> None:
+        before = asyncio.all_tasks()
+        async with asyncio.timeout(PATIENCE_S):
+            broker = BrokerUrl("127.0.0.1", free_port(), False)
+            told = asyncio.Event()
+            bridge = Bridge(
+                broker, TOPICS, Publisher(PublisherSettings(TOPICS)), SOURCE, on_event=lambda text: told.set()
+            )
+            task = asyncio.create_task(bridge.run(asyncio.Event()))
+            await told.wait()  # nobody is there, and it will try again
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+        assert asyncio.all_tasks() == before
+
+    run(body)
+
+
 @pytest.mark.parametrize("topic", ["ridlink/#", "#", "+/v1/here/uas/+/state", "bad/#/topic"])
 def test_our_own_topics_are_no_feed(topic: str) -> None:
     async def body() -> None:

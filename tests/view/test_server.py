@@ -259,5 +259,13 @@ def test_a_port_in_use_is_named() -> None:
     run(body)
 
 
+def test_a_name_that_no_host_can_have_is_one_line() -> None:
+    async def body() -> None:
+        with pytest.raises(LinkError, match=r"no such host: .*label empty"):
+            await ViewServer(a_show(), "127..0.0.1", 0).start()
+
+    run(body)
+
+
 def test_names_of_hosts() -> None:
     assert [host_name(host) for host in ("A:1", "[::1]:8090", "[::1]", "b", "")] == ["a", "::1", "::1", "b", ""]
