@@ -217,13 +217,11 @@ def avoid(
 def _avoid(
     config_file: str | None, replayed: str | None, print_config: bool, as_json: bool, options: dict[str, Any]
 ) -> int:
-    from ridlink.daemon.config import as_toml, daemon_config
-    from ridlink.daemon.config_file import FlatConfig, overridden, read_config_file
+    from ridlink.daemon.config import as_toml, configured
 
     if replayed is not None:
         return _replay(replayed, as_json)
-    flat = overridden(read_config_file(config_file) if config_file else FlatConfig(), options)
-    config = daemon_config(flat, config_file)
+    config = configured(config_file, options)
     if print_config:
         click.echo(as_toml(config), nl=False)
         return EXIT_DONE

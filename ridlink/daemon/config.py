@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from ridlink.avoidance.types import SolverKind
-from ridlink.daemon.config_file import SOLVER_TABLES, FlatConfig
+from ridlink.daemon.config_file import SOLVER_TABLES, FlatConfig, config_text, line_of, overridden, read_config_text
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
 from ridlink.links import LinkUrl, SigningOptions, parse_link_url, refuse_to_speak_to_oneself
@@ -149,6 +150,52 @@ def daemon_config(flat: FlatConfig, config_file: str | None = None) -> DaemonCon
         log=None if flat.log is None else Path(flat.log),
         input_log=None if flat.input_log is None else Path(flat.input_log),
     )
+
+
+def configured(config_file: str | None, over: Mapping[str, Any]) -> DaemonConfig:
+    """The configuration of a file, if there is one, and of the options that win over it.
+
+    Args:
+        config_file: TOML; None for none.
+        over: Options by key, None where one is not given.
+
+    Raises:
+        ConfigError: As `daemon_config`; the text names the line of the file that it is about.
+        OSError: If the file cannot be read.
+    """
+    if config_file is None:
+        return daemon_config(overridden(FlatConfig(), over))
+    text = config_text(config_file)
+    flat = read_config_text(text, config_file)
+    try:
+        return daemon_config(overridden(flat, over), config_file)
+    except ConfigError as error:
+        for key, others in _without_each(flat):
+            if _complaint(overridden(others, over), config_file) != str(error):
+                named = re.search(rf"\b{key.replace('_', '[-_]')}\b", str(error))
+                what = "" if named else f"{key}: "
+                raise ConfigError(f"{config_file}{line_of(text, key)}: {what}{error}") from error
+        raise
+
+
+def _without_each(flat: FlatConfig) -> Iterator[tuple[str, FlatConfig]]:
+    """Each key that is given, those of solvers' tables too, and the configuration without it."""
+    for key, value in msgspec.structs.asdict(flat).items():
+        if isinstance(value, dict):
+            for inner in value:
+                others = {name: number for name, number in value.items() if name != inner}
+                yield inner, msgspec.structs.replace(flat, **{key: others})
+        elif value is not None:
+            yield key, msgspec.structs.replace(flat, **{key: None})
+
+
+def _complaint(flat: FlatConfig, config_file: str) -> str:
+    """What is wrong with a configuration, empty if nothing is."""
+    try:
+        daemon_config(flat, config_file)
+    except ConfigError as error:
+        return str(error)
+    return ""
 
 
 def _refuse_one_file_for_two(files: Mapping[str, str | None]) -> None:

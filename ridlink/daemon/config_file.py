@@ -101,7 +101,7 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     obstacle: list[ObstacleTable] | None = None
 
 
-def _line_of(text: str, key: str) -> str:
+def line_of(text: str, key: str) -> str:
     """ ":line" of a key or table in a TOML text, empty if it cannot be told."""
     pattern = re.compile(rf"\s*(?:\[+\s*)?[\"']?{re.escape(key)}[\"']?\s*(?:=|\])")
     for number, line in enumerate(text.splitlines(), start=1):
@@ -115,12 +115,12 @@ def _refuse_unknown(given: Mapping[str, Any], known: list[str], where: str, text
         if key not in known:
             near = difflib.get_close_matches(key.replace("-", "_"), known, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-            raise ConfigError(f"{where}{_line_of(text, key)}: unknown key {key!r}: {hint}")
+            raise ConfigError(f"{where}{line_of(text, key)}: unknown key {key!r}: {hint}")
 
 
 def _refuse_not_finite(value: Any, key: str, where: str, text: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
-        raise ConfigError(f"{where}{_line_of(text, key)}: {key} must be a finite number, not {value}")
+        raise ConfigError(f"{where}{line_of(text, key)}: {key} must be a finite number, not {value}")
     if isinstance(value, dict):
         for name, inner in value.items():
             # Infinite means "stops at once" to the solver, and only there.
@@ -131,6 +131,23 @@ def _refuse_not_finite(value: Any, key: str, where: str, text: str) -> None:
             _refuse_not_finite(inner, key, where, text)
 
 
+def config_text(path: str | Path) -> str:
+    """What a configuration file says.
+
+    Raises:
+        ConfigError: If it is not text, or too long.
+        OSError: If it cannot be read.
+    """
+    try:
+        with open(path, "rb") as file:
+            content = file.read(LONGEST + 1)
+        if len(content) > LONGEST:
+            raise ConfigError(f"{path}: is no configuration: longer than {LONGEST} bytes")
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not UTF-8 text: {error.reason}") from error
+
+
 def read_config_file(path: str | Path) -> FlatConfig:
     """Keys of a configuration file.
 
@@ -139,16 +156,7 @@ def read_config_file(path: str | Path) -> FlatConfig:
             key.
         OSError: If it cannot be read.
     """
-    where = str(path)
-    try:
-        with open(path, "rb") as file:
-            content = file.read(LONGEST + 1)
-        if len(content) > LONGEST:
-            raise ConfigError(f"{where}: is no configuration: longer than {LONGEST} bytes")
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{where}: is not UTF-8 text: {error.reason}") from error
-    return read_config_text(text, where)
+    return read_config_text(config_text(path), str(path))
 
 
 def read_config_text(text: str, where: str) -> FlatConfig:
@@ -175,7 +183,7 @@ def read_config_text(text: str, where: str) -> FlatConfig:
         try:
             msgspec.convert({key: value}, FlatConfig)
         except msgspec.ValidationError as error:
-            raise ConfigError(f"{where}{_line_of(text, key)}: {_explained(key, error)}") from error
+            raise ConfigError(f"{where}{line_of(text, key)}: {_explained(key, error)}") from error
     return msgspec.convert(document, FlatConfig)
 
 

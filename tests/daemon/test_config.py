@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from ridlink.avoidance import GradedSettings, RotationSettings, SolverKind
-from ridlink.daemon.config import DaemonConfig, as_toml, daemon_config
+from ridlink.daemon.config import DaemonConfig, as_toml, configured, daemon_config
 from ridlink.daemon.config_file import FlatConfig, overridden, read_config_file
 from ridlink.engine import Goal
 from ridlink.errors import ConfigError
@@ -148,6 +149,34 @@ def test_f34_mistakes_are_named(write, text: str, words: list[str]) -> None:
     for word in words:
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "over", "said"),
+    [
+        ("\ncruise = -1.0", {}, ":2: cruise must be positive, got -1.0 m/s"),
+        ('definition = "chance"\neta = 1.0', {}, ":2: eta must lie between 0 and 1, ends excluded, got 1"),
+        ("cruise = 9.0\nv_max = -1.0", {}, ":2: v_max: horizontal_mps must be positive and finite, got -1.0"),
+        ('\nrid = "udp:a:1"', {}, ":2: rid: connection string 'udp:a:1'"),
+        ("[halfplane]\nhorizon_s = inf", {}, ":2: horizon_s must be finite"),
+        ("v_max = 9.0\ncruise = 12.0", {}, ":2: cruise of 12 m/s is above v-max of 9 m/s"),
+        ("v_max = 9.0", {"cruise": 12.0}, ":1: cruise of 12 m/s is above v-max of 9 m/s"),
+        ("[[obstacle]]\npolygon = [[47.0, 8.0]]", {}, ":1: obstacle"),
+    ],
+)
+def test_f34_a_value_out_of_range_is_told_with_its_line(write, text: str, over: dict[str, Any], said: str) -> None:
+    path = write(text)
+    with pytest.raises(ConfigError) as caught:
+        configured(str(path), over)
+    assert str(caught.value).startswith(f"{path}{said}")
+
+
+def test_what_is_wrong_with_an_option_is_not_blamed_on_the_file(write) -> None:
+    with pytest.raises(ConfigError, match=r"^cruise must be positive, got -2.0 m/s$"):
+        configured(str(write("cruise = -1.0")), {"cruise": -2.0})
+    with pytest.raises(ConfigError, match=r"^cruise must be positive"):
+        configured(None, {"cruise": -2.0})
+    assert configured(str(write("cruise = -1.0")), {"cruise": 7.0}).engine.cruise_mps == 7.0
 
 
 def test_a_file_that_is_no_text_and_one_that_is_not_there(tmp_path: Path) -> None:
