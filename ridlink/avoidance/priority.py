@@ -1,9 +1,10 @@
 """Who goes first where nobody gets anywhere: priority by identity, as the last resort.
 
 Discs that are too large to pass each other can hold everybody in place for ever, with every half-plane met. Whoever has
-come no nearer to its goal for PATIENCE_S, while others that avoid are about, then falls back on an order that all of
-them know from each other's reports: the least identity goes first. Everybody else makes way for all that go before it
-and waits at CLEAR_RADII of the disc until they are through. Half-planes hold as ever and nothing is shrunk.
+come no nearer to its goal for as long as it takes to fly round the largest of them, while others that avoid are about,
+then falls back on an order that all of them know from each other's reports: the least identity goes first. Everybody
+else makes way for all that go before it and waits at CLEAR_RADII of the disc until they are through. Half-planes hold
+as ever and nothing is shrunk.
 
 Who goes first and does not fly, because it is at its goal or cannot, loses its turn to the next identity after TURN_S,
 round and round; so nobody need know of another whether it has arrived. Who gets nowhere in its own turns either leaves
@@ -27,7 +28,7 @@ from ridlink.avoidance.rows import AIM, AIM_IS_VELOCITY, CRUISE, EXTRA_TURN, OWN
 from ridlink.avoidance.types import FloatArray, OwnShip, Traffic, checked_pair
 
 PATIENCE_S = 20.0
-"""By then the turn of a stalled vehicle has long grown to its most, see `ProgressWatch`."""
+"""At least: by then the turn of a stalled vehicle has long grown to its most, see `ProgressWatch`."""
 PROGRESS_S = 0.5
 """Nearer to the goal than ever before by so long a flight at cruise is progress."""
 TURN_S = 10.0
@@ -65,9 +66,28 @@ def turn_of(identity, first):  # type: ignore[no-untyped-def]
 
 
 @kernel(forceinline=True, inner=True)
-def patience(kept):  # type: ignore[no-untyped-def]
-    """Time without progress after which own-ship falls back on the order [s]."""
-    return PATIENCE_S * 2.0 ** max(kept[FAILED] - 1.0, 0.0)
+def distance_to(own, report):  # type: ignore[no-untyped-def]
+    """How far a neighbour is now [m]."""
+    north = report[0] + report[2] * report[6] - own[POSITION]
+    east = report[1] + report[3] * report[6] - own[POSITION + 1]
+    return norm(north, east)
+
+
+@kernel(forceinline=True, inner=True)
+def patience(kept, round_s):  # type: ignore[no-untyped-def]
+    """Time without progress after which own-ship falls back on the order [s], with the time for a way round."""
+    return max(PATIENCE_S, round_s) * 2.0 ** max(kept[FAILED] - 1.0, 0.0)
+
+
+@kernel(inner=True)
+def time_round(own, reports, identities, count):  # type: ignore[no-untyped-def]
+    """Time to fly once round the largest disc of those near that have a place in the order [s]."""
+    largest = 0.0
+    for j in range(count):
+        ordered = reports[j, 7] != 0.0 and identities[j] >= 0
+        if ordered and distance_to(own, reports[j]) <= NEAR_RADII * reports[j, 8]:
+            largest = max(largest, reports[j, 8])
+    return 2.0 * math.pi * largest / max(own[CRUISE], EPSILON)
 
 
 @kernel(inner=True)
@@ -80,10 +100,7 @@ def choose_first(own, identity, reports, identities, count, now_s, kept):  # typ
     for j in range(count):
         if reports[j, 7] == 0.0 or identities[j] < 0:
             continue
-        away = norm(
-            reports[j, 0] + reports[j, 2] * reports[j, 6] - own[POSITION],
-            reports[j, 1] + reports[j, 3] * reports[j, 6] - own[POSITION + 1],
-        )
+        away = distance_to(own, reports[j])
         if identities[j] == first and away <= KEPT_RADII * reports[j, 8]:
             known, alone = True, False
             speed = norm(reports[j, 2], reports[j, 3])
@@ -134,7 +151,8 @@ def give_way(own, identity, reports, identities, count, now_s, kept):  # type: i
     if to_goal < kept[BEST] - PROGRESS_S * cruise or to_goal < cruise:
         kept[BEST], kept[SINCE], kept[FIRST], kept[FAILED] = to_goal, now_s, NOBODY, 0.0
         return False
-    if now_s - kept[SINCE] < patience(kept):
+    waited = now_s - kept[SINCE]
+    if waited < patience(kept, 0.0) or waited < patience(kept, time_round(own, reports, identities, count)):
         return False
     first = choose_first(own, identity, reports, identities, count, now_s, kept)
     kept[FIRST] = first
@@ -187,7 +205,7 @@ def give_way_in_worlds(  # type: ignore[no-untyped-def]
                 continue
             own[world, i, AIM_IS_VELOCITY] = 0.0
             count = 0
-            if now_s - kept[world, i, SINCE] >= patience(kept[world, i]):
+            if now_s - kept[world, i, SINCE] >= patience(kept[world, i], 0.0):
                 p_1, p_2 = own[world, i, POSITION], own[world, i, POSITION + 1]
                 for j in range(own.shape[1]):
                     if j == i or not present[world, j]:
