@@ -35,7 +35,7 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
     """A decorator for the kernels of one package.
 
     Args:
-        sources: The files that hold kernels which call each other.
+        sources: The files that hold kernels which call each other, and the constants in them.
         counted: False for kernels that make no arrays and give none back: the caller holds what they work on, so they
             need not count references, which costs 10 ns for every view of an array.
 
@@ -164,7 +164,8 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, plain: Callable[..., Any], sources: tuple[Path, ...]) -> None:
         super().__init__(plain)
-        self._cache_file._source_stamp = _stamp(sources)
+        self.sources = (*sources, Path(__file__))
+        self._cache_file._source_stamp = _stamp(self.sources)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The code for these types of arguments, None if there is none.

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import gc
+import importlib
+import pkgutil
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any
 
 import pytest
@@ -11,7 +17,8 @@ from numba import config, types
 from numba.core import caching
 from numba.core.errors import TypingError
 
-from ridlink.compiled import instructions_for, is_compiled, kernel_decorator
+import ridlink
+from ridlink.compiled import _KernelCache, instructions_for, is_compiled, kernel_decorator
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -113,3 +120,64 @@ def test_a_kernel_that_another_machine_compiled_is_not_compiled_for_this_one(mon
     for machine, ready in ((here, True), (("aarch64-unknown-linux-gnu", "cortex-a72", ""), False)):
         monkeypatch.setattr(kernel._cache._cache_file, "_load_index", lambda m=machine: {((), m, ()): "halved.1.nbc"})
         assert is_compiled(kernel) is ready
+
+
+def every_kernel() -> Iterator[Any]:
+    for found in pkgutil.walk_packages(ridlink.__path__, "ridlink."):
+        if found.name.rpartition(".")[2] in ("__main__", "plots"):
+            continue
+        module = importlib.import_module(found.name)
+        for one in vars(module).values():
+            if isinstance(getattr(one, "_cache", None), _KernelCache) and one.py_func.__module__ == found.name:
+                yield one
+
+
+@cache
+def imports(module: str) -> dict[str, tuple[str, str]]:
+    """Names that a module imports from others of ours: where from, and under which name there."""
+    tree = ast.parse(Path(importlib.import_module(module).__file__ or "").read_text())
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module]
+    ours = [node for node in found if str(node.module).startswith("ridlink")]
+    return {name.asname or name.name: (str(node.module), name.name) for node in ours for name in node.names}
+
+
+def home_of(module: str, name: str) -> Path:
+    """The file that defines a global name of a module."""
+    while name in imports(module):
+        module, name = imports(module)[name]
+    return Path(importlib.import_module(module).__file__ or "")
+
+
+def names_in(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    for inner in code.co_consts:
+        if isinstance(inner, CodeType):
+            yield from names_in(inner)
+
+
+def compiled_into(function: Any, seen: set[Any]) -> Iterator[tuple[str, Path]]:
+    """What of our own becomes part of a kernel, and the files that say what it is: functions, constants, and theirs."""
+    if function in seen:
+        return
+    seen.add(function)
+    for name in names_in(function.__code__):
+        value = function.__globals__.get(name)
+        if isinstance(value, int | float | tuple) or callable(value):
+            home = home_of(function.__module__, name)
+            if "ridlink" in home.parts:
+                yield f"{name} of {function.__module__}", home
+        value = getattr(value, "py_func", value)
+        if isinstance(value, FunctionType) and value.__module__.startswith("ridlink"):
+            yield from compiled_into(value, seen)
+
+
+def test_whatever_is_compiled_into_a_kernel_is_in_its_stamp() -> None:
+    """Else an edit of it, or an update, would leave old code alive."""
+    kernels = list(every_kernel())
+    missing = {
+        f"{what}, which is {home.name}, in {kernel.py_func.__name__}"
+        for kernel in kernels
+        for what, home in compiled_into(kernel.py_func, set())
+        if home not in kernel._cache.sources
+    }
+    assert len(kernels) > 50 and not missing, sorted(missing)

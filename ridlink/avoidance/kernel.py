@@ -11,12 +11,7 @@ from numba import types
 
 from ridlink.compiled import instructions_for, kernel_decorator
 
-_MODULES = (
-    "contact", "encounter", "graded", "halfplane", "headings", "kernel", "lanes", "meeting", "packing", "priority",
-    "programme", "reach", "rotation", "route", "rows", "sift", "worlds",
-)  # fmt: skip
-
-kernel = kernel_decorator((Path(__file__).with_name(f"{name}.py") for name in _MODULES), counted=False)
+kernel = kernel_decorator(sorted(Path(__file__).parent.glob("*.py")), counted=False)
 
 
 @kernel(forceinline=True)

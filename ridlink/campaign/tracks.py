@@ -16,10 +16,14 @@ from ridlink.avoidance import rows
 from ridlink.avoidance.encounter import time_to_entry
 from ridlink.avoidance.rows import VELOCITY
 from ridlink.compiled import kernel_decorator
+from ridlink.traffic import track
 from ridlink.traffic.track import COAST_FAST_S, COAST_SLOW_S, SLOW_INTERVAL_S
 
-SOURCES = (Path(__file__), Path(__file__).with_name("pair_deciding.py"), *Path(rows.__file__).parent.glob("*.py"))
-"""Files that hold kernels which those of pairs call."""
+SOURCES = (
+    Path(__file__), Path(__file__).with_name("pair_deciding.py"), Path(track.__file__),
+    *sorted(Path(rows.__file__).parent.glob("*.py")),
+)  # fmt: skip
+"""Files that hold kernels which those of pairs call, and the constants in them."""
 
 kernel = kernel_decorator(SOURCES, counted=False)
 
