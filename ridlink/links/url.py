@@ -142,7 +142,7 @@ def parse_link_url(text: str) -> LinkUrl:
         _refuse(text, "no port", f"{scheme}:{host or DEFAULT_HOST}:{example.rpartition(':')[2]}")
     if not port_text.isascii() or not port_text.isdecimal() or int(port_text) > 65535:
         _refuse(text, f"port {port_text!r} is not a number from 0 to 65535", example)
-    if re.search(r"[\s/?#@]", host) or (":" in host and not rest.startswith("[")):
+    if re.search(r"[\s/?#@\[\]]", host) or (":" in host and not rest.startswith("[")):
         _refuse(text, f"host {host!r} is not an address or a name", example)
     url = LinkUrl(scheme, host or DEFAULT_HOST, int(port_text))
     if url.port == 0 and not url.listens:

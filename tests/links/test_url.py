@@ -51,6 +51,7 @@ def test_right_spellings(text: str, url: LinkUrl) -> None:
         ("udpout:127.0.0.1:0", "udpout:127.0.0.1:14540"),
         ("udpin:::1:14540", "udpin:127.0.0.1:14540"),
         ("udpin:a b:14540", "udpin:127.0.0.1:14540"),
+        ("udpin:[::1:14540", "udpin:127.0.0.1:14540"),
         ("udpin:127.0.0.1:٣", "udpin:127.0.0.1:14540"),
         ("serial:/dev/ttyACM0", "serial:/dev/ttyACM0:57600"),
         ("serial:/dev/ttyACM0:fast", "serial:/dev/ttyACM0:57600"),
