@@ -507,6 +507,7 @@ def test_a_goal_given_with_standby_is_not_flown_to_unasked() -> None:
         ("COMMAND_INT", {"frame": 6, "z": 60.0}, 0),
         ("COMMAND_INT", {"frame": 3, "z": math.nan}, 0),
         ("COMMAND_INT", {"frame": 1}, 2),
+        ("COMMAND_INT", {"x": 0, "y": 0}, 2),
         ("COMMAND_INT", {"x": 0x7FFFFFFF}, 2),
         ("COMMAND_INT", {"x": 860_000_000}, 2),
         ("COMMAND_INT", {"y": 1_900_000_000}, 2),
