@@ -25,6 +25,7 @@ from numba import config, njit, types
 from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 from numba.extending import lower_builtin, type_callable
 
@@ -68,6 +69,8 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
             if not counted:
                 options["_nrt"] = False
             dispatcher = njit(**options)(plain)
+            if inner and not config.DISABLE_JIT:
+                dispatcher.__class__ = _InnerKernel
             if not config.DISABLE_JIT:
                 dispatcher.get_call_template = partial(_call_template, dispatcher)
                 # Where it can be kept neither beside the source nor at home, it is compiled for this process.
@@ -83,6 +86,21 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
 def _call_template(dispatcher: Any, arguments: Any, named: Any) -> Any:
     """Have a kernel compiled for these types of arguments: once for a constant and a variable of its type."""
     return type(dispatcher).get_call_template(dispatcher, [types.unliteral(one) for one in arguments], named)
+
+
+class _InnerKernel(CPUDispatcher):  # type: ignore[misc]
+    """A kernel without a way in from Python, which would be a jump to nowhere."""
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Refuse.
+
+        Raises:
+            TypeError: Always.
+        """
+        name = self.py_func.__name__
+        raise TypeError(
+            f"{name} can be called by other kernels only; for plain Python, {name}.py_func or NUMBA_DISABLE_JIT=1"
+        )
 
 
 class _KernelCompiler(Compiler):  # type: ignore[misc]

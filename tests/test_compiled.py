@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import gc
 import importlib
-import pkgutil
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -122,14 +121,22 @@ def test_a_kernel_that_another_machine_compiled_is_not_compiled_for_this_one(mon
         assert is_compiled(kernel) is ready
 
 
+def test_an_inner_kernel_called_from_python_says_so() -> None:
+    """It has no way in: the call would end the process."""
+    inner = called_by_another()
+    with pytest.raises(TypeError, match="product can be called by other kernels only"):
+        inner(3.0, 5)
+    assert inner.py_func(3.0, 5) == 15.0
+
+
 def every_kernel() -> Iterator[Any]:
-    for found in pkgutil.walk_packages(ridlink.__path__, "ridlink."):
-        if found.name.rpartition(".")[2] in ("__main__", "plots"):
-            continue
-        module = importlib.import_module(found.name)
-        for one in vars(module).values():
-            if isinstance(getattr(one, "_cache", None), _KernelCache) and one.py_func.__module__ == found.name:
-                yield one
+    package = Path(ridlink.__file__).parent
+    for path in sorted(package.rglob("*.py")):
+        if "@kernel" in path.read_text():
+            module = importlib.import_module(".".join(path.relative_to(package.parent).with_suffix("").parts))
+            for one in vars(module).values():
+                if isinstance(getattr(one, "_cache", None), _KernelCache) and one.py_func.__module__ == module.__name__:
+                    yield one
 
 
 @cache
