@@ -23,6 +23,20 @@ class SourceCount:
     gaps: int = 0
     lost: int = 0
     last_seq: int | None = None
+    leaps: int = field(default=0, compare=False)
+
+    @property
+    def is_of_several_links(self) -> bool:
+        """Whether several counts run side by side, as each link of a vehicle has its own: gaps say nothing of losses.
+
+        Their numbers leap to and fro, by a whole circle in two changes; no link loses so many at a time so often.
+        """
+        return self.lost > self.messages and 4 * self.leaps > self.gaps
+
+    @property
+    def missing(self) -> tuple[str, str]:
+        """Gaps and lost messages for a table."""
+        return ("-", "-") if self.is_of_several_links else (f"{self.gaps:,}", f"{self.lost:,}")
 
     def see(self, seq: int) -> None:
         """Take the next sequence number; a repeated one is a duplicate, not 255 lost messages."""
@@ -31,6 +45,7 @@ class SourceCount:
             missing = (seq - self.last_seq - 1) % SEQUENCE_NUMBERS
             self.gaps += missing > 0
             self.lost += missing
+            self.leaps += missing >= SEQUENCE_NUMBERS // 4
         self.last_seq = seq
 
 
@@ -157,11 +172,13 @@ class Statistics:
                 _table(
                     ("source", "count", "gaps", "lost"),
                     [
-                        (f"{sysid}/{compid}", f"{source.messages:,}", f"{source.gaps:,}", f"{source.lost:,}")
+                        (f"{sysid}/{compid}", f"{source.messages:,}", *source.missing)
                         for (sysid, compid), source in sorted(self.sources.items())
                     ],
                 )
             )
+            if any(source.is_of_several_links for source in self.sources.values()):
+                blocks.append("-: several links were recorded at once, and each numbers its own messages")
         if self.transmitters:
             blocks.append(
                 _table(

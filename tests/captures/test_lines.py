@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from decimal import Decimal
@@ -141,3 +142,23 @@ def test_sequence_gaps_wrap_and_duplicates_are_none() -> None:
     for seq in (254, 255, 0, 1, 1, 5, 4):
         source.see(seq)
     assert (source.messages, source.gaps, source.lost) == (7, 2, 3 + 254)
+
+
+@given(st.lists(st.integers(1, 60), min_size=10, max_size=100), st.integers(0, 255))
+def test_two_links_that_number_for_themselves_are_not_called_a_loss(runs: list[int], apart: int) -> None:
+    """The log of a vehicle that is heard on its own link and on the air, some from the one and some from the other."""
+    source, numbers = SourceCount(), [itertools.count(), itertools.count(apart)]
+    for k, run in enumerate(runs):
+        for seq in itertools.islice(numbers[k % 2], run):
+            source.see(seq % 256)
+    assert source.lost <= source.messages or source.missing == ("-", "-")
+
+
+@given(st.lists(st.integers(0, 63), min_size=1, max_size=300))
+def test_a_bad_link_is_called_a_loss_however_much_is_lost(lost: list[int]) -> None:
+    source, seq = SourceCount(), 0
+    source.see(seq)
+    for missing in lost:
+        seq = (seq + missing + 1) % 256
+        source.see(seq)
+    assert source.missing == (f"{sum(map(bool, lost)):,}", f"{sum(lost):,}")
