@@ -74,8 +74,9 @@ def encode(file: str, output: str, to: str, strict: bool) -> int:
                 last_us = last_us if found.time_us is None else found.time_us
             out.write(_written(found, kind, last_us))
             written += 1
-        if refused and not written:  # what stands under that name stays
-            raise CaptureError(f"{display_name(file)} has no line that can be encoded; {first}")
+        if not written and (refused or not number):  # what stands under that name stays
+            what = f"has no line that can be encoded; {first}" if refused else "is empty"
+            raise CaptureError(f"{display_name(file)} {what}")
     if timeless:
         click.echo(f"ridlink: {file}: {timeless:,} lines without a time got the one before", err=True)
     if refused:

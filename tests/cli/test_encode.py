@@ -264,6 +264,15 @@ def test_nothing_is_left_of_what_cannot_be_read(tmp_path: Path) -> None:
     assert done.returncode == 3 and len(done.stderr.splitlines()) == 1 and list(tmp_path.iterdir()) == []
 
 
+def test_a_decoder_before_us_that_gave_nothing_leaves_what_stands_under_the_name(tmp_path: Path) -> None:
+    out = tmp_path / "out.tlog"
+    out.write_bytes(b"a flight")
+    command = [sys.executable, "-m", "ridlink", "encode", "-", "-o", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, input="")
+    assert (done.returncode, done.stdout, done.stderr) == (3, "", "ridlink: - is empty\n")
+    assert out.read_bytes() == b"a flight"
+
+
 def test_where_no_line_can_be_encoded_what_stands_under_the_name_stays(tmp_path: Path) -> None:
     path, out = lines_file(tmp_path, "no", "lines", "of", "decode"), tmp_path / "out.tlog"
     out.write_bytes(b"a flight")
