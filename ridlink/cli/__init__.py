@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+import re
 import sys
 from importlib.metadata import entry_points
 from typing import NoReturn
@@ -99,6 +100,10 @@ def cli() -> None:
     """Remote ID that keeps drones apart: a MAVLink bridge from Open Drone ID to velocity setpoints."""
 
 
+_NO_NUMBER = re.compile("is not a valid (?:float|integer)(?: range)?")
+"""What click says of a value with a unit behind it, as in ``--speed 10m/s``, in the words of its own types."""
+
+
 def _fail(text: str, code: int) -> NoReturn:
     """One line whatever names stand in it: a terminal shows them and acts on nothing."""
     from ridlink.remote_id.text import display_name
@@ -139,7 +144,8 @@ def _run() -> NoReturn:
             click.echo(error.format_message(), err=True)
             sys.exit(EXIT_USAGE)
         command = error.ctx.command_path if error.ctx else "ridlink"
-        _fail(f"{error.format_message()} (see '{command} --help')", EXIT_USAGE)
+        text = _NO_NUMBER.sub("is not a number", error.format_message())
+        _fail(f"{text} (see '{command} --help')", EXIT_USAGE)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(130)
     except (ConfigError, MissingExtraError) as error:

@@ -37,7 +37,12 @@ class Sigma(Finite):
     name = "M|CLASS"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        return super().convert(ACCURACY_CLASSES.get(value, value), param, ctx)
+        metres = ACCURACY_CLASSES.get(value, value)
+        try:
+            float(metres)
+        except ValueError:
+            self.fail(f"{value!r} is neither metres nor one of {', '.join(ACCURACY_CLASSES)}.", param, ctx)
+        return super().convert(metres, param, ctx)
 
 
 class Home(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only

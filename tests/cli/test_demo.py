@@ -126,6 +126,7 @@ def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
     [
         (["--scenario", "circle9"], "known are circle8", 2),
         (["--speed", "nan"], "finite", 2),
+        (["-n", "0"], "nobody to fly", 2),
         (["--definition", "candidate3"], "candidate3", 2),
         (["--definition", "chance", "--eta", "0"], "got 0", 2),
         (["--solver", "grade"], "grade", 2),
