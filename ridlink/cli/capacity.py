@@ -100,7 +100,7 @@ def capacity(
 def _show(rows: list[Capacity]) -> None:
     """A table; what is the same in all rows stands above it."""
     columns: dict[str, list[str]] = {"definition": [str(row.airspace.definition) for row in rows]}
-    above = [f"{rows[0].density_per_km2:g} drones per km2 at one height"]
+    above = [f"{_counted(rows[0].density_per_km2, 'drone')} per km2 at one height"]
     for name, head, words in (
         ("category", "category", "category {:g}"), ("sigma_m", "sigma m", "sigma {:g} m"),
         ("interval_s", "every s", "every {:g} s"),
@@ -124,9 +124,13 @@ def _show(rows: list[Capacity]) -> None:
         "capacity/km2": [f"{row['capacity_per_km2']:.3g}" for row in told],
         "packed/km2": [f"{row['packed_per_km2']:.0f}" for row in told],
     }  # fmt: skip
-    click.echo(f"{', '.join(above)}; capacity: {rows[0].bearable:g} conflicts/h each")
+    click.echo(f"{', '.join(above)}; capacity: {_counted(rows[0].bearable, 'conflict')}/h each")
     lines = [list(columns), *map(list, zip(*columns.values(), strict=True))]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for first, *others in lines:
         right = (f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True))
         click.echo(f"{first:<{widths[0]}}  " + "  ".join(right))
+
+
+def _counted(number: float, what: str) -> str:
+    return f"{number:g} {what}{'' if number == 1.0 else 's'}"

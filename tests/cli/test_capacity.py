@@ -31,6 +31,7 @@ def test_rows_hold_formula_and_simulation_side_by_side() -> None:
     assert CliRunner().invoke(cli, [*few, "--json"]).stdout == done.stdout
     table = CliRunner().invoke(cli, few).stdout.splitlines()
     assert len(table) == 2 + len(rows)
+    assert table[0].startswith("1 drone per km2 ") and table[0].endswith("capacity: 1 conflict/h each")
     assert "capacity/km2" in table[1]
 
 
