@@ -117,7 +117,7 @@ def _rate(judged: Judged, macs: int, flights: int) -> str:
     low, high = judged.interval
     text = f"{judged.ours:.2%}<small>{low:.2%} to {high:.2%}</small>"
     if not macs:
-        text = f"0 of {flights:,}<small>below {high:.1e}</small>"
+        text = f"0 of {flights:,}<small>below {100.0 * high:.2g}%</small>"
     return text if judged.printed is None else text + _printed(judged, f"{judged.printed:.1%}")
 
 

@@ -20,17 +20,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ridlink.avoidance import rows
+from ridlink.avoidance import worlds as batches
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.progress import ProgressWatch
+from ridlink.avoidance.types import SolverKind
 from ridlink.campaign import tracks, worlds
 from ridlink.campaign.chance import PositionErrors, Source, draw_fleet, draw_mix, generator
 from ridlink.campaign.link import Reception
-from ridlink.campaign.pair_deciding import PairDecider
+from ridlink.campaign.pair_deciding import PairDecider, avoid_pairs, grade_pairs, rotate_pairs
 from ridlink.campaign.plan import Plan, coded_bound_m
 from ridlink.campaign.referee import judge_worlds
 from ridlink.campaign.response import Dynamics, Response
 from ridlink.campaign.stepping import is_inside
 from ridlink.campaign.worlds import BATCH, COMPACT_EVERY, Instant, Outcomes
+from ridlink.compiled import is_compiled
 from ridlink.separation.definitions import bounded_error, separation_discs
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
 
@@ -63,6 +66,19 @@ def fly(
     if not runs or min(runs) < 0 or batch < 1:
         raise ValueError(f"runs must be a range of numbers that are not negative, got {runs} in batches of {batch}")
     return Outcomes.joined([_Batch(plan, runs[k : k + batch]).fly(watch) for k in range(0, len(runs), batch)])
+
+
+def is_warm(plan: Plan) -> bool:
+    """Whether flying a plan needs no compiler: the kernel that decides in it is in memory or kept on disk."""
+    at_once, by_pairs = _KERNELS[plan.solver]
+    return is_compiled(at_once if plan.is_heard_at_once else by_pairs)
+
+
+_KERNELS = {
+    SolverKind.HALFPLANE: (batches.avoid_worlds, avoid_pairs),
+    SolverKind.GRADED: (batches.grade_worlds, grade_pairs),
+    SolverKind.ROTATION: (batches.rotate_worlds, rotate_pairs),
+}
 
 
 class _Batch:

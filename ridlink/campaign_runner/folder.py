@@ -160,10 +160,18 @@ def _check_same(path: Path, configuration: dict[str, Any], resume: bool) -> None
     wanted = json.loads(json.dumps(configuration))
     for key in [*wanted, *found]:
         if found.get(key) != wanted.get(key):
-            raise ConfigError(
-                f"{path}: holds another campaign: {key} is {_short(found.get(key))} there and "
-                f"{_short(wanted.get(key))} here"
-            )
+            raise ConfigError(f"{path}: holds another campaign: {_difference(key, found.get(key), wanted.get(key))}")
+
+
+def _difference(key: str, there: object, here: object) -> str:
+    """Where two values part, as deep as they have names for it."""
+    while isinstance(there, dict) and isinstance(here, dict):
+        absent = object()
+        name = next(name for name in [*here, *there] if there.get(name, absent) != here.get(name, absent))
+        if name not in there or name not in here:
+            return f"{key} has {name} {'here' if name in here else 'there'} only"
+        key, there, here = f"{key}.{name}", there[name], here[name]
+    return f"{key} is {_short(there)} there and {_short(here)} here"
 
 
 def _short(value: object) -> str:

@@ -23,7 +23,7 @@ from ridlink.cli.campaign_options import (
     fleet_options,
 )
 from ridlink.cli.campaign_report import report
-from ridlink.cli.campaign_show import progress_shown, show_rows
+from ridlink.cli.campaign_show import progress_shown, say_if_compiling, show_rows
 from ridlink.cli.signals import removed_by_signals
 
 if TYPE_CHECKING:
@@ -168,6 +168,8 @@ def _fly_all(
         tasks = tasks_of(plans, runs)
         missing = [task for task in tasks if folder.read(plans[task.plan], task.runs) is None]
         kept = len(tasks) - len(missing)
+        if cluster is None:
+            say_if_compiling([plans[k] for k in sorted({task.plan for task in missing})])
         begin, steps = time.monotonic(), 0
         try:
             with progress_shown(len(tasks), kept, who) as done, removed_by_signals(folder.discard_unfinished):
@@ -209,6 +211,7 @@ def _fly_one(plans: list[Plan], number: int, log: Path | None, as_json: bool) ->
 
     if log is not None and len(plans) != 1:
         raise click.UsageError(f"--log takes one scenario, definition, gnss and solver; these are {len(plans)} cells.")
+    say_if_compiling(plans)
     begin = time.monotonic()
     if log is None:
         cells = [(plan, fly(plan, range(number, number + 1))) for plan in plans]

@@ -10,12 +10,22 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
+    from ridlink.campaign.plan import Plan
     from ridlink.campaign.table import Row
 
 WIDE = 120
 """Columns that the whole table needs."""
+
+
+def say_if_compiling(plans: Sequence[Plan]) -> None:
+    """A word on standard error before the compiler is waited for."""
+    from ridlink.campaign.flight import is_warm
+
+    cold = dict.fromkeys(str(plan.solver) for plan in plans if not is_warm(plan))
+    if cold:
+        click.echo(f"campaign: compiling {', '.join(cold)} (once, up to half a minute) ...", err=True)
 
 
 @contextmanager
@@ -28,18 +38,10 @@ def progress_shown(total: int, kept: int, who: str) -> Iterator[Callable[[int], 
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
-    begin = time.monotonic()
     if not console.is_terminal:
         click.echo(f"campaign: {total} shards, {kept} kept from before, {who}", err=True)
-        made = 0
-
-        def count(steps: int) -> None:
-            nonlocal made
-            made = steps
-
-        yield count
-        seconds = time.monotonic() - begin
-        click.echo(f"campaign: {total} shards done, {made} decisions in {seconds:.1f} s", err=True)
+        yield lambda _: None
+        click.echo(f"campaign: {total} shards done", err=True)
         return
     columns = (
         TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TextColumn("shards"),
@@ -47,6 +49,7 @@ def progress_shown(total: int, kept: int, who: str) -> Iterator[Callable[[int], 
     )  # fmt: skip
     with Progress(*columns, console=console, auto_refresh=False, transient=True) as progress:
         bar = progress.add_task("", total=total, completed=kept, rate="")
+        begin = time.monotonic()
 
         def advance(steps: int) -> None:
             rate = steps / max(time.monotonic() - begin, 1e-9)
