@@ -1,5 +1,5 @@
 """Vehicles and a sky to try ridlink in: kinematics, position errors, a radio medium, a referee, a MAVLink face.
 
-The truth side (``vehicle``, ``gnss``, ``scenario``, ``fleet``, ``referee``, ``world``, ``radio``) is pure: the caller
-steps it with a time difference, nobody here opens a socket, reads a clock or draws an unseeded random number.
+The truth side (``vehicle``, ``gnss``, ``faults``, ``routes``, ``world``, ``referee``, ``radio``) is pure: the caller
+steps it with a time difference, nobody there opens a socket, reads a clock or draws an unseeded random number.
 """

@@ -24,6 +24,7 @@ from ridlink.remote_id.messages import (
     SeparationFlags,
     System,
 )
+from ridlink.remote_id.quantities import EPOCH_2019_S, SECONDS_PER_HOUR
 from ridlink.scenario import VehicleSpec
 from sitl_sim.autopilot.navigation import Navigation, Vector
 from sitl_sim.autopilot.own_remote_id import motion_of
@@ -34,10 +35,6 @@ STATIC_INTERVAL_S = 3.0
 
 LANDED_S = 2.0
 """How long a landed vehicle says that it stands."""
-
-SECONDS_PER_HOUR = 3600.0
-EPOCH_2019_S = 1546300800.0
-"""2019-01-01 00:00 UTC, from which SYSTEM counts."""
 
 _COMPONENT = 1
 _SERIAL_NUMBER, _MULTIROTOR = 1, 2

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.remote_id.quantities import read_id_or_mac
 
 RECEIVER_COMPONENT = 236
-
-_NO_ID = bytes(20)
 
 
 class BusReceiver:
@@ -33,9 +32,7 @@ class BusReceiver:
             message = decode_message(found)
             if "id_or_mac" not in message.fields:
                 continue
-            heard_from = message.fields["id_or_mac"]
-            if heard_from == _NO_ID:
-                heard_from = mac_of(found.sysid)
+            heard_from = read_id_or_mac(message.fields["id_or_mac"]) or mac_of(found.sysid)
             frames.append(self._encoder.encode(message.name, **(message.fields | {"id_or_mac": heard_from})))
         return frames
 

@@ -6,11 +6,11 @@ import struct
 
 import pytest
 
-from ridlink.engine.intake import EKF_STATUS_REPORT, REMOTE_ID_IDS, VEHICLE_IDS, Intake
+from ridlink.engine.intake import EKF_STATUS_REPORT, VEHICLE_IDS, Intake
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.crc import checksum
 from ridlink.mavlink.frames import encode_frame
-from ridlink.remote_id.bridge import pack_to_mavlink
+from ridlink.remote_id.bridge import REMOTE_ID_IDS, pack_to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, Separation
 
 HEARTBEAT = Encoder(1, 1).encode("HEARTBEAT", autopilot=12)

@@ -113,7 +113,7 @@ class _Watch:
     def _heard(self, data: bytes, _: object) -> None:
         from ridlink.mavlink.codec import CRC_EXTRAS
         from ridlink.mavlink.frames import Frame, parse_datagram
-        from ridlink.observer.sky import REMOTE_ID_IDS
+        from ridlink.remote_id.bridge import REMOTE_ID_IDS
 
         now_s = time.monotonic()
         for found in parse_datagram(data, CRC_EXTRAS):

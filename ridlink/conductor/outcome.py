@@ -25,7 +25,6 @@ class End(StrEnum):
     LANDING = "landing"
     """The vehicle comes down by itself."""
     TAKEN = "somebody else changed the mode, and has the vehicle"
-    """Somebody else changed the mode, and has it."""
     DAEMON_LOST = "the daemon fell silent"
     STOPPED = "stopped"
 

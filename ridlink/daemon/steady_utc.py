@@ -17,8 +17,8 @@ class SteadyUtc:
     """Asked with the monotonic time, says UTC.
 
     Args:
-        wall: UTC as the system has it.
         now_s: Monotonic time.
+        wall: UTC as the system has it.
 
     Attributes:
         steps: Steps of the system's clock so far.

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ridlink.daemon.steady_utc import SteadyUtc
-from ridlink.engine.intake import REMOTE_ID_NAMES, VEHICLE_IDS, Intake
+from ridlink.engine.intake import VEHICLE_IDS, Intake
 from ridlink.links import (
     Address,
     Link,
@@ -30,6 +30,7 @@ from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.broadcast import INTERVAL_S, Broadcast, BroadcastSettings, honest_error_m
 from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, message_requests
 from ridlink.periodic import Periodic
+from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.remote_id.messages import BasicId
 from ridlink.remote_id.text import display_text
 
@@ -135,7 +136,7 @@ class Transmitter:
     def _from_vehicle(self, data: bytes, address: Address) -> None:
         now_s = time.monotonic()
         for frame, message in self._intake.messages(data, VEHICLE_IDS):
-            if message.name not in REMOTE_ID_NAMES:
+            if frame.msgid not in REMOTE_ID_IDS:
                 self._telemetry.receive(frame.sysid, frame.compid, message, now_s, address)
                 continue
             lock = self._telemetry.lock

@@ -12,13 +12,11 @@ from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
 from ridlink.own_ship.broadcast import BroadcastSettings, Form
 from ridlink.remote_id.accuracy import AccuracyConvention
+from ridlink.remote_id.quantities import ID_LENGTH
 from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import MIN_AIRFRAME_M
 from ridlink.setpoint import VelocityLimits
-
-UAS_ID_LENGTH = 20
-"""Of BASIC_ID: a longer one could never be recognised."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,8 +154,8 @@ class EngineConfig:
             raise ConfigError("guard flies the autopilot's own plan: leave out goal and standby")
         if self.vehicle_sysid is not None and not 1 <= self.vehicle_sysid <= 255:
             raise ConfigError(f"vehicle-sysid must be between 1 and 255, got {self.vehicle_sysid}")
-        if self.uas_id is not None and not 1 <= len(self.uas_id.encode()) <= UAS_ID_LENGTH:
-            raise ConfigError(f"uas-id must have 1 to {UAS_ID_LENGTH} bytes, got {len(self.uas_id.encode())}")
+        if self.uas_id is not None and not 1 <= len(self.uas_id.encode()) <= ID_LENGTH:
+            raise ConfigError(f"uas-id must have 1 to {ID_LENGTH} bytes, got {len(self.uas_id.encode())}")
         _ = self.broadcast_settings  # checks itself
         StaticObstacles(self.obstacles)
         if self.goal is not None and (problem := goal_problem(self.goal, self.failsafe)):

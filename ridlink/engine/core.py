@@ -29,7 +29,7 @@ from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import DecisionRecord, EngineSummary, StepOutput
 from ridlink.engine.guard import Guard, Seen
 from ridlink.engine.hearing import Hearing
-from ridlink.engine.intake import REMOTE_ID_NAMES, VEHICLE_IDS, Intake
+from ridlink.engine.intake import VEHICLE_IDS, Intake
 from ridlink.engine.steering import Steering
 from ridlink.engine.takeoff import interruptible
 from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
@@ -40,6 +40,7 @@ from ridlink.own_ship.broadcast import Broadcast
 from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, command, message_requests
 from ridlink.own_ship.rival import Rivals
 from ridlink.periodic import Periodic
+from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.separation.reference import (
     AIRFRAME_CAP_M,
     ERROR_CAP_M,
@@ -126,7 +127,7 @@ class Engine:
             utc_s: UTC now, for the age of Remote ID reports.
         """
         for frame, message in self._intake.messages(datagram, VEHICLE_IDS):
-            if message.name in REMOTE_ID_NAMES:
+            if frame.msgid in REMOTE_ID_IDS:
                 self._hearing.receive_vehicle(frame, message, source, now_s, utc_s)
             elif message.name in ("COMMAND_LONG", "COMMAND_INT"):
                 self._command(frame, message, source, now_s)

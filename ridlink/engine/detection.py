@@ -155,7 +155,7 @@ class DetectionWatch:
         for track in tracks.values():
             if track.began_at_s < self._looked_at_s or track.key in self._identities:
                 continue
-            in_flight = since is not None and track.began_at_s >= since + LISTENED_S and not track.on_ground
+            in_flight = since is not None and track.began_at_s >= since + LISTENED_S and not track.report.on_ground
             if in_flight and track.first_heard_m is not None:
                 self._not_near_yet_m[track.key] = track.first_heard_m
             if len(self._identities) >= MOST_IDENTITIES:

@@ -10,11 +10,12 @@ from collections import Counter
 from collections.abc import Hashable
 
 from ridlink.engine.config import EngineConfig
-from ridlink.engine.intake import LOCATION, REMOTE_ID_IDS, Intake
+from ridlink.engine.intake import LOCATION, Intake
 from ridlink.mavlink.codec import Message
 from ridlink.mavlink.frames import Frame
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.remote_id.assembler import ReportAssembler
+from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage
 from ridlink.traffic.picture import TrafficPicture
 

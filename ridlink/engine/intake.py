@@ -10,7 +10,7 @@ from collections import Counter
 
 from ridlink.mavlink.codec import CRC_EXTRAS, Message, decode_message
 from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
-from ridlink.remote_id.bridge import messages_of
+from ridlink.remote_id.bridge import REMOTE_ID_IDS, messages_of
 from ridlink.remote_id.messages import MAVLINK_NAMES, Location, RemoteIdMessage
 
 EKF_STATUS_REPORT = 193
@@ -20,11 +20,9 @@ _EKF_FLAGS_AT = 20
 
 CHECKED = {**CRC_EXTRAS, EKF_STATUS_REPORT: 71}
 
-REMOTE_ID_IDS = frozenset(msgid for msgid in CRC_EXTRAS if 12900 <= msgid <= 12920 or msgid == 61400)
 VEHICLE_IDS = REMOTE_ID_IDS | {0, 24, 32, 33, 42, 75, 76, 77, 85, EKF_STATUS_REPORT, 230, 242, 245}
 """What an engine reads of either link; anything else is skipped before it is decoded."""
 LOCATION = MAVLINK_NAMES[Location]
-REMOTE_ID_NAMES = frozenset((*MAVLINK_NAMES.values(), "OPEN_DRONE_ID_MESSAGE_PACK"))
 
 
 class Intake:

@@ -16,13 +16,13 @@ import msgspec
 from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation
+from ridlink.remote_id.quantities import ID_LENGTH, SECONDS_PER_HOUR
 
 RELAY_SYSID, RELAY_COMPID = 254, 236
 """Who relays: an ODID transmitter component (MAV_COMP_ID_ODID_TXRX_1) of a system of its own."""
 
 LONGEST_PAYLOAD = 64 * 1024
 MOST_AIRCRAFT_A_MESSAGE = 500
-ID_LENGTH = 20
 AIRBORNE = 2
 SERIAL_NUMBER = 1
 
@@ -90,7 +90,7 @@ class Feed:
             return []
         age_s = row.get("age_s")
         late_s = age_s if isinstance(age_s, int | float) and 0.0 <= age_s < 60.0 else 0.0
-        timestamp_s = round((utc_s - late_s) % 3600.0, 1)
+        timestamp_s = round((utc_s - late_s) % SECONDS_PER_HOUR, 1) % SECONDS_PER_HOUR
         transmitter = _transmitter(identity)
         raw = identity.encode("utf-8", "replace")[:ID_LENGTH]
         direction = _number(row, "direction_deg", 0.0, 360.0)
@@ -104,7 +104,7 @@ class Feed:
                 speed_horizontal_mps=_number(row, "speed_horizontal_mps", 0.0, 254.25),
                 speed_vertical_mps=_number(row, "speed_vertical_mps", -62.0, 62.0),
                 direction_deg=None if direction is None else direction % 360.0,
-                timestamp_s=timestamp_s % 3600.0,
+                timestamp_s=timestamp_s,
                 id_or_mac=transmitter,
             ),
         ]
@@ -112,7 +112,7 @@ class Feed:
         if error is not None or size is not None:
             messages.append(
                 Separation(
-                    timestamp_s=timestamp_s % 3600.0,
+                    timestamp_s=timestamp_s,
                     horizontal_error_m=error,
                     airframe_size_m=size,
                     id_or_mac=transmitter,

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ridlink.geodesy import Geodetic
-from ridlink.mavlink.codec import MESSAGES, decode_message
+from ridlink.mavlink.codec import decode_message
 from ridlink.mavlink.frames import Frame
 from ridlink.observer.scene import FloatArray, Scene
 from ridlink.remote_id.assembler import ReportAssembler
-from ridlink.remote_id.bridge import messages_of
+from ridlink.remote_id.bridge import REMOTE_ID_IDS, messages_of
 from ridlink.remote_id.quantities import Rejects
 from ridlink.remote_id.report import RemoteIdReport, SourceKey
 from ridlink.remote_id.text import display_text
@@ -30,7 +30,6 @@ FORGET_AFTER_S = 10.0
 MAX_AIRCRAFT = 2000
 DEFAULT_INTERVAL_S = 0.1
 SLOWEST_INTERVAL_S = 5.0
-STATUS_ON_GROUND = 1
 SAME_AIRCRAFT_M = 50.0
 """Two senders with one identity that are so near each other are one aircraft, heard directly and relayed."""
 
@@ -65,11 +64,6 @@ class Aircraft:
     first_heard_s: float
     last_heard_s: float
     reports: int = 1
-
-    @property
-    def on_ground(self) -> bool:
-        """It says that it stands on the ground."""
-        return self.report.status == STATUS_ON_GROUND
 
     @property
     def velocity_ne_mps(self) -> tuple[float, float]:
@@ -143,7 +137,7 @@ class Sky:
         flying = [
             one
             for one in self.aircraft.values()
-            if not one.on_ground
+            if not one.report.on_ground
             and now_s - one.last_heard_s <= missed * max(one.interval_s, DEFAULT_INTERVAL_S)
             and (one.report.extended or now_s - one.first_heard_s >= settled_s)
         ]
@@ -287,10 +281,3 @@ def _is_repeated(report: RemoteIdReport, other: RemoteIdReport) -> bool:
         and (report.latitude_deg, report.longitude_deg) == (other.latitude_deg, other.longitude_deg)
         and abs((report.altitude_geodetic_m or 0.0) - (other.altitude_geodetic_m or 0.0)) <= SAME_HEIGHT_M
     )
-
-
-REMOTE_ID_IDS = frozenset(
-    msgid
-    for msgid, spec in MESSAGES.items()
-    if spec.name.startswith("OPEN_DRONE_ID_") or spec.name == "RIDLINK_SEPARATION"
-)

@@ -33,7 +33,7 @@ from ridlink.remote_id.messages import (
     SeparationFlags,
     System,
 )
-from ridlink.remote_id.quantities import ID_LENGTH, SECONDS_PER_HOUR
+from ridlink.remote_id.quantities import EPOCH_2019_S, ID_LENGTH, SECONDS_PER_HOUR, write_id_or_mac
 from ridlink.separation.reference import ERROR_CAP_M, MIN_AIRFRAME_M, UNKNOWN_ERROR_BOUND_M
 from ridlink.setpoint import Velocity
 from ridlink.traffic.own_state import OwnState
@@ -46,9 +46,6 @@ MODULE_INTERVAL_S = 1.0
 
 WORST_ACCELERATION_MPS2 = 5.0
 """How a vehicle may have changed its velocity since it last said where it is."""
-
-EPOCH_2019_S = 1546300800.0
-"""2019-01-01 00:00 UTC, from which SYSTEM counts."""
 
 STATUS_UNDECLARED, STATUS_GROUND, STATUS_AIRBORNE, STATUS_FAILURE = 0, 1, 2, 4
 """MAV_ODID_STATUS."""
@@ -170,7 +167,7 @@ class Broadcast:
     def _encode(self, encoder: Encoder, message: RemoteIdMessage) -> bytes:
         name, fields = to_mavlink(message)
         if self.settings.relayed_as is not None:
-            fields["id_or_mac"] = self.settings.relayed_as.ljust(ID_LENGTH, b"\x00")
+            fields["id_or_mac"] = write_id_or_mac(self.settings.relayed_as)
         return encoder.encode(name, **fields)
 
     def _as_sent(self, separation: Separation, utc_s: float | None) -> RemoteIdMessage:

@@ -13,8 +13,7 @@ import math
 from collections import deque
 
 from ridlink.mavlink.codec import Message
-
-Velocity = tuple[float, float, float]
+from ridlink.setpoint import Velocity
 
 POSITION_IGNORED, VELOCITY_IGNORED = 0x07, 0x38
 """Bits of the type mask."""

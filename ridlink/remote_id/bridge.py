@@ -13,15 +13,16 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from ridlink.mavlink.codec import Message
+from ridlink.mavlink.codec import MESSAGES_BY_NAME, Message
 from ridlink.remote_id.astm import MESSAGE_LENGTH, decode_message
 from ridlink.remote_id.astm_pack import HEADER_LENGTH, MAX_PACK_LENGTH, Member, encode_pack, split_broadcast
 from ridlink.remote_id.astm_separation import separation_of
 from ridlink.remote_id.convert import MESSAGE_PACK, from_mavlink
-from ridlink.remote_id.messages import Authentication, Location, RemoteIdMessage, Separation
-from ridlink.remote_id.quantities import ID_LENGTH, Rejects
+from ridlink.remote_id.messages import MAVLINK_NAMES, Authentication, Location, RemoteIdMessage, Separation
+from ridlink.remote_id.quantities import Rejects, read_id_or_mac, write_id_or_mac
 
-_NO_ID = bytes(ID_LENGTH)
+REMOTE_ID_IDS = frozenset(MESSAGES_BY_NAME[name].msgid for name in (*MAVLINK_NAMES.values(), MESSAGE_PACK))
+"""Messages that `messages_of` reads, by message id."""
 
 
 def messages_of(message: Message, rejects: Rejects | None = None) -> list[RemoteIdMessage]:
@@ -44,8 +45,7 @@ def messages_of(message: Message, rejects: Rejects | None = None) -> list[Remote
 
 def sender_of(pack: Message) -> bytes | None:
     """``id_or_mac`` of an OPEN_DRONE_ID_MESSAGE_PACK, ``None`` where it is the sender's own."""
-    id_or_mac: bytes = pack.fields["id_or_mac"]
-    return None if id_or_mac == _NO_ID else id_or_mac
+    return read_id_or_mac(pack.fields["id_or_mac"])
 
 
 def pack_members(message: Message, rejects: Rejects | None = None) -> list[Member]:
@@ -79,7 +79,7 @@ def pack_to_mavlink(
     return MESSAGE_PACK, {
         "target_system": 0,
         "target_component": 0,
-        "id_or_mac": _NO_ID if id_or_mac is None else id_or_mac.ljust(ID_LENGTH, b"\x00"),
+        "id_or_mac": write_id_or_mac(id_or_mac),
         "single_message_size": MESSAGE_LENGTH,
         "msg_pack_size": len(messages),
         "messages": pack[HEADER_LENGTH:].ljust(MAX_PACK_LENGTH - HEADER_LENGTH, b"\x00"),

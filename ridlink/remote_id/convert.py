@@ -40,9 +40,11 @@ from ridlink.remote_id.quantities import (
     SECONDS_PER_HOUR,
     TEXT_LENGTH,
     Rejects,
+    read_id_or_mac,
     read_position,
     read_seconds_since_2019,
     write_error,
+    write_id_or_mac,
     write_position,
     write_seconds_since_2019,
     write_up,
@@ -60,7 +62,6 @@ UNKNOWN_TIMESTAMP_S = 65535.0
 MAX_INT16 = 32767
 MESSAGE_PACK = "OPEN_DRONE_ID_MESSAGE_PACK"
 
-_NO_ID = bytes(ID_LENGTH)
 _COMMANDED_VELOCITY_GIVEN = int(
     SeparationFlags.COMMANDED_VELOCITY_GIVEN
 )  # an enumeration's own "&" takes a microsecond
@@ -89,13 +90,12 @@ def to_mavlink(message: RemoteIdMessage) -> tuple[str, dict[str, Any]]:
     """
     fields = _WRITERS[type(message)](message)
     fields["target_system"] = fields["target_component"] = 0
-    fields["id_or_mac"] = _NO_ID if message.id_or_mac is None else message.id_or_mac.ljust(ID_LENGTH, b"\x00")
+    fields["id_or_mac"] = write_id_or_mac(message.id_or_mac)
     return MAVLINK_NAMES[type(message)], fields
 
 
 def _id_or_mac(fields: dict[str, Any]) -> bytes | None:
-    value: bytes = fields["id_or_mac"]
-    return None if value == _NO_ID else value
+    return read_id_or_mac(fields["id_or_mac"])
 
 
 # --- altitudes, times ---

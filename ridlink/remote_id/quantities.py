@@ -16,12 +16,30 @@ Rejects = Counter[str]
 """Fields that were not taken, by ``MESSAGE.field``."""
 
 SECONDS_PER_HOUR = 3600.0
+EPOCH_2019_S = 1546300800.0
+"""2019-01-01 00:00 UTC, from which absolute times count, in seconds since 1970."""
+
 ID_LENGTH = 20
+"""Of identities, and of ``id_or_mac``."""
+
 TEXT_LENGTH = 23
 AUTHENTICATION_PAGE_LENGTH = 23
 AUTHENTICATION_FIRST_PAGE_LENGTH = 17
 MAX_UINT8 = 255
 MAX_UINT16 = 65535
+
+
+_NO_ID = bytes(ID_LENGTH)
+
+
+def read_id_or_mac(raw: bytes) -> bytes | None:
+    """Whose data it is: the transmitter that was heard, None for the sender's own."""
+    return None if raw == _NO_ID else raw
+
+
+def write_id_or_mac(id_or_mac: bytes | None) -> bytes:
+    """The same in its full length."""
+    return _NO_ID if id_or_mac is None else id_or_mac.ljust(ID_LENGTH, b"\x00")
 
 
 def read_position(

@@ -16,6 +16,9 @@ from ridlink.remote_id.messages import Location, Separation
 SourceKey = tuple[int, int, bytes | None]
 """Identity of a sender: system id, component id and, for relayed data, ``id_or_mac``."""
 
+STATUS_ON_GROUND = 1
+"""MAV_ODID_STATUS_GROUND."""
+
 _NO_EXTENSION = Separation()
 
 
@@ -81,6 +84,11 @@ class RemoteIdReport:
         """Identity of the sender."""
         return (*self.source, self.id_or_mac)
 
+    @property
+    def on_ground(self) -> bool:
+        """It says that it stands on the ground: no traffic."""
+        return self.status == STATUS_ON_GROUND
+
 
 def velocity_of(location: Location) -> tuple[float, float, float] | None:
     """Velocity [m/s], north, east, down, of a LOCATION; ``None`` where it is not known."""
@@ -121,10 +129,6 @@ def report_of(
     if latitude is None or longitude is None:
         latitude = longitude = None
     extension = separation if separation is not None else _NO_EXTENSION
-    commanded: tuple[float, float, float] | None = None
-    vx, vy, vz = extension.commanded_vx_mps, extension.commanded_vy_mps, extension.commanded_vz_mps
-    if vx is not None and vy is not None and vz is not None:
-        commanded = (vx, vy, vz)
     return RemoteIdReport(
         source=source,
         id_or_mac=location.id_or_mac,
@@ -147,7 +151,7 @@ def report_of(
         airframe_size_m=extension.airframe_size_m,
         airframe_height_m=extension.airframe_height_m,
         update_interval_s=extension.update_interval_s,
-        commanded_ned_mps=commanded,
+        commanded_ned_mps=extension.commanded_ned_mps,
         avoiding=extension.avoiding,
         extended=separation is not None,
         timestamp_s=location.timestamp_s,

@@ -20,7 +20,7 @@ from ridlink.captures.reader import STDIN
 from ridlink.errors import CaptureError
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
-from ridlink.observer.sky import REMOTE_ID_IDS
+from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.review.own import TELEMETRY_IDS
 
 WANTED_IDS = REMOTE_ID_IDS | TELEMETRY_IDS

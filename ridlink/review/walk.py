@@ -17,7 +17,8 @@ import numpy as np
 
 from ridlink.mavlink.frames import Frame
 from ridlink.observer import Scene, Sky
-from ridlink.observer.sky import DEFAULT_INTERVAL_S, REMOTE_ID_IDS
+from ridlink.observer.sky import DEFAULT_INTERVAL_S
+from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.review.own import OwnVehicles
 from ridlink.review.source import Timed
 

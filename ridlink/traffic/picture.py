@@ -251,7 +251,7 @@ class TrafficPicture:
         """
         self._own = own
         self._least_urgent = None
-        airborne = [track for track in self.tracks.values() if not track.on_ground]
+        airborne = [track for track in self.tracks.values() if not track.report.on_ground]
         self.counters["on_ground"] += len(self.tracks) - len(airborne)
         sight = look(airborne, own, now_s, self.settings)
         for track, value in zip(airborne, sight.urgency_s.tolist(), strict=True):

@@ -11,6 +11,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from ridlink.remote_id.quantities import SECONDS_PER_HOUR
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.traffic.doubt import Doubt
 from ridlink.traffic.position_filter import PositionFilter, offset_m
@@ -18,9 +19,6 @@ from ridlink.traffic.position_filter import PositionFilter, offset_m
 TrackKey = tuple[Hashable, int, int, bytes | None, int]
 """Where it was heard, system id, component id, for relayed data `id_or_mac`, and which of the vehicles that use this
 identity, from 0."""
-
-STATUS_ON_GROUND = 1
-"""MAV_ODID_STATUS_GROUND."""
 
 SLOW_INTERVAL_S = 0.5
 """A sender with more time between reports is a standard one at 1 Hz."""
@@ -31,8 +29,6 @@ COAST_SLOW_S = 10.0
 
 SENDER_AGE_S = (-1.0, 5.0)
 """Plausible ages of a sender's timestamp; anything else is a clock that is wrong."""
-
-HOUR_S = 3600.0
 
 CLOCK_SLACK_S = 2.0
 """A sender's clock goes as ours does, but for what its datagrams are delayed."""
@@ -64,7 +60,7 @@ class Relation(StrEnum):
 
 def hours_apart_s(later_s: float, earlier_s: float) -> float:
     """Difference of two times past the full hour, within half an hour either way [s]."""
-    return (later_s - earlier_s + HOUR_S / 2.0) % HOUR_S - HOUR_S / 2.0
+    return (later_s - earlier_s + SECONDS_PER_HOUR / 2.0) % SECONDS_PER_HOUR - SECONDS_PER_HOUR / 2.0
 
 
 @dataclass(slots=True, eq=False)
@@ -106,11 +102,6 @@ class Track:
     trusted_clock: bool = False
     seen_elsewhere: bool = False
     doubt: Doubt = field(default_factory=Doubt)
-
-    @property
-    def on_ground(self) -> bool:
-        """It says that it stands on the ground: no traffic."""
-        return self.report.status == STATUS_ON_GROUND
 
     @property
     def velocity_ned_mps(self) -> tuple[float, float, float]:

@@ -206,8 +206,8 @@ def test_unknown_velocity_is_no_velocity() -> None:
 
 
 def test_on_the_ground() -> None:
-    assert track(replace(REPORT, status=1)).on_ground
-    assert not track().on_ground
+    assert replace(REPORT, status=1).on_ground
+    assert not REPORT.on_ground
 
 
 def test_the_accuracy_code_bounds_the_filter_where_nothing_better_is_known() -> None:
