@@ -6,10 +6,10 @@ import difflib
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 
@@ -23,13 +23,51 @@ from ridlink.own_ship.broadcast import Form
 from ridlink.remote_id.accuracy import AccuracyConvention
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition
-from ridlink.setpoint import VelocityLimits
 
 DEFAULT_VEHICLE = "udpin:127.0.0.1:14540"
 DEFAULT_REMOTE_ID = "udpout:127.0.0.1:14650"
 CONTROL_PERIOD_S = 0.1
 
-Name = TypeVar("Name", bound=StrEnum)
+ENGINE_KEYS = {
+    "standby": "standby",
+    "definition": "definition",
+    "eta": "eta",
+    "chance_bound": "chance_bound",
+    "accuracy_convention": "accuracy_convention",
+    "solver": "solver",
+    "cruise": "cruise_mps",
+    "airframe": "airframe_m",
+    "airframe_height": "airframe_height_m",
+    "vertical": "vertical_avoidance",
+    "vertical_cost": "vertical_cost",
+    "vertical_band": "vertical_band_m",
+    "min_height": "min_height_m",
+    "max_height": "max_height_m",
+    "vehicle_sysid": "vehicle_sysid",
+    "uas_id": "uas_id",
+    "filter_positions": "filter_positions",
+    "guard": "guard",
+    "takeoff_aware": "takeoff_aware",
+    "takeoff_height": "takeoff_height_m",
+    "allow_v1": "allow_v1",
+    "broadcast": "broadcast",
+    "broadcast_form": "broadcast_form",
+    "operator_id": "operator_id",
+    "dry_run": "dry_run",
+}
+"""Keys whose values are fields of `EngineConfig` as they are, and the names of these."""
+
+LIMIT_KEYS = {"v_max": "horizontal_mps", "vz_max": "vertical_mps", "a_max": "acceleration_mps2"}
+"""Likewise of `setpoint.VelocityLimits`."""
+
+NAMES: dict[str, type[StrEnum]] = {
+    "definition": Definition,
+    "chance_bound": ChanceBound,
+    "accuracy_convention": AccuracyConvention,
+    "solver": SolverKind,
+    "broadcast_form": Form,
+}
+"""Keys whose values are names, and which there are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,63 +124,30 @@ def daemon_config(flat: FlatConfig, config_file: str | None = None) -> DaemonCon
         "input-log": flat.input_log,
     })  # fmt: skip
 
-    def or_default(value: Any, default: Any) -> Any:
-        return default if value is None else value
-
-    engine = EngineConfig()
-    limits = engine.limits
-    halfplane, graded = dict(flat.halfplane or {}), dict(flat.graded or {})
+    given = {key: value for key, value in msgspec.structs.asdict(flat).items() if value is not None}
+    for key, kind in NAMES.items():
+        if key in given:
+            given[key] = _named(kind, key.replace("_", "-"), given[key])
+    tables = {table: dict(given.get(table, {})) for table in SOLVER_TABLES}
     if flat.response_time is not None:
-        halfplane["response_time_s"] = graded["response_time_s"] = flat.response_time
+        for table in (SolverKind.HALFPLANE, SolverKind.GRADED):
+            tables[table]["response_time_s"] = flat.response_time
+    default = EngineConfig()
     try:
         engine = EngineConfig(
             goal=None if flat.goal is None else Goal(*flat.goal),
-            standby=or_default(flat.standby, False),
-            definition=_named(Definition, "definition", or_default(flat.definition, engine.definition)),
-            eta=or_default(flat.eta, engine.eta),
-            chance_bound=_named(ChanceBound, "chance-bound", or_default(flat.chance_bound, engine.chance_bound)),
-            accuracy_convention=_named(
-                AccuracyConvention,
-                "accuracy-convention",
-                or_default(flat.accuracy_convention, engine.accuracy_convention),
-            ),
-            cruise_mps=or_default(flat.cruise, engine.cruise_mps),
-            airframe_m=or_default(flat.airframe, engine.airframe_m),
-            airframe_height_m=flat.airframe_height,
-            limits=VelocityLimits(
-                or_default(flat.v_max, limits.horizontal_mps),
-                or_default(flat.vz_max, limits.vertical_mps),
-                or_default(flat.a_max, limits.acceleration_mps2),
-            ),
-            solver=_named(SolverKind, "solver", or_default(flat.solver, engine.solver)),
-            halfplane=replace(engine.halfplane, **halfplane),
-            graded=replace(engine.graded, **graded),
-            rotation=replace(engine.rotation, **(flat.rotation or {})),
+            limits=replace(default.limits, **{name: given[key] for key, name in LIMIT_KEYS.items() if key in given}),
             obstacles=tuple(tuple(table.polygon) for table in flat.obstacle or ()),
-            vertical_avoidance=or_default(flat.vertical, engine.vertical_avoidance),
-            vertical_cost=or_default(flat.vertical_cost, engine.vertical_cost),
-            vertical_band_m=or_default(flat.vertical_band, engine.vertical_band_m),
-            min_height_m=or_default(flat.min_height, engine.min_height_m),
-            max_height_m=or_default(flat.max_height, engine.max_height_m),
-            vehicle_sysid=flat.vehicle_sysid,
-            uas_id=flat.uas_id,
-            filter_positions=or_default(flat.filter_positions, engine.filter_positions),
-            guard=or_default(flat.guard, engine.guard),
-            takeoff_aware=or_default(flat.takeoff_aware, engine.takeoff_aware),
-            takeoff_height_m=or_default(flat.takeoff_height, engine.takeoff_height_m),
-            allow_v1=or_default(flat.allow_v1, engine.allow_v1),
-            broadcast=or_default(flat.broadcast, engine.broadcast),
-            broadcast_form=_named(Form, "broadcast-form", or_default(flat.broadcast_form, engine.broadcast_form)),
-            operator_id=or_default(flat.operator_id, engine.operator_id),
-            dry_run=or_default(flat.dry_run, engine.dry_run),
+            **{name: given[key] for key, name in ENGINE_KEYS.items() if key in given},
+            **{table: replace(getattr(default, table), **constants) for table, constants in tables.items()},
         )
     except ConfigError:
         raise
     except ValueError as error:
         raise ConfigError(str(error)) from error
     return DaemonConfig(
-        vehicle=parse_link_url(or_default(flat.vehicle, DEFAULT_VEHICLE)),
-        remote_id=parse_link_url(or_default(flat.rid, DEFAULT_REMOTE_ID)),
+        vehicle=parse_link_url(given.get("vehicle", DEFAULT_VEHICLE)),
+        remote_id=parse_link_url(given.get("rid", DEFAULT_REMOTE_ID)),
         engine=engine,
         broadcast_to=None if flat.broadcast_to is None else parse_link_url(flat.broadcast_to),
         signing=SigningOptions.of(flat.signing_key, flat.require_signature, flat.signing_link_id, flat.signing_state),
@@ -209,7 +214,7 @@ def _refuse_one_file_for_two(files: Mapping[str, str | None]) -> None:
             raise ConfigError(f"{key} and {other} name the same file, {name}: give {key} one of its own")
 
 
-def _named(kind: type[Name], what: str, name: str) -> Name:
+def _named(kind: type[StrEnum], what: str, name: str) -> StrEnum:
     """The member of that name.
 
     Raises:
@@ -225,70 +230,32 @@ def _named(kind: type[Name], what: str, name: str) -> Name:
 
 def as_toml(config: DaemonConfig) -> str:
     """The whole configuration as a file that `config_file.read_config_file` takes, defaults included."""
-    engine = config.engine
-    lines = [
-        f'vehicle = "{config.vehicle}"',
-        f'rid = "{config.remote_id}"',
-        f'definition = "{engine.definition}"',
-        f"eta = {engine.eta}",
-        f'chance_bound = "{engine.chance_bound}"',
-        f'accuracy_convention = "{engine.accuracy_convention}"',
-        f'solver = "{engine.solver}"',
-        f"cruise = {engine.cruise_mps}",
-        f"airframe = {engine.airframe_m}",
-        f"v_max = {engine.limits.horizontal_mps}",
-        f"vz_max = {engine.limits.vertical_mps}",
-        f"a_max = {engine.limits.acceleration_mps2}",
-        f"vertical = {str(engine.vertical_avoidance).lower()}",
-        f"vertical_cost = {engine.vertical_cost}",
-        f"vertical_band = {engine.vertical_band_m}",
-        f"min_height = {engine.min_height_m}",
-        f"max_height = {engine.max_height_m}",
-        f"standby = {str(engine.standby).lower()}",
-        f"filter_positions = {str(engine.filter_positions).lower()}",
-        f"guard = {str(engine.guard).lower()}",
-        f"takeoff_aware = {str(engine.takeoff_aware).lower()}",
-        f"takeoff_height = {engine.takeoff_height_m}",
-        f"allow_v1 = {str(engine.allow_v1).lower()}",
-        f"dry_run = {str(engine.dry_run).lower()}",
-        f"broadcast = {str(engine.broadcast).lower()}",
-        f'broadcast_form = "{engine.broadcast_form}"',
-    ]
-    if engine.goal is not None:
-        altitude = [] if engine.goal.altitude_m is None else [engine.goal.altitude_m]
-        lines.append(f"goal = {[engine.goal.latitude_deg, engine.goal.longitude_deg, *altitude]}")
-    if engine.vehicle_sysid is not None:
-        lines.append(f"vehicle_sysid = {engine.vehicle_sysid}")
-    if engine.uas_id is not None:
-        lines.append(f"uas_id = {_quoted(engine.uas_id)}")
-    if engine.operator_id:
-        lines.append(f"operator_id = {_quoted(engine.operator_id)}")
-    if config.broadcast_to is not None:
-        lines.append(f'broadcast_to = "{config.broadcast_to}"')
-    if config.signing is not None:
-        lines += [
-            f"signing_key = {_quoted(str(config.signing.key_file))}",
-            f"require_signature = {str(config.signing.required).lower()}",
-            f"signing_link_id = {config.signing.link_id}",
-            f"signing_state = {_quoted(str(config.signing.state))}",
-        ]
-    if config.metrics is not None:
-        lines.append(f'metrics = "{config.metrics[0]}:{config.metrics[1]}"')
-    if engine.airframe_height_m is not None:
-        lines.append(f"airframe_height = {engine.airframe_height_m}")
-    if config.log is not None:
-        lines.append(f"log = {_quoted(str(config.log))}")
-    if config.input_log is not None:
-        lines.append(f"input_log = {_quoted(str(config.input_log))}")
-    for table_name in SOLVER_TABLES:
-        settings = getattr(engine, table_name)
-        lines += ["", f"[{table_name}]"]
-        lines += [f"{item.name} = {getattr(settings, item.name)}" for item in fields(settings)]
+    engine, signing, metrics = config.engine, config.signing, config.metrics
+    values: dict[str, Any] = {
+        "vehicle": str(config.vehicle),
+        "rid": str(config.remote_id),
+        "goal": None if engine.goal is None else [each for each in astuple(engine.goal) if each is not None],
+        **{key: getattr(engine, name) for key, name in ENGINE_KEYS.items()},
+        "operator_id": engine.operator_id or None,
+        **{key: getattr(engine.limits, name) for key, name in LIMIT_KEYS.items()},
+        "broadcast_to": None if config.broadcast_to is None else str(config.broadcast_to),
+        "signing_key": None if signing is None else str(signing.key_file),
+        "require_signature": None if signing is None else signing.required,
+        "signing_link_id": None if signing is None else signing.link_id,
+        "signing_state": None if signing is None else str(signing.state),
+        "metrics": None if metrics is None else f"{metrics[0]}:{metrics[1]}",
+        "log": None if config.log is None else str(config.log),
+        "input_log": None if config.input_log is None else str(config.input_log),
+    }
+    lines = [f"{key} = {_toml(value)}" for key, value in values.items() if value is not None]
+    for table in SOLVER_TABLES:
+        lines += ["", f"[{table}]"]
+        lines += [f"{key} = {_toml(value)}" for key, value in asdict(getattr(engine, table)).items()]
     for polygon in engine.obstacles:
-        lines += ["", "[[obstacle]]", f"polygon = {[list(vertex) for vertex in polygon]}"]
+        lines += ["", "[[obstacle]]", f"polygon = {_toml(polygon)}"]
     return "\n".join(lines) + "\n"
 
 
-def _quoted(text: str) -> str:
-    """A TOML basic string: JSON's escapes are TOML's."""
-    return msgspec.json.encode(text).decode()
+def _toml(value: Any) -> str:
+    """A value as TOML has it, which is as JSON has it but for numbers that JSON lacks."""
+    return str(value) if isinstance(value, float) else msgspec.json.encode(value).decode()

@@ -79,7 +79,9 @@ def test_every_key_arrives(write) -> None:
 
 
 def test_printed_configuration_reads_back_as_the_same(write) -> None:
-    for text in (WHOLE, "", "goal = [47.0, 8.0]"):
+    quoting = """vehicle = 'serial:/dev/tty"0":57600'\nmetrics = "127.0.0.1:9"\noperator_id = 'a"b'"""
+    signed = 'signing_key = "k\\"ey"\nsigning_state = "k.state"\nbroadcast = true\nbroadcast_form = "module"'
+    for text in (WHOLE, "", "goal = [47.0, 8.0]", quoting, signed):
         config = daemon_config(read_config_file(write(text)))
         assert daemon_config(read_config_file(write(as_toml(config)))) == config
 
