@@ -18,14 +18,14 @@ import contextlib
 import os
 import queue
 import threading
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Annotated, BinaryIO
 
 import msgspec
 
 from ridlink.daemon.config import daemon_config
-from ridlink.daemon.config_file import read_config_text
+from ridlink.daemon.config_file import LONGEST, read_config_text
 from ridlink.engine import Engine, StepOutput
 from ridlink.engine.decision_log import DecisionHash, decision_line
 from ridlink.errors import CaptureError
@@ -33,10 +33,56 @@ from ridlink.errors import CaptureError
 MAGIC, VERSION = "ridlink-input", 2
 QUEUE_LENGTH = 65_536
 """Records: five seconds of the heaviest traffic that a daemon is made for."""
-LONGEST_RECORD = 262_144
+LONGEST_RECORD = 4 * LONGEST
+"""Bytes: the first record holds the configuration, whose numbers are written out."""
 
+Seconds = Annotated[float, msgspec.Meta(ge=-1e18, le=1e18)]
+"""Of a clock; a number, and no NaN."""
+
+
+class _Head(msgspec.Struct, array_like=True, tag=MAGIC, frozen=True):
+    version: int
+    config: str
+
+
+class _Datagram(msgspec.Struct, array_like=True, frozen=True):
+    now_s: Seconds
+    utc_s: Seconds | None
+    source: tuple[str | int, ...] | None
+    data: bytes
+
+
+class FromVehicle(_Datagram, tag="v", frozen=True):
+    """A datagram of the vehicle link."""
+
+
+class FromAir(_Datagram, tag="a", frozen=True):
+    """A datagram of the link on which others are heard."""
+
+
+class _Step(msgspec.Struct, array_like=True, tag="s", frozen=True):
+    now_s: Seconds
+    hold: bool
+    warm: bool
+    utc_s: Seconds | None
+
+
+class _Took(msgspec.Struct, array_like=True, tag="t", frozen=True):
+    seconds: Seconds
+
+
+class _End(msgspec.Struct, array_like=True, tag="e", frozen=True):
+    now_s: Seconds
+
+
+class _Decided(msgspec.Struct, array_like=True, tag="d", frozen=True):
+    steps: int
+    digest: str
+
+
+_Record = _Head | FromVehicle | FromAir | _Step | _Took | _End | _Decided
 _encode = msgspec.msgpack.Encoder().encode
-_decode = msgspec.msgpack.Decoder(list).decode
+_decode = msgspec.msgpack.Decoder(_Record).decode
 
 
 class InputLog:
@@ -60,36 +106,36 @@ class InputLog:
         self.error: OSError | None = None
         self.decisions = DecisionHash()
         self._file = path.open("wb")
-        self._queue: queue.Queue[list[Any] | None] = queue.Queue(QUEUE_LENGTH)
-        self._put([MAGIC, VERSION, config])
+        self._queue: queue.Queue[_Record | None] = queue.Queue(QUEUE_LENGTH)
+        self._put(_Head(VERSION, config))
         self._thread = threading.Thread(target=self._run, name="input-log", daemon=True)
         self._thread.start()
 
-    def datagram(self, link: str, now_s: float, utc_s: float | None, source: Hashable, data: bytes) -> None:
-        """A datagram of the vehicle link ("v") or of the air ("a")."""
-        self._put([link, now_s, utc_s, list(source) if isinstance(source, tuple) else source, data])
+    def heard(self, datagram: FromVehicle | FromAir) -> None:
+        """A datagram, before the engine is told it."""
+        self._put(datagram)
 
     def step(self, now_s: float, hold: bool, warm: bool, utc_s: float | None, output: StepOutput, reason: str) -> None:
         """A step, and what came of it."""
         self.decisions.add(decision_line(output, reason))
-        self._put(["s", now_s, hold, warm, utc_s])
+        self._put(_Step(now_s, hold, warm, utc_s))
 
     def took(self, seconds: float) -> None:
         """What the last step took."""
-        self._put(["t", seconds])
+        self._put(_Took(seconds))
 
     def stop(self, now_s: float) -> None:
         """The stream was ended."""
-        self._put(["e", now_s])
+        self._put(_End(now_s))
 
     def close(self, longest_s: float) -> None:
         """Write what is queued, for so long at most."""
-        self._put(["d", self.decisions.steps, self.decisions.digest])
+        self._put(_Decided(self.decisions.steps, self.decisions.digest))
         with contextlib.suppress(queue.Full):
             self._queue.put(None, timeout=longest_s)
             self._thread.join(longest_s)
 
-    def _put(self, record: list[Any]) -> None:
+    def _put(self, record: _Record) -> None:
         if self.error is not None:
             return
         try:
@@ -110,7 +156,7 @@ class InputLog:
                 continue
 
 
-def read_records(file: BinaryIO, name: str) -> Iterator[list[Any]]:
+def read_records(file: BinaryIO, name: str) -> Iterator[_Record]:
     """Records of an input log; one that was cut off ends it.
 
     Raises:
@@ -147,16 +193,16 @@ def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None
     with open(path, "rb") as file:
         records = read_records(file, name)
         head = next(records, None)
-        if head is None or len(head) != 3 or head[:2] != [MAGIC, VERSION]:
+        if not isinstance(head, _Head) or head.version != VERSION:
             raise CaptureError(f"{name}: is no input log of ridlink avoid of version {VERSION}")
-        engine = Engine(daemon_config(read_config_text(head[2], name)).engine)
+        engine = Engine(daemon_config(read_config_text(head.config, name)).engine)
         for record in records:
             match record:
-                case ["v", now_s, utc_s, source, data]:
-                    engine.receive_vehicle(data, now_s, source=_source(source), utc_s=utc_s)
-                case ["a", now_s, utc_s, source, data]:
-                    engine.receive_remote_id(data, _source(source), now_s, utc_s=utc_s)
-                case ["s", now_s, hold, warm, utc_s]:
+                case FromVehicle(now_s, utc_s, source, data):
+                    engine.receive_vehicle(data, now_s, source=source, utc_s=utc_s)
+                case FromAir(now_s, utc_s, source, data):
+                    engine.receive_remote_id(data, source, now_s, utc_s=utc_s)
+                case _Step(now_s, hold, warm, utc_s):
                     engine.warm = warm
                     if hold:
                         engine.hold_next()
@@ -164,16 +210,12 @@ def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None
                     decisions.add(line)
                     if on_line is not None:
                         on_line(line)
-                case ["t", seconds]:
+                case _Took(seconds):
                     engine.note_decision_time(seconds)
-                case ["e", now_s]:
+                case _End(now_s):
                     engine.stop(now_s)
-                case ["d", _, digest]:
-                    flown = str(digest)
-                case _:
-                    raise CaptureError(f"{name}: a record of an unknown kind: {record[:1]}")
+                case _Decided(_, digest):
+                    flown = digest
+                case _Head():
+                    raise CaptureError(f"{name}: is a damaged input log: it begins twice")
     return decisions, flown
-
-
-def _source(value: Any) -> Hashable:
-    return tuple(value) if isinstance(value, list) else value

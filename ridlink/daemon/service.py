@@ -17,7 +17,7 @@ from ridlink.captures.recorder import Recorder
 from ridlink.daemon.config import DaemonConfig, as_toml
 from ridlink.daemon.events import rounded, summary_facts
 from ridlink.daemon.figures import figures
-from ridlink.daemon.input_log import InputLog
+from ridlink.daemon.input_log import FromAir, FromVehicle, InputLog
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.summary import Spread, Summary
 from ridlink.daemon.warming import warm_up_unless
@@ -226,14 +226,16 @@ class AvoidDaemon:
     # --- bytes ----------------------------------------------------------------------------------------------------
 
     def _from_vehicle(self, data: bytes, address: Address) -> None:
-        if (times := self._heard("v", data, address)) is not None:
+        if (times := self._heard(FromVehicle, data, address)) is not None:
             self.engine.receive_vehicle(data, times[0], source=address, utc_s=times[1])
 
     def _from_air(self, data: bytes, address: Address) -> None:
-        if (times := self._heard("a", data, address)) is not None:
+        if (times := self._heard(FromAir, data, address)) is not None:
             self.engine.receive_remote_id(data, address, times[0], utc_s=times[1])
 
-    def _heard(self, link: str, data: bytes, address: Address) -> tuple[float, float | None] | None:
+    def _heard(
+        self, kind: type[FromVehicle | FromAir], data: bytes, address: Address
+    ) -> tuple[float, float | None] | None:
         """Record a datagram; when it came, monotonic and UTC. None while links are still being opened: what cannot be
         recorded yet must not be decided about."""
         if not self._opened:
@@ -242,7 +244,7 @@ class AvoidDaemon:
         now_s = time.monotonic()
         utc_s = self._utc.at(now_s)
         if self._input_log is not None:
-            self._input_log.datagram(link, now_s, utc_s, address, data)
+            self._input_log.heard(kind(now_s, utc_s, address, data))
         return now_s, utc_s
 
     def _send(self, output: StepOutput) -> None:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import socket
 import threading
 from pathlib import Path
 
+import msgspec
 import pytest
 from click.testing import CliRunner
 
 from ridlink.cli import cli
-from ridlink.daemon.config import DaemonConfig
-from ridlink.daemon.input_log import replay
+from ridlink.daemon.config import DaemonConfig, as_toml
+from ridlink.daemon.config_file import LONGEST
+from ridlink.daemon.input_log import InputLog, read_records, replay
 from ridlink.daemon.service import AvoidDaemon
 from ridlink.errors import CaptureError
 from tests.daemon.emulated import POSITION_MODE, Emulated
@@ -66,7 +69,7 @@ def test_the_replay_of_a_recorded_input_gives_the_identical_decision_log(tmp_pat
     assert result.exit_code == 0 and "does not reach the end" in result.stdout
     beginning = data.rindex(b"\xa1e")  # the record of the end of the stream, made an unknown one
     path.write_bytes(data[: beginning + 1] + b"x" + data[beginning + 2 :])
-    with pytest.raises(CaptureError, match="unknown kind"):
+    with pytest.raises(CaptureError, match="damaged one: Invalid value 'x'"):
         replay(path)
 
 
@@ -80,6 +83,37 @@ def test_what_is_no_input_log_is_refused(tmp_path: Path, data: bytes) -> None:
     with pytest.raises(CaptureError, match="no input log"):
         replay(path)
     assert CliRunner().invoke(cli, ["avoid", "--replay", str(path)]).exit_code != 0
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        ["s", None, False, True, None],
+        ["s", math.nan, False, True, None],
+        ["e", math.inf],
+        ["t", "long"],
+        ["v", 1.0, None, None, "text"],
+        ["a", 1.0, None, {}, b""],
+        ["ridlink-input", 2, 5],
+        ["ridlink-input", 2, ""],
+        [{}],
+        {},
+    ],
+)
+def test_a_record_that_the_daemon_cannot_have_written_is_refused(tmp_path: Path, record: object) -> None:
+    path = tmp_path / "damaged.input"
+    records = [msgspec.msgpack.encode(each) for each in (["ridlink-input", 2, as_toml(DaemonConfig())], record)]
+    path.write_bytes(b"".join(len(each).to_bytes(4, "little") + each for each in records))
+    with pytest.raises(CaptureError, match="damaged"):
+        replay(path)
+
+
+def test_whatever_fits_into_a_configuration_fits_into_the_log(tmp_path: Path) -> None:
+    text, path = "#" * LONGEST, tmp_path / "long.input"
+    InputLog(path, text).close(60.0)
+    with path.open("rb") as file:
+        head, _ = read_records(file, "long.input")
+    assert head.config == text  # type: ignore[union-attr]
 
 
 def test_a_vehicle_that_speaks_while_links_are_opened_is_decided_about_alike_again(tmp_path: Path) -> None:
