@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from ridlink.errors import LinkError, MissingExtraError
+from sitl_sim.demo.apart import end_with_parent
 
 UP_S, HANDED_OVER_S = 180.0, 120.0
 LANDED_S = 120.0
@@ -50,7 +51,7 @@ class Conductors:
         """
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "sitl_sim.demo.from_ground", *self._arguments,
-            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
+            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, preexec_fn=end_with_parent,
         )  # fmt: skip
         self._reader = asyncio.create_task(self._read())
         await self._until("up", UP_S)

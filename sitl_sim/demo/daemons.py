@@ -28,6 +28,7 @@ from ridlink.scenario import Scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 from ridlink.setpoint import VelocityLimits
+from sitl_sim.demo.apart import end_with_parent
 from sitl_sim.fleet_config import HOST, FleetConfig, FleetPorts
 
 READY_TIMEOUT_S = 90.0
@@ -173,7 +174,7 @@ class Daemons:
     async def _launch(self, system_id: int | None, module: str, *arguments: str) -> None:
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", module, *arguments,
-            stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
+            stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, preexec_fn=end_with_parent,
         )  # fmt: skip
         self._processes.append(process)
         self._readers.append(asyncio.create_task(self._read(process, system_id)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import select
 import signal
 import socket
 import subprocess
@@ -169,10 +170,11 @@ def test_a_port_in_use_is_named(tmp_path: Path) -> None:
     assert not (tmp_path / "flight.tlog").exists(), "nothing half written"
 
 
-def test_an_interrupted_flight_ends_everything_it_started(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "ridlink", "demo", "--any-ports", "--processes", "--log", str(tmp_path / "f.tlog")]
+def flying(folder: Path, *options: str) -> tuple[subprocess.Popen[str], list[int]]:
+    """A demo in the air, and the processes that it has started."""
+    command = [sys.executable, "-m", "ridlink", "demo", "--any-ports", *options, "--log", str(folder / "f.tlog")]
     flight = subprocess.Popen(
-        [*command, "--scenario", scenario(tmp_path, HEAD_ON)],
+        [*command, "--scenario", scenario(folder, HEAD_ON)],
         stderr=subprocess.PIPE,
         stdin=subprocess.DEVNULL,
         text=True,
@@ -182,6 +184,24 @@ def test_an_interrupted_flight_ends_everything_it_started(tmp_path: Path) -> Non
         if line.startswith("Flying"):
             break
     children = subprocess.run(["pgrep", "-P", str(flight.pid)], capture_output=True, text=True).stdout.split()
+    return flight, list(map(int, children))
+
+
+@pytest.mark.parametrize(("options", "count"), [([], 1), (["--processes"], 2)], ids=["together", "apart"])
+def test_daemons_do_not_outlive_a_demo_that_is_killed(tmp_path: Path, options: list[str], count: int) -> None:
+    """They kept the ports of the next one."""
+    flight, children = flying(tmp_path, "--no-view", *options)
+    watched = [os.pidfd_open(child) for child in children]
+    flight.kill()
+    flight.communicate(timeout=30.0)
+    assert len(children) == count
+    for each in watched:
+        assert select.select([each], [], [], 20.0)[0], "still flies"
+        os.close(each)
+
+
+def test_an_interrupted_flight_ends_everything_it_started(tmp_path: Path) -> None:
+    flight, children = flying(tmp_path, "--processes")
     flight.send_signal(signal.SIGTERM)
     _, rest = flight.communicate(timeout=30.0)
     assert flight.returncode == 1
