@@ -23,7 +23,7 @@ from ridlink.cli.campaign_options import (
     fleet_options,
 )
 from ridlink.cli.campaign_report import report
-from ridlink.cli.campaign_show import progress_shown, say_if_compiling, show_rows
+from ridlink.cli.campaign_show import progress_shown, say_if_compiling, say_left_off, show_rows
 from ridlink.cli.signals import removed_by_signals
 
 if TYPE_CHECKING:
@@ -171,8 +171,13 @@ def _fly_all(
         if cluster is None:
             say_if_compiling([plans[k] for k in sorted({task.plan for task in missing})])
         begin, steps = time.monotonic(), 0
+
+        def end_by_signal() -> None:
+            folder.discard_unfinished()
+            say_left_off(_left_off(kept, len(tasks)))
+
         try:
-            with progress_shown(len(tasks), kept, who) as done, removed_by_signals(folder.discard_unfinished):
+            with progress_shown(len(tasks), kept, who) as done, removed_by_signals(end_by_signal):
                 flying = fly_tasks(plans, missing, jobs) if cluster is None else cluster.fly_tasks(plans, missing)
                 with closing(flying) as flown:
                     for task, outcomes in flown:
@@ -199,8 +204,12 @@ def _fly_all(
 
 
 def _ended(why: str, kept: int, all_of_them: int, code: int) -> int:
-    click.echo(f"ridlink: {why}; {kept} of {all_of_them} shards are kept, --resume goes on from there", err=True)
+    click.echo(f"ridlink: {why}; {_left_off(kept, all_of_them)}", err=True)
     return code
+
+
+def _left_off(kept: int, all_of_them: int) -> str:
+    return f"{kept} of {all_of_them} shards are kept, --resume goes on from there"
 
 
 def _fly_one(plans: list[Plan], number: int, log: Path | None, as_json: bool) -> int:

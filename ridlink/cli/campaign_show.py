@@ -59,6 +59,15 @@ def progress_shown(total: int, kept: int, who: str) -> Iterator[Callable[[int], 
         yield advance
 
 
+def say_left_off(text: str) -> None:
+    """The last word of a campaign that a signal ends: below the bar, and with the cursor that the bar has hidden."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    console.show_cursor()
+    click.echo(f"{chr(10) * console.is_terminal}campaign: {text}", err=True)
+
+
 def show_rows(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: dict[str, Any] | None = None) -> None:
     rate = steps / wall_s if wall_s > 0.0 else 0.0
     if as_json:

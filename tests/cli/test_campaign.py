@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import resource
@@ -193,7 +194,27 @@ def test_ctrl_c_while_workers_still_load_is_told_by_nobody(tmp_path: Path) -> No
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert [line for line in err.splitlines() if not line.startswith("campaign: ")] == []
+    assert err.endswith(f"campaign: 0 of {SHARDS} shards are kept, --resume goes on from there\n")
     await_end(workers)
+
+
+def test_ctrl_c_gives_the_cursor_back(tmp_path: Path) -> None:
+    long = ["--preset", "paper", "--runs", "20000", "-o", str(tmp_path / "folder")]
+    command = [sys.executable, "-m", "ridlink", "campaign", "run", *long]
+    terminal, stderr = os.openpty()
+    with open(terminal, "rb", buffering=0) as shown:
+        flying = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=stderr, env=os.environ | {"TERM": "xterm"})
+        os.close(stderr)
+        text = b""
+        while b" 1/" not in text:
+            text += shown.read(1024)
+        flying.send_signal(signal.SIGINT)
+        with contextlib.suppress(OSError):  # how a terminal ends
+            while more := shown.read(1024):
+                text += more
+    assert flying.wait(30) == 130
+    assert text.rindex(b"\x1b[?25h") > text.rindex(b"\x1b[?25l"), "a bar hides it"
+    assert b"shards are kept, --resume goes on from there" in text
 
 
 def test_processes_change_the_time_only(whole: Path, tmp_path: Path, ridlink: Ridlink) -> None:
