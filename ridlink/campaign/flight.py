@@ -21,20 +21,18 @@ from numpy.typing import NDArray
 
 from ridlink.avoidance import rows
 from ridlink.avoidance import worlds as batches
-from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.types import SolverKind
-from ridlink.campaign import tracks, worlds
-from ridlink.campaign.chance import PositionErrors, Source, draw_fleet, draw_mix, generator
+from ridlink.campaign import tracks
+from ridlink.campaign.chance import Source, generator
 from ridlink.campaign.link import Reception
 from ridlink.campaign.pair_deciding import PairDecider, avoid_pairs, grade_pairs, rotate_pairs
-from ridlink.campaign.plan import Plan, coded_bound_m
+from ridlink.campaign.plan import Plan
 from ridlink.campaign.referee import judge_worlds
 from ridlink.campaign.response import Dynamics, Response
 from ridlink.campaign.stepping import is_inside
-from ridlink.campaign.worlds import BATCH, COMPACT_EVERY, Instant, Outcomes
+from ridlink.campaign.worlds import BATCH, Batch, Instant, Outcomes, SharedBatch
 from ridlink.compiled import is_compiled
-from ridlink.separation.definitions import bounded_error, separation_discs
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
 
 FloatArray = NDArray[np.float64]
@@ -61,11 +59,10 @@ def fly(
     Raises:
         ValueError: If there are no runs, or a number is negative.
     """
-    if plan.is_heard_at_once:
-        return worlds.fly(plan, runs, batch=batch, watch=watch)
     if not runs or min(runs) < 0 or batch < 1:
         raise ValueError(f"runs must be a range of numbers that are not negative, got {runs} in batches of {batch}")
-    return Outcomes.joined([_Batch(plan, runs[k : k + batch]).fly(watch) for k in range(0, len(runs), batch)])
+    kind = SharedBatch if plan.is_heard_at_once else PairBatch
+    return Outcomes.joined([kind(plan, runs[k : k + batch]).fly(watch) for k in range(0, len(runs), batch)])
 
 
 def is_warm(plan: Plan) -> bool:
@@ -81,55 +78,29 @@ _KERNELS = {
 }
 
 
-class _Batch:
-    """Worlds in the air, W of them; those that are over leave it."""
+class PairBatch(Batch):
+    """Worlds in which every vehicle has its own picture."""
 
-    _OF_WORLDS = (
-        "airframe_m", "speed_mps", "avoiding", "reciprocal", "position", "velocity", "command", "present", "still_m",
-        "error_sum_m", "bound_m", "clearance_m", "own_track", "tracks", "sent", "arrives_s", "due_s", "turn_rad", "row",
+    of_worlds = (
+        *Batch.of_worlds, "reciprocal", "command", "own_track", "tracks", "sent", "arrives_s", "due_s", "turn_rad",
+        "intent",
     )  # fmt: skip
 
     def __init__(self, plan: Plan, runs: range) -> None:
-        scene = plan.scene
-        count = len(scene)
-        shape = (len(runs), count)
-        fleets = [draw_fleet(count, plan.seed, run, plan.category) for run in runs]
-        shares = {"stock_share": plan.stock_share, "unresponsive_share": plan.unresponsive_share}
-        mixes = [draw_mix(count, plan.seed, run, **shares) for run in runs]
-        drawn_airframe = np.stack([fleet.airframe_m for fleet in fleets])
-        drawn_speed = np.stack([fleet.speed_mps for fleet in fleets])
-        self.plan = plan
-        self.step_s = plan.step_s or plan.interval_s
-        self.obstacles = Obstacles.from_polygons(scene.polygons_ne_m)
-        self.airframe_m = drawn_airframe if scene.airframe_m is None else np.tile(scene.airframe_m, (shape[0], 1))
-        self.speed_mps = drawn_speed if scene.speed_mps is None else np.tile(scene.speed_mps, (shape[0], 1))
-        sigma_m = np.full(count, plan.sigma_m) if scene.sigma_m is None else scene.sigma_m
-        extended = ~np.stack([mix.stock for mix in mixes])
-        if scene.extended is not None:
-            extended &= scene.extended
-        self.avoiding: BoolArray = scene.avoiding & ~np.stack([mix.unresponsive for mix in mixes])
-        self.reciprocal = (self.avoiding & extended).astype(np.float64)
-        self.position = np.tile(scene.start_ne_m, (shape[0], 1, 1))
-        away = scene.goal_ne_m - scene.start_ne_m
-        course = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
-        self.velocity = course * self.speed_mps[..., None]
+        super().__init__(plan, runs)
+        shape = self.present.shape
+        count = shape[1]
+        self.reciprocal = (self.avoiding & self.extended).astype(np.float64)
         self.command = self.velocity.copy()
-        self.present = np.ones(shape, np.bool_)
-        self.errors = PositionErrors(
-            plan.errors, sigma_m, count=count, seed=plan.seed, runs=runs, interval_s=self.step_s,
-            correlation_s=plan.correlation_s, common_share=plan.common_share, bias_m=plan.bias_m,
-        )  # fmt: skip
         self.response = Response(plan.dynamics, self.velocity, self.speed_mps)
-        self._size_discs(sigma_m, extended)
         self.decider = PairDecider(plan.settings, shape, self.obstacles)
-
         self.reception = Reception(plan.link, count=count, seed=plan.seed, runs=runs)
         slots = 1 + math.ceil(plan.link.latency_s[1] / min(plan.interval_s, self.step_s) - 1e-9)
         self.sent = np.zeros((*shape, slots, tracks.REPORT_COLUMNS))
         self.arrives_s = np.full((*shape, count, slots), np.inf)
         self.tracks = np.zeros((*shape, count, tracks.TRACK_COLUMNS))
         self.tracks[..., tracks.BETWEEN] = plan.interval_s
-        self.intent = np.where(extended[..., None], 0.0, np.nan)
+        self.intent = np.where(self.extended[..., None], 0.0, np.nan)
         self.filter_s = TIME_CONSTANT_S if plan.filtered else 0.0
         # A vehicle that obeys at once flew the last interval at the velocity that it reports at its end.
         self.flown_s = plan.interval_s if plan.dynamics is Dynamics.IDEAL else 0.0
@@ -139,75 +110,30 @@ class _Batch:
         self.due_s = drawn * self.step_s
         self.turn_rad = np.zeros(shape)
         self.to_goal_m = np.full((round(WATCH.window_s / self.step_s), *shape), np.nan)
-        self.row = np.arange(shape[0])
-        self.outcome = Outcomes(
-            run=np.array(runs), duration_s=plan.duration_s, arrival_s=np.full(shape, np.inf),
-            collided=np.zeros(shape, np.bool_), distance_m=np.full(shape[0], np.inf),
-            margin_m=np.full(shape[0], np.inf), decisions=np.zeros(shape[0], np.int64),
-            infeasible=np.zeros(shape[0], np.int64), in_obstacle=np.zeros(shape[0], np.int64),
-        )  # fmt: skip
 
-    def _size_discs(self, sigma_m: FloatArray, extended: BoolArray) -> None:
-        """Radii of all pairs but for the displacement, error bounds as they are told, distances to obstacles."""
-        plan = self.plan
-        error_m = plan.bound_sigmas * sigma_m
-        coded_m = np.array([coded_bound_m(bound) for bound in error_m])
-        told_m = np.where(extended, error_m, np.nan)
-
-        def discs(speed_mps: float) -> tuple[FloatArray, FloatArray]:
-            found = separation_discs(
-                plan.definition, own_airframe_m=self.airframe_m[:, :, None], own_error_bound_m=error_m[:, None],
-                own_accuracy_bound_m=coded_m[:, None], own_speed_mps=speed_mps,
-                airframe_m=np.where(extended, self.airframe_m, np.nan)[:, None, :],
-                error_bound_m=told_m[:, None, :], accuracy_bound_m=coded_m, speed_mps=speed_mps, eta=plan.eta,
-                neighbours=max(len(plan.scene) - 1, 1), bound=plan.chance_bound,
+    def advance(self, step: int, watch: Callable[[Instant], None] | None) -> None:
+        """See `Batch.advance`."""
+        now_s = step * self.step_s
+        reported = self.position + self.errors.next()
+        sending = self._send(step, now_s, reported)
+        self._decide(step, now_s, reported)
+        if watch is not None:
+            watch(
+                Instant(
+                    now_s, self.position, reported, self.velocity, self.command, self.present, self.airframe_m,
+                    sending,
+                )
             )  # fmt: skip
-            return np.ascontiguousarray(found.radius_m), np.ascontiguousarray(found.error_sum_m)
+        before = self.position
+        self.position, self.velocity = before.copy(), self.velocity.copy()
+        self.response.advance(self.position, self.velocity, self.command, self.step_s)
+        self._judge(before, (step + 1) * self.step_s)
 
-        self.still_m, self.error_sum_m = discs(0.0)
-        allowed_s = plan.interval_s if plan.displaced_s is None else plan.displaced_s
-        # Every definition takes the displacement of both as it is, or not at all.
-        self.displaced_s = allowed_s if np.any(discs(1.0)[0] > self.still_m) else 0.0
-        self.bound_m = bounded_error(np.where(extended, error_m, coded_m))
-        if plan.obstacle_bound_m is not None:
-            self.clearance_m = self.airframe_m / 2.0 + plan.obstacle_bound_m
-        else:
-            # Half of what two such vehicles would keep from each other.
-            self.clearance_m = np.diagonal(self.still_m, axis1=1, axis2=2) / 2.0
-
-    def fly(self, watch: Callable[[Instant], None] | None) -> Outcomes:
-        """Fly until all have arrived or collided, or the time is over."""
-        for step in range(round(self.plan.duration_s / self.step_s)):
-            if step % COMPACT_EVERY == 0:
-                self._let_go()
-                if not len(self.row):
-                    break
-            now_s = step * self.step_s
-            reported = self.position + self.errors.next()
-            sending = self._send(step, now_s, reported)
-            self._decide(step, now_s, reported)
-            if watch is not None:
-                watch(
-                    Instant(
-                        now_s, self.position, reported, self.velocity, self.command, self.present, self.airframe_m,
-                        sending,
-                    )
-                )  # fmt: skip
-            before = self.position
-            self.position, self.velocity = before.copy(), self.velocity.copy()
-            self.response.advance(self.position, self.velocity, self.command, self.step_s)
-            self._judge(before, (step + 1) * self.step_s)
-        return self.outcome
-
-    def _let_go(self) -> None:
-        """Worlds without a vehicle in the air leave the batch."""
-        kept: BoolArray = np.any(self.present, axis=1)
-        if kept.all():
-            return
-        for name in self._OF_WORLDS:
-            setattr(self, name, getattr(self, name)[kept])
-        self.intent, self.to_goal_m = self.intent[kept], self.to_goal_m[:, kept]
-        for part in (self.errors, self.response, self.decider, self.reception):
+    def keep(self, kept: BoolArray) -> None:
+        """See `Batch.keep`."""
+        super().keep(kept)
+        self.to_goal_m = self.to_goal_m[:, kept]
+        for part in (self.response, self.decider, self.reception):
             part.keep(kept)
 
     def _send(self, step: int, now_s: float, reported: FloatArray) -> BoolArray:

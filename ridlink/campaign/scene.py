@@ -100,7 +100,7 @@ def circle(count: int = 8, radius_m: float = CIRCLE_RADIUS_M) -> Scene:
     """Vehicles on a circle, every goal opposite its start."""
     angle = 2.0 * math.pi * np.arange(count) / count
     start = radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return Scene("circle8" if count == 8 else f"circle{count}", start, -start)
+    return Scene(f"circle{count}", start, -start)
 
 
 def square(count: int = 24, side_m: float = SQUARE_SIDE_M, obstacle_side_m: float = SQUARE_OBSTACLE_SIDE_M) -> Scene:
@@ -119,7 +119,7 @@ def square(count: int = 24, side_m: float = SQUARE_SIDE_M, obstacle_side_m: floa
     goal = np.concatenate([np.stack([north, east], axis=1) for _, _, north, east in sides])
     edge = obstacle_side_m / 2.0
     block = ((-edge, -edge), (edge, -edge), (edge, edge), (-edge, edge))
-    return Scene("square24" if count == 24 else f"square{count}", start, goal, (block,))
+    return Scene(f"square{count}", start, goal, (block,))
 
 
 def drawn_scene(name: str) -> Scene | None:

@@ -1,7 +1,8 @@
 """Whole batches of worlds in virtual time, through the kernels that the daemon calls.
 
-Every step all vehicles of all worlds report, decide from the same picture, and fly; vehicles obey at once. A run is one
-row of the outcome and depends on the plan and its own number only, not on the batch it is flown in.
+A run is one row of the outcome and depends on the plan and its own number only, not on the batch it is flown in. In a
+shared batch all vehicles of all worlds report at every step, decide from the same picture, and fly; vehicles obey at
+once. `flight` has the others.
 
 Axes: north-east, metres, m/s, seconds.
 """
@@ -9,6 +10,7 @@ Axes: north-east, metres, m/s, seconds.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -19,11 +21,11 @@ from ridlink.avoidance import rows
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.priority import give_way_in_worlds, new_turns
 from ridlink.avoidance.types import SolverKind
-from ridlink.campaign.chance import PositionErrors, draw_fleet
+from ridlink.campaign.chance import PositionErrors, draw_fleet, draw_mix
 from ridlink.campaign.deciding import new_decider
 from ridlink.campaign.plan import Plan, coded_bound_m
 from ridlink.campaign.stepping import brief_worlds, fly_on
-from ridlink.separation.definitions import Discs, separation_discs
+from ridlink.separation.definitions import bounded_error, separation_discs
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
 
 FloatArray = NDArray[np.float64]
@@ -126,69 +128,49 @@ class Instant:
     sending: BoolArray | None = None
 
 
-def fly(
-    plan: Plan, runs: range, *, batch: int = BATCH, watch: Callable[[Instant], None] | None = None
-) -> Outcomes:  # fmt: skip
-    """Fly runs of a plan.
+class Batch(ABC):
+    """Worlds in the air, W of them; those that are over leave it.
 
     Args:
-        plan: What to fly.
-        runs: Numbers of the runs, not negative; they seed them.
-        batch: How many are flown at a time.
-        watch: Called at every instant of every batch; worlds that are over leave it.
-
-    Returns:
-        One row a run, in their order.
-
-    Raises:
-        ValueError: If there are no runs, or a number is negative.
+        plan: What they fly.
+        runs: Numbers of their runs.
     """
-    if not runs or min(runs) < 0 or batch < 1:
-        raise ValueError(f"runs must be a range of numbers that are not negative, got {runs} in batches of {batch}")
-    return Outcomes.joined([_Batch(plan, runs[k : k + batch]).fly(watch) for k in range(0, len(runs), batch)])
 
-
-class _Batch:
-    """Worlds in the air, W of them; those that are over leave it."""
+    of_worlds: tuple[str, ...] = (
+        "airframe_m", "speed_mps", "avoiding", "extended", "position", "velocity", "present", "still_m", "error_sum_m",
+        "bound_m", "clearance_m", "row",
+    )  # fmt: skip
+    """What has an axis of worlds, which is the first."""
 
     def __init__(self, plan: Plan, runs: range) -> None:
         scene = plan.scene
-        shape = (len(runs), len(scene))
-        fleets = [draw_fleet(len(scene), plan.seed, run, plan.category) for run in runs]
+        count = len(scene)
+        shape = (len(runs), count)
+        fleets = [draw_fleet(count, plan.seed, run, plan.category) for run in runs]
+        shares = {"stock_share": plan.stock_share, "unresponsive_share": plan.unresponsive_share}
+        mixes = [draw_mix(count, plan.seed, run, **shares) for run in runs]
         drawn_airframe = np.stack([fleet.airframe_m for fleet in fleets])
         drawn_speed = np.stack([fleet.speed_mps for fleet in fleets])
         self.plan = plan
+        self.step_s = plan.step_s or plan.interval_s
         self.obstacles = Obstacles.from_polygons(scene.polygons_ne_m)
         self.airframe_m = drawn_airframe if scene.airframe_m is None else np.tile(scene.airframe_m, (shape[0], 1))
         self.speed_mps = drawn_speed if scene.speed_mps is None else np.tile(scene.speed_mps, (shape[0], 1))
-        self.sigma_m = np.full(shape[1], plan.sigma_m) if scene.sigma_m is None else scene.sigma_m
-        self.extended = np.ones(shape[1], np.bool_) if scene.extended is None else scene.extended
+        sigma_m = np.full(count, plan.sigma_m) if scene.sigma_m is None else scene.sigma_m
+        self.extended: BoolArray = ~np.stack([mix.stock for mix in mixes])
+        if scene.extended is not None:
+            self.extended &= scene.extended
+        self.avoiding: BoolArray = scene.avoiding & ~np.stack([mix.unresponsive for mix in mixes])
         self.position = np.tile(scene.start_ne_m, (shape[0], 1, 1))
         away = scene.goal_ne_m - scene.start_ne_m
         course = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
         self.velocity = course * self.speed_mps[..., None]
         self.present = np.ones(shape, np.bool_)
         self.errors = PositionErrors(
-            plan.errors, self.sigma_m, count=shape[1], seed=plan.seed, runs=runs, interval_s=plan.interval_s,
+            plan.errors, sigma_m, count=count, seed=plan.seed, runs=runs, interval_s=self.step_s,
             correlation_s=plan.correlation_s, common_share=plan.common_share, bias_m=plan.bias_m,
         )  # fmt: skip
-        self.decider = new_decider(plan.settings, shape, self.obstacles)
-        still = self._discs(0.0)
-        self.still_m, self.error_sum_m = np.ascontiguousarray(still.radius_m), np.ascontiguousarray(still.error_sum_m)
-        # Every definition takes the displacement of both as it is, or not at all.
-        self.displaced_s = plan.interval_s if np.any(self._discs(1.0).radius_m > still.radius_m) else 0.0
-        self.clearance_m = self._clearance(still)
-        self.reported = np.zeros((*shape, 2))
-        # What a step works on; while fewer worlds fly, the first of it.
-        self.own = np.zeros((*shape, rows.OWN_COLUMNS))
-        self.heard = np.full((*shape, 8), np.nan)
-        self.heard[..., 6] = 0.0
-        # Who does not speak the extension cannot say that it avoids.
-        self.heard[..., 7] = scene.avoiding & self.extended
-        self.radius_m = np.empty_like(self.still_m)
-        self.before, self.hit = np.empty((*shape, 2)), np.empty(shape, np.bool_)
-        self.turns = new_turns(*shape)
-        self.room = np.zeros((shape[1], 10)), np.zeros(shape[1], np.int64)
+        self._size_discs(sigma_m)
         self.row = np.arange(shape[0])
         self.outcome = Outcomes(
             run=np.array(runs), duration_s=plan.duration_s, arrival_s=np.full(shape, np.inf),
@@ -197,45 +179,89 @@ class _Batch:
             infeasible=np.zeros(shape[0], np.int64), in_obstacle=np.zeros(shape[0], np.int64),
         )  # fmt: skip
 
-    def _discs(self, speed_mps: float) -> Discs:
+    def _size_discs(self, sigma_m: FloatArray) -> None:
+        """Radii of all pairs but for the displacement, error bounds as they are told, distances to obstacles."""
         plan = self.plan
-        error_m = plan.bound_sigmas * self.sigma_m
+        error_m = plan.bound_sigmas * sigma_m
         coded_m = np.array([coded_bound_m(bound) for bound in error_m])
-        told_airframe_m = np.where(self.extended, self.airframe_m, np.nan)
-        told_error_m = np.where(self.extended, error_m, np.nan)
-        return separation_discs(
-            plan.definition, own_airframe_m=self.airframe_m[:, :, None], own_error_bound_m=error_m[:, None],
-            own_accuracy_bound_m=coded_m[:, None], own_speed_mps=speed_mps, airframe_m=told_airframe_m[:, None, :],
-            error_bound_m=told_error_m, accuracy_bound_m=coded_m, speed_mps=speed_mps,
-            interval_s=plan.interval_s, eta=plan.eta, neighbours=max(len(plan.scene) - 1, 1), bound=plan.chance_bound,
-        )  # fmt: skip
+        told_m = np.where(self.extended, error_m, np.nan)
+
+        def discs(speed_mps: float) -> tuple[FloatArray, FloatArray]:
+            found = separation_discs(
+                plan.definition, own_airframe_m=self.airframe_m[:, :, None], own_error_bound_m=error_m[:, None],
+                own_accuracy_bound_m=coded_m[:, None], own_speed_mps=speed_mps,
+                airframe_m=np.where(self.extended, self.airframe_m, np.nan)[:, None, :],
+                error_bound_m=told_m[:, None, :], accuracy_bound_m=coded_m, speed_mps=speed_mps, eta=plan.eta,
+                neighbours=max(len(plan.scene) - 1, 1), bound=plan.chance_bound,
+            )  # fmt: skip
+            return np.ascontiguousarray(found.radius_m), np.ascontiguousarray(found.error_sum_m)
+
+        self.still_m, self.error_sum_m = discs(0.0)
+        allowed_s = plan.interval_s if plan.displaced_s is None else plan.displaced_s
+        # Every definition takes the displacement of both as it is, or not at all.
+        self.displaced_s = allowed_s if np.any(discs(1.0)[0] > self.still_m) else 0.0
+        self.bound_m = bounded_error(np.where(self.extended, error_m, coded_m))
+        if plan.obstacle_bound_m is not None:
+            self.clearance_m = self.airframe_m / 2.0 + plan.obstacle_bound_m
+        else:
+            # Half of what two such vehicles would keep from each other.
+            self.clearance_m = np.diagonal(self.still_m, axis1=1, axis2=2) / 2.0
 
     def fly(self, watch: Callable[[Instant], None] | None) -> Outcomes:
         """Fly until all have arrived or collided, or the time is over."""
-        plan = self.plan
-        for step in range(round(plan.duration_s / plan.interval_s)):
+        for step in range(round(self.plan.duration_s / self.step_s)):
             if step % COMPACT_EVERY == 0:
-                self._let_go()
-                if not len(self.row):
+                kept: BoolArray = np.any(self.present, axis=1)
+                if not kept.any():
                     break
-            self._report(step)
-            result = self._decide(step * plan.interval_s)
-            if watch is not None:
-                self._show(watch, step * plan.interval_s, result)
-            self._fly_on((step + 1) * plan.interval_s, result)
+                if not kept.all():
+                    self.keep(kept)
+            self.advance(step, watch)
         return self.outcome
 
-    def _let_go(self) -> None:
-        """Worlds without a vehicle in the air leave the batch."""
-        kept: BoolArray = np.any(self.present, axis=1)
-        if kept.all():
-            return
-        for name in (
-            "airframe_m", "speed_mps", "position", "velocity", "present", "still_m", "clearance_m", "error_sum_m",
-            "reported", "turns", "row",
-        ):  # fmt: skip
+    @abstractmethod
+    def advance(self, step: int, watch: Callable[[Instant], None] | None) -> None:
+        """Report, decide and fly on."""
+
+    def keep(self, kept: BoolArray) -> None:
+        """Go on with some worlds only, shape (W,)."""
+        for name in self.of_worlds:
             setattr(self, name, getattr(self, name)[kept])
         self.errors.keep(kept)
+
+
+class SharedBatch(Batch):
+    """Worlds in which everybody has the same picture."""
+
+    of_worlds = (*Batch.of_worlds, "reported", "turns")
+
+    def __init__(self, plan: Plan, runs: range) -> None:
+        super().__init__(plan, runs)
+        shape = self.present.shape
+        self.decider = new_decider(plan.settings, shape, self.obstacles)
+        self.reported = np.zeros((*shape, 2))
+        # What a step works on; while fewer worlds fly, the first of it.
+        self.own = np.zeros((*shape, rows.OWN_COLUMNS))
+        self.heard = np.full((*shape, 8), np.nan)
+        self.heard[..., 6] = 0.0
+        # Who does not speak the extension cannot say that it avoids.
+        self.heard[..., 7] = self.avoiding & self.extended
+        self.radius_m = np.empty_like(self.still_m)
+        self.before, self.hit = np.empty((*shape, 2)), np.empty(shape, np.bool_)
+        self.turns = new_turns(*shape)
+        self.room = np.zeros((shape[1], 10)), np.zeros(shape[1], np.int64)
+
+    def advance(self, step: int, watch: Callable[[Instant], None] | None) -> None:
+        """See `Batch.advance`."""
+        self._report(step)
+        result = self._decide(step * self.step_s)
+        if watch is not None:
+            self._show(watch, step * self.step_s, result)
+        self._fly_on((step + 1) * self.step_s, result)
+
+    def keep(self, kept: BoolArray) -> None:
+        """See `Batch.keep`."""
+        super().keep(kept)
         self.decider.keep(kept)
 
     def _report(self, step: int) -> None:
@@ -271,14 +297,6 @@ class _Batch:
                 np.where(deciding[..., None], decided, self.velocity), self.present.copy(), self.airframe_m,
             )
         )  # fmt: skip
-
-    def _clearance(self, still: Discs) -> FloatArray:
-        """Distance to keep from obstacles but for the displacement: half of what two such vehicles would keep from each
-        other."""
-        if self.plan.obstacle_bound_m is not None:
-            return self.airframe_m / 2.0 + self.plan.obstacle_bound_m
-        twin: FloatArray = np.diagonal(still.radius_m, axis1=1, axis2=2) / 2.0
-        return twin
 
     def _fly_on(self, now_s: float, result: FloatArray) -> None:
         plan, outcome, obstacles, count = self.plan, self.outcome, self.obstacles, len(self.row)

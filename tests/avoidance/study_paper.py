@@ -17,9 +17,10 @@ import numpy as np
 
 from ridlink.avoidance import GradedSettings
 from ridlink.campaign.chance import ErrorModel
+from ridlink.campaign.flight import fly
 from ridlink.campaign.plan import Plan, graded_plan, paper_plan
 from ridlink.campaign.scene import Scene, circle, square
-from ridlink.campaign.worlds import Outcomes, fly
+from ridlink.campaign.worlds import Outcomes
 from ridlink.separation import Definition
 
 PRINTED = {

@@ -16,6 +16,7 @@ from ridlink.avoidance import GradedSettings, OwnShip, RotationSettings, SolverK
 from ridlink.avoidance.solver import new_solver, warm_up
 from ridlink.campaign import worlds
 from ridlink.campaign.deciding import new_decider
+from ridlink.campaign.flight import fly
 from ridlink.campaign.plan import IDEAL_HALFPLANES, Plan
 from ridlink.campaign.scene import square
 
@@ -70,10 +71,10 @@ def batches(kind: SolverKind) -> None:
             return result
 
     plan = Plan(square(), settings=IDEAL[kind], range_m=1e4, duration_s=10.0, filtered=True)
-    worlds.fly(plan, range(1))
+    fly(plan, range(1))
     worlds.new_decider = Timed
     begin = time.process_time()
-    worlds.fly(plan, range(64))
+    fly(plan, range(64))
     whole = time.process_time() - begin
     worlds.new_decider = new_decider
     print(
@@ -82,7 +83,7 @@ def batches(kind: SolverKind) -> None:
     )
     short = replace(plan, range_m=400.0)
     begin = time.process_time()
-    out = worlds.fly(short, range(64))
+    out = fly(short, range(64))
     print(f"  the same within 400 m, whole step: {1e9 * (time.process_time() - begin) / out.decisions.sum():.0f} ns")
 
 

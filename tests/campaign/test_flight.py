@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from ridlink.avoidance import GradedSettings, HalfplaneSettings, RotationSettings
-from ridlink.campaign import flight, tracks, worlds
+from ridlink.campaign import tracks
 from ridlink.campaign.chance import ErrorModel
-from ridlink.campaign.flight import fly
+from ridlink.campaign.flight import PairBatch, fly
 from ridlink.campaign.link import Link
 from ridlink.campaign.plan import IDEAL_HALFPLANES, Plan, baseline, graded_plan, paper_plan
 from ridlink.campaign.scene import Scene, circle, square
-from ridlink.campaign.worlds import Outcomes
+from ridlink.campaign.worlds import Outcomes, SharedBatch
 from ridlink.separation import Definition
 from ridlink.traffic.position_filter import PositionFilter, moved, offset_m
 
@@ -41,7 +41,7 @@ def assert_same_rows(first: Outcomes, second: Outcomes):
 )
 def test_with_nothing_lost_everybody_has_the_same_picture(plan):
     assert plan.is_heard_at_once
-    at_once, by_pairs = worlds.fly(plan, range(6)), flight._Batch(plan, range(6)).fly(None)
+    at_once, by_pairs = SharedBatch(plan, range(6)).fly(None), PairBatch(plan, range(6)).fly(None)
     assert np.array_equal(at_once.arrival_s, by_pairs.arrival_s)
     assert np.array_equal(at_once.collided, by_pairs.collided)
     assert at_once.distance_m == pytest.approx(by_pairs.distance_m, abs=1e-9)

@@ -12,9 +12,10 @@ from ridlink.avoidance import GradedSettings, Obstacles, OwnShip, RotationSettin
 from ridlink.avoidance.solver import new_solver
 from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.deciding import new_decider
+from ridlink.campaign.flight import fly
 from ridlink.campaign.plan import IDEAL_HALFPLANES, Plan, graded_plan, paper_plan
 from ridlink.campaign.scene import Scene, circle, square
-from ridlink.campaign.worlds import Outcomes, fly
+from ridlink.campaign.worlds import Outcomes
 from ridlink.separation import Definition
 
 SETTINGS = {"halfplane": IDEAL_HALFPLANES, "graded": GradedSettings.g2(), "rotation": RotationSettings.paper()}
