@@ -41,11 +41,11 @@ def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | N
     if value is None:
         return None
     from datetime import UTC, datetime
-    from decimal import Decimal, InvalidOperation
+    from decimal import Decimal
 
     try:
         return int(Decimal(value) * 1_000_000)
-    except (InvalidOperation, ValueError, OverflowError):
+    except (ArithmeticError, ValueError):
         pass
     try:
         moment = datetime.fromisoformat(value)

@@ -592,6 +592,7 @@ def test_since_and_until_are_half_open(log: Path, options: list[str], count: int
     [
         ["-f", "csv"], ["-f", "parquet"], ["-f", "mcap", "-o", "-"], ["-f", "geojson", "--join"], ["--join"],
         ["-f", "csv", "-o", "x", "--stats"], ["--frames"], ["--since", "soon"], ["--since", "nan"],
+        ["--since", "1e999999"],
     ],
 )  # fmt: skip
 def test_options_that_mean_nothing_are_usage_errors(log: Path, arguments: list[str]) -> None:
