@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import gc
 import json
 import os
-import queue
 import signal
 import sys
-import threading
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
@@ -18,13 +15,12 @@ import click
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
 from ridlink.cli.options import signing_options
+from ridlink.cli.printing import Printer
 from ridlink.cli.signals import ending_signals
 
 if TYPE_CHECKING:
     from ridlink.daemon.config import DaemonConfig
     from ridlink.daemon.summary import Summary
-
-QUEUED_LINES = 1000
 
 
 def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[float, ...] | None:
@@ -285,38 +281,7 @@ async def _run(config: DaemonConfig, printer: _Printer) -> Summary:
     return await AvoidDaemon(config, on_event=printer.event).run(stop)
 
 
-class _Printer(ABC):
-    """Prints from a thread of its own: a reader that stops reading must not stop the vehicle."""
-
-    def __init__(self) -> None:
-        self._queue: queue.Queue[tuple[str, bool] | None] = queue.Queue(QUEUED_LINES)
-        self._thread = threading.Thread(target=self._run, name="printer", daemon=True)
-        self._thread.start()
-
-    def _put(self, text: str, *, error: bool) -> None:
-        with contextlib.suppress(queue.Full):
-            self._queue.put_nowait((text, error))
-
-    def _run(self) -> None:
-        while (item := self._queue.get()) is not None:
-            text, error = item
-            stream = sys.stderr if error else sys.stdout
-            if stream is None:  # closed by whoever started us
-                continue
-            try:
-                stream.write(text)
-                stream.flush()
-            except OSError:  # the reader has gone; the flight goes on
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-    def close(self) -> None:
-        """Print what is queued, for a second at most."""
-        try:
-            self._queue.put(None, timeout=0.5)
-        except queue.Full:
-            return
-        self._thread.join(1.0)
-
+class _Printer(Printer, ABC):
     @abstractmethod
     def event(self, facts: dict[str, Any]) -> None:
         """Print a change of state or the summary of a second."""
@@ -328,7 +293,7 @@ class _Printer(ABC):
 
 class _JsonPrinter(_Printer):
     def event(self, facts: dict[str, Any]) -> None:
-        self._put(json.dumps(facts) + "\n", error=False)
+        self.put(json.dumps(facts) + "\n")
 
     def final(self, summary: Summary) -> None:
         self.event({"event": "final", **summary.as_dict()})
@@ -343,16 +308,16 @@ class _HumanPrinter(_Printer):
 
     def event(self, facts: dict[str, Any]) -> None:
         if facts["event"] == "state":
-            self._put(f"{self._clear}{facts['state']}: {facts['reason']}\n", error=True)
+            self.put(f"{self._clear}{facts['state']}: {facts['reason']}\n", error=True)
         elif facts["event"] == "warning":
-            self._put(f"{self._clear}warning: {facts['text']}\n", error=True)
+            self.put(f"{self._clear}warning: {facts['text']}\n", error=True)
         elif facts["event"] == "dry_run":
             north, east, down = facts["velocity_ned_mps"]
-            self._put(f"{self._clear}would fly {north:+.1f} north, {east:+.1f} east, {-down:+.1f} up m/s\n", error=True)
+            self.put(f"{self._clear}would fly {north:+.1f} north, {east:+.1f} east, {-down:+.1f} up m/s\n", error=True)
         elif facts["event"] == "recording_ended":
-            self._put(f"{self._clear}the recording has ended: {facts['reason']}\n", error=True)
+            self.put(f"{self._clear}the recording has ended: {facts['reason']}\n", error=True)
         elif self._live:
-            self._put(f"{self._clear}{_status_line(facts)}", error=True)
+            self.put(f"{self._clear}{_status_line(facts)}", error=True)
 
     @property
     def _clear(self) -> str:
@@ -360,7 +325,7 @@ class _HumanPrinter(_Printer):
 
     def final(self, summary: Summary) -> None:
         decision, gap = summary.decision_ms, summary.setpoint_gap_ms
-        self._put(
+        self.put(
             f"{self._clear}{summary.setpoints} setpoints (gap p99 {gap['p99']:.0f} ms, max {gap['max']:.0f} ms), "
             f"{summary.reports_received} reports, decisions p99 {decision['p99']:.1f} ms, "
             f"{summary.infeasible_steps} steps without an admissible velocity\n",

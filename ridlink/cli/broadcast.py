@@ -9,6 +9,7 @@ import click
 
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import signing_options
+from ridlink.cli.printing import Printer
 from ridlink.cli.signals import stopped_by_signals
 
 
@@ -86,20 +87,24 @@ def broadcast(
         vehicle_sysid=vehicle_sysid,
         signing=SigningOptions.of(**signing),
     )
-    told: list[Any] = []
+    printer = Printer()
+    told: list[str] = []
 
     def tell(facts: dict[str, Any]) -> None:
         if as_json:
-            click.echo(json.dumps(facts))
+            printer.put(json.dumps(facts) + "\n")
         elif (line := _line(facts)) and [line] != told:
             told[:] = [line]
-            click.echo(f"ridlink: {line}", err=True)
+            printer.put(f"ridlink: {line}\n", error=True)
 
     async def run() -> dict[str, Any]:
         return await Transmitter(config, on_event=tell).run(stopped_by_signals(asyncio.get_running_loop()))
 
-    final = asyncio.run(run())
-    click.echo(json.dumps(final) if as_json else f"{final['sent']:,} datagrams sent")
+    try:
+        final = asyncio.run(run())
+        printer.put((json.dumps(final) if as_json else f"{final['sent']:,} datagrams sent") + "\n")
+    finally:
+        printer.close()
     return EXIT_DONE
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import re
 import select
 import signal
@@ -111,3 +113,23 @@ def test_bad_input_is_one_line(arguments: list[str], code: int, says: str) -> No
     done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, timeout=PATIENCE_S)
     assert (done.returncode, done.stdout) == (code, "")
     assert says in done.stderr and len(re.findall("\n", done.stderr)) == 1
+
+
+def test_a_reader_that_stops_reading_stops_no_transmission() -> None:
+    reading, writing = os.pipe()
+    fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, 4096)
+    os.write(writing, bytes(4096))  # not a byte more goes in
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.bind(("127.0.0.1", 0))
+        vehicle.settimeout(PATIENCE_S)
+        options = ("--vehicle", f"udpout:127.0.0.1:{vehicle.getsockname()[1]}", "--to", "udpout:127.0.0.1:9", "--json")
+        with subprocess.Popen([*COMMAND, *options], stdout=writing) as process:
+            try:
+                for _ in range(2):
+                    assert messages(vehicle.recv(1000))[0].name == "HEARTBEAT"
+                process.send_signal(signal.SIGTERM)
+                assert process.wait(PATIENCE_S) == 0
+            finally:
+                process.kill()
+    os.close(reading)
+    os.close(writing)
