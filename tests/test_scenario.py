@@ -29,6 +29,8 @@ from ridlink.scenario.vehicle_keys import VehicleKeys
 
 Write = Callable[[str], Path]
 
+DOCUMENT = Path(__file__).parents[1] / "docs" / "emulator.md"
+
 GOOD = """\
 name = "head-on with a tower"
 duration_s = 60.0
@@ -66,6 +68,16 @@ def test_every_key_of_a_file_arrives(write: Write) -> None:
         (-200.0, 0.0, -50.0), (200.0, 0.0, -50.0), 15.4, 0.6, 10.0, cooperative=False, extended=False
     )
     assert scenario.obstacles == (ObstacleSpec(((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))),)
+
+
+def test_the_file_in_the_documentation_is_one(write: Write) -> None:
+    section = DOCUMENT.read_text().split("## Scenario files\n")[1].split("\n## ")[0]
+    text = "".join(f"{line[4:]}\n" for line in section.splitlines() if line.startswith("    ") or not line)
+    scenario = load_scenario(write(text))
+    assert (scenario.name, len(scenario.vehicles), len(scenario.obstacles)) == ("mine", 2, 1)
+    first, second = scenario.vehicles
+    assert (first.speed_mps, first.airframe_m, first.sigma_m, first.cooperative) == (10.0, 0.6, None, True)
+    assert not second.cooperative and not second.extended
 
 
 def test_what_a_file_does_not_say_has_defaults(write: Write) -> None:

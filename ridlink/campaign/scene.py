@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ridlink.errors import ConfigError
-from ridlink.scenario import Scenario
+from ridlink.scenario import Scenario, Wind
 from ridlink.separation.reference import MAX_AIRFRAME_M
 
 FloatArray = NDArray[np.float64]
@@ -156,6 +156,10 @@ def drawn_scene(name: str) -> Scene | None:
     return scene if size is None else replace(scene, name=name)
 
 
+EMULATED_KEYS = ("route_ned_m", "ghost", "silent", "interval_s", "airframe", "autopilot")
+"""What a scenario may say of a vehicle and only the emulator flies."""
+
+
 def scene_of(scenario: Scenario, sigma_m: float) -> Scene:
     """The scene of a scenario, whose vehicles have the speeds and sizes that it gives.
 
@@ -164,7 +168,7 @@ def scene_of(scenario: Scenario, sigma_m: float) -> Scene:
         sigma_m: Standard deviation of vehicles that state none.
 
     Raises:
-        ConfigError: If it has no vehicles, or they are not all at one height.
+        ConfigError: If it has no vehicles, they are not all at one height, or it holds what a campaign does not fly.
     """
     vehicles = scenario.vehicles
     if not vehicles:
@@ -176,6 +180,13 @@ def scene_of(scenario: Scenario, sigma_m: float) -> Scene:
             f"{scenario.name}: a campaign flies at one height, and here are starts and goals from down = {downs[0]:g} "
             f"to {downs[-1]:g}"
         )
+    not_flown = [
+        *(["wind"] if scenario.wind != Wind() else []),
+        *(["events"] if scenario.events else []),
+        *(key for key in EMULATED_KEYS if any(getattr(v, key) for v in vehicles)),
+    ]
+    if not_flown:
+        raise ConfigError(f"{scenario.name}: a campaign flies without {', '.join(not_flown)}; 'ridlink demo' has them")
     return Scene(
         scenario.name, start[:, :2], goal[:, :2], tuple(obstacle.polygon_ne_m for obstacle in scenario.obstacles),
         speed_mps=np.array([v.speed_mps for v in vehicles]), airframe_m=np.array([v.airframe_m for v in vehicles]),

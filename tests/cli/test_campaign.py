@@ -447,6 +447,26 @@ def test_folders_that_cannot_be_used(whole: Path, tmp_path: Path, ridlink: Ridli
         assert (code, len(err.splitlines())) == (2, 1) and "campaign.json: is damaged" in err
 
 
+@pytest.mark.parametrize(
+    ("more", "what"),
+    [
+        ("[wind]\nvelocity_ne_mps = [3.0, 0.0]\n", "wind"),
+        ('[[event]]\nat_s = 3.0\nvehicle = 1\nwhat = "gnss-outage"\n', "events"),
+        ("silent = true\n", "silent"),
+        ("route_ned_m = [[0.0, 50.0, -50.0]]\n", "route_ned_m"),
+        ('autopilot = "ardupilot"\ninterval_s = 1.0\n', "interval_s, autopilot"),
+    ],
+    ids=lambda value: value.split()[0],
+)  # fmt: skip
+def test_what_only_the_emulator_flies_is_refused(tmp_path: Path, ridlink: Ridlink, more: str, what: str) -> None:
+    """A campaign flew such files as if it did not stand there."""
+    path = tmp_path / "meeting.toml"
+    path.write_text(FILE.format(down=-50.0) + more)
+    code, out, err = ridlink("--scenario", path, "-o", tmp_path / "out")
+    assert (code, out, list(tmp_path.iterdir())) == (2, "", [path])
+    assert err == f"ridlink: a meeting: a campaign flies without {what}; 'ridlink demo' has them\n"
+
+
 def test_a_file_says_who_errs_who_avoids_and_who_tells(tmp_path: Path, ridlink: Ridlink) -> None:
     file = tmp_path / "meeting.toml"
     file.write_text(FILE.format(down=-50.0))
