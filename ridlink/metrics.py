@@ -6,6 +6,7 @@ Loopback unless asked otherwise. Needs the extra `metrics` (prometheus-client).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -83,7 +84,7 @@ def parse_metrics_address(text: str) -> tuple[str, int]:
         ConfigError: If it is none of these.
     """
     host, _, port = text.strip().rpartition(":")
-    if not (port.isascii() and port.isdecimal() and int(port) <= 65535):
+    if not (re.fullmatch(r"[0-9]{1,5}", port) and int(port) <= 65535):
         raise ConfigError(f"metrics {text!r}: write HOST:PORT, as in {DEFAULT_HOST}:9464")
     return host.strip("[]") or DEFAULT_HOST, int(port)
 

@@ -114,8 +114,7 @@ async def _carry(
         seed=seed,
     )
     started_s = loop.time()
-    host, port = proxy.near.local_address
-    click.echo(f"ridlink: {near.scheme}:{host}:{port} leads to {far}; Ctrl-C stops", err=True)
+    click.echo(f"ridlink: {near.at(proxy.near.local_address)} leads to {far}; Ctrl-C stops", err=True)
     try:
         while not stop.is_set() and (duration is None or loop.time() - started_s < duration):
             left_s = SHOWN_EVERY_S if duration is None else min(SHOWN_EVERY_S, started_s + duration - loop.time())

@@ -72,7 +72,7 @@ async def _record(
     try:
         recorder = Recorder(output, overwrite=force)
         started_s = loop.time()
-        here = f"{url.scheme}:{link.local_address[0]}:{link.local_address[1]}" if url.listens else url
+        here = url.at(link.local_address) if url.listens else url
         click.echo(f"ridlink: recording {here} into {output}; Ctrl-C stops", err=True)
         await _until(stop, started_s, duration, link, recorder, url.scheme is Scheme.UDPOUT and not silent)
         await asyncio.to_thread(recorder.close)

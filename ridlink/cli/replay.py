@@ -93,8 +93,7 @@ async def _replay(
     player = _Player(link, stop, speed, rate)
     try:
         if link_url.listens:
-            here = f"{link_url.scheme}:{link.local_address[0]}:{link.local_address[1]}"
-            click.echo(f"ridlink: waiting for somebody to speak to {here}", err=True)
+            click.echo(f"ridlink: waiting for somebody to speak to {link_url.at(link.local_address)}", err=True)
         while not stop.is_set():
             with open_capture(file, kind) as capture:
                 await player.play(_selected(capture, wanted), wait_for_peer=link_url.listens)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NoReturn
 
@@ -64,6 +64,10 @@ class LinkUrl:
     def listens(self) -> bool:
         """Peers come to this end."""
         return self.scheme in (Scheme.UDPIN, Scheme.TCPIN)
+
+    def at(self, address: tuple[str, int]) -> LinkUrl:
+        """The same link at the address that it was given."""
+        return replace(self, host=address[0], port=address[1])
 
     def leads_to(self, other: LinkUrl) -> bool:
         """The other one listens on this machine where this one speaks to: who opens both speaks to itself."""
@@ -133,21 +137,27 @@ def parse_link_url(text: str) -> LinkUrl:
     if scheme is Scheme.SERIAL:
         if not host:
             _refuse(text, "no device", example)
-        if not port_text.isascii() or not port_text.isdecimal() or int(port_text) == 0:
+        if (baud := _number(port_text)) <= 0:
             _refuse(text, "no baud rate", f"serial:{host}:57600")
-        return LinkUrl(scheme, host, int(port_text))
+        return LinkUrl(scheme, host, baud)
     if not port_text:
         if host.isascii() and host.isdecimal():
             _refuse(text, "no host", f"{scheme}:{DEFAULT_HOST}:{host}")
         _refuse(text, "no port", f"{scheme}:{host or DEFAULT_HOST}:{example.rpartition(':')[2]}")
-    if not port_text.isascii() or not port_text.isdecimal() or int(port_text) > 65535:
+    port = _number(port_text)
+    if not 0 <= port <= 65535:
         _refuse(text, f"port {port_text!r} is not a number from 0 to 65535", example)
     if re.search(r"[\s/?#@\[\]]", host) or (":" in host and not rest.startswith("[")):
         _refuse(text, f"host {host!r} is not an address or a name", example)
-    url = LinkUrl(scheme, host or DEFAULT_HOST, int(port_text))
+    url = LinkUrl(scheme, host or DEFAULT_HOST, port)
     if url.port == 0 and not url.listens:
         _refuse(text, "port 0 is for listening only", example)
     return url
+
+
+def _number(text: str) -> int:
+    """A number of at most nine digits, which is more than any port or baud rate has; -1 if it is none."""
+    return int(text) if re.fullmatch(r"[0-9]{1,9}", text) else -1
 
 
 def _tail(rest: str, example: str) -> str:

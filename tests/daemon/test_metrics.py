@@ -93,6 +93,6 @@ def test_addresses_of_metrics() -> None:
     assert parse_metrics_address("9464") == parse_metrics_address(":9464") == ("127.0.0.1", 9464)
     assert parse_metrics_address("0.0.0.0:9464") == ("0.0.0.0", 9464)
     assert parse_metrics_address("[::1]:9464") == ("::1", 9464)
-    for wrong in ("", "host", "host:", "host:70000", "host:-1", "1:1_0"):
+    for wrong in ("", "host", "host:", "host:70000", "host:-1", "1:1_0", "host:" + 5000 * "9"):
         with pytest.raises(ConfigError, match=r"127\.0\.0\.1:9464"):
             parse_metrics_address(wrong)

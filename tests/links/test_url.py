@@ -46,6 +46,7 @@ def test_right_spellings(text: str, url: LinkUrl) -> None:
         ("udpin:127.0.0.1:", "udpin:127.0.0.1:14540"),
         ("udpin:14540", "udpin:127.0.0.1:14540"),
         ("udpin:127.0.0.1:65536", "udpin:127.0.0.1:14540"),
+        ("udpin:127.0.0.1:" + 5000 * "9", "udpin:127.0.0.1:14540"),
         ("udpin:127.0.0.1:-1", "udpin:127.0.0.1:14540"),
         ("udpin:127.0.0.1:1454O", "udpin:127.0.0.1:14540"),
         ("udpout:127.0.0.1:0", "udpout:127.0.0.1:14540"),
@@ -55,6 +56,7 @@ def test_right_spellings(text: str, url: LinkUrl) -> None:
         ("udpin:127.0.0.1:٣", "udpin:127.0.0.1:14540"),
         ("serial:/dev/ttyACM0", "serial:/dev/ttyACM0:57600"),
         ("serial:/dev/ttyACM0:fast", "serial:/dev/ttyACM0:57600"),
+        ("serial:/dev/ttyACM0:" + 5000 * "9", "serial:/dev/ttyACM0:57600"),
         ("serial:", "serial:/dev/ttyACM0:57600"),
     ],
 )
@@ -63,6 +65,12 @@ def test_mistakes_are_answered_with_a_right_spelling(text: str, right: str) -> N
         parse_link_url(text)
     assert right in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_the_address_that_a_link_was_given_reads_back() -> None:
+    given = parse_link_url("udpin:[::1]:0").at(("::1", 14541))
+    assert str(given) == "udpin:[::1]:14541"
+    assert parse_link_url(str(given)) == given
 
 
 @given(st.text(alphabet="udpintcoserl:/[].0123456789 @\u0663-", max_size=30))
