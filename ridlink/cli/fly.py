@@ -17,6 +17,7 @@ from ridlink.cli.signals import stopped_by_signals
 if TYPE_CHECKING:
     import asyncio
     from asyncio.subprocess import Process
+    from collections.abc import Coroutine
 
     from ridlink.conductor import Conductor, End
     from ridlink.links import LinkUrl
@@ -105,6 +106,20 @@ def _split(text: str | None) -> list[str]:
     return options
 
 
+async def _unless(stop: asyncio.Event, work: Coroutine[Any, Any, Any]) -> Any:
+    """What comes of it, or nothing where a signal comes first: on the ground there is nothing to wait for."""
+    import asyncio
+
+    doing, ending = asyncio.ensure_future(work), asyncio.ensure_future(stop.wait())
+    try:
+        await asyncio.wait({doing, ending}, return_when=asyncio.FIRST_COMPLETED)
+        return doing.result() if doing.done() else None
+    finally:
+        for each in (doing, ending):
+            each.cancel()
+        await asyncio.gather(doing, ending, return_exceptions=True)
+
+
 class _Flight:
     """What is to be flown, and what has been."""
 
@@ -140,7 +155,11 @@ class _Flight:
         stop = stopped_by_signals(asyncio.get_running_loop())
         async with mavsdk_ground_station() as mavsdk:
             self.say(f"looking for an autopilot on {self._link}")
-            conductor = Conductor(await connect(mavsdk, self._link), self.say, self._daemon_has_ended)
+            system = await _unless(stop, connect(mavsdk, self._link))
+            if system is None:
+                self._stopped_on_the_ground()
+                return
+            conductor = Conductor(system, self.say, self._daemon_has_ended)
             await conductor.open()
             try:
                 await self._fly(conductor, options, stop)
@@ -159,10 +178,10 @@ class _Flight:
         if options is not None:
             await self._start_daemon(options)
         if self._daemon is not None:
-            await conductor.find_daemon()
-        await conductor.wait_healthy(self._health_s)
+            await _unless(stop, conductor.find_daemon())
+        await _unless(stop, conductor.wait_healthy(self._health_s))
         if stop.is_set():
-            self.outcome = "stopped"
+            self._stopped_on_the_ground()
             return
         await conductor.take_off(self._height_m)
         self._up = True
@@ -174,6 +193,10 @@ class _Flight:
         elif stop.is_set():
             self.outcome = "stopped"
         await self._down(conductor, end)
+
+    def _stopped_on_the_ground(self) -> None:
+        self.outcome = "stopped"
+        self.say("stopped before the take-off")
 
     async def _down(self, conductor: Conductor, end: End | None) -> None:
         from ridlink.conductor import End, FlightError, TakenError

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import importlib.util
 import json
+import signal
 import subprocess
 import sys
 from asyncio.subprocess import PIPE
@@ -162,6 +163,31 @@ def test_a_vehicle_without_a_fix_is_not_armed_and_what_is_missing_is_said() -> N
         assert code == 1 and not server.autopilots[0].pilot.armed
         assert lines[-1]["outcome"] == "failed" and not lines[-1]["took_off"]
         assert "not healthy after 1 s: no global position" in said and "Traceback" not in said
+
+    fly(lost, act, **ANY_PORT)
+
+
+@needs_mavsdk
+@pytest.mark.parametrize("step", ["looking for an autopilot", "waiting for"])
+def test_before_the_take_off_a_signal_waits_for_nothing(step: str) -> None:
+    """Neither for an autopilot that nobody hears nor for one that is never healthy."""
+    event = Event(0.0, 0, "gnss-outage", {"duration_s": 0.0})
+    lost = Scenario("lost", 60.0, (VehicleSpec((0.0, 0.0, -50.0), (9.0, 0.0, -50.0)),), events=(event,))
+
+    async def act(server: FleetServer) -> None:
+        server.begin_mission()
+        port = server.ports.vehicles[0] if step == "waiting for" else server.ports.air
+        command = fly_command("--vehicle", f"udpout:127.0.0.1:{port}", "--takeoff", "2", "--health-timeout", "3600")
+        process = await asyncio.create_subprocess_exec(*command, stdout=PIPE, stderr=PIPE)
+        assert process.stdout is not None
+        async for line in process.stdout:
+            if json.loads(line)["text"].startswith(step):
+                break
+        process.send_signal(signal.SIGINT)
+        output, said = await process.communicate()
+        assert process.returncode == 1 and said.decode().endswith("stopped before the take-off\n")
+        final = json.loads(output.splitlines()[-1])
+        assert (final["outcome"], final["took_off"]) == ("stopped", False)
 
     fly(lost, act, **ANY_PORT)
 
