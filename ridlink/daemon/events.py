@@ -1,12 +1,39 @@
-"""What a daemon tells once a second of its decisions: the facts of an event, as JSON has them."""
+"""What a daemon tells whoever watches, who must not be able to end a flight: events, and what they say of decisions."""
 
 from __future__ import annotations
 
 import math
+import time
+from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 from ridlink.engine import DecisionRecord, Engine
 from ridlink.setpoint import Velocity
+
+EventSink = Callable[[dict[str, Any]], None]
+
+
+class Events:
+    """Hands on what happens, until whoever is told fails.
+
+    Args:
+        sink: Called with a dictionary for every event; None: nobody watches.
+        counters: A sink that has failed is counted there.
+    """
+
+    def __init__(self, sink: EventSink | None, counters: Counter[str]) -> None:
+        self.sink, self._counters = sink, counters
+
+    def emit(self, event: str, **facts: Any) -> None:
+        """Tell what happened, and when, in seconds since 1970."""
+        if self.sink is None:
+            return
+        try:
+            self.sink({"event": event, "t": round(time.time(), 3), **facts})
+        except Exception:
+            self._counters["event_sink_failed"] += 1
+            self.sink = None
 
 
 def summary_facts(engine: Engine, record: DecisionRecord, rejects: dict[str, int]) -> dict[str, Any]:

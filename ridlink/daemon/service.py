@@ -15,7 +15,7 @@ from typing import Any
 
 from ridlink.captures.recorder import Recorder
 from ridlink.daemon.config import DaemonConfig, as_toml
-from ridlink.daemon.events import rounded, summary_facts
+from ridlink.daemon.events import Events, EventSink, rounded, summary_facts
 from ridlink.daemon.figures import figures
 from ridlink.daemon.input_log import FromAir, FromVehicle, InputLog
 from ridlink.daemon.steady_utc import SteadyUtc
@@ -38,8 +38,6 @@ LAST_RECORDS_S = 1.0
 
 FATAL_STEPS = 3
 """A step that fails sends nothing; after so many in a row the autopilot must not wait any longer."""
-
-EventSink = Callable[[dict[str, Any]], None]
 
 
 class DecisionError(RidlinkError):
@@ -68,7 +66,6 @@ class AvoidDaemon:
         self.ready = asyncio.Event()
         self.vehicle_address: Address | None = None
         self.remote_id_address: Address | None = None
-        self._on_event = on_event
         self._opened = False
         self._vehicle: Link | None = None
         self._air: Link | None = None
@@ -76,6 +73,7 @@ class AvoidDaemon:
         self._recorder: Recorder | None = None
         self._input_log: InputLog | None = None
         self._counters: Counter[str] = Counter()
+        self._events = Events(on_event, self._counters)
         self._broadcasts = 0
         self._decision_ms = Spread()
         self._decision_cpu_ms = Spread()
@@ -302,26 +300,26 @@ class AvoidDaemon:
     # --- words ----------------------------------------------------------------------------------------------------
 
     def _report(self, output: StepOutput) -> None:
-        if self._on_event is None:
+        if self._events.sink is None:
             return
         record = output.decision
         state = (self.engine.rung.state.name.lower(), self.engine.rung.reason)
         guard = None if self.engine.guard is None else str(self.engine.guard.phase)
         if (*state, guard) != self._announced:
             self._announced = (*state, guard)
-            self._emit("state", state=state[0], reason=state[1], guard=guard)
+            self._events.emit("state", state=state[0], reason=state[1], guard=guard)
         if self._recorder is not None and self._recorder.error is not None and not self._recording_ended:
             self._recording_ended = True
-            self._emit("recording_ended", reason=_words(self._recorder.error))
+            self._events.emit("recording_ended", reason=_words(self._recorder.error))
         for text in (*output.warnings, *self._refused_signatures()):
-            self._emit("warning", text=text)
+            self._events.emit("warning", text=text)
         while self._stalls:
-            self._emit("stalled", stack=self._stalls.popleft())
+            self._events.emit("stalled", stack=self._stalls.popleft())
         if not self._summary_due.due(record.time_s):
             return
-        self._emit("summary", **summary_facts(self.engine, record, self.rejects()))
+        self._events.emit("summary", **summary_facts(self.engine, record, self.rejects()))
         if self.config.engine.dry_run and record.commanded_ned_mps is not None:
-            self._emit("dry_run", velocity_ned_mps=rounded(record.commanded_ned_mps))
+            self._events.emit("dry_run", velocity_ned_mps=rounded(record.commanded_ned_mps))
 
     def _refused_signatures(self) -> list[str]:
         """What to say when the vehicle link refuses frames: without it, a key set up wrongly looks like silence."""
@@ -330,15 +328,6 @@ class AvoidDaemon:
         refused = [cause for cause in SignatureCause if self._vehicle.counters[cause]]
         self._told_of_signatures = bool(refused)
         return [f"frames on the vehicle link are refused: {', '.join(refused)}"] if refused else []
-
-    def _emit(self, event: str, **facts: Any) -> None:
-        if self._on_event is None:
-            return
-        try:
-            self._on_event({"event": event, "t": round(time.time(), 3), **facts})
-        except Exception:  # whoever watches must not be able to end the flight
-            self._counters["event_sink_failed"] += 1
-            self._on_event = None
 
     def summary(self) -> Summary:
         """Totals so far."""

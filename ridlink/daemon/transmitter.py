@@ -9,10 +9,10 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from ridlink.daemon.events import Events, EventSink
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.engine.intake import VEHICLE_IDS, Intake
 from ridlink.links import (
@@ -38,8 +38,6 @@ TRANSMITTER_COMPONENT = 236
 TYPE_ODID, AUTOPILOT_INVALID, STATE_ACTIVE = 34, 8, 4
 ARM_STATUS = 12918
 SILENT_S = 3.0
-
-EventSink = Callable[[dict[str, Any]], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +82,7 @@ class Transmitter:
         self.counters: Counter[str] = Counter()
         self.ready = asyncio.Event()
         self.vehicle_address: Address | None = None
-        self._on_event = on_event
+        self._events = Events(on_event, self.counters)
         self._telemetry = OwnShipTelemetry(config.vehicle_sysid)
         self._intake = Intake(allow_v1=config.allow_v1)
         self._broadcast = Broadcast(config.settings)
@@ -157,7 +155,7 @@ class Transmitter:
             told = (message.status, display_text(message.error))
             if told != self._told:
                 self._told = told
-                self._emit("module", good_to_arm=message.status == 0, text=told[1])
+                self._events.emit("module", good_to_arm=message.status == 0, text=told[1])
 
     def _step(self, now_s: float) -> None:
         self._utc.check(now_s)
@@ -201,7 +199,7 @@ class Transmitter:
         telemetry = self._telemetry
         own = telemetry.state(now_s)
         state = "waiting" if telemetry.lock is None else "no-position" if own is None else "transmitting"
-        self._emit(
+        self._events.emit(
             "summary",
             state=state,
             system_id=None if telemetry.lock is None else telemetry.lock.sysid,
@@ -210,7 +208,3 @@ class Transmitter:
             sent=self.counters["sent"],
             rejects=self.rejects(),
         )
-
-    def _emit(self, event: str, **facts: Any) -> None:
-        if self._on_event is not None:
-            self._on_event({"event": event, "t": round(time.time(), 3), **facts})

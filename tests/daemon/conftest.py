@@ -74,33 +74,33 @@ class Watched:
 def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Watched]]:
     """Observers of all daemons of this test; it fails if one of them saw an invariant broken."""
     observers: list[Watched] = []
-    open_vehicle, from_vehicle, emit = AvoidDaemon._open_vehicle, AvoidDaemon._from_vehicle, AvoidDaemon._emit
+    open_vehicle, from_vehicle = AvoidDaemon._open_vehicle, AvoidDaemon._from_vehicle
     by_daemon: dict[int, Watched] = {}
 
     async def opened(daemon: AvoidDaemon) -> Link:
         eyes = by_daemon[id(daemon)] = Watched(daemon)
         observers.append(eyes)
         link = await open_vehicle(daemon)
-        send = link.send
+        send, emit = link.send, daemon._events.emit
 
         def observed(data: bytes, address: Address | None = None) -> bool:
             eyes.says(data)
             return send(data, address)
 
+        def told(event: str, **facts: Any) -> None:
+            eyes.tells(event, facts, daemon.engine._last_step_s or 0.0)
+            emit(event, **facts)
+
         monkeypatch.setattr(link, "send", observed)
+        monkeypatch.setattr(daemon._events, "emit", told)
         return link
 
     def heard(daemon: AvoidDaemon, data: bytes, address: Address) -> None:
         by_daemon[id(daemon)].hears(data)
         from_vehicle(daemon, data, address)
 
-    def told(daemon: AvoidDaemon, event: str, **facts: Any) -> None:
-        by_daemon[id(daemon)].tells(event, facts, daemon.engine._last_step_s or 0.0)
-        emit(daemon, event, **facts)
-
     monkeypatch.setattr(AvoidDaemon, "_open_vehicle", opened)
     monkeypatch.setattr(AvoidDaemon, "_from_vehicle", heard)
-    monkeypatch.setattr(AvoidDaemon, "_emit", told)
     yield observers
     for eyes in observers:
         assert not eyes.failures, eyes.failures[0]

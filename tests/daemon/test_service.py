@@ -179,7 +179,7 @@ def test_steps_that_keep_failing_end_the_daemon_after_a_stop() -> None:
 def test_a_watcher_that_fails_does_not_end_the_flight() -> None:
     async def test() -> None:
         async with running() as flight:
-            flight.daemon._on_event = lambda _: 1 / 0
+            flight.daemon._events.sink = lambda _: 1 / 0
             vehicle = flight.vehicle
             await vehicle.until(lambda: flight.daemon.summary().rejects.get("event_sink_failed") == 1)
             count = len(vehicle.setpoints())

@@ -45,3 +45,31 @@ def test_what_the_network_did_not_take_is_not_counted_as_sent() -> None:
         assert (await asyncio.wait_for(task, PATIENCE_S))["sent"] == before["sent"]
 
     run(test)
+
+
+def test_whoever_watches_cannot_end_the_transmission() -> None:
+    async def test() -> None:
+        told: list[dict[str, Any]] = []
+
+        def watch(event: dict[str, Any]) -> None:
+            told.append(event)
+            raise OSError("the screen has gone")
+
+        heard: asyncio.Queue[bytes] = asyncio.Queue()
+        air = await open_link(parse_link_url("udpin:127.0.0.1:0"), lambda data, address: heard.put_nowait(data))
+        config = TransmitterConfig(
+            vehicle=parse_link_url("udpin:127.0.0.1:0"),
+            to=parse_link_url(f"udpout:127.0.0.1:{air.local_address[1]}"),
+            settings=BroadcastSettings(airframe_m=0.6, airframe_height_m=0.3),
+            vehicle_sysid=9,
+        )
+        transmitter, stop = Transmitter(config, on_event=watch), asyncio.Event()
+        task = asyncio.create_task(transmitter.run(stop))
+        for _ in range(2):
+            await asyncio.wait_for(heard.get(), PATIENCE_S)
+        stop.set()
+        await asyncio.wait_for(task, PATIENCE_S)
+        air.close()
+        assert len(told) == transmitter.counters["event_sink_failed"] == 1
+
+    run(test)
