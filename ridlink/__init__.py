@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 __all__ = ["decode"]
 
 
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]
+
+
 def __getattr__(name: str) -> Any:
     """``decode`` when it is asked for: importing the package stays instant."""
     if name == "decode":

@@ -177,6 +177,7 @@ def test_memory_does_not_grow_with_the_file(tmp_path: Path, thousand: Records) -
 
 def test_importing_the_package_stays_instant_and_unknown_names_are_errors() -> None:
     assert ridlink.__all__ == ["decode"]
+    assert "decode" in dir(ridlink)  # before it is asked for, too: what a prompt completes
     with pytest.raises(AttributeError, match="nope"):
         _ = ridlink.nope
 
