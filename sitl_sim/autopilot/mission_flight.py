@@ -82,6 +82,11 @@ class MissionFlight:
         return len(self.plan) > self._first
 
     @property
+    def is_complete(self) -> bool:
+        """Whether its last item has been flown."""
+        return self.exists and self._complete
+
+    @property
     def begins_with_takeoff(self) -> bool:
         """Whether the first item that takes time is a take-off."""
         first = next((item for item in self.plan[self._first :] if item.command in NAVIGATION), None)
@@ -123,7 +128,7 @@ class MissionFlight:
         """Fields of MISSION_CURRENT."""
         if not self.exists:
             state = _NO_MISSION
-        elif self._complete:
+        elif self.is_complete:
             state = _COMPLETE
         elif self.is_flown:
             state = _ACTIVE

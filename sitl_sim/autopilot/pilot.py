@@ -258,7 +258,7 @@ class Pilot:
     def _fly_mission(self, now_s: float) -> None:
         grounded = self.navigation.state is VehicleState.GROUNDED
         if grounded and not (self.armed and (self._flavour.is_px4 or self.mission_started)):
-            if not self.armed and self._flavour.is_px4 and self.mission.current_fields()["mission_state"] == 5:
+            if not self.armed and self._flavour.is_px4 and self.mission.is_complete:
                 self.mode = self._flavour.ground_mode
             return
         match self.mission.step(self.estimate, now_s, grounded=grounded):
