@@ -89,7 +89,7 @@ def decode(
     if join or output_format in decode_export.EXPORTS:
         decode_export.export(found, kind, output_format, output, join, selection, statistics)
         return _verdict(statistics, strict, len(files) - len(found))
-    with whole_output(output) as out:
+    with whole_output(output, files) as out:
         lines = _Lines(output_format, selection, frames, stats, statistics, out)
         if follow:
             _follow(found[0], kind, lines)

@@ -165,7 +165,7 @@ def export(
     if selection.names is None and output_format != "mcap":  # nothing else is looked at
         selection = dataclasses.replace(selection, names=frozenset(JOINED_NAMES if join else MAPPED_NAMES))
     messages = _messages(files, kind, selection, statistics)
-    with whole_output(output) as out:
+    with whole_output(output, files) as out:
         if output_format == "geojson":
             write_geojson(messages, out)
         elif output_format == "kml":

@@ -57,7 +57,7 @@ def encode(file: str, output: str, to: str, strict: bool) -> int:
     written = refused = timeless = number = 0
     first = ""
     last_us = 0
-    with _input(file) as lines, whole_output(output) as out:
+    with _input(file) as lines, whole_output(output, [file]) as out:
         for number, line in enumerate(_lines(lines), 1):
             if not line.strip():
                 continue

@@ -5,17 +5,38 @@ from __future__ import annotations
 import os
 import secrets
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+import click
+
 from ridlink.cli.signals import removed_by_signals
+from ridlink.remote_id.text import display_name
+
+
+def refuse_to_replace(path: str, read: Iterable[str]) -> None:
+    """What is written would be the end of what is read.
+
+    Raises:
+        click.UsageError: If the path is one of the files that are read.
+    """
+    if any(os.path.realpath(name) == os.path.realpath(path) for name in read if name != "-"):
+        raise click.UsageError(f"{display_name(path)} is what is read: write to another file")
 
 
 @contextmanager
-def whole_output(path: str | None) -> Iterator[BinaryIO]:
-    """Standard output, or a file that appears when everything is in it."""
+def whole_output(path: str | None, read: Iterable[str] = ()) -> Iterator[BinaryIO]:
+    """Standard output, or a file that appears when everything is in it.
+
+    Args:
+        path: Its name; None or ``-`` for standard output.
+        read: What is read meanwhile, and must not be replaced.
+
+    Raises:
+        click.UsageError: If it is one of the files that are read.
+    """
     if path is None or path == "-":
         yield sys.stdout.buffer
         sys.stdout.buffer.flush()
@@ -25,6 +46,7 @@ def whole_output(path: str | None) -> Iterator[BinaryIO]:
         with open(target, "wb") as stream:
             yield stream
         return
+    refuse_to_replace(path, read)
     unfinished = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     with removed_by_signals(lambda: unfinished.unlink(missing_ok=True)):
         try:

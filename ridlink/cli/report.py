@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from ridlink.cli.options import capture_kind, definition_of
-from ridlink.cli.output import whole_output
+from ridlink.cli.output import refuse_to_replace, whole_output
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 
 ROWS = 500
@@ -59,8 +59,9 @@ def report(
     page = None if no_html else Path(html or _page_name(files[0]))
     if page is not None:
         _check_folder(page)
+        refuse_to_replace(str(page), files)
     sources, absent = open_sources(files, kind)
-    with whole_output(output) as out:
+    with whole_output(output, files) as out:
 
         def write(row: dict[str, Any]) -> None:
             out.write(msgspec.json.encode(row) + b"\n")

@@ -75,7 +75,7 @@ def whatif(
     walk = walk_through(sources, [judged])
     rows = [judgement.as_dict() for judgement in judged.judgements]
     text = _json(rows, walk, ahead_s) if as_json else _csv(rows) if as_csv else _table(rows, walk, ahead_s)
-    with whole_output(output) as out:
+    with whole_output(output, files) as out:
         out.write(text.encode())
     return exit_code(sources, absent, is_strict)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from ridlink.cli import main
+from ridlink.cli import cli, main
 from ridlink.cli.report import report
 from tests.captures.conftest import tlog_bytes
 from tests.cli.test_decode import ridlink
@@ -29,6 +29,26 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def run(*arguments: str | Path) -> Result:
     return CliRunner().invoke(report, [str(argument) for argument in arguments], standalone_mode=False)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["decode", "-f", "jsonl", "-o"],
+        ["decode", "-f", "geojson", "-o"],
+        ["encode", "--to", "tlog", "-o"],
+        ["report", "--no-html", "-o"],
+        ["report", "--html"],
+        ["whatif", "-o"],
+    ],
+)
+def test_no_command_writes_over_what_it_reads(log: Path, tmp_path: Path, words: list[str]) -> None:
+    before = log.read_bytes()
+    (tmp_path / "same.tlog").symlink_to(log)
+    command, *options = words
+    result = CliRunner().invoke(cli, [command, "logs/flight.tlog", *options, "same.tlog"], standalone_mode=False)
+    assert "same.tlog is what is read: write to another file" in str(result.exception)
+    assert log.read_bytes() == before and (tmp_path / "same.tlog").is_symlink()
 
 
 def test_lines_on_standard_output_and_a_page_beside(log: Path, tmp_path: Path) -> None:
