@@ -16,12 +16,14 @@ from ridlink.cli.signals import removed_by_signals
 from ridlink.remote_id.text import display_name
 
 
-def refuse_to_replace(path: str, read: Iterable[str]) -> None:
-    """What is written would be the end of what is read.
+def refuse_to_replace(path: str | None, read: Iterable[str]) -> None:
+    """What is written would be the end of what is read; standard streams are nobody's end.
 
     Raises:
         click.UsageError: If the path is one of the files that are read.
     """
+    if path is None or path == "-":
+        return
     if any(os.path.realpath(name) == os.path.realpath(path) for name in read if name != "-"):
         raise click.UsageError(f"{display_name(path)} is what is read: write to another file")
 

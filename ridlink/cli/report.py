@@ -60,8 +60,9 @@ def report(
     if page is not None:
         _check_folder(page)
         refuse_to_replace(str(page), files)
+    refuse_to_replace(output, files)
     sources, absent = open_sources(files, kind)
-    with whole_output(output, files) as out:
+    with whole_output(output) as out:
 
         def write(row: dict[str, Any]) -> None:
             out.write(msgspec.json.encode(row) + b"\n")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli.options import capture_kind, definition_of
-from ridlink.cli.output import whole_output
+from ridlink.cli.output import refuse_to_replace, whole_output
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 
 if TYPE_CHECKING:
@@ -70,12 +70,13 @@ def whatif(
         raise click.UsageError("--json and --csv exclude each other")
     wanted = [definition_of(name) for name in definitions.split(",")] if definitions is not None else list(Definition)
     ahead_s = AHEAD_S if ahead is None else ahead
+    refuse_to_replace(output, files)
     sources, absent = open_sources(files, kind)
     judged = WhatIf(wanted, ahead_s=ahead_s, eta=DEFAULT_ETA if eta is None else eta)
     walk = walk_through(sources, [judged])
     rows = [judgement.as_dict() for judgement in judged.judgements]
     text = _json(rows, walk, ahead_s) if as_json else _csv(rows) if as_csv else _table(rows, walk, ahead_s)
-    with whole_output(output, files) as out:
+    with whole_output(output) as out:
         out.write(text.encode())
     return exit_code(sources, absent, is_strict)
 
