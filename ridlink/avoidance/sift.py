@@ -42,6 +42,7 @@ from ridlink.avoidance.rows import (
     VELOCITY,
     WIDE,
 )
+from ridlink.avoidance.turning import buffer_growth_in_kernels
 
 APART_FACTOR = HOLD_FACTOR
 """A neighbour that was once so many radii away, buffer included, has the buffer held against it from then on. One that
@@ -185,6 +186,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
     least_horizon, wait, buffer, growth = (
         settings[HORIZON], settings[RESPONSE], settings[BUFFER_SHARE], settings[AGE_ACCELERATION] / 2.0,
     )  # fmt: skip
+    buffer *= buffer_growth_in_kernels(own[CRUISE], wait)
     reach = range_m * range_m
     margin, near = FAR, -1
     for b in range(count):

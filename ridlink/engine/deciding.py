@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ridlink.avoidance.priority import RightOfWay
 from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.solver import new_solver
+from ridlink.avoidance.turning import buffer_growth
 from ridlink.avoidance.types import OwnShip, SolverKind, Status, Traffic
 from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import Conflict, DecisionRecord
@@ -127,7 +128,8 @@ class Decider:
     ) -> float:
         config, disc_m = self.config, discs.radius_m
         if config.solver is SolverKind.HALFPLANE:
-            disc_m = disc_m + config.halfplane.buffer_share * discs.error_sum_m
+            growth = buffer_growth(config.cruise_mps, config.halfplane.response_time_s)
+            disc_m = disc_m + growth * config.halfplane.buffer_share * discs.error_sum_m
         needed_m = needed_range(
             disc_m,
             bounded_speed(speed_mps),

@@ -426,6 +426,7 @@ def avoid_one(
     if settings[CONTACT_STEP] > 0.0:
         firm = used = contact_half_planes(own, neighbours, count, settings, lines, owner, hard)
     sooner, wider = earlier_and_wider(count) if settings[RESPONSE] > 0.0 else (0.0, 0.0)
+    buffer = settings[BUFFER_SHARE] * turning.buffer_growth(own[CRUISE], settings[RESPONSE])
     pressed = False
     right = left = start = 0.0
     margin, nearest, violation = math.inf, -1, math.inf
@@ -433,7 +434,7 @@ def avoid_one(
     for j in range(count):
         u_1, u_2, age = neighbours[j, N_VELOCITY], neighbours[j, N_VELOCITY + 1], neighbours[j, AGE]
         r_1, r_2 = neighbours[j, N_POSITION] + u_1 * age - p_1, neighbours[j, N_POSITION + 1] + u_2 * age - p_2
-        radius = neighbours[j, RADIUS] + settings[BUFFER_SHARE] * neighbours[j, ERROR_SUM]
+        radius = neighbours[j, RADIUS] + buffer * neighbours[j, ERROR_SUM]
         radius += settings[AGE_ACCELERATION] * age * age / 2.0
         # A large disc must be seen earlier.
         horizon = max(settings[HORIZON], HORIZON_RADII * radius / max(own[CRUISE], 1.0))

@@ -16,6 +16,7 @@ from ridlink.avoidance import HalfplaneSettings, Memory, Obstacles, OwnShip, Sta
 from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.rows import LANES
 from ridlink.avoidance.solver import HalfplaneSolver, warm_up
+from ridlink.avoidance.turning import buffer_growth
 
 SOLVER = HalfplaneSolver()
 GOAL = (1000.0, 0.0)
@@ -296,14 +297,24 @@ def test_exactly_on_top_of_each_other_it_still_leaves():
 
 
 def test_a_slow_vehicle_leaves_a_buffer_as_fast_as_that_asks_for_once_it_was_apart():
-    """Four metres into the buffer of seven, half each: 2 m/s away. Half of 5 m/s for the pair would be 1.25 m/s."""
+    """4.56 m into the buffer of 7.56 m, half each: 2.28 m/s away. Half of 5 m/s for the pair would be 1.25 m/s."""
     slow = own_ship(velocity=(0.0, 0.0), limit=5.0)
     beside = traffic((27.0, 0.0, 0.0, 0.0))
     met = replace(beside, memory=np.array([Memory.APART], np.int8))
     away = solve(slow, met, goal_ne_m=(0.0, 0.0), cruise_mps=5.0)
-    assert away.velocity_ne_mps == pytest.approx([-2.0, 0.0], abs=1e-6)
+    assert away.velocity_ne_mps == pytest.approx([-2.28, 0.0], abs=1e-6)
     ideal = HalfplaneSolver(HalfplaneSettings(response_time_s=0.0))
     assert solve(slow, met, ideal, goal_ne_m=(0.0, 0.0), cruise_mps=5.0).velocity_ne_mps[0] == pytest.approx(-1.25)
+
+
+@pytest.mark.parametrize(("cruise_mps", "growth"), [(2.0, 1.08), (5.0, 1.08), (6.5, 1.04), (8.0, 1.0), (20.0, 1.0)])
+def test_who_is_slow_keeps_a_larger_buffer(cruise_mps, growth):
+    """A metre into it, where a metre asks for half a metre a second of each."""
+    standing = own_ship(velocity=(0.0, 0.0), limit=20.0)
+    beside = replace(traffic((23.0 + 7.0 * growth, 0.0, 0.0, 0.0)), memory=np.array([Memory.APART], np.int8))
+    away = solve(standing, beside, goal_ne_m=(0.0, 0.0), cruise_mps=cruise_mps)
+    assert away.velocity_ne_mps == pytest.approx([-0.5, 0.0], abs=1e-6)
+    assert buffer_growth(cruise_mps, 0.0) == 1.0
 
 
 def test_a_barrier_never_asks_for_more_than_the_vehicle_can_fly():
