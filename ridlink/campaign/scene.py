@@ -160,6 +160,15 @@ EMULATED_KEYS = ("route_ned_m", "ghost", "silent", "interval_s", "airframe", "au
 """What a scenario may say of a vehicle and only the emulator flies."""
 
 
+def not_flown(scenario: Scenario) -> list[str]:
+    """What a scenario says and a campaign leaves out."""
+    return [
+        *(["wind"] if scenario.wind != Wind() else []),
+        *(["events"] if scenario.events else []),
+        *(key for key in EMULATED_KEYS if any(getattr(vehicle, key) for vehicle in scenario.vehicles)),
+    ]
+
+
 def scene_of(scenario: Scenario, sigma_m: float) -> Scene:
     """The scene of a scenario, whose vehicles have the speeds and sizes that it gives.
 
@@ -168,7 +177,7 @@ def scene_of(scenario: Scenario, sigma_m: float) -> Scene:
         sigma_m: Standard deviation of vehicles that state none.
 
     Raises:
-        ConfigError: If it has no vehicles, they are not all at one height, or it holds what a campaign does not fly.
+        ConfigError: If it has no vehicles, or they are not all at one height.
     """
     vehicles = scenario.vehicles
     if not vehicles:
@@ -180,13 +189,6 @@ def scene_of(scenario: Scenario, sigma_m: float) -> Scene:
             f"{scenario.name}: a campaign flies at one height, and here are starts and goals from down = {downs[0]:g} "
             f"to {downs[-1]:g}"
         )
-    not_flown = [
-        *(["wind"] if scenario.wind != Wind() else []),
-        *(["events"] if scenario.events else []),
-        *(key for key in EMULATED_KEYS if any(getattr(v, key) for v in vehicles)),
-    ]
-    if not_flown:
-        raise ConfigError(f"{scenario.name}: a campaign flies without {', '.join(not_flown)}; 'ridlink demo' has them")
     return Scene(
         scenario.name, start[:, :2], goal[:, :2], tuple(obstacle.polygon_ne_m for obstacle in scenario.obstacles),
         speed_mps=np.array([v.speed_mps for v in vehicles]), airframe_m=np.array([v.airframe_m for v in vehicles]),

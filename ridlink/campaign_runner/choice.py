@@ -16,7 +16,7 @@ from ridlink.campaign.chance import CORRELATION_TIME_S, PAPER_MEAN_SPEED_MPS, Er
 from ridlink.campaign.link import Link
 from ridlink.campaign.plan import BASELINE, IDEAL_HALFPLANES, PAIR_READING_SIGMAS, Plan, baseline, graded_plan
 from ridlink.campaign.response import Dynamics
-from ridlink.campaign.scene import Scene, circle, drawn_scene, scene_of
+from ridlink.campaign.scene import Scene, circle, drawn_scene, not_flown, scene_of
 from ridlink.errors import ConfigError
 from ridlink.scenario import resolve_scenario
 from ridlink.separation.definitions import Definition
@@ -153,6 +153,16 @@ class Choice:
             **conditions,
             "runs": runs,
         }
+
+    def left_out(self) -> list[str]:
+        """What scenario files say and a campaign does not fly, a line for each.
+
+        Raises:
+            ConfigError: If a file is no scenario.
+        """
+        files = [resolve_scenario(name) for name in self.scenarios if drawn_scene(name) is None]
+        found = [(scenario.name, ", ".join(not_flown(scenario))) for scenario in files]
+        return [f"{name}: a campaign flies without {what}; 'ridlink demo' has them" for name, what in found if what]
 
     def _template(self, name: str, sigma_m: float) -> Plan:
         """Scene and times. The paper's scenes draw their fleets; others say who flies."""

@@ -134,6 +134,8 @@ def run(
         points=tuple((each.partition("/")[0], each.partition("/")[2]) for each in points or ()),
         conditions=Conditions(paper=paper, seed=seed, **conditions),
     )
+    for line in choice.left_out():
+        click.echo(f"ridlink: {line}", err=True)
     if only_run is not None:
         return _fly_one(choice.plans(), only_run, log, as_json)
     assert output is not None
