@@ -48,7 +48,7 @@ class HalfplaneSettings:
         age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its disc grows by a age^2 / 2.
         buffer_share: Share of the error sum added to the radius, and of the clearance added to it at obstacles. Grazing
             a disc with moving errors is violating it; a third of three sigma each is the smallest buffer that ends it.
-            The buffer to neighbours of a vehicle that cruises slowly is larger, see `turning.buffer_growth`.
+            Below a cruise speed of 8 m/s the buffer to neighbours is larger, by 8 % at 5 m/s.
         arrival_deceleration_mps2: The preferred speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s).
             Infinite for a vehicle that stops at once.
         head_on_cosine: Opposite courses are head-on when the cosine of the angle between them is below this.
