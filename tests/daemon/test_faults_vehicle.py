@@ -95,7 +95,7 @@ def test_offboard_lost_by_the_autopilot_itself_is_regained_by_an_operators_reque
 def test_f14_gnss_lost_in_mid_conflict_holds_and_comes_back() -> None:
     async def test() -> None:
         async with running() as flight:
-            vehicle, intruder = flight.vehicle, Emulated(9, ned_m=(90.0, 5.0, -50.0))
+            vehicle, intruder = flight.vehicle, Emulated(9)
             async with asyncio.timeout(PATIENCE_S):
                 await flight.air.changed.wait()
             assert flight.air.link is not None
@@ -103,6 +103,8 @@ def test_f14_gnss_lost_in_mid_conflict_holds_and_comes_back() -> None:
 
             def report() -> None:
                 assert flight.air.link is not None
+                # Ahead of where own-ship is now: one that is passed is no conflict any more.
+                intruder.position = vehicle.vehicle.position + np.array((90.0, 5.0, 0.0))
                 flight.air.link.send(intruder.remote_id(time.monotonic() - began_s))
 
             def in_conflict() -> bool:
