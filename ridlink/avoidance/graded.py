@@ -35,9 +35,7 @@ from ridlink.avoidance.headings import (
     feasibility,
     find_way,
     see_neighbours,
-    see_walls,
     settle_choice,
-    time_to_wall,
 )
 from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.rows import (
@@ -49,6 +47,7 @@ from ridlink.avoidance.rows import (
     RADIUS,
     VELOCITY,
 )
+from ridlink.avoidance.walls import see_walls, time_to_wall
 
 # Columns of the settings vector, in the order of the fields of GradedSettings.
 (

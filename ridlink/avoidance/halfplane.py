@@ -16,14 +16,13 @@ import math
 
 from ridlink.avoidance.contact import contact_half_planes
 from ridlink.avoidance.encounter import EPSILON, LEAN_HORIZONS
+from ridlink.avoidance.keep_out import obstacle_half_planes
 from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.lanes import BLOCKS_A_WORD, lanes_from, lowest_bit
 from ridlink.avoidance.meeting import meet, neighbour_half_planes
+from ridlink.avoidance.preference import INTERVAL_S, preferred_velocity, slowness
 from ridlink.avoidance.programme import (
-    BOUND,
     EXCESS,
-    N_1,
-    N_2,
     exceeds,
     least_bad,
     measure,
@@ -31,32 +30,18 @@ from ridlink.avoidance.programme import (
     nearest_admissible,
     unconstrained,
 )
-from ridlink.avoidance.reach import REACH_SIDES as REACH_SIDES
 from ridlink.avoidance.reach import keep_within, reach_half_planes
-from ridlink.avoidance.route import approach_speed, nearest_point, route_aim
 from ridlink.avoidance.rows import (
     ACCELERATION,
-    AIM,
-    AIM_IS_VELOCITY,
-    ARRIVAL,
-    BARRIER,
-    BARRIER_SHARE,
-    BUFFER_SHARE,
-    CLEARANCE,
     COMMAND,
     CONSTRAINED,
     CONTACT_STEP,
-    CRUISE,
     EXTRA_TURN,
     FREE,
     INFEASIBLE,
     LANES,
     LIMIT,
-    OBSTACLE_DECELERATION,
-    OBSTACLE_HORIZON,
-    OBSTACLE_RESPONSE,
     OVERLAPPED,
-    POSITION,
     R_BINDING,
     R_COMMAND,
     R_HARD,
@@ -71,137 +56,18 @@ from ridlink.avoidance.rows import (
     R_VELOCITY,
     RESPONSE,
     RIGHT_TURN,
-    ROUTE_MARGIN,
     SMOOTHING,
     START_TURN,
     VELOCITY,
 )
-from ridlink.avoidance.rows import OWN_COLUMNS as OWN_COLUMNS
-from ridlink.avoidance.rows import RESULT_COLUMNS as RESULT_COLUMNS
 from ridlink.avoidance.sift import FAR, sift
 from ridlink.avoidance.turning import earlier_and_wider
 
 TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
 
-APPROACH_OFFSET_MPS = 0.3
-"""Keeps the last metre to a goal from taking for ever."""
-
-INTERVAL_S = 0.1
-"""Time between decisions; a goal nearer than one step of cruise is flown to in one step."""
-
-STRAIGHT_M, STRAIGHT_SHARE = 3.0, 0.25
-"""A slow vehicle whose course leads past its goal at this distance, or this share of the way to it if that is less,
-flies straight on: its own position drifts by as much while it turns, and to turn after every drift is to weave."""
-
-AMENDED = 3.0
-"""Where its velocity leads past the goal at so many times that distance, the command leads to the goal itself."""
-
 MOST_TURN = 1.5
 """All turns together [rad]: a quarter turn and more would lead away from the goal."""
-
-
-@kernel(forceinline=True, inner=True)
-def slowness(preferred, v_1, v_2, limit):  # type: ignore[no-untyped-def]
-    """How far own-ship is from the speed it wants, 0 at that speed and 1 at rest."""
-    wanted = min(norm(preferred[0], preferred[1]), limit)
-    return max(1.0 - norm(v_1, v_2) / max(wanted, EPSILON), 0.0)
-
-
-@kernel(forceinline=True, inner=True)
-def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
-    """Distance [m] aimed at from obstacles. As with discs, a clearance that is grazed with a drifting position is
-    lost."""
-    return own[CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
-
-
-@kernel(forceinline=True, inner=True)
-def steadied(c_1, c_2, v_1, v_2, to_1, to_2, to_goal_m):  # type: ignore[no-untyped-def]
-    """The way to a goal, turned away from the course commanded no further than that has to be left.
-
-    A vehicle that comes back from a detour still flies outwards of what it is told, PX4 for seconds: the further its
-    velocity leads past the goal, the nearer to it the command must lead.
-
-    Args:
-        c_1: North of the velocity commanded.
-        c_2: East of it.
-        v_1: North of the velocity flown.
-        v_2: East of it.
-        to_1: North of the goal as seen from own-ship.
-        to_2: East of it.
-        to_goal_m: How far it is.
-    """
-    square = c_1 * c_1 + c_2 * c_2
-    if c_1 * to_1 + c_2 * to_2 <= 0.0 or square < EPSILON:
-        return to_1, to_2
-    once_per_speed = 1.0 / math.sqrt(square)
-    most = min(STRAIGHT_M, STRAIGHT_SHARE * to_goal_m)
-    # A root and a division only where it is not nearly straight.
-    across, flown_square, near = v_1 * to_2 - v_2 * to_1, v_1 * v_1 + v_2 * v_2, (AMENDED - 1.0) * most
-    if across * across > near * near * flown_square:
-        flown_past = abs(across) / max(math.sqrt(flown_square), EPSILON)
-        most = min(max(AMENDED * most - flown_past, 0.0), most)
-    past = min(max((c_1 * to_2 - c_2 * to_1) * once_per_speed, -most), most) * once_per_speed
-    return to_1 + past * c_2, to_2 - past * c_1
-
-
-@kernel(forceinline=True, inner=True)
-def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
-    """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
-    if own[AIM_IS_VELOCITY] != 0.0:
-        preferred[0], preferred[1] = own[AIM], own[AIM + 1]
-        return 0
-    p_1, p_2 = own[POSITION], own[POSITION + 1]
-    to_1, to_2, route = own[AIM] - p_1, own[AIM + 1] - p_2, 0
-    to_goal = length = norm(to_1, to_2)
-    if len(start) > 1:
-        clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
-        route = route_aim(vertex, start, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
-        to_1, to_2 = aim[0] - p_1, aim[1] - p_2
-        length = norm(to_1, to_2)
-    slow = not math.isinf(settings[ARRIVAL])
-    if slow and route == 0:
-        to_1, to_2 = steadied(
-            own[COMMAND], own[COMMAND + 1], own[VELOCITY], own[VELOCITY + 1], to_1, to_2, length
-        )  # fmt: skip
-        length = norm(to_1, to_2)
-    preferred[0] = preferred[1] = 0.0
-    if to_goal < EPSILON or length < EPSILON:
-        return route
-    speed = min(own[CRUISE], to_goal / INTERVAL_S)
-    if slow:
-        speed = min(speed, math.sqrt(2.0 * settings[ARRIVAL] * to_goal) + APPROACH_OFFSET_MPS)
-    preferred[0], preferred[1] = speed * to_1 / length, speed * to_2 / length
-    return route
-
-
-@kernel(forceinline=True, inner=True)
-def obstacle_half_planes(own, vertex, start, settings, lines, hard, normal):  # type: ignore[no-untyped-def]
-    """One hard half-plane for each convex piece that could matter, from column `hard` of `lines` on, and some that
-    forbid nothing up to a multiple of LANES; returns the column after those, and True while too near an obstacle."""
-    used = hard
-    inside = False
-    limit = own[LIMIT]
-    for piece in range(len(start) - 1):
-        distance = nearest_point(vertex, start[piece], start[piece + 1], own[POSITION], own[POSITION + 1], normal)
-        inside = inside or distance < own[CLEARANCE]
-        gap = distance - buffered_clearance(own, settings)
-        # What is left of the gap when the vehicle begins to obey; moving away earns nothing in advance.
-        gap += min(settings[RESPONSE] * (normal[0] * own[VELOCITY] + normal[1] * own[VELOCITY + 1]), 0.0)
-        if gap >= 0.0:
-            approach = approach_speed(
-                gap, settings[OBSTACLE_HORIZON], settings[OBSTACLE_DECELERATION], settings[OBSTACLE_RESPONSE]
-            )
-            if approach >= limit:
-                continue
-            bound = -approach
-        else:
-            bound = min(-gap * settings[BARRIER], settings[BARRIER_SHARE] * limit)
-        lines[N_1, used], lines[N_2, used], lines[BOUND, used] = normal[0], normal[1], bound
-        used += 1
-    for k in range(used, -(-used // LANES) * LANES):
-        lines[N_1, k], lines[N_2, k], lines[BOUND, k] = 0.0, 0.0, -math.inf
-    return -(-used // LANES) * LANES, inside
 
 
 @kernel(forceinline=True, inner=True)

@@ -31,9 +31,7 @@ from ridlink.avoidance.headings import (
     explain_choice,
     find_way,
     see_neighbours,
-    see_walls,
     settle_choice,
-    time_to_wall,
 )
 from ridlink.avoidance.headings import KEPT as SIGHT_KEPT
 from ridlink.avoidance.kernel import kernel, larger, smaller
@@ -53,6 +51,7 @@ from ridlink.avoidance.rows import (
     REPORTED,
     VELOCITY,
 )
+from ridlink.avoidance.walls import see_walls, time_to_wall
 
 # Columns of the settings vector, in the order of the fields of RotationSettings.
 STEP, LEFT_WEIGHT, COST_WEIGHT, AGE_ACCELERATION, ARRIVAL, SMOOTHING = range(6)

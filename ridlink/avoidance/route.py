@@ -1,4 +1,4 @@
-"""Static obstacles in the kernels: the half-plane that keeps out of one, and the way round it.
+"""Static obstacles in the kernels: the way round them.
 
 Axes: north-east, metres. Polygons are convex and positively oriented (north to east), see `obstacles`. A grown polygon
 is the set of points within a clearance of it; for routes its round corners are replaced by ARC points each.
@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from ridlink.avoidance.keep_out import nearest_point
 from ridlink.avoidance.kernel import kernel, norm
 
 ARC = 5
@@ -22,57 +23,6 @@ DETOUR_SHARE = 0.1
 
 TIE_M = 1.0
 """Ways that differ by less count as equal, and equal ways are passed on the right."""
-
-
-@kernel(inner=True)
-def nearest_point(vertex, first, last, p_1, p_2, found):  # type: ignore[no-untyped-def]
-    """Signed distance [m] of a point to a convex polygon, negative inside, and the outward normal at the nearest point.
-
-    Args:
-        vertex: Vertices, shape (m, 2); the polygon is `first..last-1`.
-        first: Index of its first vertex.
-        last: Index after its last vertex.
-        p_1: North of the point.
-        p_2: East of the point.
-        found: Result: the normal, shape (2,).
-    """
-    inside = True
-    deepest = -math.inf
-    closest = math.inf
-    outward_1 = outward_2 = edge_1 = edge_2 = 0.0
-    for k in range(first, last):
-        following = k + 1 if k + 1 < last else first
-        a_1, a_2 = vertex[k, 0], vertex[k, 1]
-        side_1, side_2 = vertex[following, 0] - a_1, vertex[following, 1] - a_2
-        length = norm(side_1, side_2)
-        normal_1, normal_2 = side_2 / length, -side_1 / length
-        height = (p_1 - a_1) * normal_1 + (p_2 - a_2) * normal_2
-        if height > 0.0:
-            inside = False
-        if height > deepest:
-            deepest = height
-            edge_1, edge_2 = normal_1, normal_2
-        along = ((p_1 - a_1) * side_1 + (p_2 - a_2) * side_2) / (length * length)
-        along = min(max(along, 0.0), 1.0)
-        gap_1, gap_2 = p_1 - a_1 - along * side_1, p_2 - a_2 - along * side_2
-        distance = norm(gap_1, gap_2)
-        if distance < closest:
-            closest = distance
-            outward_1, outward_2 = gap_1, gap_2
-    if inside or closest < 1e-9:
-        found[0], found[1] = edge_1, edge_2
-        return deepest
-    found[0], found[1] = outward_1 / closest, outward_2 / closest
-    return closest
-
-
-@kernel(inner=True)
-def approach_speed(gap_m, horizon_s, deceleration_mps2, response_s):  # type: ignore[no-untyped-def]
-    """Largest speed [m/s] towards an obstacle from which the vehicle still stops within the gap."""
-    if math.isinf(deceleration_mps2):
-        return gap_m / horizon_s
-    lost = deceleration_mps2 * response_s
-    return min(gap_m / horizon_s, math.sqrt(lost * lost + 2.0 * deceleration_mps2 * gap_m) - lost)
 
 
 @kernel(inner=True)

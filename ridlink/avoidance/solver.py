@@ -14,6 +14,7 @@ from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import RightOfWay, give_way
 from ridlink.avoidance.programme import new_choice, new_lines
+from ridlink.avoidance.reach import REACH_SIDES
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import (
@@ -26,6 +27,7 @@ from ridlink.avoidance.types import (
     Traffic,
     checked_pair,
 )
+from ridlink.avoidance.walls import WALL_COLUMNS
 from ridlink.compiled import is_compiled
 
 SolverSettings = HalfplaneSettings | GradedSettings | RotationSettings
@@ -230,14 +232,14 @@ class HalfplaneSolver(_RowSolver):
 
     def _reserve(self, obstacles: Obstacles) -> None:
         lanes = rows.LANES * len(self._neighbours)
-        self._lines = new_lines(obstacles.piece_count + halfplane.REACH_SIDES, 2 * lanes, lanes)
+        self._lines = new_lines(obstacles.piece_count + REACH_SIDES, 2 * lanes, lanes)
         self._candidates, self._names = rows.aligned(self._neighbours), rows.new_names(len(self._neighbours))
         self._chosen, self._work = (new_choice(self._lines.shape[1]) for _ in range(2))
         self._ring = np.zeros((ring_size(obstacles.hull_start), 2))
 
     def _has_room(self, obstacles: Obstacles) -> bool:
         spare = self._lines.shape[1] - 3 * rows.LANES * len(self._neighbours)
-        hard = obstacles.piece_count + halfplane.REACH_SIDES
+        hard = obstacles.piece_count + REACH_SIDES
         return hard <= spare and ring_size(obstacles.hull_start) <= len(self._ring)
 
     def _decide(self, count: int, obstacles: Obstacles) -> None:
@@ -260,7 +262,7 @@ class _HeadingSolver(_RowSolver):
 
     def _reserve(self, obstacles: Obstacles) -> None:
         self._sights = np.zeros((self._most, headings.SIGHT_COLUMNS))
-        self._walls = np.zeros((obstacles.piece_count, headings.WALL_COLUMNS))
+        self._walls = np.zeros((obstacles.piece_count, WALL_COLUMNS))
         self._way = np.zeros(headings.WAY_COLUMNS)
 
     def _has_room(self, obstacles: Obstacles) -> bool:

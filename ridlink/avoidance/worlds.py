@@ -21,12 +21,13 @@ import numpy as np
 
 from ridlink.avoidance import headings
 from ridlink.avoidance.graded import grade_one
-from ridlink.avoidance.halfplane import REACH_SIDES, avoid_one
+from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.kernel import kernel
 from ridlink.avoidance.lanes import copy_lanes, lane_of
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import place_reports
 from ridlink.avoidance.programme import new_choice, new_lines
+from ridlink.avoidance.reach import REACH_SIDES
 from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.rows import (
@@ -45,6 +46,7 @@ from ridlink.avoidance.rows import (
     new_blocks,
     new_names,
 )
+from ridlink.avoidance.walls import WALL_COLUMNS
 
 SMALL_WORLD = 64
 """Vehicles up to which everybody is passed over for everybody."""
@@ -268,7 +270,7 @@ def rotation_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[
     """The scratch arguments of `rotate_worlds`, in its order."""
     return (
         *_picture(worlds, vehicles),
-        np.zeros((worlds, obstacles.piece_count, headings.WALL_COLUMNS)),
+        np.zeros((worlds, obstacles.piece_count, WALL_COLUMNS)),
         np.zeros((worlds, headings.WAY_COLUMNS)),
     )
 

@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 
 from ridlink.avoidance import graded, headings, rotation, rows
 from ridlink.avoidance.graded import grade_one
-from ridlink.avoidance.halfplane import REACH_SIDES, avoid_one
+from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import give_way, new_turns
 from ridlink.avoidance.programme import new_choice, new_lines
+from ridlink.avoidance.reach import REACH_SIDES
 from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.walls import WALL_COLUMNS
 from ridlink.campaign.tracks import collect, kernel
 
 FloatArray = NDArray[np.float64]
@@ -138,7 +140,7 @@ class PairDecider:
             )  # fmt: skip
             return
         room: tuple[Any, ...] = (
-            np.zeros((worlds, obstacles.piece_count, headings.WALL_COLUMNS)),
+            np.zeros((worlds, obstacles.piece_count, WALL_COLUMNS)),
             np.zeros((worlds, headings.WAY_COLUMNS)),
         )
         if isinstance(settings, RotationSettings):

@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ridlink.avoidance import halfplane
+from ridlink.avoidance import rows
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.priority import give_way_in_worlds, new_turns
 from ridlink.avoidance.progress import ProgressWatch
@@ -239,7 +239,7 @@ def fly(
     phase = random.integers(0, PHASES, shape)
     obstacles = Obstacles.from_polygons(plan.polygons)
 
-    own = np.zeros((*shape, halfplane.OWN_COLUMNS))
+    own = np.zeros((*shape, rows.OWN_COLUMNS))
     heard = np.zeros((*shape, 8))
     sent = np.full((*shape, MEMORY, 2), np.inf)  # sent at, arrives at
     reports = np.zeros((*shape, MEMORY, 6))
@@ -252,7 +252,7 @@ def fly(
     memory, turns = new_memory(*shape), new_turns(*shape)
     route = np.zeros(shape, np.int64)
     scratch = halfplane_scratch(*shape, obstacles)
-    result = np.zeros((*shape, halfplane.RESULT_COLUMNS))
+    result = np.zeros((*shape, rows.RESULT_COLUMNS))
     vector = settings.as_vector()
     itself = np.eye(count, dtype=bool)
     mac = (airframe[:, :, None] + airframe[:, None, :]) / 2.0
@@ -287,10 +287,10 @@ def fly(
         heard[..., 7] = cooperative & announces & active
         measured = velocity + random.normal(0.0, 0.1, velocity.shape)
         own[..., 0:2], own[..., 2:4], own[..., 4:6], own[..., 6:8] = reported, measured, command, goal
-        own[..., halfplane.LIMIT] = own[..., halfplane.CRUISE] = speed
+        own[..., rows.LIMIT] = own[..., rows.CRUISE] = speed
         own_speed = np.linalg.norm(measured, axis=-1)
-        own[..., halfplane.CLEARANCE] = airframe / 2.0 + bound + 0.1 * own_speed
-        own[..., halfplane.EXTRA_TURN] = turn
+        own[..., rows.CLEARANCE] = airframe / 2.0 + bound + 0.1 * own_speed
+        own[..., rows.EXTRA_TURN] = turn
         discs = separation_discs(
             definition,
             own_airframe_m=airframe[:, :, None], own_error_bound_m=bound, own_accuracy_bound_m=np.nan,
@@ -309,7 +309,7 @@ def fly(
         )  # fmt: skip
         command = np.where(deciding[..., None], result[..., 2:4], np.where(active[..., None], command, 0.0))
         decisions += deciding.sum()
-        infeasible += (deciding & (result[..., halfplane.R_STATUS] == halfplane.INFEASIBLE)).sum()
+        infeasible += (deciding & (result[..., rows.R_STATUS] == rows.INFEASIBLE)).sum()
         course = plan.goal - plan.start
         course = course / np.linalg.norm(course, axis=-1, keepdims=True)
         lateral = course[:, 0] * command[..., 1] - course[:, 1] * command[..., 0]
@@ -352,7 +352,7 @@ def fly(
         if plan.polygons and step % PHASES == 0:
             away = signed_distance(obstacles, position)
             least_obstacle = np.minimum(least_obstacle, np.where(active, away, np.inf).min(axis=1))
-            spare = signed_distance(obstacles, reported) - own[..., halfplane.CLEARANCE]
+            spare = signed_distance(obstacles, reported) - own[..., rows.CLEARANCE]
             least_clearance = np.minimum(least_clearance, np.where(active, spare, np.inf).min(axis=1))
         there = active & (np.linalg.norm(goal - reported, axis=-1) < ARRIVED_M) & ~hit
         arrival = np.where(there, now, arrival)

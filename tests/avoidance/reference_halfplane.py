@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from ridlink.avoidance import halfplane, route, turning
+from ridlink.avoidance import keep_out, preference, turning
 from ridlink.avoidance.encounter import CLEAR_FACTOR, DODGE_MPS, EPSILON, HOLD_FACTOR
 from ridlink.avoidance.halfplane import TOUCHING_MPS
 from ridlink.avoidance.kernel import norm
@@ -59,8 +59,8 @@ from tests.avoidance.way_in import way_in
 buffered_clearance, preferred_velocity, slowness, approach_speed, nearest_point, earlier_and_wider = map(
     way_in,
     (
-        halfplane.buffered_clearance, halfplane.preferred_velocity, halfplane.slowness, route.approach_speed,
-        route.nearest_point, turning.earlier_and_wider,
+        keep_out.buffered_clearance, preference.preferred_velocity, preference.slowness, keep_out.approach_speed,
+        keep_out.nearest_point, turning.earlier_and_wider,
     ),
 )  # fmt: skip
 

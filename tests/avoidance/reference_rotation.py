@@ -8,11 +8,12 @@ import math
 
 import numpy as np
 
-from ridlink.avoidance import rotation, route, rows
-from ridlink.avoidance.headings import EPSILON, WALL_S, ray_to_piece
+from ridlink.avoidance import keep_out, rotation, rows
+from ridlink.avoidance.headings import EPSILON, WALL_S
+from ridlink.avoidance.walls import ray_to_piece
 from tests.avoidance.way_in import way_in
 
-nearest_point = way_in(route.nearest_point)
+nearest_point = way_in(keep_out.nearest_point)
 
 
 def straightforward(own, heard, radius, range_m, obstacles, settings):

@@ -22,9 +22,9 @@ from ridlink.avoidance import (
     Status,
     Traffic,
     graded,
-    headings,
     rotation,
     rows,
+    walls,
 )
 from ridlink.avoidance.obstacles import NO_OBSTACLES, convex_hull
 from ridlink.avoidance.solver import GradedSolver, HalfplaneSolver, RotationSolver, new_solver, warm_up
@@ -419,7 +419,7 @@ def test_a_ray_enters_a_grown_polygon_where_its_distance_says(seed, clearance):
     aim = random.uniform(-60.0, 60.0, 2) - start
     unit = aim / np.linalg.norm(aim)
     vertex, first, last = obstacles.piece_vertex_ne_m, *obstacles.piece_start.tolist()
-    hit = headings.ray_to_piece(vertex, first, last, clearance, *start, *unit)
+    hit = walls.ray_to_piece(vertex, first, last, clearance, *start, *unit)
     along = np.linspace(0.0, 300.0, 3001)
     gap = signed_distance(obstacles, start + along[:, None] * unit) - clearance
     if math.isinf(hit):

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.avoidance import route
+from ridlink.avoidance import keep_out, route
 from ridlink.avoidance.obstacles import Obstacles, convex_hull, signed_area
 from ridlink.avoidance.route import ring_size
 from tests.avoidance.way_in import way_in
 
-nearest_point, route_aim = way_in(route.nearest_point), way_in(route.route_aim)
+nearest_point, route_aim = way_in(keep_out.nearest_point), way_in(route.route_aim)
 
 SQUARE = np.array([[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]])
 NOTCHED = np.array(

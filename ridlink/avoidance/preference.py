@@ -1,0 +1,94 @@
+"""The velocity that own-ship would fly if nobody were about: to its goal, round the obstacles, slower towards the end.
+
+Axes: north-east, metres, m/s, seconds.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ridlink.avoidance.encounter import EPSILON
+from ridlink.avoidance.keep_out import buffered_clearance
+from ridlink.avoidance.kernel import kernel, norm
+from ridlink.avoidance.route import route_aim
+from ridlink.avoidance.rows import AIM, AIM_IS_VELOCITY, ARRIVAL, COMMAND, CRUISE, POSITION, ROUTE_MARGIN, VELOCITY
+
+APPROACH_OFFSET_MPS = 0.3
+"""Keeps the last metre to a goal from taking for ever."""
+
+INTERVAL_S = 0.1
+"""Time between decisions; a goal nearer than one step of cruise is flown to in one step."""
+
+STRAIGHT_M, STRAIGHT_SHARE = 3.0, 0.25
+"""A slow vehicle whose course leads past its goal at this distance, or this share of the way to it if that is less,
+flies straight on: its own position drifts by as much while it turns, and to turn after every drift is to weave."""
+
+AMENDED = 3.0
+"""Where its velocity leads past the goal at so many times that distance, the command leads to the goal itself."""
+
+
+@kernel(forceinline=True, inner=True)
+def steadied(c_1, c_2, v_1, v_2, to_1, to_2, to_goal_m):  # type: ignore[no-untyped-def]
+    """The way to a goal, turned away from the course commanded no further than that has to be left.
+
+    A vehicle that comes back from a detour still flies outwards of what it is told, PX4 for seconds: the further its
+    velocity leads past the goal, the nearer to it the command must lead.
+
+    Args:
+        c_1: North of the velocity commanded.
+        c_2: East of it.
+        v_1: North of the velocity flown.
+        v_2: East of it.
+        to_1: North of the goal as seen from own-ship.
+        to_2: East of it.
+        to_goal_m: How far it is.
+    """
+    square = c_1 * c_1 + c_2 * c_2
+    if c_1 * to_1 + c_2 * to_2 <= 0.0 or square < EPSILON:
+        return to_1, to_2
+    once_per_speed = 1.0 / math.sqrt(square)
+    most = min(STRAIGHT_M, STRAIGHT_SHARE * to_goal_m)
+    # A root and a division only where it is not nearly straight.
+    across, flown_square, near = v_1 * to_2 - v_2 * to_1, v_1 * v_1 + v_2 * v_2, (AMENDED - 1.0) * most
+    if across * across > near * near * flown_square:
+        flown_past = abs(across) / max(math.sqrt(flown_square), EPSILON)
+        most = min(max(AMENDED * most - flown_past, 0.0), most)
+    past = min(max((c_1 * to_2 - c_2 * to_1) * once_per_speed, -most), most) * once_per_speed
+    return to_1 + past * c_2, to_2 - past * c_1
+
+
+@kernel(forceinline=True, inner=True)
+def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
+    """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
+    if own[AIM_IS_VELOCITY] != 0.0:
+        preferred[0], preferred[1] = own[AIM], own[AIM + 1]
+        return 0
+    p_1, p_2 = own[POSITION], own[POSITION + 1]
+    to_1, to_2, route = own[AIM] - p_1, own[AIM + 1] - p_2, 0
+    to_goal = length = norm(to_1, to_2)
+    if len(start) > 1:
+        clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
+        route = route_aim(vertex, start, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
+        to_1, to_2 = aim[0] - p_1, aim[1] - p_2
+        length = norm(to_1, to_2)
+    slow = not math.isinf(settings[ARRIVAL])
+    if slow and route == 0:
+        to_1, to_2 = steadied(
+            own[COMMAND], own[COMMAND + 1], own[VELOCITY], own[VELOCITY + 1], to_1, to_2, length
+        )  # fmt: skip
+        length = norm(to_1, to_2)
+    preferred[0] = preferred[1] = 0.0
+    if to_goal < EPSILON or length < EPSILON:
+        return route
+    speed = min(own[CRUISE], to_goal / INTERVAL_S)
+    if slow:
+        speed = min(speed, math.sqrt(2.0 * settings[ARRIVAL] * to_goal) + APPROACH_OFFSET_MPS)
+    preferred[0], preferred[1] = speed * to_1 / length, speed * to_2 / length
+    return route
+
+
+@kernel(forceinline=True, inner=True)
+def slowness(preferred, v_1, v_2, limit):  # type: ignore[no-untyped-def]
+    """How far own-ship is from the speed it wants, 0 at that speed and 1 at rest."""
+    wanted = min(norm(preferred[0], preferred[1]), limit)
+    return max(1.0 - norm(v_1, v_2) / max(wanted, EPSILON), 0.0)
