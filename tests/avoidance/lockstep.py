@@ -77,6 +77,17 @@ def overtaking(speed=10.0) -> Scene:
     return scene([[-250.0, 0.0], [-150.0, 0.0]], [[250.0, 0.0], [350.0, 0.0]], [speed, speed / 2.0])
 
 
+def with_bystanders(plan: Scene) -> Scene:
+    """The same with two more in the air, 190 m to either side, who are heard and in nobody's way."""
+    side = np.array([[-250.0, 190.0], [-250.0, -190.0]])
+    return scene(
+        np.concatenate([plan.start, side]),
+        np.concatenate([plan.goal, side * (-1.0, 1.0)]),
+        np.concatenate([plan.speed, plan.speed[:1], plan.speed[:1]]),
+        np.concatenate([plan.cooperative, [True, True]]),
+    )
+
+
 def square24(speed=10.0) -> Scene:
     along = np.arange(6) * 100.0 - 250.0
     side = np.full(6, 300.0)
