@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from ridlink.errors import ConfigError
 from ridlink.links.link import Address, Link, OnDatagram
 from ridlink.links.memory import MemoryLink, memory_link_pair
 from ridlink.links.signed import SigningOptions, open_signed_link
 from ridlink.links.tcp import open_tcp_link
 from ridlink.links.udp import open_udp_link
-from ridlink.links.url import LinkUrl, Scheme, parse_link_url, refuse_to_speak_to_oneself
+from ridlink.links.url import LinkUrl, Scheme, parse_link_url, refuse_serial, refuse_to_speak_to_oneself
 
 __all__ = ["Address", "Link", "LinkUrl", "MemoryLink", "OnDatagram", "Scheme", "SigningOptions",
            "memory_link_pair", "open_link", "open_signed_link", "parse_link_url",
@@ -27,11 +26,7 @@ async def open_link(url: LinkUrl | str, on_datagram: OnDatagram) -> Link:
         LinkError: If the port or peer cannot be used.
     """
     url = parse_link_url(url) if isinstance(url, str) else url
-    if url.scheme is Scheme.SERIAL:
-        raise ConfigError(
-            f"{url}: serial devices are not supported in this version; let mavlink-router bridge {url.host} to UDP and "
-            "use udpin:127.0.0.1:14540"
-        )
+    refuse_serial(url)
     if url.scheme in (Scheme.UDPIN, Scheme.UDPOUT):
         return await open_udp_link(url, on_datagram)
     return await open_tcp_link(url, on_datagram)

@@ -27,7 +27,7 @@ from ridlink.errors import ConfigError
 from ridlink.links.link import Address, Link, OnDatagram
 from ridlink.links.tcp import open_tcp_link
 from ridlink.links.udp import open_udp_link
-from ridlink.links.url import LinkUrl, Scheme
+from ridlink.links.url import LinkUrl, Scheme, refuse_serial
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import BadFrame, parse_datagram
 from ridlink.mavlink.signing import KEY_LENGTH, LATEST_CLOCK, UNITS_PER_S, SignatureCause, Signing, signing_timestamp
@@ -249,10 +249,9 @@ async def open_signed_link(
         LinkError: If the port or peer cannot be used.
         OSError: If the key cannot be read, or the clock not be kept.
     """
+    refuse_serial(url)
     link = SignedLink(on_datagram, options, open_signing(options), utc)
     save_signing(options.state, link._state(AHEAD))  # a clock that cannot be kept is a fault now, not after the flight
     open_kind = open_udp_link if url.scheme in (Scheme.UDPIN, Scheme.UDPOUT) else open_tcp_link
-    if url.scheme is Scheme.SERIAL:
-        raise ConfigError(f"{url}: serial devices are not supported in this version")
     link._use(await open_kind(url, link._receive))
     return link

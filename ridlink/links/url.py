@@ -104,6 +104,19 @@ def refuse_to_speak_to_oneself(links: Mapping[str, LinkUrl | None]) -> None:
                 )
 
 
+def refuse_serial(url: LinkUrl) -> None:
+    """What is not here yet, with the way round it.
+
+    Raises:
+        ConfigError: If the link is a serial one.
+    """
+    if url.scheme is Scheme.SERIAL:
+        raise ConfigError(
+            f"{url}: serial devices are not supported in this version; let mavlink-router bridge {url.host} to UDP and "
+            "use udpin:127.0.0.1:14540"
+        )
+
+
 def parse_link_url(text: str) -> LinkUrl:
     """The link that a connection string names.
 
