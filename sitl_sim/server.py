@@ -46,6 +46,10 @@ ERROR_LOG_S = 1.0
 log = logging.getLogger(__name__)
 
 
+class PortError(LinkError):
+    """One of the fleet's own ports that cannot be had."""
+
+
 class FleetServer:
     """A fleet in real time on loopback.
 
@@ -143,8 +147,8 @@ class FleetServer:
         """Open all sockets.
 
         Raises:
-            LinkError: If a port is in use; whatever is wrong, those opened before are released.
-            ConfigError: If there can be no link to the ground station.
+            PortError: If a port is in use; whatever is wrong, those opened before are released.
+            LinkError, ConfigError: If there can be no link to the ground station.
         """
         self._loop = asyncio.get_running_loop()
         config = self.config
@@ -361,6 +365,6 @@ async def _listen(port: int, handler: Callable[[bytes, Address], None]) -> Link:
     try:
         return await open_link(f"udpin:{HOST}:{port}", handler)
     except LinkError as error:
-        raise LinkError(
+        raise PortError(
             f"cannot use UDP port {port}: another simulation may be running (ss -ulpn shows who has it)"
         ) from error

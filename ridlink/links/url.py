@@ -135,10 +135,11 @@ def parse_link_url(text: str) -> LinkUrl:
         )
     if lowered not in list(Scheme):
         near = difflib.get_close_matches(lowered, list(Scheme), n=1, cutoff=0.5)
-        scheme = Scheme(near[0]) if near else Scheme.UDPIN
-        reason = f"unknown scheme {name!r}" if colon else "no scheme"
-        right = f"{scheme}:{_tail(rest, _EXAMPLES[scheme])}" if near else ", ".join(_EXAMPLES.values())
-        _refuse(text, reason, right)
+        if near:
+            _refuse(text, f"unknown scheme {name!r}", f"{near[0]}:{_tail(rest, _EXAMPLES[Scheme(near[0])])}")
+        if place := _place(text.strip()):
+            _refuse(text, "no scheme", f"udpin:{place} to listen or udpout:{place} to speak to a peer")
+        _refuse(text, f"unknown scheme {name!r}" if colon else "no scheme", ", ".join(_EXAMPLES.values()))
     scheme = Scheme(lowered)
     example = _EXAMPLES[scheme]
     if match := re.fullmatch(r"\[([^\]]*)\](?::(.*))?", rest):
@@ -171,6 +172,15 @@ def parse_link_url(text: str) -> LinkUrl:
 def _number(text: str) -> int:
     """A number of at most nine digits, which is more than any port or baud rate has; -1 if it is none."""
     return int(text) if re.fullmatch(r"[0-9]{1,9}", text) else -1
+
+
+def _place(text: str) -> str | None:
+    """Host and port of what lacks a scheme, completed where one of them is missing too; None: it is no such thing."""
+    found = re.fullmatch(r"(?:(\w[\w.\-]*|\[[0-9a-fA-F:.]+\]):?)??([0-9]*)", text, re.ASCII)
+    if not text or found is None:
+        return None
+    port = _number(found[2] or _EXAMPLES[Scheme.UDPIN].rpartition(":")[2])
+    return f"{found[1] or DEFAULT_HOST}:{port}" if 0 < port <= 65535 else None
 
 
 def _tail(rest: str, example: str) -> str:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ridlink.errors import LinkError
 from sitl_sim.cli.options import Finite, fleet_config, fleet_options
 
 if TYPE_CHECKING:
@@ -144,6 +143,8 @@ async def _run(
     import json
     import signal
 
+    from sitl_sim.server import PortError
+
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
 
@@ -153,10 +154,8 @@ async def _run(
 
     try:
         await server.start()
-    except LinkError as error:
-        raise LinkError(
-            f"{error}; stop it, or choose other ports with --vehicle-port, --companion-port and --air-port"
-        ) from error
+    except PortError as error:
+        raise PortError(f"{error}; stop it, or choose other ports with --vehicle-port and --air-port") from error
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop_gently, number)
     click.echo(_greeting(server), err=True)

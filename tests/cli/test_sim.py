@@ -241,12 +241,28 @@ def test_explain_prints_the_scenario_and_flies_nothing(tmp_path: Path) -> None:
         (["--gnss", "white-radial", "--gnss-common", "0.5"], "no common share"),
         (["--sigma", "best-ever"], "best-ever"),
         (["--gcs", "udp:127.0.0.1:14550"], "udpout:127.0.0.1:14550"),
+        (["--gcs", "nohost"], "udpout:nohost:"),
     ],
 )
 def test_wrong_choices_are_refused_in_one_line(arguments: list[str], told: str) -> None:
     done = ridlink_sim("-n", "1", *ANY_PORT, "--duration", "1", *arguments)
     assert done.returncode == 2, done.stderr
     assert told in done.stderr and "Traceback" not in done.stderr
+
+
+def test_what_is_wrong_with_the_ground_stations_link_is_not_put_down_to_the_fleets_ports() -> None:
+    done = ridlink_sim("-n", "1", *ANY_PORT, "--duration", "1", "--gcs", f"udpout:{'x' * 64}:14550")  # asks no resolver
+    assert (done.returncode, done.stdout) == (3, "")
+    assert "no such host" in done.stderr and "--air-port" not in done.stderr
+
+
+def test_a_port_of_the_fleet_that_is_in_use_is_told_with_the_options_that_choose_another() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = str(taken.getsockname()[1])
+        done = ridlink_sim("-n", "1", *ANY_PORT, "--air-port", port, "--duration", "1")
+    assert (done.returncode, done.stdout) == (3, "")
+    assert f"UDP port {port}" in done.stderr and "--air-port" in done.stderr and done.stderr.count("\n") == 1
 
 
 def test_faults_come_from_stdin_and_wrong_lines_are_told() -> None:
