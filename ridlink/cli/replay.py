@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 PEER_EVERY_S = 0.05
 LATEST_LAG_S = 1.0
+LONG_WAIT_S = 10.0
 PROGRESS_EVERY_S = 0.2
 
 
@@ -57,6 +58,11 @@ def replay(file: str, url: str, kind: str, speed: float, rate: float, types: str
 
     A listening link waits for somebody to speak first. Broadcasts of a pcap go out as the MAVLink frames that a
     Remote ID receiver makes of them.
+
+    Gaps last as long as they did, and of long ones it is said how long. What comes after a gap, as a file of its own:
+
+    \b
+    ridlink decode air.tlog --since 2026-05-01T12:30:00Z -f jsonl --frames | ridlink encode - -o after.tlog
     """  # fmt: skip
     import asyncio
 
@@ -150,6 +156,8 @@ class _Player:
             due_s = begun_s + (time_us - begun_us) / 1e6 / self._speed
             if now_s - due_s > LATEST_LAG_S:
                 begun_s, begun_us, due_s = now_s, time_us, now_s
+            if due_s - now_s > LONG_WAIT_S:
+                self._tell_of_wait(due_s - now_s, record.time_us)
             await self._until(due_s)
             taken = self._link.send(record.frame.raw)
             while not taken and wait_for_peer and not self.sent and not self._stop.is_set():
@@ -175,6 +183,15 @@ class _Player:
         except TimeoutError:
             return
 
+    def _tell_of_wait(self, wait_s: float, time_us: int | None) -> None:
+        from ridlink.captures.lines import clock_time
+
+        self.clear_progress()
+        when, less = "", "--rate makes it less"
+        if time_us is not None:
+            when, less = f" ({clock_time(time_us)})", "--speed makes it less, --help says how to leave a gap out"
+        click.echo(f"ridlink: {_rounded(wait_s)} until the next message{when}; {less}", err=True)
+
     def _progress(self) -> None:
         now_s = self._running.time()
         if now_s - self._shown_s >= PROGRESS_EVERY_S:
@@ -187,3 +204,11 @@ class _Player:
         if 0.0 < self._shown_s < math.inf:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
+
+
+def _rounded(wait_s: float) -> str:
+    """A time as one says it: in its largest unit."""
+    for unit, seconds in (("years", 365.25 * 86400), ("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if wait_s >= seconds:
+            return f"{wait_s / seconds:{',.1f' if wait_s < 1e12 else '.0e'}} {unit}"
+    return f"{wait_s:.0f} s"

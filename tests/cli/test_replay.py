@@ -115,6 +115,31 @@ def test_a_signal_stops_a_long_wait(tmp_path: Path) -> None:
     assert process.returncode == 0 and ": 1 messages in" in out
 
 
+@pytest.mark.parametrize(
+    ("times_s", "said"),
+    [
+        ([0.0, 12.0], r"1[12] s until the next message \(2023-11-14T22:13:32\.123456Z\); --speed makes it less, .*\n"),
+        ([0.0, 94_672_800.0, 94_672_801.0], r"3\.0 years until the next message \(2026-11-14T.*Z\); --speed .*\n"),
+    ],
+)
+def test_how_long_a_long_gap_lasts_is_said_once(tmp_path: Path, times_s: list[float], said: str) -> None:
+    path, _ = spaced(tmp_path, times_s)
+    with ground() as (_, url), replaying(path, "--out", url) as process:
+        assert process.stderr is not None
+        assert re.fullmatch(f"ridlink: {said}", process.stderr.readline())
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=10)
+    assert process.returncode == 0 and err == ""
+
+
+def test_messages_without_times_that_are_far_apart_are_the_rates_doing(tmp_path: Path) -> None:
+    path = tmp_path / "f.mavlink"
+    path.write_bytes(b"".join(frame for _, frame in flight(2)))
+    with ground() as (_, url), replaying(path, "--out", url, "--rate", "0.0001") as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "ridlink: 2.8 h until the next message; --rate makes it less\n"
+
+
 def test_a_time_that_goes_back_or_is_damaged_does_not_stop_it(tmp_path: Path) -> None:
     path, frames = spaced(tmp_path, [3.0, 3.01, 0.0, 0.01])
     data = bytearray(path.read_bytes())
