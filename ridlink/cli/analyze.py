@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 @click.command(short_help="Print the paper's numbers beside ours; draw its analytic figures.")
 @click.option(
     "--out",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=click.Path(file_okay=False, readable=False, path_type=Path),
     metavar="DIR",
     help="Draw the figures there, as PNG and SVG (extra: ridlink[plot]).",
 )

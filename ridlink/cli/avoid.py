@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
-from ridlink.cli.options import signing_options
+from ridlink.cli.options import NAME, signing_options
 from ridlink.cli.printing import Printer
 from ridlink.cli.signals import ending_signals
 
@@ -143,7 +143,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 @click.option(
     "--config",
     "config_file",
-    type=click.Path(),
+    type=NAME,
     metavar="FILE.toml",
     help="Keys as these options, with underscores; options win. Obstacles stand here only.",
 )
@@ -155,7 +155,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 @click.option(
     "--replay",
     "replayed",
-    type=click.Path(),
+    type=NAME,
     metavar="FILE",
     help="Decide the flight of an input log again, without any link: prints the decisions with --json, and their hash.",
 )

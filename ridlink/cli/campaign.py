@@ -24,6 +24,7 @@ from ridlink.cli.campaign_options import (
 )
 from ridlink.cli.campaign_report import report
 from ridlink.cli.campaign_show import progress_shown, say_if_compiling, say_left_off, show_rows
+from ridlink.cli.options import PATH
 from ridlink.cli.signals import removed_by_signals
 
 if TYPE_CHECKING:
@@ -68,14 +69,14 @@ campaign.add_command(report)
 )
 @click.option(
     "--log",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=click.Path(dir_okay=False, readable=False, path_type=Path),
     metavar="F.tlog",
     help="With --only-run: that flight as a MAVLink log, what was true and what was told.",
 )
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="DIR",
     help="Folder of the campaign: its configuration, shards and rows (extra: ridlink[export]).",
 )

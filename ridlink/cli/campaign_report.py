@@ -7,9 +7,11 @@ from pathlib import Path
 
 import click
 
+from ridlink.cli.options import PATH
+
 
 @click.command(short_help="A finished campaign beside the paper: report.json, report.html, pictures.")
-@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="DIR", type=PATH)
 def report(folder: Path) -> None:
     """Write into the folder of a campaign what came out of it, beside what the paper prints.
 

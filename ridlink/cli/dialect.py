@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from ridlink.cli.options import PATH
 from ridlink.errors import ConfigError
 
 FORMS = {
@@ -67,7 +68,7 @@ def _render(form: str, stem: str) -> dict[str, bytes]:
 def _add_command(form: str, help_text: str) -> None:
     @dialect.command(form, help=help_text)
     @click.option(
-        "-o", "--output", type=click.Path(path_type=Path), metavar="PATH",
+        "-o", "--output", type=PATH, metavar="PATH",
         help=PLACES[form],
     )  # fmt: skip
     def command(output: Path | None) -> None:
@@ -79,7 +80,7 @@ for _form, _help in FORMS.items():
 
 
 @dialect.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=PATH)
 @click.option("--allow-missing", is_flag=True, help="What FILE does not define is not held against it.")
 @click.pass_context
 def check(ctx: click.Context, file: Path, allow_missing: bool) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import definition_of
+from ridlink.cli.options import NAME, PATH, definition_of
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.errors import ConfigError
 
@@ -37,9 +37,9 @@ PASSWORD_VARIABLE = "RIDLINK_MQTT_PASSWORD"
 @click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
 @click.option("--rate", type=float, default=1.0, show_default=True, metavar="HZ", help="States of each aircraft.")
 @click.option("--batch", is_flag=True, help="All states of an instant in one message.")
-@click.option("--password-file", type=click.Path(path_type=Path), metavar="FILE",
+@click.option("--password-file", type=PATH, metavar="FILE",
               help=f"Password of the broker's user; or {PASSWORD_VARIABLE}.")  # fmt: skip
-@click.option("--ca-file", type=click.Path(), metavar="FILE.pem",
+@click.option("--ca-file", type=NAME, metavar="FILE.pem",
               help="Certificates to trust, instead of the system's.")  # fmt: skip
 @click.option("--home-assistant", is_flag=True, help="Announce each aircraft as a device tracker.")
 @click.option("--in", "feed", metavar="TOPIC", help="Take a foreign JSON feed as traffic; needs --relay.")

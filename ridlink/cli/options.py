@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
     from ridlink.separation.definitions import Definition
+
+NAME = click.Path(readable=False)
+"""A file or folder as it is written. Whether it can be read shows when it is: with exit code 3, like one that is not
+there, and not with that of wrong usage."""
+
+PATH = click.Path(readable=False, path_type=Path)
+"""The same as a path."""
 
 
 def capture_kind(what: str) -> Callable[[Any], Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import capture_kind, definition_of
+from ridlink.cli.options import NAME, capture_kind, definition_of
 from ridlink.cli.reviewing import exit_code
 from ridlink.cli.signals import stopped_by_signals
 
@@ -20,7 +20,7 @@ AIR = "udpout:127.0.0.1:14650"
 
 
 @click.command(short_help="Show the traffic in a browser: live, or a recording.")
-@click.argument("files", nargs=-1, metavar="[FILE]...", type=click.Path())
+@click.argument("files", nargs=-1, metavar="[FILE]...", type=NAME)
 @click.option("--source", metavar="URL", help=f"Link on which the traffic is heard.  [default: {AIR}, the air]")
 @click.option("--host", default="127.0.0.1", show_default=True, metavar="ADDRESS", help="Address to listen on.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8090, show_default=True, help="Port; 0 = any.")

@@ -70,7 +70,7 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
 @click.option("--any-ports", is_flag=True, help="Ports that the kernel chooses, to fly several demos side by side.")
 @click.option(
     "--log",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=click.Path(dir_okay=False, readable=False, path_type=Path),
     metavar="FILE.tlog",
     help="Record the flight there.  [default: a new file in the temporary folder]",
 )

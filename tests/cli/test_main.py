@@ -33,6 +33,10 @@ def ridlink_process(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+NO_PRIVILEGE = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search",
+                "--inh-caps", "-dac_override,-dac_read_search"]  # fmt: skip
+"""Root may read everything: what it begins with this may not."""
+
 Run = Callable[..., int]
 
 
@@ -175,6 +179,31 @@ class TestExitCodes:
     ) -> None:
         assert run(error) == code
         assert capsys.readouterr() == ("", text + "\n")
+
+    @pytest.mark.parametrize(
+        "command",
+        [
+            "avoid --standby --config",
+            "avoid --replay",
+            "decode",
+            "dialect check",
+            "view",
+            "mqtt --broker mqtt://127.0.0.1:9 --password-file",
+            "mqtt --broker mqtts://127.0.0.1:9 --ca-file",
+            "sim --scenario",
+        ],
+    )
+    def test_a_file_that_may_not_be_read_is_no_wrong_usage(self, tmp_path: Path, command: str) -> None:
+        path = tmp_path / "secret.toml"
+        path.write_bytes(b"cruise = 3\n")
+        path.chmod(0)
+        done = subprocess.run(
+            [*(NO_PRIVILEGE if os.geteuid() == 0 else []), sys.executable, "-m", "ridlink", *command.split(), path],
+            capture_output=True, text=True, timeout=60,
+        )  # fmt: skip
+        assert (done.returncode, done.stdout) == (3, "")
+        assert done.stderr.endswith("secret.toml: Permission denied\n") or "no certificates: Permission" in done.stderr
+        assert done.stderr.startswith("ridlink: ") and done.stderr.count("\n") == 1
 
     def test_internal_errors_show_where_on_request(self, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         run(None)
