@@ -14,6 +14,7 @@ import importlib
 import os
 import re
 import sys
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from typing import NoReturn
 
@@ -96,8 +97,11 @@ def _print_version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
     callback=_print_version,
     help="Show the version and exit.",
 )
-def cli() -> None:
+@click.pass_obj
+def cli(loaded: Callable[[], None] | None) -> None:
     """Remote ID that keeps drones apart: a MAVLink bridge from Open Drone ID to velocity setpoints."""
+    if loaded is not None:
+        loaded()
 
 
 _NO_NUMBER = re.compile("is not a valid (?:float|integer)(?: range)?")
@@ -120,11 +124,15 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
 
 
-def main() -> NoReturn:
-    """Entry point: runs the command and turns every expected failure into one line and a documented exit code."""
+def main(loaded: Callable[[], None] | None = None) -> NoReturn:
+    """Run the command and turn every expected failure into one line and a documented exit code.
+
+    Args:
+        loaded: Called once the command is known and loaded, before it runs.
+    """
     _open_closed_streams()
     try:
-        _run()
+        _run(loaded)
     except SystemExit as end:
         if (warming := sys.modules.get("ridlink.daemon.warming")) is not None and warming.is_compiling():
             for stream in (sys.stdout, sys.stderr):
@@ -134,9 +142,9 @@ def main() -> NoReturn:
         raise
 
 
-def _run() -> NoReturn:
+def _run(loaded: Callable[[], None] | None) -> NoReturn:
     try:
-        result = cli.main(prog_name="ridlink", standalone_mode=False)
+        result = cli.main(prog_name="ridlink", standalone_mode=False, obj=loaded)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.UsageError as error:

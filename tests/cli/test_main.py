@@ -33,6 +33,22 @@ def ridlink_process(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+def interrupted_while(loading: str, *arguments: str, ignored: bool = False) -> subprocess.CompletedProcess[str]:
+    """`ridlink` that gets Ctrl-C when it begins to load this module."""
+    program = (
+        "import _signal, os, runpy, sys\n"
+        "class Interrupt:\n"
+        "    def find_spec(name, *_):\n"
+        f"        if name == {loading!r}: os.kill(os.getpid(), _signal.SIGINT)\n"
+        f"if {ignored}: _signal.signal(_signal.SIGINT, _signal.SIG_IGN)\n"
+        f"sys.modules.pop({loading!r}, None)\n"
+        "sys.meta_path.insert(0, Interrupt)\n"
+        f"sys.argv = {['ridlink', *arguments]!r}\n"
+        "runpy.run_module('ridlink', run_name='__main__')\n"
+    )
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+
+
 NO_PRIVILEGE = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search",
                 "--inh-caps", "-dac_override,-dac_read_search"]  # fmt: skip
 """Root may read everything: what it begins with this may not."""
@@ -215,6 +231,15 @@ class TestExitCodes:
     @pytest.mark.parametrize("interrupt", [KeyboardInterrupt(), click.Abort()])
     def test_an_interrupt_is_128_and_its_signal(self, run: Run, interrupt: BaseException) -> None:
         assert run(interrupt) == 130
+
+    @pytest.mark.parametrize("loading", ["signal", "ridlink.cli", "click", "ridlink.cli.decode", "ridlink.captures"])
+    def test_an_interrupt_while_modules_are_loaded_ends_without_a_word(self, loading: str) -> None:
+        done = interrupted_while(loading, "decode", "f.tlog")
+        assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "", "")  # click ends the line of ^C
+
+    def test_an_interrupt_that_the_shell_had_ignored_stays_ignored(self) -> None:
+        done = interrupted_while("click", "--version", ignored=True)
+        assert (done.returncode, done.stderr) == (0, "") and done.stdout.startswith("ridlink ")
 
     @pytest.mark.parametrize(("outcome", "code"), [(None, 0), (0, 0), (1, 1), (4, 4), ("text", 0)])
     def test_a_returned_number_is_the_exit_code(self, run: Run, outcome: object, code: int) -> None:
