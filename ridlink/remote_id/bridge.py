@@ -14,12 +14,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from ridlink.mavlink.codec import MESSAGES_BY_NAME, Message
-from ridlink.remote_id.astm import MESSAGE_LENGTH, decode_message
+from ridlink.remote_id.astm import MESSAGE_LENGTH, TIMESTAMP_STEP_S, decode_message
 from ridlink.remote_id.astm_pack import HEADER_LENGTH, MAX_PACK_LENGTH, Member, encode_pack, split_broadcast
 from ridlink.remote_id.astm_separation import separation_of
 from ridlink.remote_id.convert import MESSAGE_PACK, from_mavlink
 from ridlink.remote_id.messages import MAVLINK_NAMES, Authentication, Location, RemoteIdMessage, Separation
-from ridlink.remote_id.quantities import Rejects, read_id_or_mac, write_id_or_mac
+from ridlink.remote_id.quantities import SECONDS_PER_HOUR, Rejects, read_id_or_mac, write_id_or_mac
 
 REMOTE_ID_IDS = frozenset(MESSAGES_BY_NAME[name].msgid for name in (*MAVLINK_NAMES.values(), MESSAGE_PACK))
 """Messages that `messages_of` reads, by message id."""
@@ -92,7 +92,7 @@ def read_members(
     """The messages of the members of one pack, in SI units.
 
     On the radio RIDLINK_SEPARATION has the time in whole seconds. Beside its LOCATION in one pack it takes that one's,
-    if it is the same second or unknown, so that the two are joined as they would be over MAVLink.
+    if both can be the same instant or its own is unknown, so that the two are joined as they would be over MAVLink.
     """
     counted: Rejects = Counter() if rejects is None else rejects
     messages = [decode_message(member.data, counted, id_or_mac=id_or_mac) for member in members]
@@ -100,9 +100,19 @@ def read_members(
     if len(timestamps) != 1 or timestamps[0] is None:
         return messages
     timestamp_s = timestamps[0]
+    belonging = (None, *whole_seconds_of(timestamp_s))
     return [
         dataclasses.replace(message, timestamp_s=timestamp_s)
-        if isinstance(message, Separation) and message.timestamp_s in (None, float(math.floor(timestamp_s)))
+        if isinstance(message, Separation) and message.timestamp_s in belonging
         else message
         for message in messages
     ]
+
+
+def whole_seconds_of(location_s: float) -> tuple[int, int]:
+    """Whole seconds after the full hour in which a LOCATION of 25 bytes may have been made, twice the same or two.
+
+    Its time is rounded to a tenth, up or down: 12.96 s, which lie in second 12, are 13.0 s there.
+    """
+    earliest_s, latest_s = location_s - TIMESTAMP_STEP_S / 2.0, location_s + TIMESTAMP_STEP_S / 2.0
+    return math.floor(earliest_s % SECONDS_PER_HOUR), math.floor(latest_s % SECONDS_PER_HOUR)

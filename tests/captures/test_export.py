@@ -32,6 +32,7 @@ from ridlink.cli import decode_export
 from ridlink.cli.decode import decode
 from ridlink.mavlink.codec import MESSAGES, MESSAGES_BY_NAME, Encoder
 from ridlink.mavlink.frames import encode_frame
+from ridlink.remote_id.astm_pack import encode_pack
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation, System
 from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
@@ -417,6 +418,41 @@ def test_a_separation_belongs_to_its_own_instant() -> None:
         located(2_000_000, 3.0), separated(3_000_000, 99.0, 9.0), located(3_610_000_000, 2.0),
     ]  # fmt: skip
     assert [row["horizontal_error_m"] for row in join(messages)] == [1.0, 2.0, None, None]
+
+
+@pytest.mark.parametrize("hour_start_s", [3600 * 60_000, None], ids=["with a clock", "without"])
+def test_what_one_broadcast_says_is_one_row(tmp_path: Path, hour_start_s: int | None) -> None:
+    """Of 25 bytes a LOCATION has tenths of a second, rounded, and a SEPARATION whole ones, cut off, or none."""
+    times_s = [1234.5, 1234.8, 1234.96, 1235.3, 3599.97]
+    packs = [
+        encode_pack(
+            [
+                BasicId(1, 2, b"X"),
+                Location(latitude_deg=47.0 + 1e-4 * k, longitude_deg=8.0, timestamp_s=timestamp_s),
+                Separation(timestamp_s=timestamp_s, horizontal_error_m=float(k + 1)),
+            ],
+            hour_start_s=hour_start_s,
+        )
+        for k, timestamp_s in enumerate(times_s)
+    ]
+    path = tmp_path / "broadcasts.hex"
+    path.write_text("".join(f"{pack.hex()}\n" for pack in packs))
+    rows = rows_of(run(path, "--join", "-f", "jsonl"))
+    assert [row["timestamp_s"] for row in rows] == [1234.5, 1234.8, 1235.0, 1235.3, 3600.0]
+    assert [row["horizontal_error_m"] for row in rows] == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_a_radio_does_not_replace_the_finer_figures_of_the_bus() -> None:
+    wifi = {"transport": "wifi-beacon", "source": "90:3a"}
+    exact = heard("RIDLINK_SEPARATION", 1_000_001, timestamp_s=10.0, vertical_error_m=1.13, flags=0)
+    coarse = heard("RIDLINK_SEPARATION", 1_000_003, timestamp_s=10.0, vertical_error_m=1.5, flags=0, **wifi)
+    coarse = coarse._replace(is_25_bytes=True)
+    bus = [named("X"), named("X", **wifi), located(1_000_000, 10.0), located(1_000_002, 10.0, **wifi)]
+    for messages in ([*bus, exact, coarse], [*bus, coarse, exact]):
+        assert [row["vertical_error_m"] for row in join(messages)] == [1.13]
+    assert [row["vertical_error_m"] for row in join([*bus, coarse])] == [1.5]
+    stale = coarse._replace(fields={**coarse.fields, "timestamp_s": 8.0})
+    assert [row["vertical_error_m"] for row in join([*bus, stale])] == [None]
 
 
 def test_a_serial_number_outlasts_a_registration() -> None:

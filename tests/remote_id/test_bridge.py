@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ridlink.errors import PayloadError
@@ -111,3 +112,15 @@ def test_in_a_pack_a_separation_takes_the_time_of_its_location() -> None:
     _, fields = pack_to_mavlink([HERE, stale], hour_start_s=3600)
     _, separation = messages_of(over_mavlink("OPEN_DRONE_ID_MESSAGE_PACK", fields))
     assert isinstance(separation, Separation) and separation.timestamp_s == 900.0
+
+
+@given(st.floats(0.0, 3600.0, exclude_max=True))
+@example(1234.96)  # 1235.0 s in the one, second 1234 in the other
+@example(3599.96)  # 3600.0 s in the one, second 3599 in the other
+@example(0.0)
+def test_in_a_pack_both_of_one_instant_are_joined_whenever_it_is(timestamp_s: float) -> None:
+    both = replace(HERE, timestamp_s=timestamp_s), replace(ERRORS, timestamp_s=timestamp_s)
+    _, fields = pack_to_mavlink(both, hour_start_s=3600 * 60_000)
+    location, separation = messages_of(over_mavlink("OPEN_DRONE_ID_MESSAGE_PACK", fields))
+    assert isinstance(location, Location) and isinstance(separation, Separation)
+    assert separation.timestamp_s == location.timestamp_s

@@ -32,6 +32,7 @@ class Fields(NamedTuple):
         offset: Byte, packet or line of the file.
         name: Message name.
         fields: Its fields, in SI where it is about Remote ID, ``None`` for unknown.
+        is_25_bytes: It came as 25 bytes, alone or in a pack: times are tenths there, of a SEPARATION whole seconds.
     """
 
     time_us: int | None
@@ -41,6 +42,7 @@ class Fields(NamedTuple):
     offset: int
     name: str
     fields: dict[str, Any]
+    is_25_bytes: bool = False
 
 
 def fields_of_block(block: Block, selection: Selection) -> Iterator[Fields]:
@@ -80,4 +82,5 @@ def fields_of_records(records: Iterable[MessageRecord]) -> Iterator[Fields]:
             source, seq = origin.mac.hex(":") or "unknown", origin.counter
         time_us = record.time_us if record.time_us is None or record.time_us < TIMES_END_US else None
         transport = None if origin is None else origin.transport
-        yield Fields(time_us, transport, source, seq, record.offset, record.name, fields_of(record))
+        is_25_bytes = origin is not None and origin.data is not None
+        yield Fields(time_us, transport, source, seq, record.offset, record.name, fields_of(record), is_25_bytes)

@@ -1,5 +1,5 @@
 """One row for each update of each aircraft: LOCATION, with the SEPARATION of the same instant, and what BASIC_ID and
-SYSTEM last said about the same sender.
+SYSTEM last said about the same sender. Where messages have 25 bytes, a SEPARATION has the instant in whole seconds.
 
 An aircraft that is heard over several transports (MAVLink, Wi-Fi, Bluetooth) says the same several times: the same
 identity, position and time of the sender make one row, which names all transports. Rows come in the order of time,
@@ -16,6 +16,8 @@ from typing import Any
 
 from ridlink.captures.export.fields import Fields
 from ridlink.remote_id.assembler import EQUAL_TIMESTAMP_VALID_S, ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER
+from ridlink.remote_id.astm import TIMESTAMP_STEP_S
+from ridlink.remote_id.bridge import whole_seconds_of
 
 BASIC_ID, LOCATION, SYSTEM, SEPARATION = JOINED_NAMES = (
     "OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_LOCATION", "OPEN_DRONE_ID_SYSTEM", "RIDLINK_SEPARATION",
@@ -27,9 +29,6 @@ MAVLINK = "mavlink"
 
 HOLD_US = 2_000_000
 VALID_US = int(EQUAL_TIMESTAMP_VALID_S * 1e6)
-TIMESTAMP_STEP_S = 0.1
-"""The 25-byte messages count tenths of a second: over another transport a timestamp may differ by less than one."""
-
 MAX_SENDERS = 2_000
 MAX_HELD_ROWS = 20_000
 UPDATES_REMEMBERED = 16
@@ -64,8 +63,7 @@ class _Sender:
     uas_id: str | None = None
     ua_type: int | None = None
     system: dict[str, Any] = field(default_factory=dict)
-    separation: dict[str, Any] | None = None
-    separation_us: int = 0
+    separation: Fields | None = None
     last: _Update | None = None
 
 
@@ -78,6 +76,7 @@ class _Update:
     sender: _Sender
     sources: list[str]
     transports: list[str]
+    has_exact_separation: bool = False
 
 
 class Joiner:
@@ -96,9 +95,9 @@ class Joiner:
             self._locate(self._sender(message), message, now_us)
         elif message.name == SEPARATION:
             sender = self._sender(message)
-            sender.separation, sender.separation_us = fields, now_us
-            if sender.last is not None and _belongs(fields, now_us, sender.last):
-                _add(sender.last.row, fields)
+            sender.separation = message
+            if sender.last is not None:
+                _add(sender.last, message)
         elif message.name == BASIC_ID:
             self._identify(self._sender(message), fields)
         elif message.name == SYSTEM:
@@ -154,26 +153,27 @@ class Joiner:
                 if transport not in update.transports:
                     update.transports.append(transport)
                 sender.last = update
-                if sender.separation is not None and _belongs(sender.separation, sender.separation_us, update):
-                    _add(update.row, sender.separation)
+                _add(update, sender.separation)
                 return
         row: dict[str, Any] = dict.fromkeys(COLUMNS)
         row.update(message.fields)
         row["t"], row["received"] = message.time_us, 1
         update = _Update(now_us, row, sender, [message.source], [transport])
-        if sender.separation is not None and _belongs(sender.separation, sender.separation_us, update):
-            _add(row, sender.separation)
+        _add(update, sender.separation)
         updates.append(update)
         self._held.append(update)
         sender.last = update
 
 
-def _belongs(separation: dict[str, Any], separation_us: int, update: _Update) -> bool:
-    """Both describe the same instant."""
-    timestamp_s = separation["timestamp_s"]
-    return timestamp_s == update.row["timestamp_s"] and abs(separation_us - update.at_us) < (
-        HOLD_US if timestamp_s is None else VALID_US
-    )
+def _belongs(separation: Fields, update: _Update) -> bool:
+    """Both describe the same instant, as far as their times tell."""
+    separation_s, location_s = separation.fields["timestamp_s"], update.row["timestamp_s"]
+    if separation.is_25_bytes:
+        is_same = separation_s is None or (location_s is not None and separation_s in whole_seconds_of(location_s))
+    else:
+        is_same = separation_s == location_s
+    apart_us = abs((separation.time_us or 0) - update.at_us)
+    return is_same and apart_us < (HOLD_US if separation_s is None else VALID_US)
 
 
 def _is_same(update: _Update, fields: dict[str, Any], transport: str, now_us: int) -> bool:
@@ -184,12 +184,19 @@ def _is_same(update: _Update, fields: dict[str, Any], transport: str, now_us: in
         return False
     if (row["latitude_deg"], row["longitude_deg"]) != (fields["latitude_deg"], fields["longitude_deg"]):
         return False
-    apart_s = abs(row["timestamp_s"] - fields["timestamp_s"])
+    apart_s = abs(row["timestamp_s"] - fields["timestamp_s"])  # less than one step over another transport
     return apart_s == 0.0 or (transport not in update.transports and apart_s < TIMESTAMP_STEP_S - 1e-3)
 
 
-def _add(row: dict[str, Any], separation: dict[str, Any]) -> None:
-    row.update({name: value for name, value in separation.items() if name not in ("timestamp_s", "id_or_mac")})
+def _add(update: _Update, separation: Fields | None) -> None:
+    """Complete a row with what belongs to it; what 25 bytes could hold does not replace more."""
+    if separation is None or not _belongs(separation, update):
+        return
+    if separation.is_25_bytes and update.has_exact_separation:
+        return
+    update.has_exact_separation = not separation.is_25_bytes
+    said = separation.fields.items()
+    update.row.update({name: value for name, value in said if name not in ("timestamp_s", "id_or_mac")})
 
 
 def _finished(update: _Update) -> dict[str, Any]:
