@@ -127,7 +127,7 @@ class PcapReader:
             if found is not None:
                 window.refuse(found)
                 return
-            if not window.reach(window.left + 1):
+            if not window.reach(judged + PACKET_HEADER_LENGTH):  # it may have grown while places were judged
                 window.refuse(window.left)
                 return
             window.refuse(judged)

@@ -81,6 +81,16 @@ def test_every_form_of_file_gives_the_same(data: bytes, chunk: int) -> None:
         assert record.frame.raw in data[record.offset : record.offset + 400]
 
 
+@pytest.mark.parametrize("chunk", [1, 7, 100, 10**6])
+def test_what_an_impostor_made_us_read_is_judged_too(chunk: int) -> None:
+    """Among damage stands what looks like a header, of a record as long as the file: nothing is lost behind it."""
+    impostor = struct.pack("<IIII", START_US // 1_000_000, 0, 60_000, 60_000)
+    data = pcap(DATAGRAMS)
+    records, rejects = read(data[:24] + b"\xff" * 16 + impostor + data[24:], chunk)
+    assert frames_of(records) == FRAMES
+    assert rejects.counts == {"bad_packet_header": 1} and rejects.first_offset == {"bad_packet_header": 24}
+
+
 @pytest.mark.parametrize(
     ("resolution", "units"),
     [
