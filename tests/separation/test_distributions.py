@@ -142,6 +142,27 @@ def test_a_sum_of_normals_is_normal() -> None:
 
 
 @pytest.mark.parametrize(
+    ("parts", "closed"),
+    [
+        ((HalfNormal(2.0),), HalfNormal(2.0)),
+        ((HalfNormal(2.0), HalfNormal(2.0)), HalfNormalSum(2.0, 2.0)),
+        ((HalfNormal(2.0), HalfNormal(0.2)), HalfNormalSum(2.0, 0.2)),
+        ((Triangular(0.0, 0.0, 1.0),), Triangular(0.0, 0.0, 1.0)),
+    ],
+    ids=["a jump", "two jumps", "a narrow one", "a falling one"],
+)
+def test_a_sum_is_its_closed_form_where_there_is_one(parts: tuple[Distribution, ...], closed: Distribution) -> None:
+    p = np.array([1e-4, 1e-3, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999])
+    assert closed.cdf(Sum(parts).quantile(p)) == pytest.approx(p, abs=6e-6)
+    assert Sum(parts).cdf(closed.quantile(p)) == pytest.approx(p, abs=6e-6)
+
+
+@pytest.mark.parametrize("mode", [0.0, 0.3, 1.0])
+def test_a_triangular_density_is_highest_at_its_mode(mode: float) -> None:
+    assert Triangular(0.0, mode, 1.0).pdf([mode, -1e-9, 1.0 + 1e-9]).tolist() == [2.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
     "meaningless",
     [
         lambda: Triangular(1.0, 0.5, 2.0),
