@@ -5,8 +5,9 @@ and is counted under ``MESSAGE.field``: one bad field costs neither the message 
 of a saturating range ("that or more") are taken as they stand.
 
 Writing: nearest value, but errors, accuracies, sizes and intervals round up, so that an uncertainty is never
-understated; what does not fit saturates. Since 0 means unknown, an exactly known position goes out as 1 cm. What is not
-finite goes out as unknown.
+understated. What does not fit saturates, an infinite speed or error as well; a place, direction, altitude, time or
+commanded velocity that cannot be goes out as unknown, and so does NaN. Since 0 means unknown, an exactly known position
+goes out as 1 cm.
 
 Trailing zeros vanish in MAVLink 2, hence a field that is absent reads as 0, and 0 as unknown wherever the table of the
 message says so.
