@@ -58,7 +58,7 @@ class CampaignFolder:
             _check_same(path, configuration, resume)
             if not os.access(path, os.W_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
-        elif path.is_dir() and any(path.iterdir()):
+        elif path.is_dir() and any(not found.name.endswith(UNFINISHED) for found in path.iterdir()):
             raise ConfigError(f"{path}: is not empty and holds no campaign; name a new folder")
         else:
             if path.exists() and not path.is_dir():

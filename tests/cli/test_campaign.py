@@ -254,6 +254,13 @@ def test_a_damaged_shard_is_flown_again(tmp_path: Path, ridlink: Ridlink) -> Non
     assert rows_of(folder) == before
 
 
+def test_a_campaign_that_ended_before_it_was_written_down_begins_anew(tmp_path: Path, ridlink: Ridlink) -> None:
+    (tmp_path / "campaign.json.unfinished").write_bytes(b'{"ridlink"')
+    few = ["--scenario", "crossing", "--definition", "snmac", "--runs", 3, "--jobs", 1, "-o", tmp_path, "--resume"]
+    assert ridlink(*few)[0] == 0
+    assert len(shards(tmp_path)) == 1 and not list(tmp_path.rglob("*.unfinished"))
+
+
 def test_one_run_again_alone(whole: Path, ridlink: Ridlink) -> None:
     code, out, _ = ridlink(*CAMPAIGN[:-2], "--definition", "snmac", "--only-run", 130, "--json")
     assert code == 0
