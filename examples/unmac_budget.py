@@ -4,7 +4,7 @@ Two small multirotors at 10 m/s, 3.5 m of position error per axis (one sigma), R
 other vehicles in the picture.
 """
 
-from ridlink.separation import Definition, mac_radius, separation_discs
+from ridlink.separation import Definition, Reported, mac_radius, separation_discs
 from ridlink.separation.chance import DEFAULT_ETA, instant_probability, mission_probability
 
 AIRFRAME_M = 0.6
@@ -15,26 +15,14 @@ NEIGHBOURS = 6
 
 bound_m = 3.0 * SIGMA_M  # what RIDLINK_SEPARATION carries: three standard deviations per axis
 code_bound_m = 3.0 * 10.0  # what standard Remote ID carries: the code for "better than 10 m", read as one sigma
+either = Reported(AIRFRAME_M, bound_m, code_bound_m, SPEED_MPS)
 touch_m = mac_radius([AIRFRAME_M, AIRFRAME_M])
 
 print(f"Two airframes of {AIRFRAME_M} m touch at {touch_m:.2f} m between centres. The disc of a pair, in metres:")
 print()
 print("definition      airframes  errors  flown  radius   risk of an encounter at its edge")
 for definition in Definition:
-    discs = separation_discs(
-        definition,
-        own_airframe_m=AIRFRAME_M,
-        own_error_bound_m=bound_m,
-        own_accuracy_bound_m=code_bound_m,
-        own_speed_mps=SPEED_MPS,
-        airframe_m=AIRFRAME_M,
-        error_bound_m=bound_m,
-        accuracy_bound_m=code_bound_m,
-        speed_mps=SPEED_MPS,
-        interval_s=INTERVAL_S,
-        eta=DEFAULT_ETA,
-        neighbours=NEIGHBOURS,
-    )
+    discs = separation_discs(definition, either, either, interval_s=INTERVAL_S, eta=DEFAULT_ETA, neighbours=NEIGHBOURS)
     # What is flown between two messages is used up; the rest of the disc is there for errors.
     slack_m = discs.radius_m - discs.displacement_m - touch_m
     risk = instant_probability(-slack_m, bound_m, bound_m)

@@ -20,18 +20,15 @@ from ridlink.engine.detection import (
 )
 from ridlink.own_ship import ARDUPILOT, PX4
 from ridlink.remote_id.report import RemoteIdReport
-from ridlink.separation.definitions import Definition, separation_discs
+from ridlink.separation.definitions import Definition, Reported, separation_discs
 from ridlink.traffic.track import Track, new_track
 
 
 def head_on_m(speed_mps: float, sigma_m: float, reciprocal: bool) -> float:
     """Range needed by two equal vehicles of 0.6 m head-on, ArduPilot, buffer of a third of both errors."""
     error_m = 3.0 * sigma_m
-    discs = separation_discs(
-        Definition.CANDIDATE2, own_airframe_m=0.6, own_error_bound_m=error_m, own_accuracy_bound_m=error_m,
-        own_speed_mps=speed_mps, airframe_m=[0.6], error_bound_m=[error_m], accuracy_bound_m=[error_m],
-        speed_mps=[speed_mps],
-    )  # fmt: skip
+    one = Reported(0.6, error_m, error_m, speed_mps)
+    discs = separation_discs(Definition.CANDIDATE2, one, one)
     disc_m = discs.radius_m + discs.error_sum_m / 3.0
     return float(needed_range(disc_m, [speed_mps], [reciprocal], speed_mps=speed_mps, reaction=ARDUPILOT_REACTION)[0])
 

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ridlink.campaign.plan import coded_bound_m
 from ridlink.separation.chance import DEFAULT_ETA
-from ridlink.separation.definitions import Definition, separation_discs
+from ridlink.separation.definitions import Definition, Reported, separation_discs
 from ridlink.separation.distributions import TruncatedNormal
 from ridlink.separation.reference import CATEGORIES, MAX_AIRFRAME_M, MIN_AIRFRAME_M
 
@@ -86,11 +86,9 @@ class Airspace:
     ) -> FloatArray:
         """Radius of the disc of pairs [m]; all arguments broadcast."""
         error_m, coded_m = 3.0 * self.sigma_m, coded_bound_m(3.0 * self.sigma_m)
-        return separation_discs(
-            self.definition, own_airframe_m=airframe_m, own_error_bound_m=error_m, own_accuracy_bound_m=coded_m,
-            own_speed_mps=speed_mps, airframe_m=other_airframe_m, error_bound_m=error_m, accuracy_bound_m=coded_m,
-            speed_mps=other_speed_mps, interval_s=self.interval_s, eta=self.eta,
-        ).radius_m  # fmt: skip
+        own = Reported(airframe_m, error_m, coded_m, speed_mps)
+        other = Reported(other_airframe_m, error_m, coded_m, other_speed_mps)
+        return separation_discs(self.definition, own, other, interval_s=self.interval_s, eta=self.eta).radius_m
 
 
 @dataclass(frozen=True, slots=True)

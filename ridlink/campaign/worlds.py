@@ -25,7 +25,7 @@ from ridlink.campaign.chance import PositionErrors, draw_fleet, draw_mix
 from ridlink.campaign.deciding import new_decider
 from ridlink.campaign.plan import Plan, coded_bound_m
 from ridlink.campaign.stepping import brief_worlds, fly_on
-from ridlink.separation.definitions import bounded_error, separation_discs
+from ridlink.separation.definitions import Reported, bounded_error, separation_discs
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
 
 FloatArray = NDArray[np.float64]
@@ -185,14 +185,14 @@ class Batch(ABC):
         error_m = plan.bound_sigmas * sigma_m
         coded_m = np.array([coded_bound_m(bound) for bound in error_m])
         told_m = np.where(self.extended, error_m, np.nan)
+        told_airframe_m = np.where(self.extended, self.airframe_m, np.nan)
 
         def discs(speed_mps: float) -> tuple[FloatArray, FloatArray]:
             found = separation_discs(
-                plan.definition, own_airframe_m=self.airframe_m[:, :, None], own_error_bound_m=error_m[:, None],
-                own_accuracy_bound_m=coded_m[:, None], own_speed_mps=speed_mps,
-                airframe_m=np.where(self.extended, self.airframe_m, np.nan)[:, None, :],
-                error_bound_m=told_m[:, None, :], accuracy_bound_m=coded_m, speed_mps=speed_mps, eta=plan.eta,
-                neighbours=max(len(plan.scene) - 1, 1), bound=plan.chance_bound,
+                plan.definition,
+                Reported(self.airframe_m[:, :, None], error_m[:, None], coded_m[:, None], speed_mps),
+                Reported(told_airframe_m[:, None, :], told_m[:, None, :], coded_m, speed_mps),
+                eta=plan.eta, neighbours=max(len(plan.scene) - 1, 1), bound=plan.chance_bound,
             )  # fmt: skip
             return np.ascontiguousarray(found.radius_m), np.ascontiguousarray(found.error_sum_m)
 

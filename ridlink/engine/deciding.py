@@ -22,7 +22,7 @@ from ridlink.engine.detection import Reaction, needed_range
 from ridlink.engine.identity import Identity, places
 from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.geodesy import ned_from_geodetic
-from ridlink.separation.definitions import Discs, bounded_speed, separation_discs
+from ridlink.separation.definitions import Discs, Reported, bounded_speed, separation_discs
 from ridlink.separation.reference import REPORT_INTERVAL_S
 from ridlink.setpoint import Velocity
 from ridlink.traffic.encounter import Encounters, encounters
@@ -70,41 +70,21 @@ class Decider:
 
     def discs(self, own: OwnState, own_speed_mps: float, snapshot: Snapshot) -> Discs:
         """Discs of own-ship against everybody of a snapshot, at an own speed [m/s]."""
-        return self._discs(
-            own,
-            own_speed_mps,
-            snapshot.airframe_m,
-            snapshot.error_bound_m,
-            snapshot.accuracy_bound_m,
-            snapshot.speed_mps,
-            # As measured, not as announced: lost reports are time without one.
-            np.clip(snapshot.interval_s, REPORT_INTERVAL_S, LONGEST_INTERVAL_S),
-        )
+        others = Reported(snapshot.airframe_m, snapshot.error_bound_m, snapshot.accuracy_bound_m, snapshot.speed_mps)
+        # As measured, not as announced: lost reports are time without one.
+        interval_s = np.clip(snapshot.interval_s, REPORT_INTERVAL_S, LONGEST_INTERVAL_S)
+        return self._discs(own, own_speed_mps, others, interval_s)
 
-    def _discs(
-        self,
-        own: OwnState,
-        own_speed_mps: float,
-        airframe_m: FloatArray,
-        error_bound_m: FloatArray,
-        accuracy_bound_m: FloatArray,
-        speed_mps: FloatArray,
-        interval_s: FloatArray,
-    ) -> Discs:
+    def _discs(self, own: OwnState, own_speed_mps: float, others: Reported, interval_s: FloatArray) -> Discs:
+        config = self.config
         return separation_discs(
-            self.config.definition,
-            own_airframe_m=self.config.airframe_m,
-            own_error_bound_m=own.error_bound_m,
-            own_accuracy_bound_m=own.error_bound_m,
-            own_speed_mps=own_speed_mps,
-            airframe_m=airframe_m,
-            error_bound_m=error_bound_m,
-            accuracy_bound_m=accuracy_bound_m,
-            speed_mps=speed_mps,
+            config.definition,
+            Reported(config.airframe_m, own.error_bound_m, own.error_bound_m, own_speed_mps),
+            others,
             interval_s=interval_s,
-            eta=self.config.eta,
-            neighbours=len(airframe_m),
-            bound=self.config.chance_bound,
+            eta=config.eta,
+            neighbours=len(interval_s),
+            bound=config.chance_bound,
         )
 
     def needed_range_m(self, own: OwnState, snapshot: Snapshot, reaction: Reaction) -> float:
@@ -115,7 +95,7 @@ class Decider:
     def stranger_range_m(self, own: OwnState, reaction: Reaction) -> float:
         """The same for one that says nothing of itself, avoids nobody and is heard once a second [m]."""
         unknown, once_a_second = np.full(1, math.nan), np.ones(1)
-        discs = self._discs(own, self.config.cruise_mps, unknown, unknown, unknown, unknown, once_a_second)
+        discs = self._discs(own, self.config.cruise_mps, Reported(), once_a_second)
         return self._needed_m(discs, unknown, np.zeros(1, np.bool_), once_a_second, reaction)
 
     def _needed_m(

@@ -26,25 +26,14 @@ def pair_discs(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA
     Returns:
         Symmetric, shape (n, n); the diagonal means nothing.
     """
-    count = len(scene)
     interval = np.minimum(scene.interval_s, 1.0)
-
-    def row(values: FloatArray) -> FloatArray:
-        return values[:, None]
-
     discs = separation_discs(
         definition,
-        own_airframe_m=row(scene.airframe_m),
-        own_error_bound_m=row(scene.error_bound_m),
-        own_accuracy_bound_m=row(scene.accuracy_bound_m),
-        own_speed_mps=row(scene.speed_mps),
-        airframe_m=scene.airframe_m,
-        error_bound_m=scene.error_bound_m,
-        accuracy_bound_m=scene.accuracy_bound_m,
-        speed_mps=scene.speed_mps,
-        interval_s=np.maximum(row(interval), interval),
+        scene.reported[:, None],
+        scene.reported,
+        interval_s=np.maximum(interval[:, None], interval),
         eta=eta,
-        neighbours=max(1, count - 1),
+        neighbours=max(1, len(scene) - 1),
     )
     return discs.radius_m
 
@@ -62,14 +51,8 @@ def rings(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> 
     """
     twin = separation_discs(
         definition,
-        own_airframe_m=scene.airframe_m,
-        own_error_bound_m=scene.error_bound_m,
-        own_accuracy_bound_m=scene.accuracy_bound_m,
-        own_speed_mps=scene.speed_mps,
-        airframe_m=scene.airframe_m,
-        error_bound_m=scene.error_bound_m,
-        accuracy_bound_m=scene.accuracy_bound_m,
-        speed_mps=scene.speed_mps,
+        scene.reported,
+        scene.reported,
         interval_s=np.minimum(scene.interval_s, 1.0),
         eta=eta,
         neighbours=max(1, len(scene) - 1),

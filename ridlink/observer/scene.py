@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ridlink.separation.definitions import Reported
 from ridlink.traffic.altitude import RESERVE_M, known_apart, vertical_bound
 
 FloatArray = NDArray[np.float64]
@@ -85,6 +86,11 @@ class Scene:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def reported(self) -> Reported:
+        """What of all this sizes discs."""
+        return Reported(self.airframe_m, self.error_bound_m, self.accuracy_bound_m, self.speed_mps)
 
     def only(self, which: BoolArray) -> Scene:
         """Those of whom this is true, shape (n,)."""

@@ -7,8 +7,10 @@ Values come from strangers, so they are clamped here and nothing raises on them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,6 +65,30 @@ class Definition(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Reported:
+    """What a vehicle, or many, report of themselves that sizes a disc; NaN, or what is left out, is unknown.
+
+    All four broadcast against each other.
+
+    Attributes:
+        airframe_m: Airframe sizes (diameters).
+        error_bound_m: Three-sigma position errors per axis, as in RIDLINK_SEPARATION.
+        accuracy_bound_m: Three-sigma errors as far as the accuracy code of standard Remote ID tells them.
+        speed_mps: Ground speeds.
+    """
+
+    airframe_m: ArrayLike = math.nan
+    error_bound_m: ArrayLike = math.nan
+    accuracy_bound_m: ArrayLike = math.nan
+    speed_mps: ArrayLike = math.nan
+
+    def __getitem__(self, index: Any) -> Reported:
+        """Some of them, or the same along other axes: each of the four, indexed as an array."""
+        own = (self.airframe_m, self.error_bound_m, self.accuracy_bound_m, self.speed_mps)
+        return Reported(*(np.asarray(values)[index] for values in own))
+
+
+@dataclass(frozen=True, slots=True)
 class Discs:
     """Discs of one vehicle against n others, part by part.
 
@@ -105,15 +131,9 @@ def bounded_speed(speed_mps: ArrayLike) -> FloatArray:
 
 def separation_discs(
     definition: Definition,
+    own: Reported,
+    others: Reported,
     *,
-    own_airframe_m: ArrayLike,
-    own_error_bound_m: ArrayLike,
-    own_accuracy_bound_m: ArrayLike,
-    own_speed_mps: ArrayLike,
-    airframe_m: ArrayLike,
-    error_bound_m: ArrayLike,
-    accuracy_bound_m: ArrayLike,
-    speed_mps: ArrayLike,
     interval_s: ArrayLike = REPORT_INTERVAL_S,
     eta: float = DEFAULT_ETA,
     neighbours: ArrayLike = 1,
@@ -121,20 +141,13 @@ def separation_discs(
 ) -> Discs:
     """Discs of one vehicle, or of many, against others, under one definition.
 
-    Source: paper Eq. 7 to 9 and Table IV; Eq. 15 to 18 for `CHANCE`. All arguments broadcast against each other; NaN is
-    "unknown". The radius is never below the MAC radius of the pair, never NaN, and grows with every size, error, speed
-    and interval.
+    Source: paper Eq. 7 to 9 and Table IV; Eq. 15 to 18 for `CHANCE`. Everything broadcasts against everything. The
+    radius is never below the MAC radius of the pair, never NaN, and grows with every size, error, speed and interval.
 
     Args:
         definition: Which fields count; see `Definition` for what each guarantees.
-        own_airframe_m: Own airframe size (diameter).
-        own_error_bound_m: Own three-sigma position error per axis.
-        own_accuracy_bound_m: Own three-sigma error as far as the accuracy code tells it.
-        own_speed_mps: Own ground speed.
-        airframe_m: Airframe sizes of the others, shape (n,).
-        error_bound_m: Their three-sigma position errors per axis, from RIDLINK_SEPARATION, shape (n,).
-        accuracy_bound_m: Their three-sigma errors derived from the accuracy code of standard Remote ID, shape (n,).
-        speed_mps: Their ground speeds, shape (n,).
+        own: Of the one vehicle; of every one of a batch with an axis for the others.
+        others: Of the others, shape (n,).
         interval_s: Time between two reports, one for all or shape (n,).
         eta: Of `CHANCE` only: probability, at any one instant, that no neighbour comes closer than it may.
         neighbours: Of `CHANCE` only: how many share the risk, usually n.
@@ -152,29 +165,25 @@ def separation_discs(
     if not np.all(allowed):
         raise ValueError(f"interval_s must be finite and not negative, got {interval[~allowed].flat[0]:g}")
     # Every definition answers in the same shape, whatever it looks at.
-    shape = np.broadcast_shapes(
-        *map(
-            np.shape,
-            (own_airframe_m, own_error_bound_m, own_accuracy_bound_m, own_speed_mps, airframe_m, error_bound_m,
-             accuracy_bound_m, speed_mps, interval, neighbours),
-        )
-    )  # fmt: skip
+    sizes = (own.airframe_m, own.error_bound_m, own.accuracy_bound_m, own.speed_mps,
+             others.airframe_m, others.error_bound_m, others.accuracy_bound_m, others.speed_mps)  # fmt: skip
+    shape = np.broadcast_shapes(*map(np.shape, (*sizes, interval, neighbours)))
 
     def filled(values: ArrayLike) -> FloatArray:
         part = np.asarray(values)
         return part if part.shape == shape else np.broadcast_to(part, shape).copy()
 
-    airframe = filled((bounded_airframe(own_airframe_m) + bounded_airframe(airframe_m)) / 2.0)
+    airframe = filled((bounded_airframe(own.airframe_m) + bounded_airframe(others.airframe_m)) / 2.0)
     if definition is Definition.SNMAC:
         return Discs(np.maximum(airframe, SNMAC_PAIR_RADIUS_M), np.zeros(shape), np.zeros(shape))
-    displacement = filled(interval * (bounded_speed(own_speed_mps) + bounded_speed(speed_mps)))
-    own_error, error = bounded_error(own_error_bound_m), bounded_error(error_bound_m)
+    displacement = filled(interval * (bounded_speed(own.speed_mps) + bounded_speed(others.speed_mps)))
+    own_error, error = bounded_error(own.error_bound_m), bounded_error(others.error_bound_m)
     match definition:
         case Definition.REMOTE_ID:
             errors = np.full(shape, 2.0 * UNKNOWN_ERROR_BOUND_M)
             return Discs(np.maximum(airframe, MAX_AIRFRAME_M), errors, displacement)
         case Definition.ODID_ACCURACY:
-            coded = filled(bounded_error(own_accuracy_bound_m) + bounded_error(accuracy_bound_m))
+            coded = filled(bounded_error(own.accuracy_bound_m) + bounded_error(others.accuracy_bound_m))
             return Discs(np.maximum(airframe, MAX_AIRFRAME_M), coded, displacement)
         case Definition.CANDIDATE1:
             return Discs(np.maximum(airframe, MAX_AIRFRAME_M), filled(own_error + error), displacement)

@@ -98,16 +98,7 @@ class VelocitySpace:
         self, own: int, others: np.ndarray[Any, Any], scene: Scene, pairs: Pairs, definition: Definition
     ) -> Traffic:
         discs = separation_discs(
-            definition,
-            own_airframe_m=scene.airframe_m[own],
-            own_error_bound_m=scene.error_bound_m[own],
-            own_accuracy_bound_m=scene.accuracy_bound_m[own],
-            own_speed_mps=scene.speed_mps[own],
-            airframe_m=scene.airframe_m[others],
-            error_bound_m=scene.error_bound_m[others],
-            accuracy_bound_m=scene.accuracy_bound_m[others],
-            speed_mps=scene.speed_mps[others],
-            neighbours=max(1, len(scene) - 1),
+            definition, scene.reported[own], scene.reported[others], neighbours=max(1, len(scene) - 1)
         )
         age = scene.age_s[others]
         velocity = scene.velocity_ne_mps[others]

@@ -18,7 +18,7 @@ from ridlink.daemon.warming import warm_up_unless
 from ridlink.errors import LinkError
 from ridlink.scenario import Scenario, resolve_scenario
 from ridlink.separation.chance import DEFAULT_ETA
-from ridlink.separation.definitions import Definition, separation_discs
+from ridlink.separation.definitions import Definition, Reported, separation_discs
 from sitl_sim.demo.conductor import Conductor
 from sitl_sim.demo.conductors import Conductors
 from sitl_sim.demo.daemons import Assignment, Daemons, assignments
@@ -56,20 +56,9 @@ def pair_radius_under(definition: Definition, eta: float = DEFAULT_ETA) -> Calla
         sigma = bound / 3.0
         classes = np.array(ODID_CLASSES_M)
         coded = 3.0 * classes[np.minimum(np.searchsorted(classes, sigma), len(classes) - 1)]
-        discs = separation_discs(
-            definition,
-            own_airframe_m=airframe[:, None],
-            own_error_bound_m=bound[:, None],
-            own_accuracy_bound_m=coded[:, None],
-            own_speed_mps=speed[:, None],
-            airframe_m=airframe,
-            error_bound_m=bound,
-            accuracy_bound_m=coded,
-            speed_mps=speed,
-            eta=eta,
-            neighbours=max(len(airframe) - 1, 1),
-        )
-        return discs.radius_m
+        fleet = Reported(airframe, bound, coded, speed)
+        neighbours = max(len(airframe) - 1, 1)
+        return separation_discs(definition, fleet[:, None], fleet, eta=eta, neighbours=neighbours).radius_m
 
     return radii
 

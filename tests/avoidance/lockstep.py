@@ -25,7 +25,7 @@ from ridlink.avoidance.priority import give_way_in_worlds, new_turns
 from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.types import HalfplaneSettings
 from ridlink.avoidance.worlds import avoid_worlds, halfplane_scratch, new_memory
-from ridlink.separation import Definition, separation_discs
+from ridlink.separation import Definition, Reported, separation_discs
 
 STEP_S = 0.02
 PHASES = 5
@@ -304,10 +304,9 @@ def fly(
         own[..., rows.EXTRA_TURN] = turn
         discs = separation_discs(
             definition,
-            own_airframe_m=airframe[:, :, None], own_error_bound_m=bound, own_accuracy_bound_m=np.nan,
-            own_speed_mps=own_speed[:, :, None], airframe_m=airframe[:, None, :], error_bound_m=bound,
-            accuracy_bound_m=np.nan, speed_mps=np.linalg.norm(heard[..., 2:4], axis=-1)[:, None, :],
-        )  # fmt: skip
+            Reported(airframe[:, :, None], bound, speed_mps=own_speed[:, :, None]),
+            Reported(airframe[:, None, :], bound, speed_mps=np.linalg.norm(heard[..., 2:4], axis=-1)[:, None, :]),
+        )
         deciding = turn_now & cooperative & active
         give_way_in_worlds(
             own, deciding, heard, present, discs.radius_m, range_m, now, turns,

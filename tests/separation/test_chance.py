@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ridlink.separation import ChanceBound, Definition, separation_discs
+from ridlink.separation import ChanceBound, Definition, Reported, separation_discs
 from ridlink.separation.chance import (
     chance_error_sum,
     eta_of_mission,
@@ -24,17 +25,9 @@ from ridlink.separation.chance import (
 SIGMA_M = 10.0
 BOUND_M = 3.0 * SIGMA_M
 AIRFRAME_M = 3.8
-PAIR = {
-    "own_airframe_m": AIRFRAME_M,
-    "own_error_bound_m": BOUND_M,
-    "own_accuracy_bound_m": BOUND_M,
-    "own_speed_mps": 10.0,
-    "airframe_m": AIRFRAME_M,
-    "error_bound_m": BOUND_M,
-    "accuracy_bound_m": BOUND_M,
-    "speed_mps": 10.0,
-    "interval_s": 0.0,
-}
+ONE = Reported(AIRFRAME_M, BOUND_M, BOUND_M, speed_mps=10.0)
+PAIR = (ONE, ONE)
+STILL = {"interval_s": 0.0}
 """Nothing flown between two reports: what is left is errors."""
 
 FloatArray = NDArray[np.float64]
@@ -79,7 +72,7 @@ def test_distance_beyond_the_airframes_of_two_vehicles_with_ten_metres(eta, cont
     for bound, expected in printed.items():
         kept = chance_error_sum(BOUND_M, BOUND_M, eta=eta, bound=ChanceBound(bound))
         assert kept == pytest.approx(expected, abs=0.05)
-    three_sigma = separation_discs(Definition.CANDIDATE2, **PAIR).error_sum_m
+    three_sigma = separation_discs(Definition.CANDIDATE2, *PAIR, **STILL).error_sum_m
     assert three_sigma == pytest.approx(60.0)
     relative = SIGMA_M * math.sqrt(2.0)
     assert chance_error_sum(BOUND_M, BOUND_M, eta=eta) == pytest.approx(NormalDist(sigma=relative).inv_cdf(eta))
@@ -93,8 +86,8 @@ def test_of_random_encounters_no_more_than_the_rest_of_eta_comes_too_close(eta, 
     miss distance of the last choice, against the airframes, with 95 % binomial confidence."""
     random = np.random.default_rng(17)
     both = math.hypot(own_sigma, sigma)
-    pair = PAIR | {"own_error_bound_m": 3.0 * own_sigma, "error_bound_m": 3.0 * sigma}
-    radius = float(separation_discs(Definition.CHANCE, **pair, eta=eta).radius_m)
+    pair = replace(ONE, error_bound_m=3.0 * own_sigma), replace(ONE, error_bound_m=3.0 * sigma)
+    radius = float(separation_discs(Definition.CHANCE, *pair, **STILL, eta=eta).radius_m)
     position = random.uniform(-250.0, 250.0, (130_000, 2))
     side = random.choice([-1.0, 1.0], len(position))
     error = random.normal(0.0, both, position.shape)
@@ -117,7 +110,7 @@ def test_of_whole_encounters_no_more_than_the_rest_of_eta_collides(correlation: 
     """Own-ship means to fly straight on and leaves its course as little as the constraint allows, 8 s long."""
     eta, random = 0.99, np.random.default_rng(23)
     relative = SIGMA_M * math.sqrt(2.0)
-    radius = float(separation_discs(Definition.CHANCE, **PAIR, eta=eta).radius_m)
+    radius = float(separation_discs(Definition.CHANCE, *PAIR, **STILL, eta=eta).radius_m)
     count = 20_000
     position = np.stack((np.full(count, 120.0), random.uniform(-radius, radius, count)), axis=1)
     error = random.normal(0.0, relative, position.shape)
@@ -164,7 +157,9 @@ def test_a_velocity_error_counts_as_a_position_error_at_the_closest_approach() -
     position = np.array([[speed * closest_s, 0.0]]) + random.normal(0.0, 60.0, (count, 2))
     grown = math.hypot(BOUND_M, 3.0 * velocity_sigma * closest_s)
     for bound, holds in ((grown, True), (BOUND_M, False)):
-        radius = float(separation_discs(Definition.CHANCE, **(PAIR | {"error_bound_m": bound}), eta=eta).radius_m)
+        radius = float(
+            separation_discs(Definition.CHANCE, ONE, replace(ONE, error_bound_m=bound), **STILL, eta=eta).radius_m
+        )
         reported = position + random.normal(0.0, SIGMA_M * math.sqrt(2.0), position.shape)
         judged = np.abs(np.hypot(reported[:, 0], reported[:, 1]) - speed * closest_s) < 20.0
         planned = speed * tangent(reported, radius, random.choice([-1.0, 1.0], count))
@@ -177,13 +172,13 @@ def test_a_velocity_error_counts_as_a_position_error_at_the_closest_approach() -
 def test_what_each_definition_guarantees_at_one_instant() -> None:
     """The figures in the documentation of the definitions."""
     for definition, equal in (("candidate1", 0.999988), ("candidate2", 0.999988), ("remote-id", 1.0 - 1e-8)):
-        slack = separation_discs(Definition(definition), **PAIR).error_sum_m
+        slack = separation_discs(Definition(definition), *PAIR, **STILL).error_sum_m
         assert instant_probability(slack, BOUND_M, BOUND_M) >= equal
     assert instant_probability(BOUND_M + np.array([0.0, 5.0, 60.0]), BOUND_M, [0.0, 5.0, 60.0]) == pytest.approx(
         [0.99865, 0.99972, 0.99997], abs=6e-6
     )
     assert 1.0 - math.exp(-4.5) == pytest.approx(0.989, abs=2e-4)
-    snmac = separation_discs(Definition.SNMAC, **PAIR)
+    snmac = separation_discs(Definition.SNMAC, *PAIR, **STILL)
     assert instant_probability(snmac.radius_m - AIRFRAME_M, BOUND_M, BOUND_M) == pytest.approx(0.79, abs=0.01)
     for eta in (0.6, 0.95, 0.999, 1.0 - 1e-12):
         slack = chance_error_sum(BOUND_M, 5.0, eta=eta)
@@ -197,7 +192,9 @@ def test_what_is_left_of_each_definition_after_an_hour_of_conflict() -> None:
     assert independent_draws(*hour) == 361.0
 
     def held(definition: str, other_bound_m: float = BOUND_M, **chance: float) -> float:
-        discs = separation_discs(Definition(definition), **(PAIR | {"error_bound_m": other_bound_m}), **chance)
+        discs = separation_discs(
+            Definition(definition), ONE, replace(ONE, error_bound_m=other_bound_m), **STILL, **chance
+        )
         instant = instant_probability(discs.radius_m - AIRFRAME_M, BOUND_M, other_bound_m)
         return float(instant) ** independent_draws(*hour)
 
@@ -215,7 +212,7 @@ def test_snmac_lets_one_encounter_in_five_collide() -> None:
     random = np.random.default_rng(31)
     position = random.uniform(-250.0, 250.0, (50_000, 2))
     reported = position + random.normal(0.0, SIGMA_M * math.sqrt(2.0), position.shape)
-    radius = float(separation_discs(Definition.SNMAC, **PAIR).radius_m)
+    radius = float(separation_discs(Definition.SNMAC, *PAIR, **STILL).radius_m)
     touched = miss(position, tangent(reported, radius, np.ones(len(position)))) < AIRFRAME_M
     held = float(instant_probability(radius - AIRFRAME_M, BOUND_M, BOUND_M))
     missed_on_the_other_side = float(instant_probability(-radius - AIRFRAME_M, BOUND_M, BOUND_M))
@@ -282,14 +279,14 @@ def test_counts_broadcast_over_batches() -> None:
     assert kept.shape == (4, 3)
     assert np.all(np.diff(kept[:, 0]) >= 0.0)
     assert kept[2, 1] == pytest.approx(chance_error_sum(30.0, 30.0, neighbours=7))
-    empty = separation_discs(Definition.CHANCE, **(PAIR | {"airframe_m": np.empty(0)}), neighbours=0)
+    empty = separation_discs(Definition.CHANCE, ONE, replace(ONE, airframe_m=np.empty(0)), neighbours=0)
     assert empty.radius_m.shape == (0,)
 
 
 @pytest.mark.parametrize("eta", [0.0, 1.0, -0.5, 1.5, math.nan, math.inf])
 def test_an_eta_that_is_no_probability_is_refused(eta: float) -> None:
     with pytest.raises(ValueError, match=f"got {eta:g}"):
-        separation_discs(Definition.CHANCE, **PAIR, eta=eta)
+        separation_discs(Definition.CHANCE, *PAIR, **STILL, eta=eta)
     with pytest.raises(ValueError, match=f"got {eta:g}"):
         mission_probability(eta, 1.0, 1.0)
 
