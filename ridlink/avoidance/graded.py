@@ -171,17 +171,17 @@ def risk_of_heading(own, sights, count, v_1, v_2, settings, most):  # type: igno
 
 
 @kernel
-def is_free(own, sights, count, pieces, piece_start, walls, way, reach_m, settings):  # type: ignore[no-untyped-def]
+def is_free(own, sights, count, pieces, walls, way, reach_m, settings):  # type: ignore[no-untyped-def]
     """Whether the straight way bears no risk at all and meets no obstacle before the goal."""
     s_1, s_2 = way[SPEED] * way[UNIT], way[SPEED] * way[UNIT + 1]
     if risk_of_heading(own, sights, count, s_1, s_2, settings, TRACE) > 0.0:
         return False
-    return time_to_wall(own, pieces, piece_start, walls, s_1, s_2, reach_m) == math.inf
+    return time_to_wall(own, pieces, walls, s_1, s_2, reach_m) == math.inf
 
 
 @kernel
 def grade_one(  # type: ignore[no-untyped-def]
-    own, neighbours, count, pieces, piece_start, settings, fan, sights, walls, way, result
+    own, neighbours, count, pieces, settings, fan, scratch, result
 ):
     """Decide for one own-ship.
 
@@ -189,19 +189,17 @@ def grade_one(  # type: ignore[no-untyped-def]
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
         neighbours: Blocks of neighbours, all of them heard, as many blocks as hold `count`.
         count: Number of neighbours.
-        pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
-        piece_start: Where each piece begins in it, with the end.
+        pieces: Convex pieces of the obstacles, `Obstacles.pieces`.
         settings: Constants, `GradedSettings.as_vector`.
         fan: Candidates, see `candidates`.
-        sights: Scratch, shape (>= count, SIGHT_COLUMNS).
-        walls: Scratch, shape (>= pieces, WALL_COLUMNS).
-        way: Scratch, shape (WAY_COLUMNS,).
+        scratch: `headings.new_scratch`.
         result: Result, shape (RESULT_COLUMNS,).
     """
+    sights, walls, way = scratch
     find_way(own, settings[ARRIVAL], way)
     see_neighbours(own, neighbours, count, sights, result)
     fill_radii(neighbours, count, settings, sights)
-    inside_wall = see_walls(own, pieces, piece_start, walls)
+    inside_wall = see_walls(own, pieces, walls)
     u_1, u_2, away = way[UNIT], way[UNIT + 1], way[AWAY]
     reach = away if away < FAR_M else REACH_S * way[PACE]
     pace = max(way[PACE], EPSILON)
@@ -214,7 +212,7 @@ def grade_one(  # type: ignore[no-untyped-def]
     ahead = max(min(settings[LOOK_AHEAD], 0.9 * away / pace), 0.1)
     best, chosen = math.inf, 0
     speeds = 2 if conflict and way[SPEED] < DODGE_SHARE * way[PACE] else 1
-    if not conflict and is_free(own, sights, count, pieces, piece_start, walls, way, reach, settings):
+    if not conflict and is_free(own, sights, count, pieces, walls, way, reach, settings):
         # Smoothness is no reason to be off the straight way.
         speeds = 0
     for level in range(speeds):
@@ -234,7 +232,7 @@ def grade_one(  # type: ignore[no-untyped-def]
             cost += settings[RISK_WEIGHT] * risk_of_heading(own, sights, count, v_1, v_2, settings, most)
             if cost >= best:
                 continue
-            wall = time_to_wall(own, pieces, piece_start, walls, v_1, v_2, reach)
+            wall = time_to_wall(own, pieces, walls, v_1, v_2, reach)
             if wall < WALL_S:
                 # Where every heading is so short, the longest of them.
                 cost += WALL_COST * (2.0 - wall / WALL_S)
@@ -247,9 +245,9 @@ def grade_one(  # type: ignore[no-untyped-def]
     result[R_VELOCITY] = speed * (fan[k, 0] * u_1 - fan[k, 1] * u_2)
     result[R_VELOCITY + 1] = speed * (fan[k, 1] * u_1 + fan[k, 0] * u_2)
     horizon = settings[LEAN_WITHIN]
-    feasible, overlapped = feasibility(own, sights, count, pieces, piece_start, walls, reach, horizon, result)
+    feasible, overlapped = feasibility(own, sights, count, pieces, walls, reach, horizon, result)
     settle_choice(
-        own, pieces, piece_start, walls, reach, feasible, overlapped or inside_wall, chosen == 0, settings[SMOOTHING],
+        own, pieces, walls, reach, feasible, overlapped or inside_wall, chosen == 0, settings[SMOOTHING],
         result,
     )  # fmt: skip
-    explain_choice(own, way, sights, count, pieces, piece_start, walls, reach, chosen == 0, horizon, result)
+    explain_choice(own, way, sights, count, pieces, walls, reach, chosen == 0, horizon, result)

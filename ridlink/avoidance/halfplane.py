@@ -14,12 +14,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ridlink.avoidance.contact import contact_half_planes
 from ridlink.avoidance.encounter import EPSILON, LEAN_HORIZONS
 from ridlink.avoidance.keep_out import obstacle_half_planes
 from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.lanes import BLOCKS_A_WORD, lanes_from, lowest_bit
 from ridlink.avoidance.meeting import meet, neighbour_half_planes
+from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.preference import INTERVAL_S, preferred_velocity, slowness
 from ridlink.avoidance.programme import (
     EXCESS,
@@ -28,9 +31,12 @@ from ridlink.avoidance.programme import (
     measure,
     nearest,
     nearest_admissible,
+    new_choice,
+    new_lines,
     unconstrained,
 )
-from ridlink.avoidance.reach import keep_within, reach_half_planes
+from ridlink.avoidance.reach import REACH_SIDES, keep_within, reach_half_planes
+from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.rows import (
     ACCELERATION,
     COMMAND,
@@ -59,6 +65,8 @@ from ridlink.avoidance.rows import (
     SMOOTHING,
     START_TURN,
     VELOCITY,
+    new_blocks,
+    new_names,
 )
 from ridlink.avoidance.sift import FAR, sift
 from ridlink.avoidance.turning import earlier_and_wider
@@ -114,9 +122,8 @@ def name_binding(lines, hard, walls, first, last, ends, names, slack_mps, result
 
 @kernel(forceinline=True)
 def avoid_one(  # type: ignore[no-untyped-def]
-    own, neighbours, count, range_m, pieces, piece_start, hulls, hull_start, route, settings, candidates, names, lines,
-    chosen, work, ring, result,
-):  # fmt: skip
+    own, neighbours, count, range_m, pieces, hulls, route, settings, scratch, result
+):
     """Decide for one own-ship.
 
     Args:
@@ -124,31 +131,25 @@ def avoid_one(  # type: ignore[no-untyped-def]
         neighbours: Blocks of neighbours, shape (>= count, BLOCK); what is kept of each encounter is read and written.
         count: Number of blocks.
         range_m: Neighbours whose reports are from further away are not heard.
-        pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
-        piece_start: Where each piece begins in it, with the end.
-        hulls: Vertices of the hulls of all obstacles, shape (h, 2).
-        hull_start: Where each hull begins in it, with the end.
+        pieces: Convex pieces of the obstacles, `Obstacles.pieces`.
+        hulls: Their hulls, `Obstacles.hulls`.
         route: Memory of the way round obstacles.
         settings: Constants, `HalfplaneSettings.as_vector`.
-        candidates: Scratch, shape of `neighbours`; in it remain those that matter, with their half-planes.
-        names: Scratch: their places among the neighbours, `rows.new_names(count)`.
-        lines: Scratch, `new_lines(pieces, 2 LANES count, LANES count)`.
-        chosen: Scratch, `new_choice` of the same.
-        work: Scratch, another.
-        ring: Scratch for routes, shape (`ring_size`, 2).
+        scratch: `new_scratch`.
         result: Result, shape (RESULT_COLUMNS,).
 
     Returns:
         Memory of the way round obstacles for the next step.
     """
+    candidates, names, lines, chosen, work, ring = scratch
     limit = own[LIMIT]
     preferred = result[R_PREFERRED : R_PREFERRED + 2]
     pair = result[R_VELOCITY : R_VELOCITY + 2]
-    route = preferred_velocity(own, hulls, hull_start, route, settings, ring, pair, preferred)
+    route = preferred_velocity(own, hulls, route, settings, ring, pair, preferred)
     slow = slowness(preferred, own[VELOCITY], own[VELOCITY + 1], limit)
     # First room for firm half-planes, filled from the end, then the hard ones, then the soft ones.
     begin = hard = LANES * count
-    first, near_obstacle = obstacle_half_planes(own, pieces, piece_start, settings, lines, hard, pair)
+    first, near_obstacle = obstacle_half_planes(own, pieces, settings, lines, hard, pair)
     result[R_HARD] = first - hard
     walls, change = first, settings[ACCELERATION] * INTERVAL_S
     if not math.isinf(change):
@@ -217,3 +218,25 @@ def avoid_one(  # type: ignore[no-untyped-def]
         unconstrained(limit, pair, command)
     keep_within(own, change, limit, command)
     return route
+
+
+def new_scratch(count: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
+    """What `avoid_one` works on, for so many neighbours or fewer.
+
+    Returns:
+        Candidates, blocks in which those that matter remain with their half-planes; their places among the neighbours;
+        half-planes; two choices among these; a ring for routes.
+    """
+    blocks = new_blocks(count)
+    lanes = LANES * len(blocks)
+    lines = new_lines(obstacles.piece_count + REACH_SIDES, 2 * lanes, lanes)
+    width = lines.shape[1]
+    ring = np.zeros((ring_size(obstacles.hull_start), 2))
+    return blocks, new_names(len(blocks)), lines, new_choice(width), new_choice(width), ring
+
+
+def has_room(scratch: tuple[np.ndarray, ...], obstacles: Obstacles) -> bool:
+    """Whether a scratch does for these obstacles, at the number of neighbours that it was made for."""
+    blocks, _, lines, *_, ring = scratch
+    spare = lines.shape[1] - 3 * LANES * len(blocks)
+    return obstacles.piece_count + REACH_SIDES <= spare and ring_size(obstacles.hull_start) <= len(ring)

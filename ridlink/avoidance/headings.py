@@ -13,8 +13,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ridlink.avoidance.encounter import EPSILON, time_to_entry
 from ridlink.avoidance.kernel import kernel, norm
+from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.preference import APPROACH_OFFSET_MPS, INTERVAL_S
 from ridlink.avoidance.rows import (
     AIM,
@@ -44,7 +47,7 @@ from ridlink.avoidance.rows import (
     RECIPROCAL,
     VELOCITY,
 )
-from ridlink.avoidance.walls import time_to_wall
+from ridlink.avoidance.walls import WALL_COLUMNS, time_to_wall
 
 # Columns of a neighbour as own-ship sees it: where it is, its velocity, what w is counted from, how many times v' is in
 # w, and the radius that the solver keeps from it (which the solver fills in). TAIL is for the graded solver.
@@ -175,7 +178,7 @@ def name_binding(sights, count, v_1, v_2, horizon_s, result):  # type: ignore[no
 
 
 @kernel
-def feasibility(own, sights, count, vertex, start, walls, reach_m, horizon_s, result):  # type: ignore[no-untyped-def]
+def feasibility(own, sights, count, pieces, walls, reach_m, horizon_s, result):  # type: ignore[no-untyped-def]
     """Whether the velocity in the result leads into no disc and no obstacle, and whether own-ship is in a disc already.
 
     Arguments as in `explain_choice`.
@@ -187,20 +190,19 @@ def feasibility(own, sights, count, vertex, start, walls, reach_m, horizon_s, re
         sight = sights[j]
         slack = min(slack, slack_to_disc(sight, v_1, v_2, horizon_s))
         overlapped = overlapped or sight[SEEN] ** 2 + sight[SEEN + 1] ** 2 < sight[KEPT] ** 2
-    blocked = time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m) < math.inf
+    blocked = time_to_wall(own, pieces, walls, v_1, v_2, reach_m) < math.inf
     return slack >= 0.0 and not blocked, overlapped
 
 
 @kernel
 def settle_choice(  # type: ignore[no-untyped-def]
-    own, vertex, start, walls, reach_m, feasible, overlapped, straight, smoothing, result
+    own, pieces, walls, reach_m, feasible, overlapped, straight, smoothing, result
 ):
     """Fill in the status and the command for the velocity in the result.
 
     Args:
         own: Own-ship.
-        vertex: Vertices of the obstacles' pieces.
-        start: Where each begins in it, with the end.
+        pieces: Convex pieces of the obstacles.
         walls: As `see_walls` left them.
         reach_m: Obstacles further than this do not count.
         feasible: True if the velocity leads into no disc and no obstacle.
@@ -220,7 +222,7 @@ def settle_choice(  # type: ignore[no-untyped-def]
     c_1 = own[COMMAND] + smoothing * (v_1 - own[COMMAND])
     c_2 = own[COMMAND + 1] + smoothing * (v_2 - own[COMMAND + 1])
     # A mean of two velocities that keep out of an obstacle may be one that does not.
-    if time_to_wall(own, vertex, start, walls, c_1, c_2, reach_m) < WALL_S:
+    if time_to_wall(own, pieces, walls, c_1, c_2, reach_m) < WALL_S:
         c_1, c_2 = v_1, v_2
     speed = norm(c_1, c_2)
     if speed > own[LIMIT]:
@@ -230,7 +232,7 @@ def settle_choice(  # type: ignore[no-untyped-def]
 
 @kernel
 def explain_choice(  # type: ignore[no-untyped-def]
-    own, way, sights, count, vertex, start, walls, reach_m, straight, horizon_s, result
+    own, way, sights, count, pieces, walls, reach_m, straight, horizon_s, result
 ):
     """Fill in slack and what binds the velocity in the result, whose status is known.
 
@@ -239,8 +241,7 @@ def explain_choice(  # type: ignore[no-untyped-def]
         way: The straight way.
         sights: Neighbours as seen, with the radii that the solver keeps.
         count: Number of neighbours.
-        vertex: Vertices of the obstacles' pieces.
-        start: Where each begins in it, with the end.
+        pieces: Convex pieces of the obstacles.
         walls: As `see_walls` left them.
         reach_m: Obstacles further than this do not count.
         straight: True if the straight way was chosen.
@@ -252,8 +253,8 @@ def explain_choice(  # type: ignore[no-untyped-def]
     for j in range(count):
         slack = min(slack, slack_to_disc(sights[j], v_1, v_2, horizon_s))
     s_1, s_2 = way[SPEED] * way[UNIT], way[SPEED] * way[UNIT + 1]
-    blocked = time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m) < math.inf
-    in_the_way = not straight and time_to_wall(own, vertex, start, walls, s_1, s_2, reach_m) < math.inf
+    blocked = time_to_wall(own, pieces, walls, v_1, v_2, reach_m) < math.inf
+    in_the_way = not straight and time_to_wall(own, pieces, walls, s_1, s_2, reach_m) < math.inf
     result[R_OBSTACLE] = 1.0 if blocked or in_the_way else 0.0
     if result[R_STATUS] == INFEASIBLE:
         name_binding(sights, count, v_1, v_2, horizon_s, result)
@@ -261,3 +262,17 @@ def explain_choice(  # type: ignore[no-untyped-def]
         slack = max(slack, 0.0)  # but for rounding it is
         name_binding(sights, count, s_1, s_2, horizon_s, result)
     result[R_SLACK] = slack
+
+
+def new_scratch(count: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
+    """What the two solvers work on, for so many neighbours or fewer: neighbours and walls as seen, the straight way."""
+    return (
+        np.zeros((count, SIGHT_COLUMNS)),
+        np.zeros((obstacles.piece_count, WALL_COLUMNS)),
+        np.zeros(WAY_COLUMNS),
+    )
+
+
+def has_room(scratch: tuple[np.ndarray, ...], obstacles: Obstacles) -> bool:
+    """Whether a scratch does for these obstacles, at the number of neighbours that it was made for."""
+    return obstacles.piece_count <= len(scratch[1])

@@ -84,9 +84,10 @@ def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
 
 
 @kernel(forceinline=True, inner=True)
-def obstacle_half_planes(own, vertex, start, settings, lines, hard, normal):  # type: ignore[no-untyped-def]
+def obstacle_half_planes(own, pieces, settings, lines, hard, normal):  # type: ignore[no-untyped-def]
     """One hard half-plane for each convex piece that could matter, from column `hard` of `lines` on, and some that
     forbid nothing up to a multiple of LANES; returns the column after those, and True while too near an obstacle."""
+    vertex, start = pieces
     used = hard
     inside = False
     limit = own[LIMIT]

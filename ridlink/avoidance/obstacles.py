@@ -17,6 +17,9 @@ from ridlink.avoidance.types import FARTHEST
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+Polygons = tuple[FloatArray, IntArray]
+"""Vertices of convex polygons, shape (m, 2), and where each polygon begins in them, with the end."""
+
 MIN_AREA_M2 = 1e-6
 """A smaller polygon is a point or a line and has no inside."""
 
@@ -194,6 +197,16 @@ class Obstacles:
         piece_vertices, piece_start = _flat(pieces)
         hull_vertices, hull_start = _flat(hulls)
         return cls(piece_vertices, piece_start, hull_vertices, hull_start)
+
+    @property
+    def pieces(self) -> Polygons:
+        """The convex pieces as the kernels take them."""
+        return self.piece_vertex_ne_m, self.piece_start
+
+    @property
+    def hulls(self) -> Polygons:
+        """The hulls as the kernels take them."""
+        return self.hull_vertex_ne_m, self.hull_start
 
     @property
     def piece_count(self) -> int:

@@ -58,7 +58,7 @@ def steadied(c_1, c_2, v_1, v_2, to_1, to_2, to_goal_m):  # type: ignore[no-unty
 
 
 @kernel(forceinline=True, inner=True)
-def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
+def preferred_velocity(own, hulls, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
     """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
     if own[AIM_IS_VELOCITY] != 0.0:
         preferred[0], preferred[1] = own[AIM], own[AIM + 1]
@@ -66,9 +66,9 @@ def preferred_velocity(own, vertex, start, memory, settings, ring, aim, preferre
     p_1, p_2 = own[POSITION], own[POSITION + 1]
     to_1, to_2, route = own[AIM] - p_1, own[AIM + 1] - p_2, 0
     to_goal = length = norm(to_1, to_2)
-    if len(start) > 1:
+    if len(hulls[1]) > 1:
         clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
-        route = route_aim(vertex, start, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
+        route = route_aim(hulls, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
         to_1, to_2 = aim[0] - p_1, aim[1] - p_2
         length = norm(to_1, to_2)
     slow = not math.isinf(settings[ARRIVAL])

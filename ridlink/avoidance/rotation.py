@@ -135,7 +135,7 @@ def least_excess(block, v_1, v_2):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True)
 def choose_heading(  # type: ignore[no-untyped-def]
-    own, neighbours, count, range_m, pieces, piece_start, settings, fan, walls, way, result
+    own, neighbours, count, range_m, pieces, settings, fan, scratch, result
 ):
     """Decide for one own-ship, and say no more than the status and the command with it.
 
@@ -144,20 +144,19 @@ def choose_heading(  # type: ignore[no-untyped-def]
         neighbours: Blocks of neighbours, shape (>= count, BLOCK).
         count: Number of blocks.
         range_m: Neighbours whose reports are from further away are not heard.
-        pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
-        piece_start: Where each piece begins in it, with the end.
+        pieces: Convex pieces of the obstacles, `Obstacles.pieces`.
         settings: Constants, `RotationSettings.as_vector`.
         fan: Candidates, see `candidates`.
-        walls: Scratch, shape (>= pieces, WALL_COLUMNS).
-        way: Scratch, shape (WAY_COLUMNS,).
+        scratch: `headings.new_scratch`; what it sees of neighbours is not used here.
         result: Result, shape (RESULT_COLUMNS,): velocity, preferred velocity, command and status.
 
     Returns:
         True if the straight way was chosen.
     """
+    _, walls, way = scratch
     find_way(own, settings[ARRIVAL], way)
     overlapped = see_blocks(own, neighbours, count, range_m, settings[AGE_ACCELERATION])
-    inside_wall = see_walls(own, pieces, piece_start, walls)
+    inside_wall = see_walls(own, pieces, walls)
     u_1, u_2, speed = way[UNIT], way[UNIT + 1], way[SPEED]
     reach = way[AWAY] if way[AWAY] < FAR_M else REACH_S * way[PACE]
     result[R_PREFERRED], result[R_PREFERRED + 1] = speed * u_1, speed * u_2
@@ -172,7 +171,7 @@ def choose_heading(  # type: ignore[no-untyped-def]
             if b != last and leads_into_a_disc(neighbours[b], v_1, v_2):
                 blocked, last = True, b
             b += 1
-        if not blocked and time_to_wall(own, pieces, piece_start, walls, v_1, v_2, reach) == math.inf:
+        if not blocked and time_to_wall(own, pieces, walls, v_1, v_2, reach) == math.inf:
             chosen = k
             break
     feasible = chosen >= 0
@@ -186,7 +185,7 @@ def choose_heading(  # type: ignore[no-untyped-def]
                 score = min(score, least_excess(neighbours[b], v_1, v_2) - cost)
                 b += 1
             if score > best:
-                wall = time_to_wall(own, pieces, piece_start, walls, v_1, v_2, reach)
+                wall = time_to_wall(own, pieces, walls, v_1, v_2, reach)
                 if wall < WALL_S:
                     # Obstacles stay hard: only where every heading is so short, the longest of them.
                     score = (wall - WALL_S - 1.0) * 1e6
@@ -195,7 +194,7 @@ def choose_heading(  # type: ignore[no-untyped-def]
     result[R_VELOCITY] = speed * (fan[chosen, 0] * u_1 - fan[chosen, 1] * u_2)
     result[R_VELOCITY + 1] = speed * (fan[chosen, 1] * u_1 + fan[chosen, 0] * u_2)
     settle_choice(
-        own, pieces, piece_start, walls, reach, feasible, overlapped or inside_wall, chosen == 0, settings[SMOOTHING],
+        own, pieces, walls, reach, feasible, overlapped or inside_wall, chosen == 0, settings[SMOOTHING],
         result,
     )  # fmt: skip
     return chosen == 0
@@ -203,7 +202,7 @@ def choose_heading(  # type: ignore[no-untyped-def]
 
 @kernel
 def rotate_one(  # type: ignore[no-untyped-def]
-    own, neighbours, count, pieces, piece_start, settings, fan, sights, walls, way, result
+    own, neighbours, count, pieces, settings, fan, scratch, result
 ):
     """Decide for one own-ship, and say why.
 
@@ -211,20 +210,16 @@ def rotate_one(  # type: ignore[no-untyped-def]
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
         neighbours: Blocks of neighbours, all of them heard, as many blocks as hold `count`.
         count: Number of neighbours.
-        pieces: See `choose_heading`; so are `piece_start`, `settings`, `fan`, `walls`, `way` and `result`.
-        piece_start: See `pieces`.
+        pieces: See `choose_heading`; so are `settings`, `fan` and `scratch`.
         settings: See `pieces`.
         fan: See `pieces`.
-        sights: Scratch, shape (>= count, SIGHT_COLUMNS).
-        walls: See `pieces`.
-        way: See `pieces`.
-        result: See `pieces`; here it is complete.
+        scratch: See `pieces`.
+        result: Result, shape (RESULT_COLUMNS,); here it is complete.
     """
-    straight = choose_heading(
-        own, neighbours, -(-count // LANES), math.inf, pieces, piece_start, settings, fan, walls, way, result
-    )
+    sights, walls, way = scratch
+    straight = choose_heading(own, neighbours, -(-count // LANES), math.inf, pieces, settings, fan, scratch, result)
     see_neighbours(own, neighbours, count, sights, result)
     for j in range(count):
         sights[j, SIGHT_KEPT] = neighbours[j // LANES, KEPT + j % LANES]
     reach = way[AWAY] if way[AWAY] < FAR_M else REACH_S * way[PACE]
-    explain_choice(own, way, sights, count, pieces, piece_start, walls, reach, straight, math.inf, result)
+    explain_choice(own, way, sights, count, pieces, walls, reach, straight, math.inf, result)

@@ -102,14 +102,13 @@ def length_round(ring, count, p_1, p_2, t_1, t_2, side):  # type: ignore[no-unty
 
 
 @kernel(inner=True)
-def route_aim(vertex, start, p_1, p_2, goal_1, goal_2, clearance_m, memory, ring, aim):  # type: ignore[no-untyped-def]
+def route_aim(hulls, p_1, p_2, goal_1, goal_2, clearance_m, memory, ring, aim):  # type: ignore[no-untyped-def]
     """Point to fly to now on the way to a goal round convex polygons; the goal itself when nothing is in the way.
 
     The shorter way counts; of equal ways the right-hand one. Inside a polygon the way leads over its nearest edge.
 
     Args:
-        vertex: Vertices of all polygons, shape (m, 2).
-        start: Where each polygon begins in it, shape (polygons + 1,).
+        hulls: Convex polygons, `Obstacles.hulls`.
         p_1: North of own-ship.
         p_2: East of own-ship.
         goal_1: North of the goal.
@@ -122,6 +121,7 @@ def route_aim(vertex, start, p_1, p_2, goal_1, goal_2, clearance_m, memory, ring
     Returns:
         Memory for the next step.
     """
+    vertex, start = hulls
     aim[0], aim[1] = goal_1, goal_2
     chosen = 0
     last_polygon = -1

@@ -71,6 +71,11 @@ def for_worlds(array: np.ndarray, worlds: int) -> np.ndarray:
     return aligned(np.stack([array] * worlds))
 
 
+def for_all_worlds(scratch: tuple[np.ndarray, ...], worlds: int) -> tuple[np.ndarray, ...]:
+    """The same for every array of a scratch."""
+    return tuple(for_worlds(array, worlds) for array in scratch)
+
+
 def blocks_for(count: int) -> int:
     """Blocks that hold so many neighbours."""
     return -(-count // LANES)

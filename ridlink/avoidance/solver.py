@@ -13,9 +13,6 @@ from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import RightOfWay, give_way
-from ridlink.avoidance.programme import new_choice, new_lines
-from ridlink.avoidance.reach import REACH_SIDES
-from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import (
     Decision,
@@ -27,7 +24,6 @@ from ridlink.avoidance.types import (
     Traffic,
     checked_pair,
 )
-from ridlink.avoidance.walls import WALL_COLUMNS
 from ridlink.compiled import is_compiled
 
 SolverSettings = HalfplaneSettings | GradedSettings | RotationSettings
@@ -219,11 +215,12 @@ class HalfplaneSolver(_RowSolver):
             or -1 for an obstacle. A neighbour has one of now and one of later; those that no velocity within the limit
             fails are left out, and so are those that keep airframes from touching within the next step.
         """
+        candidates, names, lines, *_ = self._scratch
         hard = rows.LANES * rows.blocks_for(self._count)
-        columns = self._lines[:3, hard : hard + int(self._result[rows.R_HARD])].T
+        columns = lines[:3, hard : hard + int(self._result[rows.R_HARD])].T
         found = [(plane.copy(), -1) for plane in columns if plane[2] > -math.inf]
         for c in range(int(self._result[rows.R_MATTERING])):
-            block, lane, place = self._candidates[c // rows.LANES], c % rows.LANES, int(self._names[c])
+            block, lane, place = candidates[c // rows.LANES], c % rows.LANES, int(names[c])
             for first in (rows.NOW, rows.LATER) if self.settings.response_time_s > 0.0 else (rows.NOW,):
                 plane = block[first + lane : first + 3 * rows.LANES : rows.LANES].copy()
                 if plane[2] > -math.inf:
@@ -231,22 +228,15 @@ class HalfplaneSolver(_RowSolver):
         return found
 
     def _reserve(self, obstacles: Obstacles) -> None:
-        lanes = rows.LANES * len(self._neighbours)
-        self._lines = new_lines(obstacles.piece_count + REACH_SIDES, 2 * lanes, lanes)
-        self._candidates, self._names = rows.aligned(self._neighbours), rows.new_names(len(self._neighbours))
-        self._chosen, self._work = (new_choice(self._lines.shape[1]) for _ in range(2))
-        self._ring = np.zeros((ring_size(obstacles.hull_start), 2))
+        self._scratch = halfplane.new_scratch(self._most, obstacles)
 
     def _has_room(self, obstacles: Obstacles) -> bool:
-        spare = self._lines.shape[1] - 3 * rows.LANES * len(self._neighbours)
-        hard = obstacles.piece_count + REACH_SIDES
-        return hard <= spare and ring_size(obstacles.hull_start) <= len(self._ring)
+        return halfplane.has_room(self._scratch, obstacles)
 
     def _decide(self, count: int, obstacles: Obstacles) -> None:
         self._route_side = halfplane.avoid_one(
-            self._own, self._neighbours, rows.blocks_for(count), math.inf, obstacles.piece_vertex_ne_m,
-            obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start, self._route_side, self._vector,
-            self._candidates, self._names, self._lines, self._chosen, self._work, self._ring, self._result,
+            self._own, self._neighbours, rows.blocks_for(count), math.inf, obstacles.pieces, obstacles.hulls,
+            self._route_side, self._vector, self._scratch, self._result,
         )  # fmt: skip
 
 
@@ -261,12 +251,10 @@ class _HeadingSolver(_RowSolver):
     _fan: FloatArray
 
     def _reserve(self, obstacles: Obstacles) -> None:
-        self._sights = np.zeros((self._most, headings.SIGHT_COLUMNS))
-        self._walls = np.zeros((obstacles.piece_count, WALL_COLUMNS))
-        self._way = np.zeros(headings.WAY_COLUMNS)
+        self._scratch = headings.new_scratch(self._most, obstacles)
 
     def _has_room(self, obstacles: Obstacles) -> bool:
-        return obstacles.piece_count <= len(self._walls)
+        return headings.has_room(self._scratch, obstacles)
 
 
 class GradedSolver(_HeadingSolver):
@@ -280,9 +268,8 @@ class GradedSolver(_HeadingSolver):
 
     def _decide(self, count: int, obstacles: Obstacles) -> None:
         graded.grade_one(
-            self._own, self._neighbours, count, obstacles.piece_vertex_ne_m, obstacles.piece_start, self._vector,
-            self._fan, self._sights, self._walls, self._way, self._result,
-        )  # fmt: skip
+            self._own, self._neighbours, count, obstacles.pieces, self._vector, self._fan, self._scratch, self._result
+        )
 
 
 class RotationSolver(_HeadingSolver):
@@ -296,9 +283,8 @@ class RotationSolver(_HeadingSolver):
 
     def _decide(self, count: int, obstacles: Obstacles) -> None:
         rotation.rotate_one(
-            self._own, self._neighbours, count, obstacles.piece_vertex_ne_m, obstacles.piece_start, self._vector,
-            self._fan, self._sights, self._walls, self._way, self._result,
-        )  # fmt: skip
+            self._own, self._neighbours, count, obstacles.pieces, self._vector, self._fan, self._scratch, self._result
+        )
 
 
 _OWN_KERNELS = {

@@ -20,15 +20,15 @@ EDGE_M = 1e-6
 
 
 @kernel
-def see_walls(own, vertex, start, walls):  # type: ignore[no-untyped-def]
+def see_walls(own, pieces, walls):  # type: ignore[no-untyped-def]
     """Gap to every piece of an obstacle grown by the clearance, and its outward normal; True inside of one.
 
     Args:
         own: Own-ship.
-        vertex: Vertices of the convex pieces, shape (m, 2).
-        start: Where each begins in it, with the end.
-        walls: Result, shape (pieces, WALL_COLUMNS).
+        pieces: Convex pieces of the obstacles, `Obstacles.pieces`.
+        walls: Result, shape (>= pieces, WALL_COLUMNS).
     """
+    vertex, start = pieces
     inside = False
     for piece in range(len(start) - 1):
         wall = walls[piece]
@@ -80,18 +80,18 @@ def ray_to_piece(vertex, first, last, clearance_m, p_1, p_2, d_1, d_2):  # type:
 
 
 @kernel(forceinline=True)
-def time_to_wall(own, vertex, start, walls, v_1, v_2, reach_m):  # type: ignore[no-untyped-def]
+def time_to_wall(own, pieces, walls, v_1, v_2, reach_m):  # type: ignore[no-untyped-def]
     """Time [s] in which a velocity reaches the clearance of an obstacle, 0 if it leads deeper into it, else infinity.
 
     Args:
         own: Own-ship.
-        vertex: Vertices of the convex pieces.
-        start: Where each begins in it, with the end.
+        pieces: Convex pieces of the obstacles.
         walls: As `see_walls` left them.
         v_1: North of the velocity.
         v_2: East of it.
         reach_m: Obstacles further than this do not count.
     """
+    vertex, start = pieces
     speed = norm(v_1, v_2)
     if speed < EPSILON:
         return math.inf

@@ -17,19 +17,18 @@ nothing to do with each other, so parts of a batch may be given to several threa
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ridlink.avoidance import headings
+from ridlink.avoidance import halfplane, headings
 from ridlink.avoidance.graded import grade_one
 from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.kernel import kernel
 from ridlink.avoidance.lanes import copy_lanes, lane_of
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import place_reports
-from ridlink.avoidance.programme import new_choice, new_lines
-from ridlink.avoidance.reach import REACH_SIDES
 from ridlink.avoidance.rotation import choose_heading
-from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.rows import (
     ERROR_SUM,
     GAP,
@@ -42,11 +41,11 @@ from ridlink.avoidance.rows import (
     RADIUS,
     REPORTED,
     blocks_for,
+    for_all_worlds,
     for_worlds,
     new_blocks,
     new_names,
 )
-from ridlink.avoidance.walls import WALL_COLUMNS
 
 SMALL_WORLD = 64
 """Vehicles up to which everybody is passed over for everybody."""
@@ -128,8 +127,8 @@ def name_vehicles(names, answer):  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def avoid_worlds(  # type: ignore[no-untyped-def]
-    own, deciding, heard, present, radius_m, error_sum_m, range_m, memory, route, pieces, piece_start, hulls,
-    hull_start, settings, picture, neighbours, names, lines, chosen, work, ring, result,
+    own, deciding, heard, present, radius_m, error_sum_m, range_m, memory, route, pieces, hulls, settings, picture,
+    scratch, result,
 ):  # fmt: skip
     """Decide by half-planes for every vehicle of every world.
 
@@ -143,22 +142,16 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         range_m: See above.
         memory: What each vehicle keeps of its encounters, read and written, see `new_memory`.
         route: Memory of the way round obstacles, read and written, shape (W, N), int64.
-        pieces: Obstacles, the same in every world, as in `avoid_one`; so are `piece_start`, `hulls`, `hull_start`.
-        piece_start: See `pieces`.
+        pieces: Obstacles, the same in every world, as in `avoid_one`; so are `hulls`.
         hulls: See `pieces`.
-        hull_start: See `pieces`.
         settings: Constants, `HalfplaneSettings.as_vector`.
-        picture: Scratch; it and the following ones come from `halfplane_scratch`.
-        neighbours: See `picture`.
-        names: See `picture`.
-        lines: See `picture`.
-        chosen: See `picture`.
-        work: See `picture`.
-        ring: See `picture`.
+        picture: Scratch, blocks for all vehicles of each world; it and `scratch` come from `halfplane_scratch`.
+        scratch: Of each world, as in `avoid_one`.
         result: See above.
     """
     # Whoever has several threads gives each its own worlds, with scratch of their own: that of the first will do.
-    view, few, places = picture[0], neighbours[0], names[0]
+    candidates, names, lines, chosen, work, ring = scratch
+    view, mine = picture[0], (candidates[0], names[0], lines[0], chosen[0], work[0], ring[0])
     blocks = len(view)
     for world in range(own.shape[0]):
         draw_picture(heard[world], present[world], view)
@@ -169,9 +162,8 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
             complete(view, radius_m[world, i], error_sum_m[world, i], kept)
             view[i // LANES, HEARD + i % LANES] = 0.0
             route[world, i] = avoid_one(
-                own[world, i], view, blocks, range_m, pieces, piece_start, hulls, hull_start, route[world, i], settings,
-                few, places, lines[0], chosen[0], work[0], ring[0], result[world, i],
-            )  # fmt: skip
+                own[world, i], view, blocks, range_m, pieces, hulls, route[world, i], settings, mine, result[world, i]
+            )
             view[i // LANES, HEARD + i % LANES] = 1.0 if present[world, i] else 0.0
             for b in range(blocks):
                 copy_lanes(view[b], KEPT, kept, LANES * b)
@@ -179,9 +171,8 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def rotate_worlds(  # type: ignore[no-untyped-def]
-    own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
-    neighbours, names, walls, way, result,
-):  # fmt: skip
+    own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, settings, fan, crowd, scratch, result
+):
     """Decide by rotation, as the paper does, for every vehicle of every world.
 
     Args:
@@ -193,19 +184,19 @@ def rotate_worlds(  # type: ignore[no-untyped-def]
         radius_m: See above.
         error_sum_m: See above.
         range_m: See above.
-        pieces: Obstacles, the same in every world, as in `choose_heading`; so is `piece_start`.
-        piece_start: See `pieces`.
+        pieces: Obstacles, the same in every world, as in `choose_heading`.
         settings: Constants, `RotationSettings.as_vector`.
         fan: Candidates, `rotation.candidates`.
-        picture: Scratch; it and the following ones come from `rotation_scratch`.
-        neighbours: See `picture`.
-        names: See `picture`.
-        walls: See `picture`.
-        way: See `picture`.
+        crowd: Scratch: blocks for all vehicles of each world, for those that one of them hears, and the places of
+            these; it and `scratch` come from `heading_scratch`.
+        scratch: Of each world, as in `choose_heading`.
         result: See above.
     """
+    picture, neighbours, names = crowd
+    sights, walls, way = scratch
     for world in range(own.shape[0]):
         view, few, places = picture[world], neighbours[world], names[world]
+        mine = (sights[world], walls[world], way[world])
         vehicles = own.shape[1]
         draw_picture(heard[world], present[world], view)
         for i in range(vehicles):
@@ -214,36 +205,31 @@ def rotate_worlds(  # type: ignore[no-untyped-def]
             if vehicles <= SMALL_WORLD:
                 fill_in(radius_m[world, i], view, RADIUS)
                 view[i // LANES, HEARD + i % LANES] = 0.0
-                choose_heading(
-                    own[world, i], view, len(view), range_m, pieces, piece_start, settings, fan, walls[world],
-                    way[world], result[world, i],
-                )  # fmt: skip
+                choose_heading(own[world, i], view, len(view), range_m, pieces, settings, fan, mine, result[world, i])
                 view[i // LANES, HEARD + i % LANES] = 1.0 if present[world, i] else 0.0
             else:
                 count = gather(own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, view, few, places)
                 choose_heading(
-                    own[world, i], few, -(-count // LANES), range_m, pieces, piece_start, settings, fan, walls[world],
-                    way[world], result[world, i],
-                )  # fmt: skip
+                    own[world, i], few, -(-count // LANES), range_m, pieces, settings, fan, mine, result[world, i]
+                )
 
 
 @kernel(nogil=True)
 def grade_worlds(  # type: ignore[no-untyped-def]
-    own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, piece_start, settings, fan, picture,
-    neighbours, names, sights, walls, way, result,
-):  # fmt: skip
-    """Decide by graded risk for every vehicle of every world; arguments as in `rotate_worlds`, with `GradedSettings`,
-    `graded.candidates` and `graded_scratch`. Results are complete."""
+    own, deciding, heard, present, radius_m, error_sum_m, range_m, pieces, settings, fan, crowd, scratch, result
+):
+    """Decide by graded risk for every vehicle of every world; arguments as in `rotate_worlds`, with `GradedSettings`
+    and `graded.candidates`. Results are complete."""
+    picture, neighbours, names = crowd
+    sights, walls, way = scratch
     for world in range(own.shape[0]):
         view, few, places = picture[world], neighbours[world], names[world]
+        mine = (sights[world], walls[world], way[world])
         draw_picture(heard[world], present[world], view)
         for i in range(own.shape[1]):
             if deciding[world, i]:
                 count = gather(own[world], i, radius_m[world, i], error_sum_m[world, i], range_m, view, few, places)
-                grade_one(
-                    own[world, i], few, count, pieces, piece_start, settings, fan, sights[world], walls[world],
-                    way[world], result[world, i],
-                )  # fmt: skip
+                grade_one(own[world, i], few, count, pieces, settings, fan, mine, result[world, i])
                 name_vehicles(places, result[world, i])
 
 
@@ -252,35 +238,13 @@ def new_memory(worlds: int, vehicles: int) -> np.ndarray:
     return np.zeros((worlds, vehicles, LANES * blocks_for(vehicles)), np.int8)
 
 
-def halfplane_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
+def halfplane_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[Any, ...]:
     """The scratch arguments of `avoid_worlds`, in its order, for so many worlds of so many vehicles."""
-    blocks = blocks_for(vehicles)
-    lines = new_lines(obstacles.piece_count + REACH_SIDES, 2 * LANES * blocks, LANES * blocks)
-    choice = new_choice(lines.shape[1])
-    return (
-        *_picture(worlds, vehicles),
-        for_worlds(lines, worlds),
-        for_worlds(choice, worlds),
-        for_worlds(choice, worlds),
-        np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
-    )
+    return for_worlds(new_blocks(vehicles), worlds), for_all_worlds(halfplane.new_scratch(vehicles, obstacles), worlds)
 
 
-def rotation_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
-    """The scratch arguments of `rotate_worlds`, in its order."""
-    return (
-        *_picture(worlds, vehicles),
-        np.zeros((worlds, obstacles.piece_count, WALL_COLUMNS)),
-        np.zeros((worlds, headings.WAY_COLUMNS)),
-    )
-
-
-def graded_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
-    """The scratch arguments of `grade_worlds`, in its order."""
-    *picture, walls, way = rotation_scratch(worlds, vehicles, obstacles)
-    return (*picture, np.zeros((worlds, vehicles, headings.SIGHT_COLUMNS)), walls, way)
-
-
-def _picture(worlds: int, vehicles: int) -> tuple[np.ndarray, ...]:
-    blocks, names = new_blocks(vehicles), new_names(blocks_for(vehicles))
-    return for_worlds(blocks, worlds), for_worlds(blocks, worlds), for_worlds(names, worlds)
+def heading_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[Any, ...]:
+    """The scratch arguments of `rotate_worlds` and `grade_worlds`, in their order."""
+    blocks = new_blocks(vehicles)
+    crowd = (blocks, blocks, new_names(len(blocks)))
+    return for_all_worlds(crowd, worlds), for_all_worlds(headings.new_scratch(vehicles, obstacles), worlds)

@@ -89,7 +89,7 @@ class _Batched:
 
             def decide_part(edge: tuple[int, int]) -> None:
                 part = slice(*edge)
-                mine, memories, scratch = ([each[part] for each in one] for one in (picture, self._memories, room))
+                mine, memories, scratch = (_of_worlds(one, part) for one in (picture, self._memories, room))
                 self._kernel(*mine, range_m, *memories, *self._constants, *scratch)
 
             list(self.pool.map(decide_part, pairwise(edges)))
@@ -98,6 +98,11 @@ class _Batched:
     def keep(self, kept: BoolArray) -> None:
         """See `Decider.keep`; scratch may be too large."""
         self._memories = tuple(each[kept] for each in self._memories)
+
+
+def _of_worlds(arrays: tuple[Any, ...], part: slice) -> tuple[Any, ...]:
+    """Some worlds of arrays, and of tuples of arrays."""
+    return tuple(_of_worlds(each, part) if isinstance(each, tuple) else each[part] for each in arrays)
 
 
 class _Headings(_Batched):
@@ -109,12 +114,11 @@ class _Headings(_Batched):
         if isinstance(settings, RotationSettings):
             self._kernel = worlds.rotate_worlds
             fan = rotation.candidates(settings.step_deg, settings.left_weight)
-            self._scratch = worlds.rotation_scratch(*shape, obstacles)
         else:
             self._kernel = worlds.grade_worlds
             fan = graded.candidates()
-            self._scratch = worlds.graded_scratch(*shape, obstacles)
-        self._constants = (obstacles.piece_vertex_ne_m, obstacles.piece_start, settings.as_vector(), fan)
+        self._scratch = worlds.heading_scratch(*shape, obstacles)
+        self._constants = (obstacles.pieces, settings.as_vector(), fan)
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
 
 
@@ -124,9 +128,6 @@ class _Halfplanes(_Batched):
     def __init__(self, settings: HalfplaneSettings, shape: tuple[int, int], obstacles: Obstacles) -> None:
         self._kernel = worlds.avoid_worlds
         self._memories = (worlds.new_memory(*shape), np.zeros(shape, np.int64))
-        self._constants = (
-            obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start,
-            settings.as_vector(),
-        )  # fmt: skip
+        self._constants = (obstacles.pieces, obstacles.hulls, settings.as_vector())
         self._scratch = worlds.halfplane_scratch(*shape, obstacles)
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))

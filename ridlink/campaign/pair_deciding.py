@@ -8,19 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ridlink.avoidance import graded, headings, rotation, rows
+from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.graded import grade_one
 from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import give_way, new_turns
-from ridlink.avoidance.programme import new_choice, new_lines
-from ridlink.avoidance.reach import REACH_SIDES
 from ridlink.avoidance.rotation import choose_heading
-from ridlink.avoidance.route import ring_size
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings
-from ridlink.avoidance.walls import WALL_COLUMNS
 from ridlink.campaign.tracks import collect, kernel
 
 FloatArray = NDArray[np.float64]
@@ -37,13 +33,15 @@ def remember(names, kept, count, memory):  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def avoid_pairs(  # type: ignore[no-untyped-def]
-    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
-    blocks, pieces, piece_start, settings, hulls, hull_start, route, turns, candidates, places, lines, chosen, work,
-    ring, result,
+    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, room, pieces,
+    settings, hulls, route, turns, scratch, result,
 ):  # fmt: skip
     """Decide by half-planes; up to `result` see `PairDecider.decide`, scratch has a leading axis of worlds."""
+    reports, kept, names, blocks = room
+    candidates, places, lines, chosen, work, ring = scratch
     for world in range(own.shape[0]):
         few, names_here, kept_here = blocks[world], names[world], kept[world]
+        mine = (candidates[world], places[world], lines[world], chosen[world], work[world], ring[world])
         for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue
@@ -54,9 +52,8 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
             give_way(own[world, i], i, reports[world], names_here, count, now_s, turns[world, i])
             pack(reports[world], kept_here, count, few)
             route[world, i] = avoid_one(
-                own[world, i], few, -(-count // rows.LANES), math.inf, pieces, piece_start, hulls, hull_start,
-                route[world, i], settings, candidates[world], places[world], lines[world],
-                chosen[world], work[world], ring[world], result[world, i],
+                own[world, i], few, -(-count // rows.LANES), math.inf, pieces, hulls, route[world, i], settings, mine,
+                result[world, i],
             )  # fmt: skip
             unpack_memory(few, count, kept_here)
             remember(names_here, kept_here, count, memory[world, i])
@@ -64,11 +61,14 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def rotate_pairs(  # type: ignore[no-untyped-def]
-    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
-    blocks, pieces, piece_start, settings, fan, walls, way, result,
+    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, room, pieces,
+    settings, fan, scratch, result,
 ):  # fmt: skip
     """Decide by rotation, as the paper does."""
+    reports, kept, names, blocks = room
+    sights, walls, way = scratch
     for world in range(own.shape[0]):
+        mine = (sights[world], walls[world], way[world])
         for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue
@@ -78,18 +78,21 @@ def rotate_pairs(  # type: ignore[no-untyped-def]
             )  # fmt: skip
             pack(reports[world], kept[world], count, blocks[world])
             choose_heading(
-                own[world, i], blocks[world], -(-count // rows.LANES), math.inf, pieces, piece_start, settings, fan,
-                walls[world], way[world], result[world, i],
+                own[world, i], blocks[world], -(-count // rows.LANES), math.inf, pieces, settings, fan, mine,
+                result[world, i],
             )  # fmt: skip
 
 
 @kernel(nogil=True)
 def grade_pairs(  # type: ignore[no-untyped-def]
-    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names,
-    blocks, pieces, piece_start, settings, fan, sights, walls, way, result,
+    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, room, pieces,
+    settings, fan, scratch, result,
 ):  # fmt: skip
     """Decide by graded risk."""
+    reports, kept, names, blocks = room
+    sights, walls, way = scratch
     for world in range(own.shape[0]):
+        mine = (sights[world], walls[world], way[world])
         for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue
@@ -98,10 +101,7 @@ def grade_pairs(  # type: ignore[no-untyped-def]
                 error_sum_m[world, i], displaced_s, memory[world, i], reports[world], kept[world], names[world],
             )  # fmt: skip
             pack(reports[world], kept[world], count, blocks[world])
-            grade_one(
-                own[world, i], blocks[world], count, pieces, piece_start, settings, fan, sights[world], walls[world],
-                way[world], result[world, i],
-            )  # fmt: skip
+            grade_one(own[world, i], blocks[world], count, pieces, settings, fan, mine, result[world, i])
 
 
 class PairDecider:
@@ -118,39 +118,27 @@ class PairDecider:
         obstacles: Obstacles,
     ) -> None:  # fmt: skip
         worlds, vehicles = shape
-        blocks = rows.blocks_for(vehicles)
         self._memory = np.zeros((worlds, vehicles, vehicles), np.int8)
         self._room: tuple[Any, ...] = (
             np.zeros((worlds, vehicles, 10)), np.zeros((worlds, vehicles), np.int8),
             np.zeros((worlds, vehicles), np.int64), rows.for_worlds(rows.new_blocks(vehicles), worlds),
         )  # fmt: skip
-        self._walls = (obstacles.piece_vertex_ne_m, obstacles.piece_start, settings.as_vector())
+        self._walls = (obstacles.pieces, settings.as_vector())
         self._route: NDArray[np.int64] | None = None
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
         if isinstance(settings, HalfplaneSettings):
             self._kernel: Any = avoid_pairs
             self._route, self._turns = np.zeros(shape, np.int64), new_turns(*shape)
-            lines = new_lines(obstacles.piece_count + REACH_SIDES, 2 * rows.LANES * blocks, rows.LANES * blocks)
-            choice = new_choice(lines.shape[1])
-            self._constants: tuple[Any, ...] = (obstacles.hull_vertex_ne_m, obstacles.hull_start)
-            self._scratch: tuple[Any, ...] = (
-                rows.for_worlds(rows.new_blocks(vehicles), worlds), rows.for_worlds(rows.new_names(blocks), worlds),
-                rows.for_worlds(lines, worlds), rows.for_worlds(choice, worlds), rows.for_worlds(choice, worlds),
-                np.zeros((worlds, ring_size(obstacles.hull_start), 2)),
-            )  # fmt: skip
+            self._constants: tuple[Any, ...] = (obstacles.hulls,)
+            self._scratch = rows.for_all_worlds(halfplane.new_scratch(vehicles, obstacles), worlds)
             return
-        room: tuple[Any, ...] = (
-            np.zeros((worlds, obstacles.piece_count, WALL_COLUMNS)),
-            np.zeros((worlds, headings.WAY_COLUMNS)),
-        )
+        self._scratch = rows.for_all_worlds(headings.new_scratch(vehicles, obstacles), worlds)
         if isinstance(settings, RotationSettings):
             self._kernel = rotate_pairs
             self._constants = (rotation.candidates(settings.step_deg, settings.left_weight),)
-            self._scratch = room
         else:
             self._kernel = grade_pairs
             self._constants = (graded.candidates(),)
-            self._scratch = (np.zeros((worlds, vehicles, headings.SIGHT_COLUMNS)), *room)
 
     def decide(
         self, own: FloatArray, deciding: BoolArray, tracks: FloatArray, present: BoolArray, now_s: float,
@@ -176,7 +164,7 @@ class PairDecider:
         memories = () if self._route is None else (self._route, self._turns)
         self._kernel(
             own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, self._memory,
-            *self._room, *self._walls, *self._constants, *memories, *self._scratch, self._result,
+            self._room, *self._walls, *self._constants, *memories, self._scratch, self._result,
         )  # fmt: skip
         return self._result[: len(own)]
 

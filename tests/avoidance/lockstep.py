@@ -314,8 +314,7 @@ def fly(
         )  # fmt: skip
         avoid_worlds(
             own, deciding, heard, present, discs.radius_m, discs.error_sum_m, range_m, memory, route,
-            obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m, obstacles.hull_start,
-            vector, *scratch, result,
+            obstacles.pieces, obstacles.hulls, vector, *scratch, result,
         )  # fmt: skip
         command = np.where(deciding[..., None], result[..., 2:4], np.where(active[..., None], command, 0.0))
         decisions += deciding.sum()

@@ -387,7 +387,7 @@ def contact_half_planes(own, neighbours, count, settings, lines, owner, used):
 
 
 def avoid_one(
-    own, neighbours, count, memory, pieces, piece_start, hulls, hull_start, route, settings, lines, work, owner, ring,
+    own, neighbours, count, memory, pieces, hulls, route, settings, lines, work, owner, ring,
     result,
 ):  # fmt: skip
     """Decide for one own-ship.
@@ -397,10 +397,8 @@ def avoid_one(
         neighbours: One row each, shape (>= count, NEIGHBOUR_COLUMNS).
         count: Number of neighbours.
         memory: What is kept of each encounter, read and written, `Memory` flags, shape (>= count,), int8.
-        pieces: Vertices of the convex pieces of all obstacles, shape (m, 2).
-        piece_start: Where each piece begins in it, with the end.
-        hulls: Vertices of the hulls of all obstacles, shape (h, 2).
-        hull_start: Where each hull begins in it, with the end.
+        pieces: Convex pieces of the obstacles, `Obstacles.pieces`.
+        hulls: Their hulls, `Obstacles.hulls`.
         route: Memory of the way round obstacles.
         settings: Constants, `HalfplaneSettings.as_vector`.
         lines: Scratch for half-planes, shape (>= 3 count + pieces + 2, 3).
@@ -419,8 +417,8 @@ def avoid_one(
     o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
     preferred = result[R_PREFERRED : R_PREFERRED + 2]
     pair = result[R_VELOCITY : R_VELOCITY + 2]
-    route = preferred_velocity(own, hulls, hull_start, route, settings, ring, pair, preferred)
-    hard, overlapped = obstacle_half_planes(own, pieces, piece_start, settings, lines, owner, pair)
+    route = preferred_velocity(own, hulls, route, settings, ring, pair, preferred)
+    hard, overlapped = obstacle_half_planes(own, *pieces, settings, lines, owner, pair)
 
     used = firm = hard
     if settings[CONTACT_STEP] > 0.0:

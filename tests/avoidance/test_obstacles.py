@@ -30,7 +30,7 @@ def rings(flat, start):
 
 def aim_at(obstacles, position, goal, clearance=12.0, memory=0):
     aim, ring = np.zeros(2), np.zeros((ring_size(obstacles.hull_start), 2))
-    memory = route_aim(obstacles.hull_vertex_ne_m, obstacles.hull_start, *position, *goal, clearance, memory, ring, aim)
+    memory = route_aim(obstacles.hulls, *position, *goal, clearance, memory, ring, aim)
     return aim, memory
 
 

@@ -57,8 +57,8 @@ def decide_plainly(own: OwnShip, traffic: Traffic, goal, cruise, obstacles, clea
     memory, result = traffic.memory.copy(), rows.result_row()
     lines = 3 * count + obstacles.piece_count
     plain.avoid_one(
-        vector, table, count, memory, obstacles.piece_vertex_ne_m, obstacles.piece_start, obstacles.hull_vertex_ne_m,
-        obstacles.hull_start, 0, constants.as_vector(), np.zeros((lines + 2, 3)), np.zeros((lines + 2, 3)),
+        vector, table, count, memory, obstacles.pieces, obstacles.hulls, 0, constants.as_vector(),
+        np.zeros((lines + 2, 3)), np.zeros((lines + 2, 3)),
         np.zeros(lines, np.int64), np.zeros((ring_size(obstacles.hull_start), 2)), result,
     )  # fmt: skip
     return result, memory

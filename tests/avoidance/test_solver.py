@@ -197,7 +197,7 @@ def test_of_the_velocities_that_can_be_reached_it_takes_the_best_one():
         if decision.status is Status.INFEASIBLE:
             continue
         solve(own, others, free)
-        lines = free._lines[:, LANES : 3 * LANES]
+        lines = free._scratch[2][:, LANES : 3 * LANES]
         met = ((command + grid) @ lines[:2] >= lines[2] - 1e-9).all(axis=1)
         preferred = decision.preferred_ne_mps
         best = np.linalg.norm(command + grid[met] - preferred, axis=1).min(initial=np.inf)
