@@ -35,7 +35,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     return parts
 
 
-@click.command()
+@click.command(short_help="Keep one vehicle's distance: the daemon beside an autopilot.")
 @click.option("--vehicle", metavar="URL", help="Link to the autopilot.  [default: udpin:127.0.0.1:14540]")
 @click.option("--rid", metavar="URL", help="Link on which Remote ID is heard.  [default: udpout:127.0.0.1:14650]")
 @click.option(

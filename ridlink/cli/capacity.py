@@ -46,7 +46,7 @@ CATEGORIES = ("1", "2", "3", "4")
     help="Of the definition chance: probability per instant.",
 )  # fmt: skip
 @click.option("--worlds", type=click.IntRange(2, 100_000), default=400, show_default=True, help="Simulated worlds.")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, metavar="N", help="Of all draws.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output instead of the table.")
 def capacity(
     definitions: tuple[str, ...] | None, sigmas_m: tuple[float, ...], intervals_s: tuple[float, ...],

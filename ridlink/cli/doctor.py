@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 MARKS = {"ok": ("ok", "green"), "note": ("--", "blue"), "warning": ("!!", "yellow"), "failure": ("XX", "red")}
 
 
-@click.command()
+@click.command(short_help="What a machine, an autopilot and the air lack for a flight.")
 @click.option("--vehicle", metavar="URL", help="Look at the autopilot there, too, as in udpin:127.0.0.1:14540.")
 @click.option("--rid", metavar="URL", help="Listen to the air there, too, as in udpout:127.0.0.1:14650.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output.")

@@ -20,7 +20,7 @@ FORMATS = {".tlog": "tlog", ".mavlink": "mavlink", ".raw": "mavlink", ".hex": "h
 MAX_LINE_LENGTH = 64 * 1024
 
 
-@click.command()
+@click.command(short_help="Encode the JSON lines of 'ridlink decode' into a dump.")
 @click.argument("file", metavar="FILE.jsonl")
 @click.option(
     "-o",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SHOWN_EVERY_S = 1.0
 
 
-@click.command()
+@click.command(short_help="Stand between two programs as a bad network (UDP).")
 @click.option("--listen", "near", required=True, metavar="URL", help="Where the one side speaks to: udpin:HOST:PORT.")
 @click.option("--to", "far", required=True, metavar="URL", help="Where the other side listens: udpout:HOST:PORT.")
 @click.option("--loss", type=float, default=0.0, metavar="P", help="Share of datagrams lost, from 0 to 1.")
@@ -38,7 +38,7 @@ SHOWN_EVERY_S = 1.0
     show_default=True,
     help="What is impaired: the way to the far end, the way back, or both.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of all draws.")
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, metavar="N", help="Of all draws.")
 @click.option("--duration", type=float, callback=above_zero, metavar="S", help="Stop after so many seconds.")
 @click.option("--json", "as_json", is_flag=True, help="The final counts as one JSON object.")
 def impair(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 TICK_S = 1.0
 
 
-@click.command()
+@click.command(short_help="Record what comes over a link into a .tlog.")
 @click.argument("url")
 @click.option("-o", "--output", required=True, metavar="F.tlog", help="The log to write.")
 @click.option("--duration", type=float, callback=above_zero, metavar="S", help="Stop after so many seconds.")

@@ -24,7 +24,7 @@ LONG_WAIT_S = 10.0
 PROGRESS_EVERY_S = 0.2
 
 
-@click.command()
+@click.command(short_help="Send a recording over a link, in its own rhythm.")
 @click.argument("file")
 @click.option("--out", "url", required=True, metavar="URL", help="Where to send, such as udpout:127.0.0.1:14540.")
 @capture_kind("Format of the file.")

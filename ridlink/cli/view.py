@@ -23,7 +23,7 @@ AIR = "udpout:127.0.0.1:14650"
 @click.argument("files", nargs=-1, metavar="[FILE]...", type=NAME)
 @click.option("--source", metavar="URL", help=f"Link on which the traffic is heard.  [default: {AIR}, the air]")
 @click.option("--host", default="127.0.0.1", show_default=True, metavar="ADDRESS", help="Address to listen on.")
-@click.option("--port", type=click.IntRange(0, 65535), default=8090, show_default=True, help="Port; 0 = any.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8090, show_default=True, metavar="PORT", help="0 = any.")
 @click.option("--allow-host", "names", multiple=True, metavar="NAME",
               help="A name by which browsers may ask for the page, beside localhost and --host.")  # fmt: skip
 @click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")

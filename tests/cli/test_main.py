@@ -86,6 +86,7 @@ class TestHelp:
         assert done.stderr == ""
         for name in ridlink.cli.COMMANDS:
             assert f"\n  {name} " in done.stdout
+        assert "..." not in done.stdout.partition("Commands:")[2]  # a purpose that breaks off
 
     def test_imports_nothing_heavy(self) -> None:
         program = (
