@@ -18,7 +18,7 @@ from ridlink.remote_id.astm import decode_message
 from ridlink.remote_id.bridge import pack_members, sender_of
 from ridlink.remote_id.convert import MESSAGE_PACK, from_mavlink, to_mavlink
 from ridlink.remote_id.messages import RemoteIdMessage
-from ridlink.remote_id.quantities import Rejects as FieldRejects
+from ridlink.remote_id.quantities import FieldRejects
 
 UNKNOWN = "UNKNOWN"
 """Name of messages that the dialect does not have."""

@@ -19,7 +19,7 @@ from ridlink.mavlink.frames import Frame
 from ridlink.observer.scene import FloatArray, Scene
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import REMOTE_ID_IDS, messages_of
-from ridlink.remote_id.quantities import Rejects
+from ridlink.remote_id.quantities import FieldRejects
 from ridlink.remote_id.report import RemoteIdReport, SourceKey
 from ridlink.remote_id.text import display_text
 from ridlink.traffic.position_filter import offset_m
@@ -95,7 +95,7 @@ class Sky:
         max_aircraft: int = MAX_AIRCRAFT,
     ) -> None:
         self.aircraft: dict[SourceKey, Aircraft] = {}
-        self.rejects = Rejects()
+        self.rejects = FieldRejects()
         self.origin = origin
         self.met = 0
         self._forget_after_s = forget_after_s

@@ -36,7 +36,7 @@ from ridlink.remote_id.quantities import (
     MAX_UINT16,
     SECONDS_PER_HOUR,
     TEXT_LENGTH,
-    Rejects,
+    FieldRejects,
     read_position,
     read_seconds_since_2019,
     write_position,
@@ -105,7 +105,9 @@ def refusal_of(data: bytes) -> Refusal | None:
     return None
 
 
-def decode_message(data: bytes, rejects: Rejects | None = None, *, id_or_mac: bytes | None = None) -> RemoteIdMessage:
+def decode_message(
+    data: bytes, rejects: FieldRejects | None = None, *, id_or_mac: bytes | None = None
+) -> RemoteIdMessage:
     """The message in 25 bytes, in SI units.
 
     Args:
@@ -119,7 +121,7 @@ def decode_message(data: bytes, rejects: Rejects | None = None, *, id_or_mac: by
     refusal = refusal_of(data)
     if refusal is not None:
         raise PayloadError(f"no Open Drone ID message: {refusal} ({data[:MESSAGE_LENGTH].hex()})")
-    counted: Rejects = Counter() if rejects is None else rejects
+    counted: FieldRejects = Counter() if rejects is None else rejects
     message = _READERS[data[0] >> 4](data, counted, id_or_mac)
     if data[0] & 0x0F > NEWEST_VERSION:
         counted[f"{MAVLINK_NAMES[type(message)]}.protocol_version"] += 1
@@ -151,7 +153,7 @@ def _header(kind: MessageType) -> int:
 # --- LOCATION ---
 
 
-def _read_location(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> messages.Location:
+def _read_location(data: bytes, rejects: FieldRejects, id_or_mac: bytes | None) -> messages.Location:
     (_, status, direction_units, speed_units, climb_units, latitude, longitude, barometric, geodetic, height,
      position_accuracy, other_accuracy, tenths, time_accuracy) = _LOCATION.unpack(data)  # fmt: skip
     latitude_deg, longitude_deg = read_position(
@@ -266,7 +268,7 @@ def _write_location(message: messages.Location) -> bytes:
 # --- SYSTEM ---
 
 
-def _read_system(data: bytes, rejects: Rejects, id_or_mac: bytes | None) -> messages.System:
+def _read_system(data: bytes, rejects: FieldRejects, id_or_mac: bytes | None) -> messages.System:
     _, kinds, latitude, longitude, count, radius, ceiling, floor, eu, altitude, timestamp = _SYSTEM.unpack(data)
     latitude_deg, longitude_deg = read_position(
         latitude,
@@ -312,7 +314,7 @@ def _write_system(message: messages.System) -> bytes:
 # Fixed-length byte strings lose their padding on the way in and get it back on the way out.
 
 
-def _read_basic_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages.BasicId:
+def _read_basic_id(data: bytes, _: FieldRejects, id_or_mac: bytes | None) -> messages.BasicId:
     return messages.BasicId(data[1] >> 4, data[1] & 0x0F, data[2 : 2 + ID_LENGTH].rstrip(b"\x00"), id_or_mac)
 
 
@@ -321,7 +323,7 @@ def _write_basic_id(message: messages.BasicId) -> bytes:
     return bytes((_header(MessageType.BASIC_ID), kinds)) + fitting_text(message, "uas_id", ID_LENGTH) + bytes(3)
 
 
-def _read_self_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages.SelfId:
+def _read_self_id(data: bytes, _: FieldRejects, id_or_mac: bytes | None) -> messages.SelfId:
     return messages.SelfId(data[1], data[2:].rstrip(b"\x00"), id_or_mac)
 
 
@@ -330,7 +332,7 @@ def _write_self_id(message: messages.SelfId) -> bytes:
     return head + fitting_text(message, "description", TEXT_LENGTH)
 
 
-def _read_operator_id(data: bytes, _: Rejects, id_or_mac: bytes | None) -> messages.OperatorId:
+def _read_operator_id(data: bytes, _: FieldRejects, id_or_mac: bytes | None) -> messages.OperatorId:
     return messages.OperatorId(data[1], data[2 : 2 + ID_LENGTH].rstrip(b"\x00"), id_or_mac)
 
 
@@ -347,7 +349,7 @@ def _page_capacity(last_page_index: int) -> int:
 
 
 def _read_authentication(
-    data: bytes, rejects: Rejects, id_or_mac: bytes | None
+    data: bytes, rejects: FieldRejects, id_or_mac: bytes | None
 ) -> messages.Authentication | messages.Separation:
     authentication_type, page = data[1] >> 4, data[1] & 0x0F
     if page:
@@ -377,7 +379,7 @@ def _write_authentication(message: messages.Authentication) -> bytes:
     )
 
 
-_Reader = Callable[[bytes, Rejects, bytes | None], RemoteIdMessage]
+_Reader = Callable[[bytes, FieldRejects, bytes | None], RemoteIdMessage]
 _Writer = Callable[[Any], bytes]
 
 _FORMS: dict[MessageType, tuple[type, _Reader, _Writer]] = {

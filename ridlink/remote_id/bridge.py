@@ -19,13 +19,13 @@ from ridlink.remote_id.astm_pack import HEADER_LENGTH, MAX_PACK_LENGTH, Member, 
 from ridlink.remote_id.astm_separation import separation_of
 from ridlink.remote_id.convert import MESSAGE_PACK, from_mavlink
 from ridlink.remote_id.messages import MAVLINK_NAMES, Authentication, Location, RemoteIdMessage, Separation
-from ridlink.remote_id.quantities import SECONDS_PER_HOUR, Rejects, read_id_or_mac, write_id_or_mac
+from ridlink.remote_id.quantities import SECONDS_PER_HOUR, FieldRejects, read_id_or_mac, write_id_or_mac
 
 REMOTE_ID_IDS = frozenset(MESSAGES_BY_NAME[name].msgid for name in (*MAVLINK_NAMES.values(), MESSAGE_PACK))
 """Messages that `messages_of` reads, by message id."""
 
 
-def messages_of(message: Message, rejects: Rejects | None = None) -> list[RemoteIdMessage]:
+def messages_of(message: Message, rejects: FieldRejects | None = None) -> list[RemoteIdMessage]:
     """What a MAVLink message says about Remote ID, in SI units: nothing, one message, or the members of a pack.
 
     Args:
@@ -48,7 +48,7 @@ def sender_of(pack: Message) -> bytes | None:
     return read_id_or_mac(pack.fields["id_or_mac"])
 
 
-def pack_members(message: Message, rejects: Rejects | None = None) -> list[Member]:
+def pack_members(message: Message, rejects: FieldRejects | None = None) -> list[Member]:
     """The good members of an OPEN_DRONE_ID_MESSAGE_PACK; the others are counted."""
     fields = message.fields
     size, count = fields["single_message_size"], fields["msg_pack_size"]
@@ -87,14 +87,14 @@ def pack_to_mavlink(
 
 
 def read_members(
-    members: Sequence[Member], rejects: Rejects | None = None, *, id_or_mac: bytes | None = None
+    members: Sequence[Member], rejects: FieldRejects | None = None, *, id_or_mac: bytes | None = None
 ) -> list[RemoteIdMessage]:
     """The messages of the members of one pack, in SI units.
 
     On the radio RIDLINK_SEPARATION has the time in whole seconds. Beside its LOCATION in one pack it takes that one's,
     if both can be the same instant or its own is unknown, so that the two are joined as they would be over MAVLink.
     """
-    counted: Rejects = Counter() if rejects is None else rejects
+    counted: FieldRejects = Counter() if rejects is None else rejects
     messages = [decode_message(member.data, counted, id_or_mac=id_or_mac) for member in members]
     timestamps = [message.timestamp_s for message in messages if isinstance(message, Location)]
     if len(timestamps) != 1 or timestamps[0] is None:

@@ -40,7 +40,7 @@ from ridlink.remote_id.quantities import (
     ID_LENGTH,
     SECONDS_PER_HOUR,
     TEXT_LENGTH,
-    Rejects,
+    FieldRejects,
     read_id_or_mac,
     read_position,
     read_seconds_since_2019,
@@ -68,7 +68,7 @@ _COMMANDED_VELOCITY_GIVEN = int(
 )  # an enumeration's own "&" takes a microsecond
 
 
-def from_mavlink(message: Message, rejects: Rejects | None = None) -> RemoteIdMessage | None:
+def from_mavlink(message: Message, rejects: FieldRejects | None = None) -> RemoteIdMessage | None:
     """The Remote ID message in SI units, ``None`` where the message is none of the seven.
 
     Args:
@@ -102,7 +102,7 @@ def _id_or_mac(fields: dict[str, Any]) -> bytes | None:
 # --- altitudes, times ---
 
 
-def _read_altitude(value: float, name: str, rejects: Rejects) -> float | None:
+def _read_altitude(value: float, name: str, rejects: FieldRejects) -> float | None:
     if value == UNKNOWN_ALTITUDE_M:
         return None
     if not UNKNOWN_ALTITUDE_M < value <= MAX_ALTITUDE_M:  # also catches NaN
@@ -117,7 +117,7 @@ def _write_altitude(value_m: float | None) -> float:
     return value_m
 
 
-def _read_timestamp(value: float, name: str, rejects: Rejects) -> float | None:
+def _read_timestamp(value: float, name: str, rejects: FieldRejects) -> float | None:
     if 0.0 <= value <= SECONDS_PER_HOUR:
         return value
     if value != UNKNOWN_TIMESTAMP_S and not math.isnan(value):
@@ -134,7 +134,7 @@ def _write_timestamp(value_s: float | None) -> float:
 # --- LOCATION ---
 
 
-def _read_location(fields: dict[str, Any], rejects: Rejects) -> Location:
+def _read_location(fields: dict[str, Any], rejects: FieldRejects) -> Location:
     latitude, longitude = read_position(
         fields["latitude"],
         fields["longitude"],
@@ -232,7 +232,7 @@ def _write_location(message: Location) -> dict[str, Any]:
 # --- RIDLINK_SEPARATION ---
 
 
-def _read_separation(fields: dict[str, Any], rejects: Rejects) -> Separation:
+def _read_separation(fields: dict[str, Any], rejects: FieldRejects) -> Separation:
     flags: int = fields["flags"]
     given = flags & _COMMANDED_VELOCITY_GIVEN
     return Separation(
@@ -283,7 +283,7 @@ def _write_separation(message: Separation) -> dict[str, Any]:
 # --- SYSTEM ---
 
 
-def _read_system(fields: dict[str, Any], rejects: Rejects) -> System:
+def _read_system(fields: dict[str, Any], rejects: FieldRejects) -> System:
     latitude, longitude = read_position(
         fields["operator_latitude"],
         fields["operator_longitude"],
@@ -331,7 +331,7 @@ def _write_system(message: System) -> dict[str, Any]:
 # Fixed-length byte strings lose their padding on the way in and get it back on the way out.
 
 
-def _read_basic_id(fields: dict[str, Any], _: Rejects) -> BasicId:
+def _read_basic_id(fields: dict[str, Any], _: FieldRejects) -> BasicId:
     return BasicId(fields["id_type"], fields["ua_type"], fields["uas_id"].rstrip(b"\x00"), _id_or_mac(fields))
 
 
@@ -343,7 +343,7 @@ def _write_basic_id(message: BasicId) -> dict[str, Any]:
     }
 
 
-def _read_self_id(fields: dict[str, Any], _: Rejects) -> SelfId:
+def _read_self_id(fields: dict[str, Any], _: FieldRejects) -> SelfId:
     return SelfId(fields["description_type"], fields["description"].rstrip(b"\x00"), _id_or_mac(fields))
 
 
@@ -354,7 +354,7 @@ def _write_self_id(message: SelfId) -> dict[str, Any]:
     }
 
 
-def _read_operator_id(fields: dict[str, Any], _: Rejects) -> OperatorId:
+def _read_operator_id(fields: dict[str, Any], _: FieldRejects) -> OperatorId:
     return OperatorId(fields["operator_id_type"], fields["operator_id"].rstrip(b"\x00"), _id_or_mac(fields))
 
 
@@ -365,7 +365,7 @@ def _write_operator_id(message: OperatorId) -> dict[str, Any]:
     }
 
 
-def _read_authentication(fields: dict[str, Any], _: Rejects) -> Authentication:
+def _read_authentication(fields: dict[str, Any], _: FieldRejects) -> Authentication:
     data: bytes = fields["authentication_data"]
     if fields["data_page"] == 0 and not any(data[AUTHENTICATION_FIRST_PAGE_LENGTH:]):
         data = data[:AUTHENTICATION_FIRST_PAGE_LENGTH]  # page 0 has 17 bytes; keep more only where a sender filled them
@@ -391,7 +391,7 @@ def _write_authentication(message: Authentication) -> dict[str, Any]:
     }
 
 
-_Reader = Callable[[dict[str, Any], Rejects], RemoteIdMessage]
+_Reader = Callable[[dict[str, Any], FieldRejects], RemoteIdMessage]
 _Writer = Callable[[Any], dict[str, Any]]
 
 _FORMS: dict[type, tuple[_Reader, _Writer]] = {

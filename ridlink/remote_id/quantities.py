@@ -12,7 +12,7 @@ from collections import Counter
 
 from ridlink.units import ceil_units, deg_from_dege7, dege7_from_deg
 
-Rejects = Counter[str]
+FieldRejects = Counter[str]
 """Fields that were not taken, by ``MESSAGE.field``."""
 
 SECONDS_PER_HOUR = 3600.0
@@ -43,7 +43,7 @@ def write_id_or_mac(id_or_mac: bytes | None) -> bytes:
 
 
 def read_position(
-    latitude_dege7: int, longitude_dege7: int, names: tuple[str, str], rejects: Rejects
+    latitude_dege7: int, longitude_dege7: int, names: tuple[str, str], rejects: FieldRejects
 ) -> tuple[float | None, float | None]:
     """Latitude and longitude [deg]; 0/0 is unknown, what is out of range is counted under its name."""
     if latitude_dege7 == 0 and longitude_dege7 == 0:
