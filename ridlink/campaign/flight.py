@@ -25,7 +25,7 @@ from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.types import SolverKind
 from ridlink.campaign import tracks
 from ridlink.campaign.chance import Source, generator
-from ridlink.campaign.link import Reception
+from ridlink.campaign.channel import Reception
 from ridlink.campaign.pair_deciding import PairDecider, avoid_pairs, grade_pairs, rotate_pairs
 from ridlink.campaign.plan import Plan
 from ridlink.campaign.referee import judge_worlds
@@ -94,8 +94,8 @@ class PairBatch(Batch):
         self.command = self.velocity.copy()
         self.response = Response(plan.dynamics, self.velocity, self.speed_mps)
         self.decider = PairDecider(plan.settings, shape, self.obstacles)
-        self.reception = Reception(plan.link, count=count, seed=plan.seed, runs=runs)
-        slots = 1 + math.ceil(plan.link.latency_s[1] / min(plan.interval_s, self.step_s) - 1e-9)
+        self.reception = Reception(plan.channel, count=count, seed=plan.seed, runs=runs)
+        slots = 1 + math.ceil(plan.channel.latency_s[1] / min(plan.interval_s, self.step_s) - 1e-9)
         self.sent = np.zeros((*shape, slots, tracks.REPORT_COLUMNS))
         self.arrives_s = np.full((*shape, count, slots), np.inf)
         self.tracks = np.zeros((*shape, count, tracks.TRACK_COLUMNS))
@@ -159,9 +159,9 @@ class PairBatch(Batch):
                 distance = np.hypot(apart[..., 0], apart[..., 1])
                 in_range = distance <= plan.range_m
                 reaches, arrives_s = in_range & ~lost, now_s + latency_s
-                if plan.link.depends_on_others:
+                if plan.channel.depends_on_others:
                     heard = in_range & self.present[:, None, :] & ~np.eye(in_range.shape[1], dtype=np.bool_)
-                    reaches &= luck < plan.link.share(distance, plan.range_m, heard)
+                    reaches &= luck < plan.channel.share(distance, plan.range_m, heard)
             arrives_s = np.where(reaches, arrives_s, np.inf)
             self.arrives_s[..., slot] = np.where(sending[:, None, :], arrives_s, self.arrives_s[..., slot])
         tracks.hear(

@@ -10,7 +10,7 @@ import numpy as np
 from ridlink.avoidance.settings import IDEAL_AGE_ACCELERATION_MPS2, GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings, SolverKind
 from ridlink.campaign.chance import CORRELATION_TIME_S, ErrorModel
-from ridlink.campaign.link import PERFECT, Link
+from ridlink.campaign.channel import PERFECT, Channel
 from ridlink.campaign.response import Dynamics
 from ridlink.campaign.scene import Scene
 from ridlink.remote_id.accuracy import AccuracyConvention, code_of_three_sigma, three_sigma_bound_m
@@ -92,7 +92,7 @@ class Plan:
         arrived_m: A vehicle this close to its goal has arrived, and leaves the picture.
         swept: Judge collisions between the instants, too, and not at them alone.
         dynamics: How vehicles answer.
-        link: What becomes of reports on their way.
+        channel: What becomes of reports on their way.
         step_s: Time between two decisions; None: `interval_s`.
         displaced_s: Time of flight that the discs allow for; None: `interval_s`, as in the paper's Eq. 7. The daemon
             allows for 0.1 s and for the age of each report.
@@ -126,7 +126,7 @@ class Plan:
     arrived_m: float = 5.0
     swept: bool = False
     dynamics: Dynamics = Dynamics.IDEAL
-    link: Link = PERFECT
+    channel: Channel = PERFECT
     step_s: float | None = None
     displaced_s: float | None = None
     category: int | None = None
@@ -163,7 +163,7 @@ class Plan:
         """What tells this plan from the others of its campaign."""
         return Cell(
             self.scene.name, BASELINE if self.nobody_avoids else str(self.definition), str(self.errors),
-            self.solver_name or str(self.solver), str(self.dynamics), self.sigma_m, self.interval_s, self.link.loss,
+            self.solver_name or str(self.solver), str(self.dynamics), self.sigma_m, self.interval_s, self.channel.loss,
         )  # fmt: skip
 
     @property
@@ -172,7 +172,7 @@ class Plan:
         The way to fly such a plan is the faster one."""
         mixed = self.stock_share > 0.0 or self.unresponsive_share > 0.0
         same_step = self.step_s in (None, self.interval_s) and self.displaced_s in (None, self.interval_s)
-        return self.dynamics is Dynamics.IDEAL and self.link.is_perfect and same_step and not mixed
+        return self.dynamics is Dynamics.IDEAL and self.channel.is_perfect and same_step and not mixed
 
     @property
     def solver(self) -> SolverKind:

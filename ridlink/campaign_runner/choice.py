@@ -13,7 +13,7 @@ import numpy as np
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings
 from ridlink.campaign.chance import CORRELATION_TIME_S, PAPER_MEAN_SPEED_MPS, ErrorModel
-from ridlink.campaign.link import Link
+from ridlink.campaign.channel import Channel
 from ridlink.campaign.plan import BASELINE, IDEAL_HALFPLANES, PAIR_READING_SIGMAS, Plan, baseline, graded_plan
 from ridlink.campaign.response import Dynamics
 from ridlink.campaign.scene import Scene, circle, drawn_scene, not_flown, scene_of
@@ -149,7 +149,7 @@ class Choice:
             "preset": "paper" if conditions.pop("paper") else None,
             "sigma_m": list(self.sigmas_m),
             "interval_s": list(dict.fromkeys(plan.interval_s for plan in plans)),
-            "loss": list(dict.fromkeys(plan.link.loss for plan in plans)),
+            "loss": list(dict.fromkeys(plan.channel.loss for plan in plans)),
             **conditions,
             "runs": runs,
         }
@@ -197,13 +197,13 @@ class Choice:
         conditions = self.conditions
         technology = TECHNOLOGIES[conditions.technology]
         try:
-            link = Link(
+            channel = Channel(
                 loss, conditions.burst if loss > 0.0 else None, conditions.latency_s or technology.latency_s,
                 technology.edge_loss, technology.crowding,
             )  # fmt: skip
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        plan = replace(template, interval_s=interval_s, link=link)
+        plan = replace(template, interval_s=interval_s, channel=channel)
         is_real = plan.dynamics is not Dynamics.IDEAL
         if conditions.paper and not is_real:
             return plan

@@ -13,8 +13,8 @@ import sys
 import numpy as np
 
 from ridlink.avoidance import HalfplaneSettings
+from ridlink.campaign.channel import Channel
 from ridlink.campaign.flight import fly
-from ridlink.campaign.link import Link
 from ridlink.campaign.plan import Plan
 from ridlink.campaign.scene import Scene
 from ridlink.campaign.worlds import Instant
@@ -52,19 +52,19 @@ class Margins:
         return staying
 
 
-def measure(dynamics: str, link: Link, interval_s: float, runs: int) -> None:
+def measure(dynamics: str, channel: Channel, interval_s: float, runs: int) -> None:
     start = on_circle(VEHICLES, 100.0)
     scene = Scene(
         "circle", start, -start, speed_mps=np.full(VEHICLES, SPEED_MPS), airframe_m=np.linspace(0.5, 2.0, VEHICLES)
     )
     plan = Plan(
-        scene, settings=HalfplaneSettings(), sigma_m=SIGMA_M, dynamics=dynamics, link=link, interval_s=interval_s,
+        scene, settings=HalfplaneSettings(), sigma_m=SIGMA_M, dynamics=dynamics, channel=channel, interval_s=interval_s,
         step_s=0.1, displaced_s=0.1, duration_s=240.0,
     )  # fmt: skip
     margins = Margins(runs)
     out = fly(plan, range(runs), batch=runs, watch=margins)
     print(
-        f"{dynamics:10} {1.0 / interval_s:4.0f} Hz, loss {link.loss:4.0%}: {np.mean(margins.least_m < 0.0):6.1%} "
+        f"{dynamics:10} {1.0 / interval_s:4.0f} Hz, loss {channel.loss:4.0%}: {np.mean(margins.least_m < 0.0):6.1%} "
         f"violated, 5th percentile {np.percentile(margins.least_m, 5):5.1f} m, {out.macs} collided, "
         f"{out.unfinished} did not arrive, median {np.median(out.arrival_s):.1f} s",
         flush=True,
@@ -75,7 +75,7 @@ def main() -> None:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 300
     for dynamics in ("px4", "ardupilot"):
         for loss, interval_s in ((0.0, 0.1), (0.3, 1.0)):
-            measure(dynamics, Link(loss, latency_s=(0.1, 0.3)), interval_s, runs)
+            measure(dynamics, Channel(loss, latency_s=(0.1, 0.3)), interval_s, runs)
 
 
 if __name__ == "__main__":

@@ -8,8 +8,8 @@ import pytest
 from ridlink.avoidance import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.campaign import tracks
 from ridlink.campaign.chance import ErrorModel
+from ridlink.campaign.channel import Channel
 from ridlink.campaign.flight import PairBatch, fly
-from ridlink.campaign.link import Link
 from ridlink.campaign.plan import IDEAL_HALFPLANES, Plan, baseline, graded_plan, paper_plan
 from ridlink.campaign.scene import Scene, circle, square
 from ridlink.campaign.worlds import Outcomes, SharedBatch
@@ -17,7 +17,7 @@ from ridlink.separation import Definition
 from ridlink.traffic.position_filter import PositionFilter, moved, offset_m
 
 REAL = {"halfplane": HalfplaneSettings(), "graded": GradedSettings(), "rotation": RotationSettings()}
-LOSSY = Link(0.3, 5.0, (0.05, 0.25))
+LOSSY = Channel(0.3, 5.0, (0.05, 0.25))
 
 
 def meeting(**arguments) -> Scene:
@@ -51,7 +51,7 @@ def test_with_nothing_lost_everybody_has_the_same_picture(plan):
 @pytest.mark.parametrize("solver", list(REAL))
 def test_a_run_is_the_same_alone_and_in_any_batch(solver):
     plan = Plan(
-        circle(), settings=REAL[solver], link=LOSSY, dynamics="px4", interval_s=0.5, step_s=0.1, displaced_s=0.1,
+        circle(), settings=REAL[solver], channel=LOSSY, dynamics="px4", interval_s=0.5, step_s=0.1, displaced_s=0.1,
         stock_share=0.3, unresponsive_share=0.1, common_share=0.3, bias_m=1.0, filtered=solver == "graded",
         duration_s=40.0,
     )  # fmt: skip
@@ -66,7 +66,7 @@ def test_a_run_is_the_same_alone_and_in_any_batch(solver):
 def test_vehicles_that_take_their_time_keep_apart(dynamics):
     plan = Plan(
         replace(circle(), speed_mps=np.full(8, 10.0)), settings=HalfplaneSettings(), sigma_m=3.5, dynamics=dynamics,
-        link=Link(0.3, None, (0.1, 0.3)),
+        channel=Channel(0.3, None, (0.1, 0.3)),
     )  # fmt: skip
     out = fly(plan, range(8))
     assert out.macs == 0
@@ -88,12 +88,12 @@ def test_who_hears_nothing_of_the_other_flies_straight_on():
     large = replace(meeting(), airframe_m=np.full(2, 8.0))
     # a horizon so short that nothing is done yet while the other is coasted
     constants = HalfplaneSettings(horizon_s=3.0)
-    plan = Plan(large, settings=constants, sigma_m=0.0, link=Link(0.999, 1e6), dynamics="px4")
-    deaf, hearing = fly(plan, range(3)), fly(replace(plan, link=Link()), range(3))
+    plan = Plan(large, settings=constants, sigma_m=0.0, channel=Channel(0.999, 1e6), dynamics="px4")
+    deaf, hearing = fly(plan, range(3)), fly(replace(plan, channel=Channel()), range(3))
     # known at the start, coasted for 10 s while in conflict, and then nothing
     assert np.all(deaf.distance_m < 8.0)
     assert np.all(hearing.distance_m > 18.0)
-    near = fly(replace(plan, link=Link(), range_m=5.0), range(1))
+    near = fly(replace(plan, channel=Channel(), range_m=5.0), range(1))
     assert near.distance_m[0] < 8.0
 
 
@@ -106,7 +106,7 @@ def test_who_may_have_turned_unheard_is_given_the_room_for_it(chosen):
         "crossing", np.array([[-200.0, 0.0], [0.0, -200.0]]), np.array([[200.0, 0.0], [0.0, 200.0]]),
         speed_mps=np.full(2, 10.0), airframe_m=np.ones(2),
     )  # fmt: skip
-    plan = Plan(crossing, settings=chosen, sigma_m=0.5, link=Link(latency_s=(1.0, 1.0)))
+    plan = Plan(crossing, settings=chosen, sigma_m=0.5, channel=Channel(latency_s=(1.0, 1.0)))
     nearest = [
         fly(replace(plan, settings=replace(chosen, age_acceleration_mps2=most)), range(12)).distance_m.mean()
         for most in (0.0, chosen.age_acceleration_mps2)
@@ -161,7 +161,7 @@ def test_of_a_gap_between_two_reports_the_track_knows_the_end():
 
 
 def test_runs_that_are_none_are_refused():
-    plan = Plan(meeting(), link=Link(0.1))
+    plan = Plan(meeting(), channel=Channel(0.1))
     for runs, batch in ((range(0), 8), (range(-1, 3), 8), (range(3), 0)):
         with pytest.raises(ValueError, match="runs"):
             fly(plan, runs, batch=batch)

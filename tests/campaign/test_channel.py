@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ridlink.campaign.chance import ErrorModel
-from ridlink.campaign.link import Link, Reception
+from ridlink.campaign.channel import Channel, Reception
 from ridlink.campaign.plan import BASELINE
 from ridlink.campaign.response import Dynamics
 from ridlink.campaign_runner.choice import SOLVERS
@@ -13,14 +13,14 @@ from ridlink.separation import Definition
 from ridlink.technologies import TECHNOLOGIES
 
 
-def lost_reports(link: Link, reports: int = 4000) -> np.ndarray:
-    reception = Reception(link, count=6, seed=2, runs=range(2))
+def lost_reports(channel: Channel, reports: int = 4000) -> np.ndarray:
+    reception = Reception(channel, count=6, seed=2, runs=range(2))
     return np.array([reception.next()[0] for _ in range(reports)]).reshape(reports, -1)
 
 
 @pytest.mark.parametrize(("burst", "mean"), [(None, 1.0 / 0.7), (5.0, 5.0), (20.0, 20.0)])
 def test_losses_have_their_share_and_their_length(burst, mean):
-    lost = lost_reports(Link(0.3, burst))
+    lost = lost_reports(Channel(0.3, burst))
     assert lost.mean() == pytest.approx(0.3, abs=0.01)
     bursts = (np.diff(lost.astype(int), axis=0) == 1).sum() + lost[0].sum()
     assert lost.sum() / bursts == pytest.approx(mean, rel=0.05)
@@ -28,11 +28,11 @@ def test_losses_have_their_share_and_their_length(burst, mean):
 
 
 def test_receivers_have_their_own_luck_and_runs_their_own_draws():
-    lost = lost_reports(Link(0.5), 2000)
+    lost = lost_reports(Channel(0.5), 2000)
     agree = (lost[:, :1] == lost[:, 1:]).mean(axis=0)
     assert np.all(np.abs(agree - 0.5) < 0.06)
-    together = Reception(Link(0.3, 4.0, (0.1, 0.3)), count=3, seed=1, runs=range(5, 9))
-    alone = Reception(Link(0.3, 4.0, (0.1, 0.3)), count=3, seed=1, runs=range(7, 8))
+    together = Reception(Channel(0.3, 4.0, (0.1, 0.3)), count=3, seed=1, runs=range(5, 9))
+    alone = Reception(Channel(0.3, 4.0, (0.1, 0.3)), count=3, seed=1, runs=range(7, 8))
     for k in range(60):
         if k == 7:
             together.keep(np.array([True, False, True, True]))
@@ -42,9 +42,9 @@ def test_receivers_have_their_own_luck_and_runs_their_own_draws():
 
 
 def test_latencies_lie_between_the_two():
-    _, late, _ = Reception(Link(latency_s=(0.1, 0.3)), count=9, seed=1, runs=range(1)).next()
+    _, late, _ = Reception(Channel(latency_s=(0.1, 0.3)), count=9, seed=1, runs=range(1)).next()
     assert 0.1 <= late.min() < 0.15 < 0.25 < late.max() <= 0.3
-    lost, late, _ = Reception(Link(), count=9, seed=1, runs=range(2)).next()
+    lost, late, _ = Reception(Channel(), count=9, seed=1, runs=range(2)).next()
     assert not lost.any() and not late.any()
 
 
@@ -55,19 +55,19 @@ def test_latencies_lie_between_the_two():
         ((0.0, None, (0.2, 0.1)), "latency_s"), ((0.0, None, (0.0, float("inf"))), "latency_s"),
     ],
 )  # fmt: skip
-def test_links_that_cannot_be(arguments, text):
+def test_channels_that_cannot_be(arguments, text):
     with pytest.raises(ValueError, match=text):
-        Link(*arguments)
+        Channel(*arguments)
 
 
 @pytest.mark.parametrize("technology", TECHNOLOGIES.values(), ids=lambda technology: technology.name)
-def test_every_technology_is_a_link_with_its_losses(technology):
-    link = Link(technology.loss, None, technology.latency_s, technology.edge_loss, technology.crowding)
-    assert link.is_perfect == (technology.name == "ideal")
+def test_every_technology_is_a_channel_with_its_losses(technology):
+    channel = Channel(technology.loss, None, technology.latency_s, technology.edge_loss, technology.crowding)
+    assert channel.is_perfect == (technology.name == "ideal")
     distance = np.array([[[0.0, 0.5, 1.0], [0.5, 0.0, 0.9], [1.0, 0.9, 0.0]]]) * technology.range_m
     heard = np.broadcast_to(~np.eye(3, dtype=bool), distance.shape)
     arrives = technology.link_share(distance) / (1.0 - technology.loss) * technology.collision_share(1)
-    assert link.share(distance, technology.range_m, heard) == pytest.approx(arrives)
+    assert channel.share(distance, technology.range_m, heard) == pytest.approx(arrives)
 
 
 def test_the_command_offers_what_campaigns_know():

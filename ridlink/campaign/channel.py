@@ -19,7 +19,7 @@ BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class Channel:
     """The way of a report to one receiver; each receiver has its own luck with it.
 
     Args:
@@ -81,14 +81,14 @@ class Link:
         return edge * crowd
 
 
-PERFECT = Link()
+PERFECT = Channel()
 
 
 class Reception:
     """Losses and latencies of a batch of runs: every pair of sender and receiver on its own.
 
     Args:
-        link: What becomes of reports.
+        channel: What becomes of reports.
         count: Vehicles in a run, N.
         seed: Seed of the campaign.
         runs: The runs of the batch, W of them.
@@ -96,25 +96,25 @@ class Reception:
 
     _BLOCK = 16
 
-    def __init__(self, link: Link, *, count: int, seed: int, runs: range) -> None:
-        self._link = link
+    def __init__(self, channel: Channel, *, count: int, seed: int, runs: range) -> None:
+        self._channel = channel
         self._random = [generator(seed, run, Source.RADIO) for run in runs]
         self._shape = (count, count)
-        self._figures = 3 if link.depends_on_others else 2
+        self._figures = 3 if channel.depends_on_others else 2
         self._drawn = np.empty((len(runs), 0, count, count, self._figures))
         self._next = 0
-        if link.burst is not None:
+        if channel.burst is not None:
             drawn: FloatArray = np.stack([random.random(self._shape) for random in self._random])
-            self._bad: BoolArray = drawn < link.loss
+            self._bad: BoolArray = drawn < channel.loss
 
     def next(self) -> tuple[BoolArray, FloatArray, FloatArray]:
         """What the next reports meet: who misses them, and how late the others hear them; receiver before sender.
 
         Returns:
-            Lost, latencies [s], and a figure below 1 which `Link.share` must exceed, shape (W, N, N) each.
+            Lost, latencies [s], and a figure below 1 which `Channel.share` must exceed, shape (W, N, N) each.
         """
-        link = self._link
-        if link.is_perfect:
+        channel = self._channel
+        if channel.is_perfect:
             shape = (len(self._random), *self._shape)
             return np.zeros(shape, np.bool_), np.zeros(shape), np.zeros(shape)
         if self._next == self._drawn.shape[1]:
@@ -124,13 +124,13 @@ class Reception:
             self._next = 0
         drawn = self._drawn[:, self._next]
         self._next += 1
-        low, high = link.latency_s
+        low, high = channel.latency_s
         latency = low + (high - low) * drawn[..., 1]
-        luck = drawn[..., 2] if link.depends_on_others else np.zeros_like(latency)
-        if link.burst is None:
-            return drawn[..., 0] < link.loss, latency, luck
-        leave = 1.0 / link.burst
-        enter = leave * link.loss / (1.0 - link.loss)
+        luck = drawn[..., 2] if channel.depends_on_others else np.zeros_like(latency)
+        if channel.burst is None:
+            return drawn[..., 0] < channel.loss, latency, luck
+        leave = 1.0 / channel.burst
+        enter = leave * channel.loss / (1.0 - channel.loss)
         lost = self._bad
         self._bad = np.where(lost, drawn[..., 0] >= leave, drawn[..., 0] < enter)
         return lost, latency, luck
@@ -139,5 +139,5 @@ class Reception:
         """Go on with some runs of the batch only."""
         self._random = [random for random, kept in zip(self._random, runs, strict=True) if kept]
         self._drawn = self._drawn[runs]
-        if self._link.burst is not None:
+        if self._channel.burst is not None:
             self._bad = self._bad[runs]
