@@ -10,6 +10,8 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,23 +154,36 @@ class Sight:
         return self.everybody.only(picked)
 
 
-def look(tracks: Sequence[Track], own: OwnState, now_s: float, settings: PictureSettings) -> Sight:
-    """What is there at this instant.
+class _Said(NamedTuple):
+    """What all tracks say at one instant, a column each, shape (n,), NaN for unknown; vectors north, east, down."""
 
-    Args:
-        tracks: Tracks that are in the air.
-        own: Own state now; its position is the origin.
-        now_s: Monotonic time.
-        settings: What counts as traffic.
-    """
+    velocity_mps: FloatArray
+    command_mps: FloatArray
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    age_s: FloatArray
+    speed_mps: FloatArray
+    blind_speed_mps: FloatArray
+    error_m: FloatArray
+    accuracy_m: FloatArray
+    airframe_m: FloatArray
+    altitude_m: FloatArray
+    vertical_error_m: FloatArray
+    height_m: FloatArray
+    climb_mps: FloatArray
+    interval_s: FloatArray
+    doubt_m: FloatArray
+
+
+def _said_by(tracks: Sequence[Track], now_s: float, settings: PictureSettings) -> _Said:
     rows = np.array(  # None becomes NaN
         [
             (
-                track.latitude_deg,
-                track.longitude_deg,
                 *track.velocity_ned_mps,
                 *(track.report.commanded_ned_mps or NAN3),
-                now_s - track.measured_at_s,
+                track.latitude_deg,
+                track.longitude_deg,
+                max(now_s - track.measured_at_s, 0.0),
                 track.report.speed_horizontal_mps,
                 blind_speed_mps(track, settings),
                 track.report.horizontal_error_m,
@@ -185,39 +200,41 @@ def look(tracks: Sequence[Track], own: OwnState, now_s: float, settings: Picture
         ],
         dtype=np.float64,
     ).reshape(len(tracks), 20)
-    age = np.maximum(rows[:, 8], 0.0)
-    own_altitude = own.altitude_ellipsoid_m
-    altitude = rows[:, 14]
-    # Unknown altitude, ours or theirs: the same height, so that it counts.
-    comparable = np.isfinite(altitude) & (own_altitude is not None)
-    origin_altitude = own.position.altitude_m if own_altitude is None else own_altitude
-    altitude = np.where(comparable, altitude, origin_altitude)
-    origin = Geodetic(own.position.latitude_deg, own.position.longitude_deg, origin_altitude)
-    position = ned_from_geodetic(rows[:, 0], rows[:, 1], altitude, origin)
-    climb = rows[:, 17]
-    # Not the plane's "down": that sinks with the curvature of the Earth.
-    above = np.where(comparable, altitude - origin_altitude + climb * age, np.nan)
-    bound, apart = _heights(own, rows, age, above, settings)
-    velocity = rows[:, 2:5]
-    now_ne = position[:, :2] + velocity[:, :2] * age[:, None]
+    return _Said(rows[:, :3], rows[:, 3:6], *rows[:, 6:].T)
+
+
+def look(tracks: Sequence[Track], own: OwnState, now_s: float, settings: PictureSettings) -> Sight:
+    """What is there at this instant.
+
+    Args:
+        tracks: Tracks that are in the air.
+        own: Own state now; its position is the origin.
+        now_s: Monotonic time.
+        settings: What counts as traffic.
+    """
+    said = _said_by(tracks, now_s, settings)
+    position, above = _positions(own, said)
+    bound, apart = _heights(own, said, above, settings)
+    now_ne = position[:, :2] + said.velocity_mps[:, :2] * said.age_s[:, None]
     distance = np.hypot(now_ne[:, 0], now_ne[:, 1])
     towards = now_ne / np.maximum(distance, 1e-9)[:, None]
-    closing = ((np.asarray(own.velocity_ned_mps[:2]) - velocity[:, :2]) * towards).sum(axis=1) + rows[:, 10]
-    coasting = np.minimum(0.5 * COAST_ACCELERATION_MPS2 * age**2, COAST_CAP_M)
+    approach = np.asarray(own.velocity_ned_mps[:2]) - said.velocity_mps[:, :2]
+    closing = (approach * towards).sum(axis=1) + said.blind_speed_mps
+    coasting = np.minimum(0.5 * COAST_ACCELERATION_MPS2 * said.age_s**2, COAST_CAP_M)
     everybody = Snapshot(
         tracks=tuple(tracks),
         position_ned_m=position,
-        velocity_ned_mps=velocity,
-        command_ned_mps=rows[:, 5:8],
-        age_s=age,
-        speed_mps=rows[:, 9],
-        interval_s=rows[:, 18],
-        widening_m=rows[:, 10] * age + coasting + rows[:, 19],
-        error_bound_m=rows[:, 11],
-        accuracy_bound_m=rows[:, 12],
-        airframe_m=rows[:, 13],
+        velocity_ned_mps=said.velocity_mps,
+        command_ned_mps=said.command_mps,
+        age_s=said.age_s,
+        speed_mps=said.speed_mps,
+        interval_s=said.interval_s,
+        widening_m=said.blind_speed_mps * said.age_s + coasting + said.doubt_m,
+        error_bound_m=said.error_m,
+        accuracy_bound_m=said.accuracy_m,
+        airframe_m=said.airframe_m,
         above_m=above,
-        climb_mps=climb,
+        climb_mps=said.climb_mps,
         vertical_bound_m=bound,
         apart=apart,
         avoiding=np.array([track.report.avoiding for track in tracks], dtype=np.bool_),
@@ -226,27 +243,38 @@ def look(tracks: Sequence[Track], own: OwnState, now_s: float, settings: Picture
     return Sight(everybody, distance / np.maximum(closing, 1.0))
 
 
+def _positions(own: OwnState, said: _Said) -> tuple[FloatArray, FloatArray]:
+    """Positions about the own one [m], and how far each is above us now, NaN where that cannot be said."""
+    own_altitude = own.altitude_ellipsoid_m
+    # Unknown altitude, ours or theirs: the same height, so that it counts.
+    comparable = np.isfinite(said.altitude_m) & (own_altitude is not None)
+    origin_altitude = own.position.altitude_m if own_altitude is None else own_altitude
+    altitude = np.where(comparable, said.altitude_m, origin_altitude)
+    origin = Geodetic(own.position.latitude_deg, own.position.longitude_deg, origin_altitude)
+    position = ned_from_geodetic(said.latitude_deg, said.longitude_deg, altitude, origin)
+    # Not the plane's "down": that sinks with the curvature of the Earth.
+    above = np.where(comparable, altitude - origin_altitude + said.climb_mps * said.age_s, np.nan)
+    return position, above
+
+
 def _most_urgent(chosen: NDArray[np.intp], urgency_s: FloatArray, most: int) -> NDArray[np.intp]:
     """As many of the chosen as may be considered, in their order where that is all of them."""
     return chosen if len(chosen) <= most else chosen[np.argsort(urgency_s[chosen], kind="stable")[:most]]
 
 
 def _heights(
-    own: OwnState, rows: FloatArray, age: FloatArray, above: FloatArray, settings: PictureSettings
+    own: OwnState, said: _Said, above: FloatArray, settings: PictureSettings
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """The vertical bound of this instant, and who is known to stay further up or down within the horizon."""
     unknowable = (own.vertical_error_bound_m, settings.own_height_m)
     own_error, own_height = (math.nan if value is None else value for value in unknowable)
-    error, height, climb = rows[:, 15], rows[:, 16], (-own.velocity_ned_mps[2], rows[:, 17])
-    now = vertical_bound(
-        above, error_m=(own_error, error), height_m=(own_height, height), climb_mps=climb, reserve_m=0.0
-    )
-    within = vertical_bound(
+    bound = partial(
+        vertical_bound,
         above,
-        error_m=(own_error, error),
-        height_m=(own_height, height),
-        climb_mps=climb,
-        age_s=age,
-        horizon_s=settings.vertical_horizon_s,
+        error_m=(own_error, said.vertical_error_m),
+        height_m=(own_height, said.height_m),
+        climb_mps=(-own.velocity_ned_mps[2], said.climb_mps),
     )
+    now = bound(reserve_m=0.0)
+    within = bound(age_s=said.age_s, horizon_s=settings.vertical_horizon_s)
     return now, known_apart(above, within)
