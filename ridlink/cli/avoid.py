@@ -325,7 +325,7 @@ class _HumanPrinter(_Printer):
 
     def final(self, summary: Summary) -> None:
         decision, gap = summary.decision_ms, summary.setpoint_gap_ms
-        gaps = f" (gap p99 {gap['p99']:.0f} ms, max {gap['max']:.0f} ms)" if gap["max"] else ""
+        gaps = f" (gap p99 {gap['p99']:.0f} ms, max {gap['max']:.0f} ms)" if summary.setpoints > 1 else ""
         self.put(
             f"{self._clear}{summary.setpoints or 'no'} setpoints{gaps}, {summary.reports_received} reports, "
             f"decisions p99 {decision['p99']:.1f} ms, "

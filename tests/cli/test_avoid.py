@@ -122,6 +122,19 @@ def test_tells_people_what_happens_and_ends_on_ctrl_c() -> None:
     run(test)
 
 
+def test_a_dry_run_ends_with_no_setpoints_and_no_gap_between_them() -> None:
+    async def test() -> None:
+        async with daemon("--goal", GOAL, "--dry-run") as (process, port), LoopbackVehicle(Emulated(), port):
+            for _ in range(2):  # two of those that it would have sent
+                while not (await line(process.stderr)).startswith("would fly"):
+                    pass
+            process.send_signal(signal.SIGINT)
+            _, err = await process.communicate()
+            assert b"no setpoints, " in err and b"gap" not in err
+
+    run(test)
+
+
 def test_i8_a_second_signal_forces_the_end() -> None:
     async def test() -> None:
         async with daemon("--goal", GOAL, "--json") as (process, port):
