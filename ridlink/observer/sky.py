@@ -197,6 +197,8 @@ class Sky:
                 known = self.aircraft[twin]
         if known is None:
             return self._meet(report, north_m, east_m, now_s)
+        if report.received_at_s < known.report.received_at_s:  # complete only now, and heard newer over another way
+            return None
         if report.received_at_s > known.report.received_at_s:
             if _is_repeated(report, known.report):  # by its sender, or over another way
                 if known.report.extended or not report.extended:

@@ -81,6 +81,19 @@ def test_a_late_repetition_does_not_move_an_aircraft_in_time() -> None:
     assert sky.at(2.4).age_s == pytest.approx([0.5])
 
 
+def test_a_late_extension_takes_nobody_back_to_where_it_belongs() -> None:
+    """The vehicle's own RIDLINK_SEPARATION comes after a relay has told where the vehicle has flown since."""
+    relayed = replace(ONE, sysid=200, id_or_mac=b"relay".ljust(20, b"\0"))
+    *direct, extension = (frame for _, frame in frames([ONE], 0.1))
+    sky = Sky(origin=HOME)
+    for frame in direct:
+        sky.receive(frame, 0.0)
+    for time_s, frame in frames([relayed], 0.3):
+        sky.receive(frame, time_s)
+    assert sky.receive(extension, 0.25) is None
+    assert sky.at(0.25).position_ne_m == pytest.approx(np.array([ONE.at(0.25)]), abs=0.05)
+
+
 def test_two_that_turn_out_to_be_one_are_merged_into_the_first() -> None:
     late = replace(ONE, sysid=200, identity_from_s=1.0, id_or_mac=b"relay".ljust(20, b"\0"))
     behind = replace(late, start_ne_m=(-1.0, 0.0))
