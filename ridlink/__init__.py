@@ -1,6 +1,15 @@
 """ridlink: Remote ID that keeps drones apart.
 
-``ridlink.decode(path)`` gives a capture as columns: one structured array for each message.
+``ridlink.decode(path)`` gives a capture as columns: one structured array for each message. Everything else is imported
+from its room, and the rooms are one line:
+
+    bytes                     ridlink.links, ridlink.captures
+    -> frames -> messages     ridlink.mavlink
+    -> reports                ridlink.remote_id
+    -> tracks                 ridlink.traffic, ridlink.own_ship
+    -> separation discs       ridlink.separation
+    -> admissible velocity    ridlink.avoidance
+    -> setpoint -> bytes      ridlink.setpoint; ridlink.engine walks the whole line
 """
 
 from __future__ import annotations
