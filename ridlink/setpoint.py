@@ -41,6 +41,9 @@ class VelocityLimits:
         horizontal_mps: Horizontal speed. 15 m/s is what a category 2 multirotor reaches.
         vertical_mps: Climb and descent. PX4 descends at 1.5 m/s at most and ArduPilot keeps 2 m/s.
         acceleration_mps2: Change of a setpoint per second. Less than 5 m/s^2 adds a lag to that of the autopilot.
+
+    Raises:
+        ValueError: If one is not positive and finite, or a speed above 100 m/s.
     """
 
     horizontal_mps: float = 15.0

@@ -86,6 +86,9 @@ class Response:
             velocity: Shape (W, N, 2), written.
             command: Commanded velocities, shape (W, N, 2).
             elapsed_s: A multiple of `TICK_S`, unless vehicles are ideal.
+
+        Raises:
+            ValueError: If it is none.
         """
         if self.dynamics is Dynamics.IDEAL:
             velocity[...] = command

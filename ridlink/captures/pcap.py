@@ -51,6 +51,7 @@ class PcapReader:
         self._last_s: int | None = None
 
     def packets(self) -> Iterator[Packet]:
+        """All packets, in the order of the file; damage goes into the rejects of the window."""
         window = self._window
         window.skip(FILE_HEADER_LENGTH)
         while window.reach(PACKET_HEADER_LENGTH):

@@ -57,6 +57,7 @@ class PcapngReader:
         return struct.unpack_from(self._order + layout, data, at)
 
     def packets(self) -> Iterator[Packet]:
+        """All packets, in the order of the file; damage goes into the rejects."""
         window = self._window
         while window.reach(MIN_BLOCK_LENGTH):
             length = self._block_length(0)

@@ -68,6 +68,9 @@ class EngineConfig:
         broadcast_form: For whom that is meant.
         operator_id: Identity of the operator in it; empty for none.
         dry_run: What is decided does not leave: nobody is told that we avoid, and another writer is no reason to yield.
+
+    Raises:
+        ConfigError: If a value cannot be, or two contradict each other; it is named.
     """
 
     goal: Goal | None = None

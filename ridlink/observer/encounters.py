@@ -42,6 +42,7 @@ class Encounter:
     """A pair that comes near each other.
 
     Attributes:
+        numbers: Of the two, the lower first.
         pair: Names of the two, in order; the latest, if an identity was heard meanwhile.
         opened_s, closed_s: When; the latter None while it goes on.
         closest_s, closest_m: Time and distance of the closest approach so far, between centres.
@@ -55,6 +56,8 @@ class Encounter:
         distance_m, required_m: Distance, and radius of the disc by definition; of the last step in which both were
             heard, which is at `seen_s`.
         mistaken: One of the two turned out to be somebody else, heard over another way: there was no such encounter.
+        last_alert_s, last_closing_s: When the disc was last entered or about to be, and when the two last came nearer.
+        opening_velocities: How the two flew when it opened [m/s], shape (2,) each.
     """
 
     numbers: tuple[int, int]

@@ -44,6 +44,9 @@ class ReportAssembler:
     Args:
         max_sources: Senders remembered at most.
         convention: How to read the horizontal accuracy code of standard senders.
+
+    Raises:
+        ValueError: If no sender may be remembered, or the convention is unknown.
     """
 
     def __init__(

@@ -44,6 +44,7 @@ class RemoteIdReport:
         accuracy_bound_m: Three standard deviations that the standard's accuracy code allows.
         vertical_error_m, velocity_error_mps: Three standard deviations, as the sender states them.
         airframe_size_m: Largest horizontal extent, a diameter.
+        airframe_height_m: Largest vertical extent.
         update_interval_s: Time to the next update, as the sender states it.
         commanded_ned_mps: Velocity that the sender now commands to its autopilot.
         avoiding: The sender takes its half of every avoidance.

@@ -73,6 +73,9 @@ class Triangular:
         low: Lower limit.
         mode: Most likely value.
         high: Upper limit.
+
+    Raises:
+        ValueError: If the limits are not finite or in no order, or the mode lies outside of them.
     """
 
     low: float
@@ -119,7 +122,15 @@ class Triangular:
 
 @dataclass(frozen=True, slots=True)
 class Normal:
-    """Normal distribution; of speeds and of what is flown in a given time."""
+    """Normal distribution; of speeds and of what is flown in a given time.
+
+    Args:
+        mu: Mean.
+        sigma: Standard deviation.
+
+    Raises:
+        ValueError: If the mean is not finite, or the deviation not positive and finite.
+    """
 
     mu: float
     sigma: float
@@ -157,8 +168,12 @@ class TruncatedNormal:
     Args:
         mu: Mean before the truncation.
         sigma: Standard deviation before the truncation.
-        low: Lower limit.
-        high: Upper limit.
+        low: Lower limit, may be infinite.
+        high: Upper limit, may be infinite.
+
+    Raises:
+        ValueError: If mean or deviation are as `Normal` refuses them, the limits are in no order, or less than a
+            millionth of all draws lies between them.
     """
 
     mu: float
@@ -227,7 +242,14 @@ class TruncatedNormal:
 
 @dataclass(frozen=True, slots=True)
 class HalfNormal:
-    """Magnitude of a normal error of mean zero, `|N(0, sigma^2)|`: the paper's localization error, Eq. 11."""
+    """Magnitude of a normal error of mean zero, `|N(0, sigma^2)|`: the paper's localization error, Eq. 11.
+
+    Args:
+        sigma: Standard deviation of that error, of which the magnitude's is 0.603.
+
+    Raises:
+        ValueError: If it is not positive and finite.
+    """
 
     sigma: float
 
@@ -263,6 +285,9 @@ class HalfNormalSum:
     Args:
         sigma_i: Standard deviation of the one.
         sigma_j: Standard deviation of the other.
+
+    Raises:
+        ValueError: If one of them is not positive and finite.
     """
 
     sigma_i: float
@@ -326,6 +351,9 @@ class Sum:
 
     Args:
         parts: What is added up.
+
+    Raises:
+        ValueError: If there are none.
     """
 
     parts: tuple[Distribution, ...]
