@@ -11,6 +11,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,9 @@ from ridlink.cli.decode import decode
 from ridlink.mavlink.codec import MESSAGES, MESSAGES_BY_NAME, Encoder
 from ridlink.mavlink.frames import encode_frame
 from ridlink.remote_id.astm_pack import encode_pack
+from ridlink.remote_id.astm_separation import authentication_of
 from ridlink.remote_id.convert import to_mavlink
-from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation, System
+from ridlink.remote_id.messages import Authentication, BasicId, Location, RemoteIdMessage, Separation, System
 from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
 
 Records = list[tuple[int, bytes]]
@@ -440,6 +442,21 @@ def test_what_one_broadcast_says_is_one_row(tmp_path: Path, hour_start_s: int | 
     rows = rows_of(run(path, "--join", "-f", "jsonl"))
     assert [row["timestamp_s"] for row in rows] == [1234.5, 1234.8, 1235.0, 1235.3, 3600.0]
     assert [row["horizontal_error_m"] for row in rows] == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_what_a_stock_receiver_relayed_unread_is_part_of_the_row(tmp_path: Path) -> None:
+    mac, encoder = bytes.fromhex("84cca8604324").ljust(20, b"\x00"), Encoder(1, 236)
+    sent = Separation(timestamp_s=1234.5, horizontal_error_m=3.0, airframe_size_m=0.6)
+    messages: list[RemoteIdMessage] = [
+        replace(authentication_of(sent, 3600 * 60_000), id_or_mac=mac),
+        Location(latitude_deg=47.0, longitude_deg=8.0, timestamp_s=1234.5, id_or_mac=mac),
+        Authentication(1, 0, 0, 17, 1.0, bytes(17), mac),
+    ]
+    frames = [frame_of(message, encoder) for message in messages]
+    path = tmp_path / "bus.tlog"
+    path.write_bytes(tlog_bytes([(START_US + 1000 * k, frame) for k, frame in enumerate(frames)]))
+    (row,) = rows_of(run(path, "--join", "-f", "jsonl"))
+    assert (row["horizontal_error_m"], row["airframe_size_m"], row["id_or_mac"]) == (3.0, 0.6, mac.hex())
 
 
 def test_a_radio_does_not_replace_the_finer_figures_of_the_bus() -> None:

@@ -15,14 +15,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ridlink.captures.export.fields import Fields
+from ridlink.captures.lines import si_fields
 from ridlink.remote_id.assembler import EQUAL_TIMESTAMP_VALID_S, ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER
 from ridlink.remote_id.astm import TIMESTAMP_STEP_S
+from ridlink.remote_id.astm_separation import separation_of
 from ridlink.remote_id.bridge import whole_seconds_of
+from ridlink.remote_id.messages import Authentication
 
-BASIC_ID, LOCATION, SYSTEM, SEPARATION = JOINED_NAMES = (
+BASIC_ID, LOCATION, SYSTEM, SEPARATION, AUTHENTICATION = JOINED_NAMES = (
     "OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_LOCATION", "OPEN_DRONE_ID_SYSTEM", "RIDLINK_SEPARATION",
+    "OPEN_DRONE_ID_AUTHENTICATION",
 )  # fmt: skip
-"""The messages that are joined."""
+"""The messages that are joined; as the last, stock receivers relay the one before."""
 
 MAVLINK = "mavlink"
 """Transport of what came in MAVLink frames, where the capture does not say more."""
@@ -89,6 +93,7 @@ class Joiner:
 
     def receive(self, message: Fields) -> Iterator[dict[str, Any]]:
         """Take one message; rows that are complete now."""
+        message = _recognised(message)
         fields = message.fields
         now_us = message.time_us or 0
         if message.name == LOCATION:
@@ -163,6 +168,18 @@ class Joiner:
         updates.append(update)
         self._held.append(update)
         sender.last = update
+
+
+def _recognised(message: Fields) -> Fields:
+    """The RIDLINK_SEPARATION in an AUTHENTICATION that a stock receiver relayed unread; any other message as it is."""
+    if message.name != AUTHENTICATION:
+        return message
+    said = message.fields | {"authentication_data": bytes.fromhex(message.fields["authentication_data"])}
+    separation = separation_of(Authentication(**said | {"id_or_mac": None}))
+    if separation is None:
+        return message
+    fields = si_fields(separation) | {"id_or_mac": message.fields["id_or_mac"]}
+    return message._replace(name=SEPARATION, fields=fields, is_25_bytes=True)
 
 
 def _belongs(separation: Fields, update: _Update) -> bool:
