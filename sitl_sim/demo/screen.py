@@ -124,11 +124,16 @@ def verdict_table(result: dict[str, Any]) -> RenderableType:
         f"decision p99 {_number(decision['p99'], 'ms')}, longest setpoint gap {_number(gap['max'], 'ms')}",
     ]
     late = [
-        f"vehicle {detail['system_id']}: {detail['outcome'].replace('_', ' ')}"
+        f"vehicle {detail['system_id']}: {_fate(detail['outcome'])}"
         for detail in result["details"]
         if detail["outcome"] != Outcome.ARRIVED
     ]
     return Group(head, *(Text(line) for line in lines), *(Text(line, style="red") for line in late))
+
+
+def _fate(outcome: str) -> str:
+    """What is said of a vehicle that has not arrived; it may fly, or have landed at home after a failsafe."""
+    return "not arrived" if outcome == Outcome.FLYING else outcome.replace("_", " ")
 
 
 def comparison_table(results: list[dict[str, Any]]) -> RenderableType:

@@ -122,6 +122,14 @@ def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
     assert "decision p99 -, longest setpoint gap -" in done.stdout, "nobody decided, so there is no figure"
 
 
+def test_who_has_not_arrived_in_time_is_named(tmp_path: Path) -> None:
+    late = ALONE.replace("duration_s = 20.0", "duration_s = 1.0") + "cooperative = false\n"
+    log = str(tmp_path / "flight.tlog")
+    done = demo("--scenario", scenario(tmp_path, late), "--headless", "--any-ports", "--log", log)
+    assert done.returncode == 1, done.stderr
+    assert "0 of 1 arrived" in done.stdout and "\nvehicle 1: not arrived\n" in done.stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "text", "code"),
     [
