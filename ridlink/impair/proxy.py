@@ -112,9 +112,12 @@ class Proxy:
         for address, speaker in list(self._speakers.items()):
             if speaker.link is not None and now_s - speaker.heard_at_s > FORGOTTEN_AFTER_S:
                 speaker.link.close()
-                self._past[0].update(speaker.there.counters)
-                self._past[1].update(speaker.back.counters)
-                del self._speakers[address]
+                self._part_with(address)
+
+    def _part_with(self, address: Address) -> None:
+        speaker = self._speakers.pop(address)
+        self._past[0].update(speaker.there.counters)
+        self._past[1].update(speaker.back.counters)
 
     async def _open(self, address: Address, speaker: _Speaker) -> None:
         def answer(data: bytes, _: Address) -> None:
@@ -126,7 +129,7 @@ class Proxy:
             speaker.link = await open_link(self._far, answer)
         except LinkError:
             self.counters["unroutable"] += len(speaker.before_open)
-            self._speakers.pop(address, None)
+            self._part_with(address)
             return
         for data in speaker.before_open:
             speaker.link.send(data)

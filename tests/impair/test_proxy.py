@@ -96,6 +96,19 @@ def test_each_way_has_its_own_faults() -> None:
     asyncio.run(through(talk, back=Impairment(loss=0.3)))
 
 
+def test_what_came_for_a_far_end_that_cannot_be_reached_is_counted() -> None:
+    async def scenario() -> None:
+        proxy = await open_proxy(NEAR, parse_link_url("udpout:no..host:9"))
+        for _ in range(5):
+            proxy.receive(b"lost", ("127.0.0.1", 9))
+        await asyncio.wait(proxy._opening, timeout=10.0)
+        assert proxy.speakers == 0 and proxy.counters == {"unroutable": 5}
+        assert proxy.totals()[0] == {"received": 5, "passed": 5}
+        proxy.close()
+
+    asyncio.run(scenario())
+
+
 def test_a_port_in_use_and_other_schemes_are_refused() -> None:
     async def talk(proxy: Proxy, _: Echo) -> None:
         taken = f"udpin:127.0.0.1:{proxy.near.local_address[1]}"
