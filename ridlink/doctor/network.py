@@ -148,7 +148,7 @@ def _vehicle(url: LinkUrl, heard: Listened, for_s: float) -> Iterator[Finding]:
         value = heard.parameters.get(wanted.name)
         if value is None:
             yield Finding(wanted.name, Verdict.WARNING, "not answered", "is the parameter protocol let through?")
-        elif wanted.is_right(value):
+        elif math.isfinite(value) and wanted.is_right(value):
             yield Finding(wanted.name, Verdict.OK, f"{value:g}: {wanted.meaning}")
         else:
             yield Finding(wanted.name, Verdict.WARNING, f"{value:g}: {wanted.meaning}", wanted.remedy)

@@ -21,7 +21,7 @@ class Expected:
 
     Args:
         name: Of the parameter.
-        is_right: Of its value.
+        is_right: Of its value, which is finite.
         meaning: What the value does, shown in either case.
         remedy: What to set where it is not right.
     """

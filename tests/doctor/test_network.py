@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import struct
 from collections.abc import Iterable
 
@@ -16,6 +17,7 @@ from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import ARDUPILOT, PX4
 
 INT32, REAL32 = 6, 9
+ARDUPILOTS = ("GUID_TIMEOUT", "GUID_OPTIONS", "WPNAV_SPEED", "AVOID_ENABLE")
 LISTEN_S = 5.0
 
 
@@ -97,7 +99,13 @@ def test_ardupilot_that_flies_blind_for_long_is_warned_of() -> None:
         )
     )
     assert found["GUID_TIMEOUT"].verdict is Verdict.WARNING
-    assert {found[name].verdict for name in ("GUID_OPTIONS", "WPNAV_SPEED", "AVOID_ENABLE")} == {Verdict.OK}
+    assert {found[name].verdict for name in ARDUPILOTS[1:]} == {Verdict.OK}
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_parameter_that_is_no_number_is_warned_of(value: float) -> None:
+    found = examined(Vehicle(ARDUPILOT, dict.fromkeys(ARDUPILOTS, (value, REAL32))))
+    assert {found[name].verdict for name in ARDUPILOTS} == {Verdict.WARNING}
 
 
 def test_a_parameter_that_is_never_answered_is_said_so() -> None:
