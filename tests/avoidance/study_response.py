@@ -2,7 +2,7 @@
 
 python -m tests.avoidance.study_response [runs] [px4|ardupilot] [speed] [geometry ...]
 
-For ten geometries, 60 cells in all (12 minutes on one core with 300 runs): runs in which a reported position came
+For ten geometries, 60 cells in all (10 minutes on one core with 300 runs): runs in which a reported position came
 inside the disc [%], 5th percentile of the smallest reported margin [m], smallest true gap of two airframes [m],
 collisions, vehicles that did not arrive, median time relative to flying alone, reversals of the lateral command a
 vehicle; then the prototype's figures in the same order (without collisions and arrivals, of which all its runs had
