@@ -36,7 +36,7 @@ def parse_alone(data: bytes) -> Iterator[Frame | BadFrame]:
     What stands between a frame that was refused and the next good one is part of it.
     """
     refused = False
-    for item in parse_datagram(data, CRC_EXTRAS):
+    for item in parse_datagram(data, CRC_EXTRAS, limit=None):
         if isinstance(item, Frame) or not (refused and item.cause is Cause.GARBAGE):
             yield item
         refused = isinstance(item, BadFrame)

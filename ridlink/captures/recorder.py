@@ -117,7 +117,7 @@ class Recorder:
                 continue
 
     def _write(self, time_us: int, data: bytes) -> None:
-        for item in parse_datagram(data, CRC_EXTRAS):
+        for item in parse_datagram(data, CRC_EXTRAS, limit=None):
             if not isinstance(item, Frame):
                 self.rejects.add(item.cause, self._received_bytes + item.offset, item.length)
                 continue

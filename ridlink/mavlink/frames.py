@@ -170,14 +170,14 @@ def _scan(
 
 
 def parse_datagram(
-    data: bytes, crc_extras: Mapping[int, int], *, limit: int = MAX_FRAMES_PER_DATAGRAM
+    data: bytes, crc_extras: Mapping[int, int], *, limit: int | None = MAX_FRAMES_PER_DATAGRAM
 ) -> list[Frame | BadFrame]:
     """Frames and rejects of one datagram, in order; never raises, whatever the bytes.
 
     Args:
         data: The datagram.
         crc_extras: CRC_EXTRA by message id, as ``ridlink.mavlink.codec.CRC_EXTRAS``.
-        limit: Frames taken at most; what follows is ignored.
+        limit: Frames taken at most; what follows is ignored. ``None`` takes all, for whoever has the time.
     """
     return _scan(data, crc_extras, offset=0, final=True, limit=limit, patience=MAX_FALSE_STARTS)[0]
 

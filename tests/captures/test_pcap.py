@@ -185,6 +185,12 @@ def test_several_frames_of_a_datagram_and_the_damaged_among_them() -> None:
     assert rejects.counts == {"bad_checksum": 1}
 
 
+def test_a_datagram_may_be_full_of_frames() -> None:
+    many = [Encoder(1, 1).encode("HEARTBEAT", custom_mode=number + 1) for number in range(1000)]
+    records, rejects = read(pcap(timed([ethernet(ipv4(udp(b"".join(many))))])))
+    assert frames_of(records) == many and not rejects
+
+
 def test_no_state_crosses_datagrams() -> None:
     """Ten bytes that claim a long payload do not swallow what the next datagram holds."""
     swallow = b"\xfd\xff\x00\x00\x00\x00\x01\x01\x00\x00"

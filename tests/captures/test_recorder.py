@@ -38,6 +38,15 @@ def test_every_frame_of_every_datagram_is_a_record(tmp_path: Path) -> None:
     assert recorder.rejects.counts == {"garbage": 1}
 
 
+def test_a_datagram_may_be_full_of_frames(tmp_path: Path) -> None:
+    vehicle = Emulated()
+    frames = [vehicle.heartbeat() for _ in range(1000)]
+    recorder = Recorder(tmp_path / "a.tlog", clock=lambda: NOW_US)
+    recorder.receive(b"".join(frames))
+    recorder.close()
+    assert [raw for _, raw in records(tmp_path / "a.tlog")] == frames and not recorder.rejects
+
+
 def test_a_file_that_cannot_be_made_or_exists_is_an_error_at_the_start(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         Recorder(tmp_path / "none" / "a.tlog")
