@@ -115,7 +115,7 @@ def demo(
     from sitl_sim.cli.options import fleet_config
     from sitl_sim.demo.flight import fly, scenario_of
     from sitl_sim.demo.options import DemoOptions, any_free_ports
-    from sitl_sim.demo.screen import Screen, comparison_table, show, verdict_table
+    from sitl_sim.demo.screen import Screen, comparison_table, held_up_by, show, verdict_table
 
     config = fleet_config(fleet, Start.GROUND if from_ground else Start.HOLDING)
     options = DemoOptions(
@@ -156,6 +156,8 @@ def demo(
                     show(verdict_table(result))
                 else:
                     screen.say(f"{each}: {result['arrived']} of {result['vehicles']} arrived, {result['macs']} MACs")
+                    if held_up := held_up_by(result):
+                        screen.say(f"{each}: this machine {held_up}")
             if compare:
                 show(comparison_table(results), error=as_json)
             if not as_json:

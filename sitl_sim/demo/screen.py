@@ -19,6 +19,7 @@ from sitl_sim.verdict import Outcome
 from sitl_sim.world import VehicleState, World
 
 MAX_ROWS = 24
+HELD_UP_MS = 1000.0
 
 _STATE = {
     VehicleState.GROUNDED: "landed",
@@ -44,7 +45,7 @@ class Screen:
     def say(self, text: str) -> None:
         """One line about what is going on."""
         if not self._quiet:
-            self._console.print(text, markup=False)
+            self._console.print(text, markup=False, soft_wrap=True)
 
     @contextmanager
     def flight(self, title: str) -> Iterator[None]:
@@ -128,7 +129,18 @@ def verdict_table(result: dict[str, Any]) -> RenderableType:
         for detail in result["details"]
         if detail["outcome"] != Outcome.ARRIVED
     ]
+    if held_up := held_up_by(result):
+        late.append(f"machine           {held_up}")
     return Group(head, *(Text(line) for line in lines), *(Text(line, style="red") for line in late))
+
+
+def held_up_by(result: dict[str, Any]) -> str:
+    """What is said where this machine kept a daemon from its vehicle for so long that a failsafe may have flown; empty
+    where it did not."""
+    gap_ms = result["setpoint_gap_ms"]["max"]
+    if gap_ms is None or gap_ms <= HELD_UP_MS:
+        return ""
+    return f"was too busy: {gap_ms / 1e3:.1f} s without a setpoint; PX4 returns after 1 s, ArduPilot brakes after 3 s"
 
 
 def _fate(outcome: str) -> str:

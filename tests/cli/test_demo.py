@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -14,8 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from ridlink.captures import read_messages
+from sitl_sim.demo.screen import held_up_by, verdict_table
 
 HEAD_ON = """
 name = "short head-on"
@@ -120,6 +123,23 @@ def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
     assert done.returncode == 1, done.stderr
     assert "0 of 2 arrived, 1 mid-air collisions" in done.stdout
     assert "decision p99 -, longest setpoint gap -" in done.stdout, "nobody decided, so there is no figure"
+
+
+@pytest.mark.parametrize("gap_ms", [None, 131.0, 1000.0, 4210.0])
+def test_a_machine_that_was_too_busy_for_the_flight_is_named(gap_ms: float | None) -> None:
+    result: dict[str, Any] = {
+        "passed": False, "scenario": "circle8", "definition": "candidate2", "seed": 1, "vehicles": 8, "arrived": 7,
+        "macs": 0, "obstacle_hits": 0, "unmac_violations": 0, "unmac_violations_true": 0, "min_separation_m": 21.4,
+        "mission_time_s": {"median": 30.0, "max": 35.0}, "setpoints": 2446, "reports_received": 20748,
+        "decision_ms": {"p50": 0.4, "p99": 1.9, "max": 4.0}, "setpoint_gap_ms": {"p99": 104.0, "max": gap_ms},
+        "details": [],
+    }  # fmt: skip
+    console = Console(file=io.StringIO(), width=200)
+    console.print(verdict_table(result))
+    assert isinstance(console.file, io.StringIO)
+    told = [line for line in console.file.getvalue().splitlines() if line.startswith("machine ")]
+    assert told == ([] if gap_ms != 4210.0 else [f"machine           {held_up_by(result)}"])
+    assert not told or "too busy: 4.2 s without a setpoint" in told[0]
 
 
 def test_who_has_not_arrived_in_time_is_named(tmp_path: Path) -> None:
