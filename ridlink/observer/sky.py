@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import decode_message
 from ridlink.mavlink.frames import Frame
+from ridlink.observer.known import Aircraft, Known, is_repeated
 from ridlink.observer.scene import FloatArray, Scene
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import REMOTE_ID_IDS, messages_of
 from ridlink.remote_id.quantities import FieldRejects
 from ridlink.remote_id.report import RemoteIdReport, SourceKey
-from ridlink.remote_id.text import display_text
 from ridlink.traffic.position_filter import offset_m
 
 FORGET_AFTER_S = 10.0
@@ -30,46 +30,8 @@ FORGET_AFTER_S = 10.0
 MAX_AIRCRAFT = 2000
 DEFAULT_INTERVAL_S = 0.1
 SLOWEST_INTERVAL_S = 5.0
-SAME_AIRCRAFT_M = 50.0
-"""Two senders with one identity that are so near each other are one aircraft, heard directly and relayed."""
-
-SAME_INSTANT_S = 0.051
-"""Half a step of the time in a 25-byte message, and what a float loses of it."""
-
-SAME_HEIGHT_M = 0.6
 MERGED_KEPT = 256
 UNKNOWN = (math.nan, math.nan, math.nan)
-
-
-@dataclass(slots=True, eq=False)
-class Aircraft:
-    """One aircraft.
-
-    Attributes:
-        number: Its own for as long as it is in the air, whatever it is called.
-        name: Its identity, else system and component id, with everything but printable ASCII as ``\\xNN``; unique.
-        report: Its last report with a position.
-        north_m, east_m: Position in that report, about the origin.
-        interval_s: Smoothed time between reports.
-        first_heard_s, last_heard_s: The caller's clock.
-        reports: How many there were.
-    """
-
-    number: int
-    name: str
-    report: RemoteIdReport
-    north_m: float
-    east_m: float
-    interval_s: float
-    first_heard_s: float
-    last_heard_s: float
-    reports: int = 1
-
-    @property
-    def velocity_ne_mps(self) -> tuple[float, float]:
-        """Reported velocity, zero where it is unknown."""
-        velocity = self.report.velocity_ned_mps
-        return (0.0, 0.0) if velocity is None else (velocity[0], velocity[1])
 
 
 class Sky:
@@ -94,15 +56,13 @@ class Sky:
         forget_after_s: float = FORGET_AFTER_S,
         max_aircraft: int = MAX_AIRCRAFT,
     ) -> None:
-        self.aircraft: dict[SourceKey, Aircraft] = {}
+        self._known = Known(max_aircraft)
+        self.aircraft = self._known.aircraft
         self.rejects = FieldRejects()
         self.origin = origin
         self.met = 0
         self._forget_after_s = forget_after_s
-        self._max_aircraft = max_aircraft
         self._assembler = ReportAssembler(max_aircraft)
-        self._same_as: dict[SourceKey, SourceKey] = {}
-        self._last_number = 0
         self._merged: deque[int] = deque(maxlen=MERGED_KEPT)
 
     def receive(self, frame: Frame, now_s: float) -> Aircraft | None:
@@ -124,7 +84,7 @@ class Sky:
     def forget_silent(self, now_s: float) -> list[Aircraft]:
         """Those who were silent for too long; they are gone."""
         gone = [key for key, one in self.aircraft.items() if now_s - one.last_heard_s > self._forget_after_s]
-        return [self._remove(key) for key in gone]
+        return [self._known.remove(key) for key in gone]
 
     def at(self, now_s: float, *, missed: float = math.inf, settled_s: float = 0.0) -> Scene:
         """Everybody who is in the air, where they are now.
@@ -173,7 +133,7 @@ class Sky:
 
     def forget(self, key: SourceKey) -> Aircraft | None:
         """Somebody is gone, or better known by another source."""
-        return self._remove(key) if key in self.aircraft else None
+        return self._known.remove(key) if key in self.aircraft else None
 
     def take(self, report: RemoteIdReport, now_s: float) -> Aircraft | None:
         """Take a report that is complete; the aircraft that it moved, if any.
@@ -188,19 +148,19 @@ class Sky:
             self.origin = Geodetic(report.latitude_deg, report.longitude_deg, 0.0)
         origin = (self.origin.latitude_deg, self.origin.longitude_deg)
         north_m, east_m = offset_m(origin, (report.latitude_deg, report.longitude_deg))
-        key = self._same_as.get(report.key, report.key)
-        known = self.aircraft.get(key)
-        if known is None:
-            twin = self._twin(report, north_m, east_m)
-            if twin is not None:
-                self._same_as[report.key] = twin
-                known = self.aircraft[twin]
-        if known is None:
-            return self._meet(report, north_m, east_m, now_s)
+        key = self._known.source_of(report.key)
+        if key not in self.aircraft:
+            twin = self._known.twin(report, north_m, east_m)
+            if twin is None:
+                self.met += 1
+                return self._known.meet(report, north_m, east_m, report.update_interval_s or DEFAULT_INTERVAL_S, now_s)
+            self._known.join(key, twin)
+            key = twin
+        known = self.aircraft[key]
         if report.received_at_s < known.report.received_at_s:  # complete only now, and heard newer over another way
             return None
         if report.received_at_s > known.report.received_at_s:
-            if _is_repeated(report, known.report):  # by its sender, or over another way
+            if is_repeated(report, known.report):  # by its sender, or over another way
                 if known.report.extended or not report.extended:
                     return None
                 report = replace(report, received_at_s=known.report.received_at_s)
@@ -208,78 +168,18 @@ class Sky:
                 gap_s = now_s - known.last_heard_s
                 if 0.0 < gap_s <= SLOWEST_INTERVAL_S:
                     known.interval_s += 0.3 * (gap_s - known.interval_s)
-                known.last_heard_s = now_s
+                self._known.heard(key, now_s)
                 known.reports += 1
         if report.uas_id is None and known.report.uas_id is not None:  # its relay was told, it was not
             report = replace(report, uas_id=known.report.uas_id)
         renamed = report.uas_id != known.report.uas_id
-        known.report, known.north_m, known.east_m = report, north_m, east_m
+        self._known.move(key, report, north_m, east_m)
         if renamed:
-            twin = self._twin(report, north_m, east_m, besides=known)
+            twin = self._known.twin(report, north_m, east_m, besides=key)
             if twin is not None:
-                self._merge(key, twin)
+                self._merged.append(known.number)
+                self.met -= 1
+                self._known.join(key, twin)
                 return self.aircraft[twin]
-            known.name = self._new_name(report, besides=known)
+            self._known.rename(key)
         return known
-
-    def _meet(self, report: RemoteIdReport, north_m: float, east_m: float, now_s: float) -> Aircraft:
-        if len(self.aircraft) >= self._max_aircraft:
-            self._remove(min(self.aircraft, key=lambda key: self.aircraft[key].last_heard_s))
-        interval_s = report.update_interval_s or DEFAULT_INTERVAL_S
-        self.met += 1
-        self._last_number += 1
-        new = Aircraft(self._last_number, self._new_name(report), report, north_m, east_m, interval_s, now_s, now_s)
-        self.aircraft[report.key] = new
-        return new
-
-    def _remove(self, key: SourceKey) -> Aircraft:
-        self._same_as = {alias: of for alias, of in self._same_as.items() if of != key}
-        return self.aircraft.pop(key)
-
-    def _merge(self, key: SourceKey, into: SourceKey) -> None:
-        self._merged.append(self.aircraft[key].number)
-        self.met -= 1
-        self._same_as = {alias: into if of == key else of for alias, of in self._same_as.items()} | {key: into}
-        del self.aircraft[key]
-
-    def _twin(
-        self, report: RemoteIdReport, north_m: float, east_m: float, besides: Aircraft | None = None
-    ) -> SourceKey | None:
-        """The source under which the same aircraft is known already."""
-        for key, one in self.aircraft.items():
-            if one is besides:
-                continue
-            if report.uas_id is None or one.report.uas_id is None:
-                is_same = _is_repeated(report, one.report)
-            else:
-                near = math.hypot(one.north_m - north_m, one.east_m - east_m) <= SAME_AIRCRAFT_M
-                is_same = near and one.report.uas_id == report.uas_id
-            if is_same:
-                return key
-        return None
-
-    def _new_name(self, report: RemoteIdReport, besides: Aircraft | None = None) -> str:
-        if report.uas_id:
-            name = display_text(report.uas_id)
-        else:
-            name = "/".join(map(str, report.source))
-            if report.id_or_mac is not None:
-                name += f"/{report.id_or_mac.rstrip(bytes(1)).hex(':')}"
-        taken = {one.name for one in self.aircraft.values() if one is not besides}
-        if name not in taken:
-            return name
-        return next(
-            candidate for candidate in (f"{name}#{number}" for number in range(2, len(taken) + 3))
-            if candidate not in taken
-        )  # fmt: skip
-
-
-def _is_repeated(report: RemoteIdReport, other: RemoteIdReport) -> bool:
-    """Both say the same of the same instant; 25-byte messages round their time."""
-    return (
-        report.timestamp_s is not None
-        and other.timestamp_s is not None
-        and abs(report.timestamp_s - other.timestamp_s) <= SAME_INSTANT_S
-        and (report.latitude_deg, report.longitude_deg) == (other.latitude_deg, other.longitude_deg)
-        and abs((report.altitude_geodetic_m or 0.0) - (other.altitude_geodetic_m or 0.0)) <= SAME_HEIGHT_M
-    )

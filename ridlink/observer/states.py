@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ridlink.observer.discs import rings
+from ridlink.observer.known import Aircraft
 from ridlink.observer.pairs import Pairs, pairs_of
 from ridlink.observer.scene import Scene
-from ridlink.observer.sky import Aircraft, Sky
+from ridlink.observer.sky import Sky
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 

@@ -1,0 +1,242 @@
+"""Who is known: found by source, identity, place and name, at a cost that does not grow with how many there are.
+
+Anybody on the air can claim to be a thousand aircraft, so every search here is a look into a table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ridlink.remote_id.report import RemoteIdReport, SourceKey
+from ridlink.remote_id.text import display_text
+
+SAME_AIRCRAFT_M = 50.0
+"""Two senders with one identity that are so near each other are one aircraft, heard directly and relayed."""
+
+SAME_INSTANT_S = 0.051
+"""Half a step of the time in a 25-byte message, and what a float loses of it."""
+
+SAME_HEIGHT_M = 0.6
+
+
+@dataclass(slots=True, eq=False)
+class Aircraft:
+    """One aircraft.
+
+    Attributes:
+        number: Its own for as long as it is in the air, whatever it is called.
+        name: Its identity, else system and component id, with everything but printable ASCII as ``\\xNN``; unique.
+        report: Its last report with a position.
+        north_m, east_m: Position in that report, about the origin.
+        interval_s: Smoothed time between reports.
+        first_heard_s, last_heard_s: The caller's clock.
+        reports: How many there were.
+    """
+
+    number: int
+    name: str
+    report: RemoteIdReport
+    north_m: float
+    east_m: float
+    interval_s: float
+    first_heard_s: float
+    last_heard_s: float
+    reports: int = 1
+
+    @property
+    def velocity_ne_mps(self) -> tuple[float, float]:
+        """Reported velocity, zero where it is unknown."""
+        velocity = self.report.velocity_ned_mps
+        return (0.0, 0.0) if velocity is None else (velocity[0], velocity[1])
+
+
+class Known:
+    """Aircraft by source, and the sources that speak of an aircraft which is known by another.
+
+    Args:
+        most: So many aircraft, and as many other sources, are kept; whoever was heard, or joined, longest ago gives
+            way.
+
+    Attributes:
+        aircraft: By source, in the order in which they were met.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.aircraft: dict[SourceKey, Aircraft] = {}
+        self._most = most
+        self._last_number = 0
+        self._by_silence: OrderedDict[SourceKey, None] = OrderedDict()
+        self._same_as: OrderedDict[SourceKey, SourceKey] = OrderedDict()
+        self._aliases: dict[SourceKey, set[SourceKey]] = {}
+        self._places: dict[SourceKey, list[tuple[object, ...]]] = {}
+        self._at: dict[tuple[object, ...], dict[SourceKey, Aircraft]] = {}
+        self._names = _Names()
+
+    def source_of(self, key: SourceKey) -> SourceKey:
+        """The source under which the aircraft of a source is known, or would be."""
+        return self._same_as.get(key, key)
+
+    def meet(self, report: RemoteIdReport, north_m: float, east_m: float, interval_s: float, now_s: float) -> Aircraft:
+        """A new aircraft."""
+        if len(self.aircraft) >= self._most:
+            self.remove(next(iter(self._by_silence)))
+        self._last_number += 1
+        name = self._names.take(called(report))
+        new = Aircraft(self._last_number, name, report, north_m, east_m, interval_s, now_s, now_s)
+        self.aircraft[report.key] = new
+        self._by_silence[report.key] = None
+        self._place(report.key, new)
+        return new
+
+    def move(self, key: SourceKey, report: RemoteIdReport, north_m: float, east_m: float) -> None:
+        """An aircraft is where a report says."""
+        one = self.aircraft[key]
+        one.report, one.north_m, one.east_m = report, north_m, east_m
+        self._unplace(key)
+        self._place(key, one)
+
+    def heard(self, key: SourceKey, now_s: float) -> None:
+        """An aircraft was heard."""
+        self.aircraft[key].last_heard_s = now_s
+        self._by_silence.move_to_end(key)
+
+    def rename(self, key: SourceKey) -> None:
+        """An aircraft is called what its report says now."""
+        one = self.aircraft[key]
+        self._names.release(one.name)
+        one.name = self._names.take(called(one.report))
+
+    def remove(self, key: SourceKey) -> Aircraft:
+        """An aircraft is gone, and with it the other sources that speak of it."""
+        for alias in self._aliases.pop(key, ()):
+            del self._same_as[alias]
+        del self._by_silence[key]
+        self._unplace(key)
+        one = self.aircraft.pop(key)
+        self._names.release(one.name)
+        return one
+
+    def join(self, key: SourceKey, into: SourceKey) -> None:
+        """A source speaks of the aircraft known by another one, and so do those that spoke of its own till now."""
+        others = self._aliases.pop(key, set())
+        if key in self.aircraft:
+            self.remove(key)
+        for alias in (*others, key):
+            self._same_as[alias] = into
+        self._aliases.setdefault(into, set()).update(others, (key,))
+        while len(self._same_as) > self._most:
+            alias, of = self._same_as.popitem(last=False)
+            self._aliases[of].discard(alias)
+
+    def twin(
+        self, report: RemoteIdReport, north_m: float, east_m: float, besides: SourceKey | None = None
+    ) -> SourceKey | None:
+        """The source under which the same aircraft is known already: the one that was met first."""
+        found = [
+            (one.number, key)
+            for place in _looked_at(report, north_m, east_m)
+            for key, one in self._at.get(place, {}).items()
+            if key != besides and _is_same(report, north_m, east_m, one)
+        ]
+        return min(found)[1] if found else None
+
+    def _place(self, key: SourceKey, one: Aircraft) -> None:
+        self._places[key] = list(_found_at(one.report, one.north_m, one.east_m))
+        for place in self._places[key]:
+            self._at.setdefault(place, {})[key] = one
+
+    def _unplace(self, key: SourceKey) -> None:
+        for place in self._places.pop(key):
+            here = self._at[place]
+            del here[key]
+            if not here:
+                del self._at[place]
+
+
+def _found_at(report: RemoteIdReport, north_m: float, east_m: float, around: int = 0) -> Iterator[tuple[object, ...]]:
+    """Where an aircraft stands in the table: by its identity and place, and by what it says of which instant.
+
+    Args:
+        report: Its report.
+        north_m: Its place.
+        east_m: Its place.
+        around: So many squares, and steps in time, to every side.
+    """
+    steps = range(-around, around + 1)
+    if report.uas_id is not None:
+        row, column = math.floor(north_m / SAME_AIRCRAFT_M), math.floor(east_m / SAME_AIRCRAFT_M)
+        for north in steps:
+            for east in steps:
+                yield report.uas_id, row + north, column + east
+    if report.timestamp_s is not None:
+        instant = math.floor(report.timestamp_s / SAME_INSTANT_S)
+        for later in steps:
+            yield report.latitude_deg, report.longitude_deg, instant + later, "instant"
+
+
+def _looked_at(report: RemoteIdReport, north_m: float, east_m: float) -> Iterator[tuple[object, ...]]:
+    """Where those stand that may be the same aircraft."""
+    return _found_at(report, north_m, east_m, around=1)
+
+
+def _is_same(report: RemoteIdReport, north_m: float, east_m: float, one: Aircraft) -> bool:
+    if report.uas_id is None or one.report.uas_id is None:
+        return is_repeated(report, one.report)
+    near = math.hypot(one.north_m - north_m, one.east_m - east_m) <= SAME_AIRCRAFT_M
+    return near and one.report.uas_id == report.uas_id
+
+
+def is_repeated(report: RemoteIdReport, other: RemoteIdReport) -> bool:
+    """Both say the same of the same instant; 25-byte messages round their time."""
+    return (
+        report.timestamp_s is not None
+        and other.timestamp_s is not None
+        and abs(report.timestamp_s - other.timestamp_s) <= SAME_INSTANT_S
+        and (report.latitude_deg, report.longitude_deg) == (other.latitude_deg, other.longitude_deg)
+        and abs((report.altitude_geodetic_m or 0.0) - (other.altitude_geodetic_m or 0.0)) <= SAME_HEIGHT_M
+    )
+
+
+def called(report: RemoteIdReport) -> str:
+    """What an aircraft is called by its report, if nobody else is."""
+    if report.uas_id:
+        return display_text(report.uas_id)
+    name = "/".join(map(str, report.source))
+    if report.id_or_mac is not None:
+        name += f"/{report.id_or_mac.rstrip(bytes(1)).hex(':')}"
+    return name
+
+
+class _Names:
+    """Names of which none is given twice: the second of a name is name#2."""
+
+    def __init__(self) -> None:
+        # Names given and what was wanted; of that, the least number that may be free, and how many have one.
+        self._taken: dict[str, str] = {}
+        self._least_free: dict[str, int] = {}
+        self._count: dict[str, int] = {}
+
+    def take(self, wanted: str) -> str:
+        """That name, or with the least number after it that is free."""
+        name, number = wanted, self._least_free.get(wanted, 2)
+        if name in self._taken:
+            while (name := f"{wanted}#{number}") in self._taken:
+                number += 1
+            self._least_free[wanted] = number
+        self._taken[name] = wanted
+        self._count[wanted] = self._count.get(wanted, 0) + 1
+        return name
+
+    def release(self, name: str) -> None:
+        """Somebody is not called so any more."""
+        wanted = self._taken.pop(name)
+        self._count[wanted] -= 1
+        if not self._count[wanted]:
+            del self._count[wanted]
+            self._least_free.pop(wanted, None)
+        elif name != wanted:
+            number = int(name.rpartition("#")[2])
+            self._least_free[wanted] = min(self._least_free.get(wanted, number), number)
