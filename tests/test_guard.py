@@ -10,6 +10,7 @@ import pytest
 
 from ridlink.engine import Engine, EngineConfig
 from ridlink.engine.guard import EXTERNAL_MODE, Guard, Phase
+from ridlink.failsafe import State
 from ridlink.own_ship import ARDUPILOT, PX4
 from ridlink.traffic.position_filter import moved
 from sitl_sim.autopilot import Start
@@ -75,6 +76,12 @@ class Guarded(Flight):
             return before[-1] > 4.0 and abs(before[-1] - before[-2]) < 0.02
 
         self.until(steady)
+
+
+def test_a_guard_waits_for_nobodys_request() -> None:
+    engine = Engine(EngineConfig(guard=True))
+    engine.step(0.0)
+    assert (engine.rung.state, engine.rung.reason) == (State.STANDBY, "guard: watching")
 
 
 def intruding(intruder: Emulated, now_s: float) -> bytes:

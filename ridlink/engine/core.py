@@ -106,6 +106,8 @@ class Engine:
         self.rivals = Rivals()
         self.warm = True
         self.guard = Guard() if config.guard else None
+        if self.guard is not None:
+            self.rung = _resting(self.guard)
         self._last_record: DecisionRecord | None = None
 
     # --- in -------------------------------------------------------------------------------------------------------
@@ -269,7 +271,7 @@ class Engine:
             self.goal = Goal(*moved(own.position.latitude_deg, own.position.longitude_deg, north, east))
             self.rung = request(Rung())
         if wish.end:
-            self.rung = Rung(reason=f"guard: {guard.phase}")
+            self.rung = _resting(guard)
         return [command(self.encoder, number, parameters, lock.sysid) for number, parameters in wish.commands]
 
     def _seen_by_guard(self, own: OwnState, now_s: float) -> Seen:
@@ -378,3 +380,8 @@ class Engine:
 def _host(source: Hashable) -> Hashable:
     """The machine behind an address of a link."""
     return source[0] if isinstance(source, tuple) and source else source
+
+
+def _resting(guard: Guard) -> Rung:
+    """The ladder of somebody who watches: nobody's request is waited for."""
+    return Rung(reason=f"guard: {guard.phase}")
