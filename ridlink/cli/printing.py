@@ -1,45 +1,104 @@
-"""Lines of commands that fly or transmit: whoever stops reading them stops nothing else."""
+"""Lines of commands that fly, emulate or transmit: whoever stops reading them stops nothing else."""
 
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import queue
+import select
 import sys
 import threading
+from typing import TextIO, cast
 
 QUEUED_LINES = 1000
+PATIENCE_S = 1.0
+"""At the end, a reader that takes nothing for so long has stopped reading."""
 
 
 class Printer:
-    """Prints from a thread of its own. What a reader is too slow for is left out; when it has gone, all is."""
+    """Prints from threads of its own, one for standard output and one for standard error: who reads neither delays what
+    goes to the other. What a reader is too slow for is left out; when it has gone, all is."""
 
     def __init__(self) -> None:
-        self._queue: queue.Queue[tuple[str, bool] | None] = queue.Queue(QUEUED_LINES)
-        self._thread = threading.Thread(target=self._run, name="printer", daemon=True)
-        self._thread.start()
+        self._lanes = (_Lane(sys.stdout), _Lane(sys.stderr))  # as they are now: a live table puts itself in their place
+
+    @property
+    def reader_has_gone(self) -> bool:
+        """Whoever read standard output has closed it."""
+        return self._lanes[False].reader_has_gone
 
     def put(self, text: str, *, error: bool = False) -> None:
         """Print a text, its line end included, on standard output or standard error."""
-        with contextlib.suppress(queue.Full):
-            self._queue.put_nowait((text, error))
+        self._lanes[error].put(text)
 
-    def _run(self) -> None:
-        while (item := self._queue.get()) is not None:
-            text, error = item
-            stream = sys.stderr if error else sys.stdout
-            if stream is None:  # closed by whoever started us
-                continue
-            try:
-                stream.write(text)
-                stream.flush()
-            except OSError:  # the reader has gone; the flight goes on
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    def stream(self, *, error: bool) -> TextIO:
+        """Standard output or standard error for those who write to files, as logs and tables do."""
+        return cast(TextIO, _Stream(self._lanes[error]))
 
     def close(self) -> None:
-        """Print what is queued, for a second at most."""
+        """Print what is queued, as long as its reader goes on reading, and say on standard error what was left out."""
+        unread = sum(lane.close() for lane in self._lanes)
+        stream = self._lanes[True].stream
+        if unread and stream is not None and select.select([], [stream], [], 0.0)[1]:  # else nobody reads this either
+            with contextlib.suppress(OSError):
+                stream.write(f"ridlink: left out {unread} line{'' if unread == 1 else 's'} that nobody read\n")
+                stream.flush()
+
+
+class _Lane:
+    def __init__(self, stream: TextIO | None) -> None:
+        self.stream = stream  # None if closed by whoever started us
+        self.reader_has_gone = False
+        self._left_out = self._printed = 0
+        self._queue: queue.Queue[str | None] = queue.Queue(QUEUED_LINES)
+        self._thread = threading.Thread(target=self._run, name="printer", daemon=True)
+        self._thread.start()
+
+    def put(self, text: str) -> None:
         try:
-            self._queue.put(None, timeout=0.5)
+            self._queue.put_nowait(text)
         except queue.Full:
-            return
-        self._thread.join(1.0)
+            self._left_out += 1
+
+    def _run(self) -> None:
+        while (text := self._queue.get()) is not None:
+            if self.stream is not None:
+                try:
+                    self.stream.write(text)
+                    self.stream.flush()
+                except OSError:  # the reader has gone; the flight goes on
+                    os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
+                    self.reader_has_gone = True
+            self._printed += 1
+
+    def close(self) -> int:
+        """Print what is queued, as long as its reader goes on reading; how many texts nobody read."""
+        printed, ends = -1, 0
+        while not ends and printed != self._printed:
+            printed = self._printed
+            with contextlib.suppress(queue.Full):
+                self._queue.put(None, timeout=PATIENCE_S)
+                ends = 1
+        printed = -1
+        while ends and self._thread.is_alive() and printed != self._printed:
+            printed = self._printed
+            self._thread.join(PATIENCE_S)
+        under_way = self._queue.qsize() - ends + 1 if self._thread.is_alive() else 0
+        return self._left_out + under_way
+
+
+class _Stream(io.TextIOBase):
+    def __init__(self, lane: _Lane) -> None:
+        self._lane = lane
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        return getattr(self._lane.stream, "encoding", None) or "utf-8"
+
+    def isatty(self) -> bool:
+        return self._lane.stream is not None and self._lane.stream.isatty()
+
+    def write(self, text: str, /) -> int:
+        self._lane.put(text)
+        return len(text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
@@ -109,14 +110,18 @@ async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: t
         await server.close()
 
 
-def announce(url: str, opens: bool, remark: str = "") -> None:
+def _say(line: str) -> None:
+    click.echo(line, err=True)
+
+
+def announce(url: str, opens: bool, remark: str = "", say: Callable[[str], None] = _say) -> None:
     """Say where the page is, and open it if that is wanted."""
-    click.echo(f"ridlink: the page is at {url}{remark}", err=True)
+    say(f"ridlink: the page is at {url}{remark}")
     if opens:
         import webbrowser
 
         if not webbrowser.open(url):
-            click.echo("ridlink: there is no browser here to open it", err=True)
+            say("ridlink: there is no browser here to open it")
 
 
 def _progress(share: float, time_s: float) -> None:

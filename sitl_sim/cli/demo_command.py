@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
+from ridlink.cli.printing import Printer
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.cli.view import announce
 from ridlink.errors import LinkError, MissingExtraError
@@ -138,59 +139,69 @@ def demo(
     if any_ports and view_port is None:
         view_port = 0
     scenario_of(options)  # what cannot be flown needs no page
-    screen = Screen(quiet=headless)
+    printer = Printer()
+    screen = Screen(printer.stream(error=True), quiet=headless)
 
     async def fly_all() -> list[dict[str, Any]]:
-        page = None if headless or no_view else await _open_page(screen, view_port, opens)
+        page = None if headless or no_view else await _open_page(screen, printer, view_port, opens)
         results: list[dict[str, Any]] = []
         try:
             for each in COMPARED if compare else (definition,):
                 chosen = replace(options, definition=Definition(each))
                 if compare and log is not None:
                     chosen = replace(chosen, log=log.with_stem(f"{log.stem}-{each}"))
-                result = await _until_signal(fly(chosen, screen, page))
+                result = await _until_signal(fly(chosen, screen, page), printer)
                 results.append(result)
                 if as_json:
-                    click.echo(msgspec.json.encode(result))
+                    printer.put(msgspec.json.encode(result).decode() + "\n")
                 elif not compare:
-                    show(verdict_table(result))
+                    show(verdict_table(result), printer.stream(error=False))
                 else:
                     screen.say(f"{each}: {result['arrived']} of {result['vehicles']} arrived, {result['macs']} MACs")
                     if held_up := held_up_by(result):
                         screen.say(f"{each}: this machine {held_up}")
             if compare:
-                show(comparison_table(results), error=as_json)
+                show(comparison_table(results), printer.stream(error=as_json))
             if not as_json:
                 for result in results:
-                    click.echo(result["log"])
+                    printer.put(f"{result['log']}\n")
             if page is not None and (stay or screen.is_terminal):
-                click.echo(f"ridlink: the page stays at {page.server.url} until Ctrl-C", err=True)
+                printer.put(f"ridlink: the page stays at {page.server.url} until Ctrl-C\n", error=True)
                 await stopped_by_signals(asyncio.get_running_loop()).wait()
         finally:
             if page is not None:
                 await page.close()
         return results
 
-    results = asyncio.run(fly_all())
+    try:
+        results = asyncio.run(fly_all())
+    finally:
+        printer.close()
     return EXIT_DONE if all(result["passed"] for result in results) else EXIT_NEGATIVE
 
 
-async def _open_page(screen: Screen, port: int | None, opens: bool) -> Page | None:
+async def _open_page(screen: Screen, printer: Printer, port: int | None, opens: bool) -> Page | None:
     """The page, or a word on why there is none."""
     try:
         from sitl_sim.demo.page import Page
     except MissingExtraError as error:
         screen.say(f"{error}; flying without it")
         return None
-    page = Page(lambda: announce(page.server.url, opens, "" if at_usual_port else " (port 8090 is in use)"))
+    remark = ""
+
+    def ready() -> None:
+        announce(page.server.url, opens, remark, lambda line: printer.put(f"{line}\n", error=True))
+
+    page = Page(ready)
     try:
-        at_usual_port = await page.open(port)
+        if not await page.open(port):
+            remark = " (port 8090 is in use)"
     except LinkError as error:
         raise LinkError(f"{error}; choose another with --view-port, or do without: --no-view") from error
     return page
 
 
-async def _until_signal(flight: Any) -> dict[str, Any]:
+async def _until_signal(flight: Any, printer: Printer) -> dict[str, Any]:
     """The flight, or a clean end of everything it started when SIGTERM or Ctrl-C comes."""
     import asyncio
     import os
@@ -211,5 +222,5 @@ async def _until_signal(flight: Any) -> dict[str, Any]:
     try:
         return await task  # type: ignore[no-any-return]
     except asyncio.CancelledError:
-        click.echo("ridlink: ended before the verdict", err=True)
+        printer.put("ridlink: ended before the verdict\n", error=True)
         raise click.exceptions.Exit(EXIT_NEGATIVE) from None

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ridlink.cli.printing import Printer
 from sitl_sim.cli.options import Finite, fleet_config, fleet_options
 
 if TYPE_CHECKING:
@@ -111,7 +112,6 @@ def sim(
     from sitl_sim.cli import explained
     from sitl_sim.server import FleetServer
 
-    logging.basicConfig(format="ridlink sim: %(message)s", level=logging.WARNING)
     if lists:
         click.echo(explained.everything())
         return 0
@@ -132,13 +132,24 @@ def sim(
     if explain:
         click.echo(explained.scenario_text(chosen, config))
         return 0
-    return asyncio.run(_run(FleetServer(chosen, config), duration_s, until_arrived, as_json, from_stdin))
+    printer = Printer()
+    logging.basicConfig(format="ridlink sim: %(message)s", level=logging.WARNING, stream=printer.stream(error=True))
+    try:
+        return asyncio.run(_run(FleetServer(chosen, config), printer, duration_s, until_arrived, as_json, from_stdin))
+    finally:
+        printer.close()
 
 
 async def _run(
-    server: FleetServer, duration_s: float | None, until_arrived: bool, as_json: bool, from_stdin: bool
+    server: FleetServer,
+    printer: Printer,
+    duration_s: float | None,
+    until_arrived: bool,
+    as_json: bool,
+    from_stdin: bool,
 ) -> int:
-    """Fly until time is up, all is over or a signal comes; a second signal ends the process at once."""
+    """Fly until time is up, all is over, whoever read the lines has gone or a signal comes; a second signal ends the
+    process at once."""
     import asyncio
     import json
     import signal
@@ -158,11 +169,11 @@ async def _run(
         raise PortError(f"{error}; stop it, or choose other ports with --vehicle-port and --air-port") from error
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop_gently, number)
-    click.echo(_greeting(server), err=True)
+    printer.put(f"{_greeting(server)}\n", error=True)
     if duration_s is not None:
         loop.call_later(duration_s / server.config.speedup, stop.set)
     if from_stdin:
-        _read_faults(server)
+        _read_faults(server, printer)
     flying = asyncio.create_task(server.run(stop))
     try:
         while not stop.is_set():
@@ -170,19 +181,20 @@ async def _run(
                 await asyncio.wait_for(stop.wait(), REPORT_S)
             except TimeoutError:
                 if as_json:
-                    click.echo(json.dumps({"ports": _ports(server), **server.snapshot()}, separators=(",", ":")))
-                if until_arrived and server.world.finished:
+                    facts = {"ports": _ports(server), **server.snapshot()}
+                    printer.put(json.dumps(facts, separators=(",", ":")) + "\n")
+                if printer.reader_has_gone or (until_arrived and server.world.finished):
                     stop.set()
         await flying
     finally:
         stop.set()
         await asyncio.gather(flying, return_exceptions=True)
         await server.close()
-    click.echo(json.dumps(_verdict(server), separators=(",", ":")) if as_json else _verdict_line(server))
+    printer.put((json.dumps(_verdict(server), separators=(",", ":")) if as_json else _verdict_line(server)) + "\n")
     return int(until_arrived and not (server.mission_begun and server.world.verdict().passed))
 
 
-def _read_faults(server: FleetServer) -> None:
+def _read_faults(server: FleetServer, printer: Printer) -> None:
     """Inject what comes on stdin, one JSON object a line; a wrong line is told and forgotten.
 
     A thread reads it: an event loop waits for pipes and terminals only, and stdin may as well be a file or /dev/null.
@@ -197,6 +209,9 @@ def _read_faults(server: FleetServer) -> None:
     from ridlink.errors import ConfigError
     from ridlink.scenario import event_of
 
+    def tell(text: str) -> None:
+        printer.put(f"ridlink sim: {text}\n", error=True)
+
     def take(line: bytes) -> None:
         try:
             values = json.loads(line)
@@ -204,7 +219,7 @@ def _read_faults(server: FleetServer) -> None:
                 raise ConfigError('stdin: must be an object, as in {"vehicle":1,"what":"gnss-outage"}')
             server.world.inject(event_of(values, "stdin", at_s=0.0))
         except (ValueError, RecursionError) as error:
-            _tell(str(error))
+            tell(str(error))
 
     loop = asyncio.get_running_loop()
 
@@ -217,15 +232,11 @@ def _read_faults(server: FleetServer) -> None:
                     loop.call_soon_threadsafe(take, line)
                 if len(rest) > LONGEST_LINE:
                     rest = b""
-                    loop.call_soon_threadsafe(_tell, "stdin: a line without an end was dropped")
+                    loop.call_soon_threadsafe(tell, "stdin: a line without an end was dropped")
             if rest.strip():
                 loop.call_soon_threadsafe(take, rest)
 
     threading.Thread(target=read, name="stdin", daemon=True).start()
-
-
-def _tell(text: str) -> None:
-    click.echo(f"ridlink sim: {text}", err=True)
 
 
 def _greeting(server: FleetServer) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
@@ -30,10 +30,15 @@ _STATE = {
 
 
 class Screen:
-    """Progress for people: a live table on a terminal, single lines elsewhere, nothing when ``quiet``."""
+    """Progress for people: a live table on a terminal, single lines elsewhere, nothing when ``quiet``.
 
-    def __init__(self, *, quiet: bool) -> None:
-        self._console = Console(stderr=True, highlight=False)
+    Args:
+        file: Where it goes; writing there must not wait for whoever reads it, the fleet flies on the same loop.
+        quiet: Show nothing.
+    """
+
+    def __init__(self, file: TextIO, *, quiet: bool) -> None:
+        self._console = Console(file=file, highlight=False)
         self._quiet = quiet
         self._live: Live | None = None
 
@@ -66,9 +71,9 @@ class Screen:
             self._live.update(flight_table(world, title, solver))
 
 
-def show(result: RenderableType, *, error: bool = False) -> None:
-    """Print a result as wide as it is, on stdout, or on stderr where stdout is kept for JSON."""
-    Console(stderr=error, highlight=False, soft_wrap=True).print(result)
+def show(result: RenderableType, file: TextIO) -> None:
+    """Print a result as wide as it is."""
+    Console(file=file, highlight=False, soft_wrap=True).print(result)
 
 
 def flight_table(world: World, title: str, solver: dict[int, str]) -> RenderableType:

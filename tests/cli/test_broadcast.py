@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import re
 import select
 import signal
@@ -17,6 +15,7 @@ from contextlib import contextmanager
 import pytest
 
 from ridlink.mavlink.codec import Encoder, Message
+from tests.cli.full_pipe import full_pipe
 from tests.daemon.emulated import Emulated
 from tests.daemon.invariants import messages
 
@@ -116,10 +115,7 @@ def test_bad_input_is_one_line(arguments: list[str], code: int, says: str) -> No
 
 
 def test_a_reader_that_stops_reading_stops_no_transmission() -> None:
-    reading, writing = os.pipe()
-    fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, 4096)
-    os.write(writing, bytes(4096))  # not a byte more goes in
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+    with full_pipe() as writing, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.bind(("127.0.0.1", 0))
         vehicle.settimeout(PATIENCE_S)
         options = ("--vehicle", f"udpout:127.0.0.1:{vehicle.getsockname()[1]}", "--to", "udpout:127.0.0.1:9", "--json")
@@ -131,5 +127,3 @@ def test_a_reader_that_stops_reading_stops_no_transmission() -> None:
                 assert process.wait(PATIENCE_S) == 0
             finally:
                 process.kill()
-    os.close(reading)
-    os.close(writing)

@@ -19,6 +19,7 @@ from rich.console import Console
 
 from ridlink.captures import read_messages
 from sitl_sim.demo.screen import held_up_by, verdict_table
+from tests.cli.full_pipe import full_pipe
 
 HEAD_ON = """
 name = "short head-on"
@@ -113,6 +114,16 @@ def test_compare_flies_every_definition_with_the_same_seed(tmp_path: Path) -> No
     for definition in definitions:
         assert any(line.split()[:2] == [definition, "1/1"] for line in table)
         assert (tmp_path / f"flight-{definition}.tlog").stat().st_size > 0
+
+
+def test_progress_that_nobody_reads_holds_up_no_flight(tmp_path: Path) -> None:
+    command = [
+        sys.executable, "-m", "ridlink", "demo", "--scenario", scenario(tmp_path, ALONE), "--autopilot", "ideal",
+        "--any-ports", "--json", "--log", str(tmp_path / "flight.tlog"),
+    ]  # fmt: skip
+    with full_pipe() as writing:
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=writing, timeout=120)
+    assert (done.returncode, json.loads(done.stdout)["arrived"]) == (0, 1)
 
 
 def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:

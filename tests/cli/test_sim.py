@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -16,11 +17,15 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.ground_station import ground_station, heartbeat
 from ridlink.scenario import EVENTS
 from ridlink.technologies import TECHNOLOGIES
 from sitl_sim.cli import sim
 from sitl_sim.gnss import ERROR_MODELS
 from sitl_sim.vehicle import AIRFRAMES, AUTOPILOTS
+from tests.cli.full_pipe import full_pipe
 
 ANY_PORT = ["--vehicle-port", "0", "--companion-port", "0", "--air-port", "0"]
 
@@ -109,6 +114,35 @@ def test_signals_end_it_cleanly_with_a_verdict(number: signal.Signals) -> None:
         assert process.returncode == 0
         assert json.loads(output.splitlines()[-1])["scenario"] == "circle8"
         assert complaints == ""
+
+
+def test_a_reader_that_stops_reading_stops_no_vehicle() -> None:
+    command = [sys.executable, "-m", "ridlink", "sim", *ANY_PORT, "-n", "1", "--airborne", "--json"]
+    with full_pipe() as writing, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.settimeout(30.0)
+        with subprocess.Popen(command, stdout=writing, stderr=subprocess.PIPE, text=True) as process:
+            try:
+                assert process.stderr is not None
+                port = int(process.stderr.readline().split(" on UDP ")[1].split(",")[0])
+                station.sendto(heartbeat(ground_station()), ("127.0.0.1", port))
+                heard = 0
+                while heard < 3:  # one a second, as the lines that nobody reads
+                    frames = parse_datagram(station.recv(2000), CRC_EXTRAS)
+                    heard += sum(isinstance(frame, Frame) and frame.msgid == 0 for frame in frames)
+                process.send_signal(signal.SIGTERM)
+                _, complaints = process.communicate(timeout=30)
+            finally:
+                process.kill()
+    assert process.returncode == 0
+    assert re.fullmatch(r"ridlink: left out \d+ lines that nobody read\n", complaints)
+
+
+def test_a_reader_that_has_read_enough_ends_it() -> None:
+    with running("-n", "1", "--json") as process:
+        assert process.stdout is not None and process.stdout.readline()
+        process.stdout.close()
+        process.wait(timeout=10)
+        assert process.returncode == 0
 
 
 def test_the_air_alone_needs_no_vehicles() -> None:

@@ -38,7 +38,7 @@ def main() -> int:
             seed += 1
             log = Path(folder) / "flight.tlog"
             fleet = any_free_ports(FleetConfig(seed=seed, start=Start.HOLDING))
-            result = asyncio.run(fly(DemoOptions(fleet=fleet, log=log), Screen(quiet=True)))
+            result = asyncio.run(fly(DemoOptions(fleet=fleet, log=log), Screen(sys.stderr, quiet=True)))
             log.unlink(missing_ok=True)
             memory = resident_mb()
             first = first or memory
