@@ -152,6 +152,10 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         await server.close()
         if recorder is not None:
             await asyncio.to_thread(recorder.close)
+            if recorder.error is not None:
+                screen.complain(f"{log}: the recording ended early: {recorder.error.strerror}")
+            elif recorder.dropped:
+                screen.complain(f"{log}: {recorder.dropped:,} datagrams came faster than they could be written")
     return _result(options, server, summaries, log, None if conductors is None else len(conductors.landed))
 
 

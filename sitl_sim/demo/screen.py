@@ -52,6 +52,10 @@ class Screen:
         if not self._quiet:
             self._console.print(text, markup=False, soft_wrap=True)
 
+    def complain(self, text: str) -> None:
+        """One line about what went wrong, for those who want no progress, too."""
+        self._console.print(f"ridlink: {text}", markup=False, soft_wrap=True)
+
     @contextmanager
     def flight(self, title: str) -> Iterator[None]:
         """Shows ``update``'s table while the flight lasts."""

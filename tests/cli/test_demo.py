@@ -126,6 +126,15 @@ def test_progress_that_nobody_reads_holds_up_no_flight(tmp_path: Path) -> None:
     assert (done.returncode, json.loads(done.stdout)["arrived"]) == (0, 1)
 
 
+def test_a_disk_that_takes_no_more_of_the_log_is_told_and_ends_no_flight(tmp_path: Path) -> None:
+    done = demo(
+        "--scenario", scenario(tmp_path, ALONE), "--autopilot", "ideal", "--any-ports", "--headless", "--json",
+        "--log", "/dev/full",
+    )  # fmt: skip
+    assert (done.returncode, json.loads(done.stdout)["arrived"]) == (0, 1)
+    assert done.stderr == "ridlink: /dev/full: the recording ended early: No space left on device\n"
+
+
 def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
     done = demo(
         "--scenario", scenario(tmp_path, INTO_A_HOVERER), "--autopilot", "ideal", "--headless", "--any-ports",
