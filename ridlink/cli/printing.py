@@ -11,7 +11,9 @@ import sys
 import threading
 from typing import TextIO, cast
 
-QUEUED_LINES = 1000
+QUEUED_LINES, QUEUED_CHARACTERS = 1000, 4_000_000
+"""A line of a fleet of hundreds is tens of kilobytes."""
+
 PATIENCE_S = 1.0
 """At the end, a reader that takes nothing for so long has stopped reading."""
 
@@ -51,13 +53,18 @@ class _Lane:
         self.stream = stream  # None if closed by whoever started us
         self.reader_has_gone = False
         self._left_out = self._printed = 0
+        self._taken = self._given = 0  # characters, each counted by one thread only
         self._queue: queue.Queue[str | None] = queue.Queue(QUEUED_LINES)
         self._thread = threading.Thread(target=self._run, name="printer", daemon=True)
         self._thread.start()
 
     def put(self, text: str) -> None:
         try:
+            waiting = self._taken - self._given
+            if waiting and waiting + len(text) > QUEUED_CHARACTERS:
+                raise queue.Full
             self._queue.put_nowait(text)
+            self._taken += len(text)
         except queue.Full:
             self._left_out += 1
 
@@ -71,6 +78,7 @@ class _Lane:
                     os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
                     self.reader_has_gone = True
             self._printed += 1
+            self._given += len(text)
 
     def close(self) -> int:
         """Print what is queued, as long as its reader goes on reading; how many texts nobody read."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import subprocess
 import sys
 
@@ -13,21 +14,35 @@ import sys
 from ridlink.cli.printing import Printer
 printer = Printer()
 for number in range(int(sys.argv[1])):
-    printer.put(f"{number}\\n")
+    printer.put(f"{number:{sys.argv[2]}}\\n")
 printer.close()
 """
 
 
 def test_what_nobody_reads_is_bounded_counted_and_said_at_the_end() -> None:
     with full_pipe() as writing:
-        command = [sys.executable, "-c", PROGRAM, "3000"]
+        command = [sys.executable, "-c", PROGRAM, "3000", "1"]
         done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=30)
     assert (done.returncode, done.stderr) == (0, "ridlink: left out 3000 lines that nobody read\n")
 
 
+def test_long_lines_are_bounded_by_what_they_hold() -> None:
+    queued = PROGRAM.replace("printer.close()", "sys.stderr.write('queued\\n')\nsys.stderr.flush()\nprinter.close()")
+    with full_pipe() as writing:
+        command = [sys.executable, "-c", queued, "500", "49999"]
+        with subprocess.Popen(command, stdout=writing, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stderr is not None and process.stderr.readline() == "queued\n"
+            text = b""
+            while process.poll() is None or select.select([writing.reading], [], [], 0.0)[0]:
+                if select.select([writing.reading], [], [], 0.1)[0]:
+                    text += os.read(writing.reading, 65536)
+            assert process.stderr.read() == "ridlink: left out 420 lines that nobody read\n"
+    assert [int(line) for line in text.strip(b"\0").split()] == list(range(80))
+
+
 def test_whoever_reads_late_misses_no_line() -> None:
     with full_pipe() as writing:
-        command = [sys.executable, "-c", PROGRAM, "900"]
+        command = [sys.executable, "-c", PROGRAM, "900", "1"]
         with subprocess.Popen(command, stdout=writing, stderr=subprocess.PIPE, text=True) as process:
             text = b""
             while not text.endswith(b"\n899\n"):
@@ -38,5 +53,5 @@ def test_whoever_reads_late_misses_no_line() -> None:
 
 def test_without_anybody_who_reads_errors_either_it_ends_all_the_same() -> None:
     with full_pipe() as writing:
-        done = subprocess.run([sys.executable, "-c", PROGRAM, "3"], stdout=writing, stderr=writing, timeout=30)
+        done = subprocess.run([sys.executable, "-c", PROGRAM, "3", "1"], stdout=writing, stderr=writing, timeout=30)
     assert done.returncode == 0
