@@ -131,7 +131,9 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
             await conductor.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
         if not server.mission_begun:  # by those who are handed over, or where nobody cooperates
             server.begin_mission()
+        slipped_ms = server.counters["slipped_ms"]
         await _watch(server, daemons, screen, _title(options, scenario), flying)
+        slipped_ms = server.counters["slipped_ms"] - slipped_ms
         if conductors is not None and server.world.arrived.all():
             screen.say("All have arrived, and land ...")
             await conductors.wait_landed()
@@ -156,7 +158,10 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
                 screen.complain(f"{log}: the recording ended early: {recorder.error.strerror}")
             elif recorder.dropped:
                 screen.complain(f"{log}: {recorder.dropped:,} datagrams came faster than they could be written")
-    return _result(options, server, summaries, log, None if conductors is None else len(conductors.landed))
+    return {
+        **_result(options, server, summaries, log, None if conductors is None else len(conductors.landed)),
+        "stood_still_ms": slipped_ms,
+    }
 
 
 def _conductors(scenario: Scenario, assigned: Sequence[Assignment], ports: Sequence[int], screen: Screen) -> Conductors:

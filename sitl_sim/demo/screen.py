@@ -144,8 +144,10 @@ def verdict_table(result: dict[str, Any]) -> RenderableType:
 
 
 def held_up_by(result: dict[str, Any]) -> str:
-    """What is said where this machine kept a daemon from its vehicle for so long that a failsafe may have flown; empty
-    where it did not."""
+    """What is said where this machine kept a daemon from its vehicle, or the vehicles from flying, for so long that a
+    failsafe may have flown; empty where it did not."""
+    if result["stood_still_ms"] > HELD_UP_MS:
+        return f"was too busy: the vehicles stood still for {result['stood_still_ms'] / 1e3:.1f} s, and said nothing"
     gap_ms = result["setpoint_gap_ms"]["max"]
     if gap_ms is None or gap_ms <= HELD_UP_MS:
         return ""

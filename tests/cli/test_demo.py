@@ -145,21 +145,25 @@ def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
     assert "decision p99 -, longest setpoint gap -" in done.stdout, "nobody decided, so there is no figure"
 
 
-@pytest.mark.parametrize("gap_ms", [None, 131.0, 1000.0, 4210.0])
-def test_a_machine_that_was_too_busy_for_the_flight_is_named(gap_ms: float | None) -> None:
+@pytest.mark.parametrize(
+    ("gap_ms", "still_ms", "busy"),
+    [(None, 0, ""), (131.0, 0, ""), (1000.0, 1000, ""), (4210.0, 0, "4.2 s without a setpoint"),
+     (107.5, 8950, "the vehicles stood still for 8.9 s")],
+)  # fmt: skip
+def test_a_machine_that_was_too_busy_for_the_flight_is_named(gap_ms: float | None, still_ms: int, busy: str) -> None:
     result: dict[str, Any] = {
         "passed": False, "scenario": "circle8", "definition": "candidate2", "seed": 1, "vehicles": 8, "arrived": 7,
         "macs": 0, "obstacle_hits": 0, "unmac_violations": 0, "unmac_violations_true": 0, "min_separation_m": 21.4,
         "mission_time_s": {"median": 30.0, "max": 35.0}, "setpoints": 2446, "reports_received": 20748,
         "decision_ms": {"p50": 0.4, "p99": 1.9, "max": 4.0}, "setpoint_gap_ms": {"p99": 104.0, "max": gap_ms},
-        "details": [],
+        "details": [], "stood_still_ms": still_ms,
     }  # fmt: skip
     console = Console(file=io.StringIO(), width=200)
     console.print(verdict_table(result))
     assert isinstance(console.file, io.StringIO)
     told = [line for line in console.file.getvalue().splitlines() if line.startswith("machine ")]
-    assert told == ([] if gap_ms != 4210.0 else [f"machine           {held_up_by(result)}"])
-    assert not told or "too busy: 4.2 s without a setpoint" in told[0]
+    assert told == ([f"machine           {held_up_by(result)}"] if busy else [])
+    assert not told or f"too busy: {busy}" in told[0]
 
 
 def test_who_has_not_arrived_in_time_is_named(tmp_path: Path) -> None:
