@@ -29,6 +29,7 @@ ALERTS = {
     "own_position_jump": "own position jumped",
     "own_position_delayed": "telemetry comes late",
     "own_height_implausible": "own heights contradict each other",
+    "no_multirotor": "the vehicle is no multirotor: nothing is flown",
     "decision_failed": "a decision failed",
 }
 """What an operator should hear of when its counter moves."""

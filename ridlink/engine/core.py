@@ -279,7 +279,10 @@ class Engine:
         return Seen(
             autopilot=telemetry.lock.autopilot if telemetry.lock is not None else 0,
             custom_mode=telemetry.custom_mode,
-            flying=telemetry.armed and not telemetry.on_ground and telemetry.heard_s(now_s) <= 3.0,
+            flying=telemetry.armed
+            and telemetry.is_multirotor
+            and not telemetry.on_ground
+            and telemetry.heard_s(now_s) <= 3.0,
             interruptible=interruptible(self.config, telemetry, own, last),
             conflict=last is not None and bool(last.conflicts),
             clear=self.rung.state is State.ENGAGED and last is not None and not last.recovering,

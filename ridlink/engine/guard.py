@@ -52,7 +52,7 @@ class Seen:
     Args:
         autopilot: MAV_AUTOPILOT.
         custom_mode: As the last heartbeat says.
-        flying: Armed, heard, off the ground.
+        flying: A multirotor, armed, heard, off the ground.
         interruptible: Not in a climb-out that must not be interrupted.
         conflict: A disc is entered within the horizon if all fly on.
         clear: The way has been free for the hysteresis.

@@ -34,6 +34,9 @@ ARDUPILOT, PX4 = 3, 12
 ARDUPILOT_GUIDED = 4
 PX4_OFFBOARD_MAIN_MODE = 6
 ARMED_FLAG = 128
+MULTIROTORS = frozenset((2, 3, 4, 13, 14, 15, 29, 35, 43))
+"""MAV_TYPE of what can stop and hover: multirotors and helicopters. Numbers of modes are an ArduPilot Copter's as well:
+what is GUIDED (4) to it, is ACRO to a Plane and HOLD to a Rover, and AUTO (3) is TRAINING, flown by a pilot."""
 LANDED_ON_GROUND, LANDED_TAKEOFF = 1, 3
 """MAV_LANDED_STATE."""
 
@@ -65,7 +68,7 @@ class OwnShipTelemetry:
         lock: The autopilot that is listened to, None before the first heartbeat.
         pinned: The only system id that is taken, None for the first one heard.
         armed: As its last heartbeat says.
-        external_mode: GUIDED or OFFBOARD, as its last heartbeat says.
+        external_mode: GUIDED or OFFBOARD of a multirotor, as its last heartbeat says.
         custom_mode: The mode itself, in the numbers of the autopilot.
         mission_item: Sequence number of the item that is flown; None before it is told.
         vehicle_type: MAV_TYPE of its heartbeat.
@@ -74,7 +77,7 @@ class OwnShipTelemetry:
         other_writer: Whether somebody else steers as well.
         counters: `foreign_autopilot`, `own_position_unusable`, `own_position_untrusted`, `own_position_late`,
             `own_position_jump`, `own_position_delayed`, `own_height_implausible`,
-            `autopilot_restart`.
+            `autopilot_restart`, `no_multirotor`.
     """
 
     def __init__(self, sysid: int | None = None, *, filtered: bool = True) -> None:
@@ -166,10 +169,12 @@ class OwnShipTelemetry:
         self.armed = bool(message.base_mode & ARMED_FLAG)
         self.custom_mode = message.custom_mode
         self.vehicle_type = message.type
+        self.counters["no_multirotor"] += not self.is_multirotor
         if message.autopilot == PX4:
-            self.external_mode = (message.custom_mode >> 16) & 0xFF == PX4_OFFBOARD_MAIN_MODE
+            external = (message.custom_mode >> 16) & 0xFF == PX4_OFFBOARD_MAIN_MODE
         else:
-            self.external_mode = message.custom_mode == ARDUPILOT_GUIDED
+            external = message.custom_mode == ARDUPILOT_GUIDED
+        self.external_mode = external and self.is_multirotor
         if not self.external_mode:
             self.other_writer.forget()
 
@@ -279,9 +284,14 @@ class OwnShipTelemetry:
         return self._landed_state not in (LANDED_ON_GROUND, LANDED_TAKEOFF)
 
     @property
+    def is_multirotor(self) -> bool:
+        """It can stop and hover, and its modes have the numbers that are known here."""
+        return self.vehicle_type in MULTIROTORS
+
+    @property
     def wants_stream(self) -> bool:
         """The autopilot accepts its external mode only with a stream of setpoints."""
-        return self.lock is not None and self.lock.autopilot == PX4
+        return self.lock is not None and self.lock.autopilot == PX4 and self.is_multirotor
 
     def take_reboot(self) -> bool:
         """True once after the autopilot restarted, or another one took its place."""

@@ -48,7 +48,7 @@ class Emulated:
         self.sysid, self.autopilot = sysid, autopilot
         self.position, self.velocity = np.array(ned_m), np.zeros(3)
         self.mode = OFFBOARD if autopilot == 12 else GUIDED
-        self.armed, self.fix_type = True, 3
+        self.armed, self.fix_type, self.mav_type = True, 3, 2
         self.error_m, self.airframe_m = error_m, airframe_m
         self.landed_state: int | None = None
         self.knows_ellipsoid, self.ellipsoid_wrong_m = True, 0.0
@@ -65,7 +65,7 @@ class Emulated:
     def heartbeat(self) -> bytes:
         base_mode = 1 | (128 if self.armed else 0)
         return self.encoder.encode(
-            "HEARTBEAT", type=2, autopilot=self.autopilot, base_mode=base_mode, custom_mode=self.mode
+            "HEARTBEAT", type=self.mav_type, autopilot=self.autopilot, base_mode=base_mode, custom_mode=self.mode
         )
 
     def position_messages(self, now_s: float) -> bytes:

@@ -36,6 +36,7 @@ from tests.daemon.emulated import (
 )
 from tests.daemon.harness import Running, run, running
 from tests.daemon.hostile import Hostile, flown
+from tests.daemon.invariants import GUARDING
 
 AUTOPILOTS = pytest.mark.parametrize(
     ("autopilot", "mode", "other_mode"), [(12, OFFBOARD, POSITION_MODE), (3, GUIDED, LOITER)], ids=["px4", "ardupilot"]
@@ -62,6 +63,53 @@ def test_i3_a_pilots_takeover_silences_the_stream_within_two_periods(
             await vehicle.until(lambda: [m.name for m in vehicle.vehicle.heard].count("RIDLINK_STATUS") >= status + 2)
             assert len(vehicle.setpoints()) <= count + 2
             vehicle.vehicle.mode = mode
+
+    run(test)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "mav_type"),
+    [(3, GUIDED, 1), (3, GUIDED, 10), (12, OFFBOARD, 1)],
+    ids=["a-plane-in-acro", "a-rover-in-hold", "a-px4-with-wings"],
+)
+def test_i3_what_cannot_hover_is_not_steered_and_that_is_said(autopilot: int, mode: int, mav_type: int) -> None:
+    async def test() -> None:
+        emulated = Emulated(autopilot=autopilot)
+        emulated.mav_type = mav_type
+        async with running(emulated=emulated) as flight:
+            text = "the vehicle is no multirotor: nothing is flown"
+            await flight.vehicle.until(lambda: text in [event.get("text") for event in flight.events])
+            await flight.vehicle.speaks(25)
+            assert emulated.mode == mode and not flight.vehicle.setpoints()
+            assert flight.daemon.engine.rung.reason == "waiting for GUIDED or OFFBOARD"
+
+    run(test)
+
+
+@pytest.mark.parametrize(("mav_type", "asked"), [(1, set()), (2, {(176, GUIDED)})], ids=["plane", "copter"])
+def test_i3_a_guard_leaves_a_pilots_mode_alone_that_a_copter_would_fly_by_itself(
+    mav_type: int, asked: set[tuple[int, int]]
+) -> None:
+    """Mode 6 is RTL to an ArduPilot Copter. To a Plane it is FBWB, flown by a pilot, and 4 is ACRO."""
+
+    async def test() -> None:
+        emulated = Emulated(autopilot=3)
+        emulated.mav_type, emulated.mode = mav_type, 6
+        emulated.observer.may |= GUARDING
+        async with running(emulated=emulated, engine=EngineConfig(guard=True)) as flight:
+            async with asyncio.timeout(PATIENCE_S):
+                await flight.air.changed.wait()
+            began_s, link = time.monotonic(), flight.air.link
+            assert link is not None
+
+            def sees_the_conflict() -> bool:
+                link.send(Emulated(9, ned_m=(5.0, 0.0, -50.0)).remote_id(time.monotonic() - began_s))
+                return any(event.get("conflicts") for event in flight.events)
+
+            await flight.vehicle.until(sees_the_conflict)
+            await flight.vehicle.speaks(40)
+            commands = [message for message in emulated.heard if message.name == "COMMAND_LONG"]
+            assert {(each.command, int(each.param2)) for each in commands if each.command in GUARDING} == asked
 
     run(test)
 
