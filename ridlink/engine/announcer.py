@@ -9,7 +9,7 @@ from ridlink.engine.decision import DecisionRecord, StepOutput
 from ridlink.failsafe import State
 from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import OwnShipTelemetry
-from ridlink.own_ship.requests import message_requests
+from ridlink.own_ship.requests import UNTOLD_PERIOD_S, UNTOLD_US, message_requests
 from ridlink.own_ship.rival import Rivals
 from ridlink.periodic import Periodic
 from ridlink.traffic.track import TrackKey
@@ -47,6 +47,7 @@ class Announcer:
         self._heartbeat_due = Periodic(1.0)
         self._status_due = Periodic(1.0)
         self._request_due = Periodic(1.0)
+        self._untold_due = Periodic(UNTOLD_PERIOD_S)
         self._claimed = 0
         self._warned_at_s: dict[TrackKey, float] = {}
         self._alerted: dict[str, tuple[int, float]] = {}
@@ -87,12 +88,20 @@ class Announcer:
         if self._status_due.due(now_s):
             vehicle.append(status(encoder, record, time_boot_ms, self.decision_time_s))
             output.warnings.extend(self._alerts(count(), now_s))
-        silent = telemetry.position_silent_s(now_s) > 1.0 or telemetry.trust.receiver_silent_s(now_s) > 5.0
-        if silent and telemetry.heard_s(now_s) < 3.0 and self._request_due.due(now_s):
-            vehicle.extend(message_requests(encoder, lock.sysid))
+        if telemetry.heard_s(now_s) < 3.0:
+            vehicle.extend(self._requests(encoder, telemetry, lock.sysid, now_s))
         if telemetry.armed:
             vehicle.extend(self._collisions(encoder, record, now_s))
         vehicle.extend(warning(encoder, text) for text in output.warnings)
+
+    def _requests(self, encoder: Encoder, telemetry: OwnShipTelemetry, sysid: int, now_s: float) -> list[bytes]:
+        """What to ask of an autopilot that is there and does not say all that is needed."""
+        silent = telemetry.position_silent_s(now_s) > 1.0 or telemetry.trust.receiver_silent_s(now_s) > 5.0
+        if silent:
+            return message_requests(encoder, sysid) if self._request_due.due(now_s) else []
+        if not telemetry.landed_state_known and self._untold_due.due(now_s):
+            return message_requests(encoder, sysid, UNTOLD_US)
+        return []
 
     def _collisions(self, encoder: Encoder, record: DecisionRecord, now_s: float) -> list[bytes]:
         """COLLISION once a second for each of the most urgent conflicts."""

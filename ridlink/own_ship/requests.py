@@ -14,6 +14,12 @@ WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 85: 100_000, 193: 500_000, 245: 5
 """GLOBAL_POSITION_INT, GPS_RAW_INT, POSITION_TARGET_LOCAL_NED, EKF_STATUS_REPORT and EXTENDED_SYS_STATE, which an
 ArduPilot sends only when asked; ESTIMATOR_STATUS it does not have, and says so each time."""
 
+UNTOLD_US = {msgid: WANTED_MESSAGES_US[msgid] for msgid in (85, 193, 245)}
+"""Of these what no stream of an ArduPilot brings that somebody else asked it for, or not all: a ground station on the same
+link has its positions sent, and nothing says whether it is in a take-off, or what it flies after."""
+UNTOLD_PERIOD_S = 5.0
+"""Between two such requests while it does not tell."""
+
 HOME_POSITION_US = {242: 2_000_000}
 """HOME_POSITION, which an ArduPilot sends once unasked."""
 HOME_PERIOD_S = 5.0

@@ -26,13 +26,15 @@ HOME = Geodetic(47.3977, 8.5456, 500.0)
 GEOID_M = 47.0
 OFFBOARD, POSITION_MODE = 6 << 16, 3 << 16
 GUIDED, LOITER = 4, 5
+IN_AIR, TAKING_OFF = 2, 3
+"""MAV_LANDED_STATE."""
 PATIENCE_S = 8.0
 PERIOD_S = 0.02
 """Between two of the vehicle's words, as PX4's onboard link has it."""
 
 
-__all__ = ["GUIDED", "HOME", "LOITER", "OFFBOARD", "PATIENCE_S", "POSITION_MODE", "Emulated", "LoopbackVehicle",
-           "Observer", "at", "messages"]  # fmt: skip
+__all__ = ["GUIDED", "HOME", "IN_AIR", "LOITER", "OFFBOARD", "PATIENCE_S", "POSITION_MODE", "TAKING_OFF", "Emulated",
+           "LoopbackVehicle", "Observer", "at", "messages"]  # fmt: skip
 
 
 def at(north_m: float, east_m: float = 0.0, up_m: float = 50.0) -> tuple[float, float, float]:
@@ -50,7 +52,7 @@ class Emulated:
         self.mode = OFFBOARD if autopilot == 12 else GUIDED
         self.armed, self.fix_type, self.mav_type = True, 3, 2
         self.error_m, self.airframe_m = error_m, airframe_m
-        self.landed_state: int | None = None
+        self.landed_state: int | None = IN_AIR
         self.knows_ellipsoid, self.ellipsoid_wrong_m = True, 0.0
         self.observer = Observer(target=sysid)
         self.obeyed = False
@@ -91,11 +93,14 @@ class Emulated:
             vx=vx, vy=vy, vz=vz,
         )  # fmt: skip
 
+    def landed(self) -> bytes:
+        """Whether it stands or flies; nothing where it does not tell."""
+        if self.landed_state is None:
+            return b""
+        return self.encoder.encode("EXTENDED_SYS_STATE", landed_state=self.landed_state)
+
     def telemetry(self, now_s: float) -> bytes:
-        landed = b""
-        if self.landed_state is not None:
-            landed = self.encoder.encode("EXTENDED_SYS_STATE", landed_state=self.landed_state)
-        return self.heartbeat() + landed + self.position_messages(now_s)
+        return self.heartbeat() + self.landed() + self.position_messages(now_s)
 
     def remote_id(
         self, now_s: float, *, command: tuple[float, float, float] | None = None, extended: bool = True, **fields: Any
@@ -219,7 +224,7 @@ class LoopbackVehicle:
         while not self._ended.is_set():
             now_s = max(loop.time() - self.began_s, 0.0)
             if not self.silent:
-                self.send(self.vehicle.heartbeat())
+                self.send(self.vehicle.heartbeat() + self.vehicle.landed())
                 if not self.frozen:
                     self.send(self.vehicle.position_messages(now_s) + self.vehicle.target_message(now_s))
             self.vehicle.advance(PERIOD_S)

@@ -26,10 +26,12 @@ from ridlink.mavlink.signing import Signing
 from tests.cli.test_avoid import START_S, daemon, free_port
 from tests.daemon.emulated import (
     GUIDED,
+    IN_AIR,
     LOITER,
     OFFBOARD,
     PATIENCE_S,
     POSITION_MODE,
+    TAKING_OFF,
     Emulated,
     LoopbackVehicle,
     at,
@@ -110,6 +112,30 @@ def test_i3_a_guard_leaves_a_pilots_mode_alone_that_a_copter_would_fly_by_itself
             await flight.vehicle.speaks(40)
             commands = [message for message in emulated.heard if message.name == "COMMAND_LONG"]
             assert {(each.command, int(each.param2)) for each in commands if each.command in GUARDING} == asked
+
+    run(test)
+
+
+def test_an_ardupilot_whose_positions_others_asked_for_is_asked_whether_it_takes_off() -> None:
+    """A setpoint in an automatic take-off ends the climb for good, and no stream of a ground station tells of one."""
+
+    async def test() -> None:
+        emulated = Emulated(autopilot=3)
+        emulated.armed, emulated.landed_state = False, None
+        async with running(emulated=emulated) as flight:
+
+            def asked() -> set[int]:
+                return {int(message.param1) for message in emulated.heard if message.name == "COMMAND_LONG"}
+
+            await flight.vehicle.until(lambda: asked() == {85, 193, 245})
+            emulated.landed_state = TAKING_OFF
+            await flight.vehicle.speaks(5)
+            emulated.armed = True
+            await flight.vehicle.until(lambda: "take-off" in flight.daemon.engine.rung.reason)
+            await flight.vehicle.speaks(25)
+            assert not flight.vehicle.setpoints()
+            emulated.landed_state = IN_AIR
+            await flight.vehicle.until(lambda: state(flight) is State.ENGAGED)
 
     run(test)
 
