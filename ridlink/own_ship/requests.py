@@ -15,8 +15,8 @@ WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 85: 100_000, 193: 500_000, 245: 5
 ArduPilot sends only when asked; ESTIMATOR_STATUS it does not have, and says so each time."""
 
 UNTOLD_US = {msgid: WANTED_MESSAGES_US[msgid] for msgid in (85, 193, 245)}
-"""Of these what no stream of an ArduPilot brings that somebody else asked it for, or not all: a ground station on the same
-link has its positions sent, and nothing says whether it is in a take-off, or what it flies after."""
+"""Of these what an ArduPilot does not tell, or not all of it, because others asked for its positions: where a ground
+station on the same link has them sent, nothing says whether it is in a take-off, or what it flies after."""
 UNTOLD_PERIOD_S = 5.0
 """Between two such requests while it does not tell."""
 
