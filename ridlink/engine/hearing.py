@@ -14,10 +14,13 @@ from ridlink.engine.intake import LOCATION, Intake
 from ridlink.mavlink.codec import Message
 from ridlink.mavlink.frames import Frame
 from ridlink.own_ship import OwnShipTelemetry
-from ridlink.remote_id.assembler import ReportAssembler
+from ridlink.remote_id.assembler import ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER, ReportAssembler
 from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage
 from ridlink.traffic.picture import TrafficPicture
+
+MOST_NAMES = 8
+"""Identities that a vehicle may give itself: a serial number, a registration, a session; each at most once."""
 
 
 class Hearing:
@@ -30,7 +33,9 @@ class Hearing:
         picture: Where reports go.
 
     Attributes:
-        uas_id: Serial number of the own vehicle, as configured or as it tells it; None while unknown.
+        uas_id: Identity of the own vehicle, as configured or as it tells it, its serial number where it has one; None
+            while unknown.
+        names: All identities under which it is known: by any of them its echo comes back.
         reports: LOCATION messages that were taken.
         counters: What was not taken, by cause.
     """
@@ -41,6 +46,8 @@ class Hearing:
         self._config, self._intake, self._telemetry, self._picture = config, intake, telemetry, picture
         self._assemblers = {link: ReportAssembler(convention=config.accuracy_convention) for link in ("vehicle", "rid")}
         self.uas_id = config.uas_id.encode() if config.uas_id else None
+        self.names = set() if self.uas_id is None else {self.uas_id}
+        self._serial_number_known = False
         self.reports = 0
         self.counters: Counter[str] = Counter()
 
@@ -62,8 +69,18 @@ class Hearing:
         for part in self._intake.remote_id(message):
             if not (itself and part.id_or_mac is None):
                 self._take("vehicle", source, frame, part, now_s, utc_s)
-            elif isinstance(part, BasicId) and part.uas_id and self._config.uas_id is None:
-                self.uas_id = part.uas_id
+            elif isinstance(part, BasicId):
+                self._call_itself(part)
+
+    def _call_itself(self, said: BasicId) -> None:
+        """The vehicle tells one of its identities; a serial number is its name before any other, as of neighbours."""
+        if not said.uas_id or said.id_type == ID_TYPE_NONE:
+            return
+        if len(self.names) < MOST_NAMES:
+            self.names.add(said.uas_id)
+        is_serial_number = said.id_type == ID_TYPE_SERIAL_NUMBER
+        if self._config.uas_id is None and (is_serial_number or not self._serial_number_known):
+            self.uas_id, self._serial_number_known = said.uas_id, is_serial_number
 
     def _take(
         self, link: str, source: Hashable, frame: Frame, part: RemoteIdMessage, now_s: float, utc_s: float | None
@@ -78,5 +95,5 @@ class Hearing:
             self.reports += 1
         if report is not None:
             self._picture.receive(
-                link, report, utc_s=utc_s, own_sysid=sysid, own_uas_id=self.uas_id, source=(link, source)
+                link, report, utc_s=utc_s, own_sysid=sysid, own_names=self.names, source=(link, source)
             )

@@ -66,7 +66,7 @@ class TrafficPicture:
         *,
         utc_s: float | None = None,
         own_sysid: int | None = None,
-        own_uas_id: bytes | None = None,
+        own_names: Collection[bytes] = (),
         source: Hashable = None,
     ) -> None:
         """Take a report.
@@ -77,15 +77,17 @@ class TrafficPicture:
             utc_s: UTC when it was received, of which only the part of the hour counts; without it the sender's own
                 timestamp says nothing about its age.
             own_sysid: Own system id.
-            own_uas_id: Own identity in Remote ID.
+            own_names: Own identities in Remote ID, without the zeros that fill their field.
             source: Address that it came from.
         """
         age_s = self._sender_age_s(report, utc_s)
         relations = self._relations((link, *report.key), report, trusted_clock=age_s is not None)
         following = [track for track, relation in relations.items() if relation is Relation.FOLLOWS]
         track = min(following, key=lambda each: each.metres_to(report)) if following else None
-        if self._is_echo(report, track, own_sysid, own_uas_id):
+        if self._is_echo(report, track, own_sysid, own_names):
             self.counters["own_echo"] += 1
+            if track is not None and not track.seen_elsewhere:  # from before its name was told
+                del self.tracks[track.key]
         elif track is not None:
             self._update(track, report, report.received_at_s - (age_s or 0.0))
         elif Relation.OUTDATED in relations.values():
@@ -170,13 +172,15 @@ class TrafficPicture:
         self._flag(report)
 
     def _is_echo(
-        self, report: RemoteIdReport, track: Track | None, own_sysid: int | None, own_uas_id: bytes | None
+        self, report: RemoteIdReport, track: Track | None, own_sysid: int | None, own_names: Collection[bytes]
     ) -> bool:
         """Our own report come back: our identity *and* our place. Our identity elsewhere is an intruder, and stays one
-        when it comes near: its next report is nearer to its last one than to us."""
+        when it comes near: its next report is nearer to its last one than to us. Whoever has our system id, as fresh
+        autopilots all have the same one, and calls itself otherwise than we do is somebody else, wherever it is."""
         by_sysid = own_sysid is not None and report.source[0] == own_sysid and report.id_or_mac is None
-        by_uas_id = own_uas_id is not None and _bare(own_uas_id) in (_bare(report.uas_id), _bare(report.id_or_mac))
-        if not (by_sysid or by_uas_id):
+        by_name = _bare(report.uas_id) in own_names or _bare(report.id_or_mac) in own_names
+        differs = bool(own_names) and report.uas_id is not None and not by_name
+        if not by_name and (not by_sysid or differs):
             return False
         own = self._own
         if own is None or report.latitude_deg is None or report.longitude_deg is None:
@@ -185,7 +189,10 @@ class TrafficPicture:
         distance = math.hypot(*offset_m(here, (report.latitude_deg, report.longitude_deg)))
         bound = self.settings.unknown_error_m if report.horizontal_error_m is None else report.horizontal_error_m
         bound = min(bound, self.settings.unusable_error_m)
-        if distance <= own.error_bound_m + bound + 2.0 * own.speed_mps + self.settings.echo_margin_m:
+        gate_m = own.error_bound_m + bound + 2.0 * own.speed_mps + self.settings.echo_margin_m
+        if distance <= gate_m:
+            if track is not None and (track.first_heard_m or 0.0) > gate_m:  # whoever came here is not called as we are
+                track.seen_elsewhere = True
             return track is None or not track.seen_elsewhere or track.metres_to(report) >= distance
         if track is not None:
             track.seen_elsewhere = True

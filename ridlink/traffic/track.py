@@ -82,7 +82,7 @@ class Track:
         in_conflict: It was predicted to enter our disc, as of the last decision.
         filter: Position filter.
         trusted_clock: The timestamps of its sender were seen to agree with our UTC.
-        seen_elsewhere: It bore our identity where we were not.
+        seen_elsewhere: It bears our identity, and was where we were not.
         doubt: What it was seen to be wrong by.
     """
 

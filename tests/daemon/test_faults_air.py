@@ -13,6 +13,8 @@ from ridlink.engine import EngineConfig, Goal
 from ridlink.failsafe import State
 from ridlink.impair.model import Impairment
 from ridlink.mavlink.codec import Encoder
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import BasicId
 from tests.daemon.emulated import Emulated, at
 from tests.daemon.harness import run, running
 from tests.daemon.hostile import Hostile, flown, location, v1_frame
@@ -179,6 +181,69 @@ def test_f09_a_stranger_at_our_place_is_no_echo() -> None:
         hostile.other.position = hostile.vehicle.vehicle.position.copy()
         await hostile.send(hostile.other.remote_id(1.0))
         assert len(hostile.picture) == 1 and hostile.counted("own_echo") == 0
+
+    flown(test)
+
+
+def named(sender: Encoder, id_type: int, uas_id: bytes, id_or_mac: bytes | None = None) -> bytes:
+    name, fields = to_mavlink(BasicId(id_type, 2, uas_id, id_or_mac))
+    return sender.encode(name, **fields)
+
+
+def test_f09_a_vehicle_with_a_serial_number_and_a_registration_is_its_own_echo_under_both() -> None:
+    async def test(hostile: Hostile) -> None:
+        emulated, receiver, mac = hostile.vehicle.vehicle, Encoder(1, 236), b"\x02RIDLNK".ljust(20, b"\0")
+        for id_type, name in ((1, b"SERIAL"), (2, b"REGISTRATION")):
+            hostile.vehicle.send(named(emulated.encoder, id_type, name))
+            relayed = Emulated(1, ned_m=tuple(emulated.position))
+            relayed.encoder = receiver
+            hostile.vehicle.send(named(receiver, id_type, name, mac))
+            hostile.vehicle.send(relayed.remote_id(float(id_type), id_or_mac=mac, extended=False))
+            await hostile.vehicle.until(lambda count=id_type: hostile.counted("own_echo") >= count)  # type: ignore[misc]
+        assert not len(hostile.picture) and hostile.engine._hearing.uas_id == b"SERIAL"
+
+    flown(test)
+
+
+def test_f09_somebody_with_our_system_id_who_calls_itself_otherwise_is_no_echo() -> None:
+    async def test(hostile: Hostile) -> None:
+        hostile.vehicle.send(named(hostile.vehicle.vehicle.encoder, 1, b"OURS"))
+        await hostile.vehicle.until(lambda: hostile.engine._hearing.uas_id == b"OURS")
+        twin = Emulated(1)
+        twin.position = hostile.vehicle.vehicle.position + np.array((8.0, 0.0, 0.0))
+        await hostile.send(named(twin.encoder, 1, b"THEIRS"), twin.remote_id(0.0))
+        assert len(hostile.picture) == 1 and not hostile.counted("own_echo")
+
+    flown(test)
+
+
+def test_f09_an_echo_that_was_heard_before_its_name_is_given_up() -> None:
+    async def test(hostile: Hostile) -> None:
+        emulated, receiver, mac = hostile.vehicle.vehicle, Encoder(1, 236), b"\x02RIDLNK".ljust(20, b"\0")
+        hostile.vehicle.send(named(emulated.encoder, 1, b"SERIAL"))
+        relayed = Emulated(1, ned_m=tuple(emulated.position))
+        relayed.encoder = receiver
+        hostile.vehicle.send(relayed.remote_id(0.0, id_or_mac=mac))
+        await hostile.vehicle.until(lambda: len(hostile.picture) == 1)
+        relayed.position = emulated.position.copy()
+        hostile.vehicle.send(named(receiver, 1, b"SERIAL", mac) + relayed.remote_id(0.5, id_or_mac=mac))
+        await hostile.vehicle.until(lambda: not len(hostile.picture))
+
+    flown(test)
+
+
+def test_f09_who_came_here_is_no_echo_though_somebody_calls_it_by_our_name() -> None:
+    async def test(hostile: Hostile) -> None:
+        hostile.vehicle.send(named(hostile.vehicle.vehicle.encoder, 1, b"SERIAL"))
+        await hostile.vehicle.until(lambda: hostile.engine._hearing.uas_id == b"SERIAL")
+        for k in range(12):  # 50 m/s, until it is within the gate of an echo
+            hostile.other.position = hostile.vehicle.vehicle.position + np.array((63.0 - 5.0 * k, 0.0, 0.0))
+            hostile.other.velocity[:] = (-50.0, 0.0, 0.0)
+            name = named(Encoder(9, 1), 1, b"SERIAL") if k == 11 else b""
+            await hostile.send(name + hostile.other.remote_id(0.1 * k))
+            count = len(hostile.vehicle.setpoints())
+            await hostile.vehicle.until(lambda count=count: len(hostile.vehicle.setpoints()) > count)  # type: ignore[misc]
+        assert len(hostile.picture) == 1 and not hostile.counted("own_echo")
 
     flown(test)
 

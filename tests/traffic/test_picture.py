@@ -173,7 +173,7 @@ def test_f09_own_echo_is_our_identity_at_our_place() -> None:
     made = picture()
     made.receive("vehicle", relayed, own_sysid=9)
     assert len(made) == 1, "our system id on relayed data is the receiver's, not the sender's"
-    made.receive("vehicle", relayed, own_sysid=9, own_uas_id=b"US1")
+    made.receive("vehicle", relayed, own_sysid=9, own_names={b"US1"})
     assert made.counters["own_echo"] == 1
     made = picture(own=None)
     made.receive("rid", here, own_sysid=5)
