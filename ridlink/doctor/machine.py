@@ -32,6 +32,7 @@ EXTRAS = {
     "export": ("pyarrow", "Parquet and MCAP, campaigns"),
     "plot": ("matplotlib", "figures"),
     "cluster": ("distributed", "campaigns on many machines"),
+    "serial": ("serial", "links over serial devices"),
 }
 """Extras by the module that shows that they are there, and what they are for."""
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+
+from ridlink.mavlink.frames import Frame, FrameParser
 
 Address = tuple[str, int]
 """Host and port of a peer."""
@@ -53,3 +55,12 @@ class Link(ABC):
         except Exception as error:
             self.counters["handler_error"] += 1
             self.counters[f"handler_error_{type(error).__name__}"] += 1
+
+
+def whole_frames(parser: FrameParser, data: bytes, counters: Counter[str]) -> Iterator[bytes]:
+    """The frames of a stream that are complete with some more bytes of it; what is none is counted by cause."""
+    for found in parser.feed(data):
+        if isinstance(found, Frame):
+            yield found.raw
+        else:
+            counters[found.cause] += 1

@@ -25,9 +25,8 @@ import msgspec
 
 from ridlink.errors import ConfigError
 from ridlink.links.link import Address, Link, OnDatagram
-from ridlink.links.tcp import open_tcp_link
-from ridlink.links.udp import open_udp_link
-from ridlink.links.url import LinkUrl, Scheme, refuse_serial
+from ridlink.links.opening import open_link
+from ridlink.links.url import LinkUrl
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import BadFrame, parse_datagram
 from ridlink.mavlink.signing import KEY_LENGTH, LATEST_CLOCK, UNITS_PER_S, SignatureCause, Signing, signing_timestamp
@@ -245,13 +244,12 @@ async def open_signed_link(
         utc: Seconds since 1970.
 
     Raises:
-        ConfigError: If the key or its state cannot be used, or the link is a serial one.
-        LinkError: If the port or peer cannot be used.
+        ConfigError: If the key or its state cannot be used.
+        MissingExtraError: As `open_link`.
+        LinkError: If the port, peer or device cannot be used.
         OSError: If the key cannot be read, or the clock not be kept.
     """
-    refuse_serial(url)
     link = SignedLink(on_datagram, options, open_signing(options), utc)
     save_signing(options.state, link._state(AHEAD))  # a clock that cannot be kept is a fault now, not after the flight
-    open_kind = open_udp_link if url.scheme in (Scheme.UDPIN, Scheme.UDPOUT) else open_tcp_link
-    link._use(await open_kind(url, link._receive))
+    link._use(await open_link(url, link._receive))
     return link

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 
 from ridlink.errors import LinkError
-from ridlink.links.link import Address, Link, OnDatagram
+from ridlink.links.link import Address, Link, OnDatagram, whole_frames
 from ridlink.links.udp import open_failure
 from ridlink.links.url import LinkUrl, Scheme
 from ridlink.mavlink.codec import CRC_EXTRAS
-from ridlink.mavlink.frames import Frame, FrameParser
+from ridlink.mavlink.frames import FrameParser
 
 SEND_BUFFER_BYTES = 64 * 1024
 """A peer that does not read loses what is beyond: seconds of setpoints, which would be stale anyway."""
@@ -35,11 +35,8 @@ class _Peer(asyncio.Protocol):
         self.link._joined(self)
 
     def data_received(self, data: bytes) -> None:
-        for found in self.parser.feed(data):
-            if isinstance(found, Frame):
-                self.link._heard(found.raw, self)
-            else:
-                self.link.counters[found.cause] += 1
+        for frame in whole_frames(self.parser, data, self.link.counters):
+            self.link._heard(frame, self)
 
     def connection_lost(self, exc: Exception | None) -> None:
         self.link._left(self)

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -78,8 +79,8 @@ class LinkUrl:
         return self.port == other.port and (mine == theirs or {mine, theirs} <= _HERE)
 
     def __str__(self) -> str:
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{self.scheme}:{host}:{self.port}"
+        is_ipv6 = ":" in self.host and self.scheme is not Scheme.SERIAL
+        return f"{self.scheme}:{f'[{self.host}]' if is_ipv6 else self.host}:{self.port}"
 
 
 def _refuse(text: str, reason: str, right: str) -> NoReturn:
@@ -87,34 +88,26 @@ def _refuse(text: str, reason: str, right: str) -> NoReturn:
 
 
 def refuse_to_speak_to_oneself(links: Mapping[str, LinkUrl | None]) -> None:
-    """A port that one link listens on is nobody else's whom another one could speak to.
+    """A port that one link listens on is nobody else's whom another one could speak to, and a device has one user.
 
     Args:
         links: By the names that the user has for them; None where there is none.
 
     Raises:
-        ConfigError: If one of them leads to another.
+        ConfigError: If one of them leads to another, or two are one device.
     """
-    for key, link in links.items():
-        for other, listening in links.items():
-            if link is not None and listening is not None and link.leads_to(listening):
-                raise ConfigError(
-                    f"{key} {link} leads to the port that {other} listens on, {listening}: what is sent would be heard "
-                    f"here; give {key} another port"
-                )
-
-
-def refuse_serial(url: LinkUrl) -> None:
-    """What is not here yet, with the way round it.
-
-    Raises:
-        ConfigError: If the link is a serial one.
-    """
-    if url.scheme is Scheme.SERIAL:
-        raise ConfigError(
-            f"{url}: serial devices are not supported in this version; let mavlink-router bridge {url.host} to UDP and "
-            "use udpin:127.0.0.1:14540"
-        )
+    given = {key: link for key, link in links.items() if link is not None}
+    for (key, link), (other, its) in itertools.permutations(given.items(), 2):
+        if link.leads_to(its):
+            raise ConfigError(
+                f"{key} {link} leads to the port that {other} listens on, {its}: what is sent would be heard "
+                f"here; give {key} another port"
+            )
+        if link.scheme is its.scheme is Scheme.SERIAL and link.host == its.host:
+            raise ConfigError(
+                f"{key} {link} and {other} {its} are one device, which one link alone can have; let mavlink-router "
+                "bridge it to UDP for both"
+            )
 
 
 def parse_link_url(text: str) -> LinkUrl:
@@ -151,6 +144,7 @@ def parse_link_url(text: str) -> LinkUrl:
     if scheme is Scheme.SERIAL:
         if not host:
             _refuse(text, "no device", example)
+        host = re.sub("^//+", "/", host)
         if (baud := _number(port_text)) <= 0:
             _refuse(text, "no baud rate", f"serial:{host}:57600")
         return LinkUrl(scheme, host, baud)

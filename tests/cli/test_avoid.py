@@ -24,6 +24,7 @@ from ridlink.daemon.config import daemon_config
 from ridlink.daemon.config_file import read_config_file
 from ridlink.errors import ConfigError
 from tests.daemon.emulated import Emulated, LoopbackVehicle, at
+from tests.links.cable import null_modem
 
 START_S = 60.0
 """A cold cache of compiled kernels."""
@@ -96,6 +97,20 @@ def test_f28_flies_reports_and_ends_on_sigterm(number: signal.Signals) -> None:
                     "infeasible_steps",
                 }  # fmt: skip
                 assert final["setpoint_gap_ms"].keys() == {"p50", "p99", "max"}
+
+    run(test)
+
+
+def test_flies_over_a_serial_device(tmp_path: Path) -> None:
+    async def test() -> None:
+        with null_modem(tmp_path) as (companion, telemetry):
+            async with daemon("--goal", GOAL, "--vehicle", f"serial:{companion}:921600") as (process, _):
+                assert "standby" in await line(process.stderr)
+                async with LoopbackVehicle(Emulated(), url=f"serial:{telemetry}:921600") as vehicle:
+                    await vehicle.until(lambda: any(setpoint.vx > 1.0 for setpoint in vehicle.setpoints()))
+                    process.send_signal(signal.SIGTERM)
+                    await vehicle.until(lambda: [setpoint.vx for setpoint in vehicle.setpoints()[-3:]] == 3 * [0.0])
+                    assert await process.wait() == 0
 
     run(test)
 

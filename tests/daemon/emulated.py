@@ -151,14 +151,15 @@ def pass_heartbeats_on(data: bytes, link: Link) -> None:
 
 
 class LoopbackVehicle:
-    """An `Emulated` on a real UDP socket, telling its state every 20 ms and its heartbeat at once when it changes.
+    """An `Emulated` on a real link, telling its state every 20 ms and its heartbeat at once when it changes.
 
     Args:
-        port: Where the daemon listens.
+        port: UDP port on which the daemon listens.
+        url: Another way to it.
     """
 
-    def __init__(self, emulated: Emulated, port: int) -> None:
-        self.vehicle, self.port = emulated, port
+    def __init__(self, emulated: Emulated, port: int = 0, *, url: str | None = None) -> None:
+        self.vehicle, self.port, self.url = emulated, port, url or f"udpout:127.0.0.1:{port}"
         self.began_s = 0.0
         self.silent = False
         self.passes_on = True
@@ -175,7 +176,7 @@ class LoopbackVehicle:
         self._failure: BaseException | None = None
 
     async def __aenter__(self) -> LoopbackVehicle:
-        self._link = await open_link(f"udpout:127.0.0.1:{self.port}", self._hear)
+        self._link = await open_link(self.url, self._hear)
         self._task = asyncio.create_task(self._speak())
         return self
 

@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable, Iterator
 
 import pytest
 
-from ridlink.errors import ConfigError, LinkError
+from ridlink.errors import LinkError
 from ridlink.links import Address, Link, memory_link_pair, open_link
 from ridlink.links.tcp import TcpLink
 from ridlink.links.udp import BATCH_S, UdpLink
@@ -330,14 +330,6 @@ def test_addresses_that_are_none_of_ours() -> None:
         for scheme in ("udpout", "tcpout"):
             with pytest.raises(LinkError, match="no such host"):
                 await open_link(f"{scheme}:{'long' * 20}:1", Inbox())
-
-    run(test)
-
-
-def test_serial_says_what_to_do_instead() -> None:
-    async def test() -> None:
-        with pytest.raises(ConfigError, match="mavlink-router"):
-            await open_link("serial:/dev/ttyACM0:57600", Inbox())
 
     run(test)
 

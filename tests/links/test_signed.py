@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from ridlink.errors import ConfigError
-from ridlink.links import LinkUrl, Scheme, SigningOptions, open_signed_link, parse_link_url
+from ridlink.links import LinkUrl, SigningOptions, open_signed_link, parse_link_url
 from ridlink.links.signed import SAVED_EVERY_S, SignedLink, open_signing, read_key, save_signing
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
@@ -195,12 +195,6 @@ def test_a_damaged_clock_is_said_and_not_begun_anew(key_file: Path, content: byt
     options.state.write_bytes(content)
     with pytest.raises(ConfigError, match=r"key\.state"):
         open_signing(options)
-
-
-def test_a_serial_device_is_refused_before_anything_is_written(key_file: Path) -> None:
-    with pytest.raises(ConfigError, match="mavlink-router bridge /dev/ttyACM0 to UDP"):
-        asyncio.run(opened(Ear(), key_file, LinkUrl(Scheme.SERIAL, "/dev/ttyACM0", 57600)))
-    assert os.listdir(key_file.parent) == [key_file.name]
 
 
 def test_the_clock_is_put_into_place_whole(tmp_path: Path) -> None:
