@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import math
+import os
 import struct
 from collections.abc import Iterable
+from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import common
@@ -15,6 +17,7 @@ from ridlink.doctor.parameters import parameter_value
 from ridlink.links import Address, Link, open_link, parse_link_url
 from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import ARDUPILOT, PX4
+from tests.links.cable import plugged
 
 INT32, REAL32 = 6, 9
 ARDUPILOTS = ("GUID_TIMEOUT", "GUID_OPTIONS", "WPNAV_SPEED", "AVOID_ENABLE")
@@ -119,6 +122,22 @@ def test_nobody_at_the_end_of_the_link_is_a_failure() -> None:
     found = asyncio.run(examine_vehicle(parse_link_url("udpin:127.0.0.1:0"), for_s=0.1))
     assert [(finding.name, finding.verdict) for finding in found] == [("autopilot", Verdict.FAILURE)]
     assert "within 0.1 s" in found[0].text and found[0].remedy
+
+
+def test_a_serial_device_at_the_wrong_rate_is_told_by_its_noise(tmp_path: Path) -> None:
+    async def run() -> list[Finding]:
+        with plugged(tmp_path / "ttyUSB0") as device:
+            held = os.open(device.name, os.O_RDWR | os.O_NOCTTY)
+            examining = asyncio.create_task(examine_vehicle(parse_link_url(f"serial:{device.name}:57600"), for_s=0.5))
+            assert await device.count(1)  # its HEARTBEAT: it listens
+            os.write(device.end, b"\xfd" + 279 * b"\x55")
+            found = await examining
+            os.close(held)
+            return found
+
+    (finding,) = asyncio.run(run())
+    assert "2 damaged" in finding.text, "what would be a frame, and the rest of it"
+    assert "MAVLink at 57600 baud" in finding.remedy
 
 
 def test_the_neighbours_on_the_air_are_counted() -> None:
