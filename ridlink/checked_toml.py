@@ -147,7 +147,7 @@ def read_toml(path: str | Path) -> CheckedTable:
         OSError: If the file cannot be read.
     """
     try:
-        text = Path(path).read_bytes().decode("utf-8")
+        text = Path(path).read_bytes().decode("utf-8-sig")  # editors on Windows write a mark before the text
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not UTF-8 text: {error.reason}") from error
     return CheckedTable(TomlSource(str(path), text), parse_toml(text, str(path)), "", 0)

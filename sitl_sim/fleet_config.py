@@ -16,6 +16,9 @@ HOST = "127.0.0.1"
 
 MAX_SPEEDUP = 100.0
 
+MAX_VEHICLES = 250
+"""System ids begin with 1; those from 251 are left to ground stations and observers."""
+
 DEFAULT_HOME = Geodetic(47.397742, 8.545594, 488.0)
 """Where PX4's own simulations take off."""
 
@@ -102,8 +105,14 @@ class FleetConfig:
         """The autopilot of every vehicle of a scenario.
 
         Raises:
-            ConfigError: If one has its own in an ideal fleet, which obeys at once and leaves the air where it arrives.
+            ConfigError: If there are more vehicles than system ids for them, or one has its own autopilot in an ideal
+                fleet, which obeys at once and leaves the air where it arrives.
         """
+        if len(scenario.vehicles) > MAX_VEHICLES:
+            raise ConfigError(
+                f"{scenario.name}: {len(scenario.vehicles)} vehicles are more than the {MAX_VEHICLES} that have a "
+                f"system id of their own; -n {MAX_VEHICLES} flies the first ones"
+            )
         for number, vehicle in enumerate(scenario.vehicles, start=1):
             if vehicle.autopilot is not None and self.autopilot == "ideal":
                 raise ConfigError(

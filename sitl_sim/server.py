@@ -77,8 +77,8 @@ class FleetServer:
     ) -> None:
         self.config = config = config or FleetConfig()
         self.scenario = scenario
-        config.check_ports(len(scenario.vehicles))
         autopilots = config.autopilots_of(scenario)
+        config.check_ports(len(scenario.vehicles))
         self.world = World(
             scenario,
             seed=config.seed,

@@ -115,6 +115,8 @@ MISTAKES = [
     pytest.param("[-40.0, -40.0], [40.0, -40.0], ", "", r":16: obstacle 1: .*three corners", id="two corners"),
     pytest.param("[40.0, 40.0], [-40.0, 40.0]", "[-40.0, 40.0], [40.0, 40.0]", r":16: .*do not cross", id="bow tie"),
     pytest.param("[40.0, 40.0]", "[40.0, inf]", r":16: obstacle 1: polygon_ne_m .*finite", id="infinite corner"),
+    pytest.param("interval_s = 0.2", "interval_s = 1e-9", r":3: interval_s must be at least 0.02", id="no time"),
+    pytest.param("sigma_m = 10.0", "interval_s = 1e-9", r":9: vehicle 1: interval_s .*0.02", id="no time for one"),
     pytest.param('"head-on with a tower"', "3", r":1: name must be text", id="name a number"),
     pytest.param('"head-on with a tower"', "head-on", r"is not TOML: .*line 1", id="not TOML"),
 ]
@@ -157,6 +159,12 @@ def test_an_obstacle_may_have_arms_that_end_in_one_line_and_none_that_lie_upon_e
     upon = "[[0, 0], [40, 0], [40, 40], [20, 40], [20, 0], [10, 0], [10, 10], [0, 10]]"
     with pytest.raises(ConfigError, match="do not cross"):
         load_scenario(write(GOOD.replace(square, upon)))
+
+
+def test_the_mark_that_editors_write_before_utf8_is_no_part_of_the_text(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    path.write_text(GOOD, encoding="utf-8-sig")
+    assert load_scenario(path).name == "head-on with a tower"
 
 
 def test_names_and_paths_are_told_apart(write: Write) -> None:
@@ -433,7 +441,7 @@ def test_tracks_become_vehicles_that_fly_them(geojson: Callable[..., str]) -> No
         ),
         (track([8.0, 47.0], [8.001, 47.0], autopilot=7), "feature 1: autopilot must be"),
         (track([8.0, 47.0], [8.001, 47.0], ghost=True, cooperative=True), "feature 1: cooperative must be false"),
-        (track([8.0, 47.0], [8.001, 47.0], interval_s=0), "feature 1: interval_s must be greater than 0"),
+        (track([8.0, 47.0], [8.001, 47.0], interval_s=0), "feature 1: interval_s must be at least 0.02, not 0"),
         ({"type": "Feature"}, "has no feature with a LineString"),
     ],
 )

@@ -16,6 +16,7 @@ from ridlink.scenario.geojson import load_tracks
 from ridlink.scenario.model import (
     DEFAULT_INTERVAL_S,
     DEFAULT_SPEED_MPS,
+    LEAST_INTERVAL_S,
     ObstacleSpec,
     Point2,
     Point3,
@@ -68,7 +69,7 @@ def load_scenario(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> 
     vehicles = tuple(_vehicle_spec(table, speed_mps) for table in top.tables("vehicle"))
     obstacles = tuple(_obstacle_spec(table) for table in top.tables("obstacle", needed=False))
     name, duration_s = top.text("name"), top.number("duration_s", above=0.0)
-    interval_s = top.number("interval_s", DEFAULT_INTERVAL_S, above=0.0)
+    interval_s = top.number("interval_s", DEFAULT_INTERVAL_S, least=LEAST_INTERVAL_S)
     events = [read_event(table, vehicles=len(vehicles)) for table in top.tables("event", needed=False)]
     events.sort(key=lambda event: event.at_s)
     wind = _wind(top.table("wind")) if top.has("wind") else Wind()

@@ -26,6 +26,9 @@ DEFAULT_AIRFRAME_M = 0.6
 DEFAULT_INTERVAL_S = 0.1
 """Time between two Remote ID updates: Takeaway 1 of the paper."""
 
+LEAST_INTERVAL_S = 0.02
+"""Shortest time between two updates that a file may ask for: the emulator's tick."""
+
 MAX_AIRFRAME_HEIGHT_M = 1.5
 """Assumed: even the largest airframes of the paper's database (7.5 m of wing) are hardly taller."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TypedDict
 
 from ridlink.checked_toml import CheckedTable
-from ridlink.scenario.model import AUTOPILOTS, DEFAULT_AIRFRAME_M
+from ridlink.scenario.model import AUTOPILOTS, DEFAULT_AIRFRAME_M, LEAST_INTERVAL_S
 
 
 class VehicleKeys(TypedDict):
@@ -33,7 +33,7 @@ def read_vehicle_keys(table: CheckedTable) -> VehicleKeys:
         extended=table.truth("extended", True),
         ghost=table.truth("ghost", False),
         silent=table.truth("silent", False),
-        interval_s=table.number("interval_s", 0.0, above=0.0) if table.has("interval_s") else None,
+        interval_s=table.number("interval_s", least=LEAST_INTERVAL_S) if table.has("interval_s") else None,
         airframe=table.text("airframe") if table.has("airframe") else None,
         autopilot=table.text("autopilot") if table.has("autopilot") else None,
     )

@@ -132,8 +132,6 @@ def demo(
         processes=processes,
         log=log,
     )
-    if fleet["count"] == 0:
-        raise click.UsageError("-n 0: there is nobody to fly; 'ridlink sim -n 0' is the air alone")
     if (headless or no_view) and (stay or opens or view_port is not None):
         raise click.UsageError("--stay, --open and --view-port are about the page, which is not served here")
     if any_ports and view_port is None:

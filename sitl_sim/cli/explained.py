@@ -31,7 +31,11 @@ def everything() -> str:
 
 
 def scenario_text(scenario: Scenario, config: FleetConfig) -> str:
-    """What a scenario contains, and how it would be flown."""
+    """What a scenario contains, and how it would be flown.
+
+    Raises:
+        ConfigError: If it cannot be flown by such a fleet.
+    """
     home = config.home_of(scenario)
     wind = scenario.wind
     speed_mps = math.hypot(*wind.velocity_ne_mps)
@@ -43,8 +47,9 @@ def scenario_text(scenario: Scenario, config: FleetConfig) -> str:
     ]
     if speed_mps or wind.gust_sigma_mps:
         lines.append(f"wind {speed_mps:g} m/s, gusts of {wind.gust_sigma_mps:g} m/s")
-    for number, vehicle in enumerate(scenario.vehicles, start=1):
-        lines.append(f"  vehicle {number}: {_vehicle_text(vehicle, config)}")
+    flown_by = config.autopilots_of(scenario)
+    for number, (vehicle, autopilot) in enumerate(zip(scenario.vehicles, flown_by, strict=True), start=1):
+        lines.append(f"  vehicle {number}: {_vehicle_text(vehicle, config, autopilot)}")
     for number, obstacle in enumerate(scenario.obstacles, start=1):
         corners = " ".join(f"({north:g}, {east:g})" for north, east in obstacle.polygon_ne_m)
         lines.append(f"  obstacle {number}: {corners}")
@@ -55,7 +60,7 @@ def scenario_text(scenario: Scenario, config: FleetConfig) -> str:
     return "\n".join(lines)
 
 
-def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig) -> str:
+def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig, autopilot: str) -> str:
     way = (vehicle.start_ned_m, *vehicle.route_ned_m, vehicle.goal_ned_m)
     length_m = sum(math.dist(*leg) for leg in pairwise(way))
     sigma_m = config.sigma_m if vehicle.sigma_m is None else vehicle.sigma_m
@@ -64,7 +69,7 @@ def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig) -> str:
     text += f"sigma {sigma_m:g} m"
     if vehicle.ghost:
         return f"{text}; a ghost"
-    text += f"; {vehicle.airframe or config.airframe or MEASURED[vehicle.autopilot or config.autopilot]}"
+    text += f"; {vehicle.airframe or config.airframe or MEASURED[autopilot]}"
     habits = {
         f"{vehicle.autopilot}": vehicle.autopilot is not None,
         f"{len(way) - 2} points on its way": bool(vehicle.route_ned_m),

@@ -15,7 +15,7 @@ import numpy as np
 from ridlink.avoidance.types import SolverKind
 from ridlink.captures.recorder import Recorder
 from ridlink.daemon.warming import warm_up_unless
-from ridlink.errors import LinkError
+from ridlink.errors import ConfigError, LinkError
 from ridlink.scenario import Scenario, resolve_scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, Reported, separation_discs
@@ -31,6 +31,9 @@ from sitl_sim.world import FloatArray, World
 HAND_OVER_TIMEOUT_S = 20.0
 LOOK_S = 0.2
 WORTH_A_WORD_S = 1.0
+LONGEST_NAME = 40
+"""Characters of a scenario's name in that of its log: in UTF-8 they fit into any file system."""
+
 ODID_CLASSES_M = (1.0, 3.0, 10.0, 30.0, 92.6, 185.2)
 """Bounds of the accuracy codes that a fleet's sigma can fall into."""
 
@@ -39,10 +42,13 @@ def scenario_of(options: DemoOptions) -> Scenario:
     """What is to be flown.
 
     Raises:
-        ConfigError: If there is no such scenario or something is wrong with it.
+        ConfigError: If there is no such scenario, something is wrong with it, or nobody flies in it.
         OSError: If its file cannot be read.
     """
     scenario = resolve_scenario(options.scenario, options.count, speed_mps=options.speed_mps)
+    options.fleet.autopilots_of(scenario)
+    if all(vehicle.ghost for vehicle in scenario.vehicles):
+        raise ConfigError(f"{scenario.name}: there is nobody to fly; 'ridlink sim' shows an empty sky and its ghosts")
     return scenario if options.interval_s is None else replace(scenario, interval_s=options.interval_s)
 
 
@@ -180,7 +186,8 @@ async def _open(server: FleetServer) -> None:
 def _log_path(options: DemoOptions, scenario: Scenario) -> Path:
     if options.log is not None:
         return options.log
-    stem = f"ridlink-{Path(scenario.name).stem}-{options.definition}-{options.fleet.seed}-"
+    name = Path(scenario.name).stem[:LONGEST_NAME]
+    stem = f"ridlink-{name}-{options.definition}-{options.fleet.seed}-"
     handle, name = tempfile.mkstemp(prefix=stem, suffix=".tlog")
     os.close(handle)
     return Path(name)

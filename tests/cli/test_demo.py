@@ -194,6 +194,23 @@ def test_a_mistake_is_one_clear_line(arguments: list[str], text: str, code: int)
     assert len(done.stderr.splitlines()) == 1 and done.stdout == ""
 
 
+@pytest.mark.parametrize(
+    "text", ["vehicle = []\n", ALONE.split("20.0\n", 1)[1] + "ghost = true\n"], ids=["none", "ghost"]
+)
+def test_a_file_in_which_nobody_flies_passes_no_flight(tmp_path: Path, text: str) -> None:
+    path = scenario(tmp_path, f'name = "void"\nduration_s = 1.0\n{text}')
+    done = demo("--scenario", path, "--headless", "--any-ports")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("ridlink: void: there is nobody to fly") and done.stderr.count("\n") == 1
+
+
+def test_a_scenario_may_have_a_longer_name_than_a_file(tmp_path: Path) -> None:
+    named = ALONE.replace("alone", 300 * "\N{AIRPLANE}") + "cooperative = false\n"
+    done = demo("--scenario", scenario(tmp_path, named), "--autopilot", "ideal", "--headless", "--json", "--any-ports")
+    assert done.returncode == 0, done.stderr
+    Path(json.loads(done.stdout)["log"]).unlink()
+
+
 def test_a_bad_number_in_a_scenario_names_file_and_key(tmp_path: Path) -> None:
     path = scenario(tmp_path, ALONE.replace("speed_mps = 20.0", "speed_mps = nan"))
     done = demo("--scenario", path, "--headless", "--any-ports")

@@ -206,6 +206,17 @@ def test_a_scenario_file_that_is_wrong_or_missing_is_named(tmp_path: Path) -> No
     assert done.returncode == 3 and "missing.toml" in done.stderr
 
 
+@pytest.mark.parametrize("option", ["--duration=1", "--explain"])
+def test_more_vehicles_than_system_ids_are_refused(tmp_path: Path, option: str) -> None:
+    lines = [{"type": "LineString", "coordinates": [[0.0, k / 1000], [0.001, k / 1000]]} for k in range(251)]
+    path = tmp_path / "crowd.geojson"
+    features = [{"type": "Feature", "geometry": line} for line in lines]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    told = refused(*ANY_PORT, "--scenario", str(path), option)
+    assert "crowd: 251 vehicles" in told and "-n 250" in told
+    assert ridlink_sim(*ANY_PORT, "--scenario", str(path), "-n", "250", "--duration", "0.1").returncode == 0
+
+
 def test_choices_are_those_of_the_simulator() -> None:
     """The command lists them itself, so that it need not import the simulator for ``--help``."""
     choices: dict[str, Any] = {option.name: getattr(option.type, "choices", None) for option in sim.params}
