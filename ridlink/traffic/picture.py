@@ -22,7 +22,8 @@ from ridlink.traffic.track import SENDER_AGE_S, Relation, Track, TrackKey, Updat
 
 VEHICLES_PER_IDENTITY = 4
 DISPLACED_AFTER_S = 3.0
-"""So many vehicles with one identity are followed side by side; one silent for so long gives way to another."""
+"""So many vehicles with one identity are followed side by side; one silent for so long, or less urgent, gives way to
+another."""
 
 
 ESTABLISHED_S = 2.0
@@ -143,17 +144,8 @@ class TrafficPicture:
             return
         if others:
             self.counters["identity_doubtful"] += 1
-        taken = {track.key[-1] for track in others}
-        number = next((k for k in range(VEHICLES_PER_IDENTITY) if k not in taken), None)
-        if number is None:
-            longest_silent = min(others, key=lambda track: track.received_at_s)
-            if report.received_at_s - longest_silent.received_at_s < DISPLACED_AFTER_S:
-                self.counters["track_refused"] += 1
-                return
-            number = longest_silent.key[-1]
-            del self.tracks[longest_silent.key]
         track = new_track(
-            (*identity, number),
+            (*identity, len(others)),
             report,
             report.received_at_s - (age_s or 0.0),
             filtered=self.settings.filtered,
@@ -165,11 +157,35 @@ class TrafficPicture:
             here = (self._own.position.latitude_deg, self._own.position.longitude_deg)
             track.first_heard_m = math.hypot(*offset_m(here, (track.latitude_deg, track.longitude_deg)))
             track.urgency_s = self._urgency_of(track, self._own)
+        number = self._number_among(others, track)
+        if number is None:
+            self.counters["track_refused"] += 1
+            return
         if len(self.tracks) >= self.settings.max_tracks and not self._make_room(track):
             self.counters["track_refused"] += 1
             return
+        track.key = (*identity, number)
         self.tracks[track.key] = track
         self._flag(report)
+
+    def _number_among(self, others: Collection[Track], newcomer: Track) -> int | None:
+        """Which of the vehicles with its identity a newcomer is; None where there are as many and none gives way.
+
+        One that has fallen silent does, and one that is less urgent: four that are far away must not hide a fifth.
+        """
+        taken = {track.key[-1] for track in others}
+        free = next((k for k in range(VEHICLES_PER_IDENTITY) if k not in taken), None)
+        if free is not None:
+            return free
+        gives_way = min(others, key=lambda track: track.received_at_s)
+        if newcomer.received_at_s - gives_way.received_at_s < DISPLACED_AFTER_S:
+            passing = [track for track in others if not _established(track)]
+            gives_way = max(passing, key=lambda track: track.urgency_s, default=newcomer)
+            if gives_way.urgency_s <= newcomer.urgency_s:
+                return None
+        del self.tracks[gives_way.key]
+        self.counters["track_displaced"] += 1
+        return gives_way.key[-1]
 
     def _is_echo(
         self, report: RemoteIdReport, track: Track | None, own_sysid: int | None, own_names: Collection[bytes]

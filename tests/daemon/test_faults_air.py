@@ -160,6 +160,23 @@ def test_f07_f08_two_places_under_one_identity_are_two_tracks_and_both_count() -
     flown(test)
 
 
+def test_f08_four_far_away_under_one_identity_hide_no_fifth_that_comes_at_us() -> None:
+    async def test(hostile: Hostile) -> None:
+        far = [Emulated(9, ned_m=(300.0 + 60.0 * k, 400.0, -50.0)) for k in range(4)]
+        await hostile.send(*(each.remote_id(0.01 * k) for k, each in enumerate(far)))
+        assert len(hostile.picture) == 4
+        hostile.other.position = hostile.vehicle.vehicle.position + np.array((90.0, 0.0, 0.0))
+        hostile.other.velocity[:] = (-10.0, 0.0, 0.0)
+        await hostile.send(hostile.other.remote_id(0.1))
+        assert len(hostile.picture) == 4 and hostile.counted("track_displaced") == 1
+        await hostile.vehicle.until(lambda: len(hostile.last.conflicts) == 1)
+        await hostile.send(*(each.remote_id(0.2 + 0.01 * k) for k, each in enumerate(far)))
+        assert hostile.counted("track_refused") == 1, "who is further away takes no place of one that matters"
+        await hostile.vehicle.until(lambda: len(hostile.last.conflicts) == 1)
+
+    flown(test)
+
+
 def test_f09_our_identity_at_our_place_is_an_echo_and_elsewhere_an_intruder_with_an_alert() -> None:
     async def test(hostile: Hostile) -> None:
         own = hostile.flight.vehicle.vehicle
