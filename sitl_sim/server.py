@@ -86,6 +86,7 @@ class FleetServer:
             gnss=config.gnss,
             sigma_m=config.sigma_m,
             airborne=config.start is not Start.GROUND,
+            begins=config.start is Start.AIRBORNE,
             arrival="leave" if config.autopilot == "ideal" else "land",
             gnss_common_share=config.gnss_common_share,
             gnss_time_constant_s=config.gnss_time_constant_s,

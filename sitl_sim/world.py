@@ -73,8 +73,9 @@ class World:
         autopilot: "ideal", "px4" or "ardupilot", one for all or one for each vehicle.
         gnss: How sigma becomes an error: "white", "white-radial", "gauss-markov" or "bias".
         sigma_m: For vehicles of which the scenario says nothing.
-        airborne: True: everybody hovers at its start and the mission begins at once. False: everybody stands below its
-            start until ``lift_off``; ``begin_mission`` says when the mission begins.
+        airborne: True: everybody hovers at its start. False: everybody stands below its start until ``lift_off``.
+        begins: Whether the mission of an airborne fleet begins at once. It is ``begin_mission`` that begins any other:
+            nothing is judged and nothing goes wrong before.
         arrival: "land": who has arrived comes down and stands. "leave": it is gone at once, as in the paper.
         gnss_common_share: Share of the variance of position errors that all vehicles have in common.
         gnss_time_constant_s: Correlation time of "gauss-markov".
@@ -94,6 +95,7 @@ class World:
         gnss: ErrorModel = "gauss-markov",
         sigma_m: float = 3.5,
         airborne: bool = True,
+        begins: bool = True,
         arrival: Literal["land", "leave"] = "land",
         gnss_common_share: float = 0.0,
         gnss_time_constant_s: float = CORRELATION_TIME_S,
@@ -153,7 +155,7 @@ class World:
         self._ticks_per_report = max(1, round(scenario.interval_s / TICK_S))
         self._pending_s = 0.0
         self._mission_from_s: float | None = None
-        if airborne:
+        if airborne and begins:
             self.begin_mission()
 
     # --- truth: for the radio, the referee, logs and observers --------------------------------------------------------
