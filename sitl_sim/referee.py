@@ -236,9 +236,16 @@ class Referee:
         self.obstacle_hits.extend((time_s, int(index)) for index in np.flatnonzero(hit))
         return hit
 
-    def verdict(self) -> Verdict:
-        """The judgement so far."""
-        details = tuple(self._result(index) for index in range(len(self._before)) if not self._is_ghost[index])
+    def verdict(self, grounded: BoolArray | None = None) -> Verdict:
+        """The judgement so far.
+
+        Args:
+            grounded: Who stands, shape (n,); None: nobody.
+        """
+        stands = np.zeros(len(self._before), dtype=np.bool_) if grounded is None else grounded
+        details = tuple(
+            self._result(row, bool(stands[row])) for row in range(len(self._before)) if not self._is_ghost[row]
+        )
         times = sorted(
             d.arrival_time_s for d in details if d.outcome is Outcome.ARRIVED and d.arrival_time_s is not None
         )
@@ -255,27 +262,27 @@ class Referee:
             details=details,
         )
 
-    def _result(self, index: int) -> VehicleResult:
+    def _result(self, index: int, stands: bool) -> VehicleResult:
         separation_m = self._closest_m[index]
         nearest = int(np.argmin(separation_m))
         known = math.isfinite(separation_m[nearest])
         return VehicleResult(
             system_id=index + 1,
-            outcome=self._outcome(index),
+            outcome=self._outcome(index, stands),
             arrival_time_s=_finite(self.arrival_time_s[index]),
             min_separation_m=float(separation_m[nearest]) if known else None,
             nearest_system_id=nearest + 1 if known else None,
             nearest_time_s=float(self._closest_at_s[index, nearest]) if known else None,
         )
 
-    def _outcome(self, index: int) -> Outcome:
+    def _outcome(self, index: int, stands: bool) -> Outcome:
         if index in itertools.chain.from_iterable(collision[1:] for collision in self.collisions):
             return Outcome.COLLIDED
         if any(index == other for _, other in self.obstacle_hits):
             return Outcome.HIT_OBSTACLE
         if not math.isnan(self.arrival_time_s[index]):
             return Outcome.ARRIVED
-        return Outcome.FLYING
+        return Outcome.GROUNDED if stands else Outcome.FLYING
 
 
 class _EntryCounter:

@@ -11,6 +11,8 @@ class Outcome(StrEnum):
     """How the mission of one vehicle ended."""
 
     FLYING = "flying"
+    GROUNDED = "grounded"
+    """Stands, not arrived: not taken off, or landed by a failsafe or on somebody's order."""
     ARRIVED = "arrived"
     COLLIDED = "collided"
     HIT_OBSTACLE = "hit_obstacle"

@@ -187,7 +187,7 @@ class World:
 
     def verdict(self) -> Verdict:
         """The judgement so far."""
-        return self._referee.verdict()
+        return self._referee.verdict(self.state == VehicleState.GROUNDED)
 
     # --- what a vehicle may know of itself ----------------------------------------------------------------------------
 

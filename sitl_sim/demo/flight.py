@@ -26,7 +26,7 @@ from sitl_sim.demo.options import DemoOptions
 from sitl_sim.demo.screen import Screen
 from sitl_sim.fleet_config import HOST
 from sitl_sim.server import FleetServer
-from sitl_sim.world import FloatArray, World
+from sitl_sim.world import FloatArray, VehicleState, World
 
 HAND_OVER_TIMEOUT_S = 20.0
 LOOK_S = 0.2
@@ -214,12 +214,21 @@ async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: s
     if not screen.is_terminal:
         screen.say(f"Flying {title} (at most {server.scenario.duration_s:.0f} s) ...")
     with screen.flight(title):
-        while not server.world.finished:
+        while not (server.world.finished or _all_stand(server)):
             screen.update(server.world, title, daemons.status)
             await asyncio.wait([flying], timeout=LOOK_S)
             if flying.done():
                 await flying
                 return
+
+
+def _all_stand(server: FleetServer) -> bool:
+    """Whether all who have not arrived stand, disarmed: daemons arm nobody, so that they will get nowhere."""
+    world = server.world
+    waited_for = np.flatnonzero(~(world.arrived | world.is_ghost | (world.state == VehicleState.GONE))).tolist()
+    return all(
+        world.state[row] == VehicleState.GROUNDED and not server.autopilots[row].pilot.armed for row in waited_for
+    )
 
 
 def _result(

@@ -155,8 +155,9 @@ def held_up_by(result: dict[str, Any]) -> str:
 
 
 def _fate(outcome: str) -> str:
-    """What is said of a vehicle that has not arrived; it may fly, or have landed at home after a failsafe."""
-    return "not arrived" if outcome == Outcome.FLYING else outcome.replace("_", " ")
+    """What is said of a vehicle that has not arrived."""
+    words = {Outcome.FLYING: "not arrived", Outcome.GROUNDED: "on the ground, not arrived"}
+    return words.get(Outcome(outcome), outcome.replace("_", " "))
 
 
 def comparison_table(results: list[dict[str, Any]]) -> RenderableType:

@@ -166,6 +166,22 @@ def test_a_machine_that_was_too_busy_for_the_flight_is_named(gap_ms: float | Non
     assert not told or f"too busy: {busy}" in told[0]
 
 
+EMPTY = """
+[[event]]
+at_s = 0.5
+what = "battery"
+remaining = 0.0
+"""
+
+
+def test_where_nobody_flies_any_more_nobody_is_waited_for(tmp_path: Path) -> None:
+    stuck = ALONE.replace("-50.0", "-2.0").replace("30.0", "300.0").replace("duration_s = 20.0", "duration_s = 3600.0")
+    log = str(tmp_path / "flight.tlog")
+    done = demo("--scenario", scenario(tmp_path, stuck + EMPTY), "--headless", "--any-ports", "--log", log)
+    assert done.returncode == 1, done.stderr
+    assert "0 of 1 arrived" in done.stdout and "\nvehicle 1: on the ground, not arrived\n" in done.stdout
+
+
 def test_who_has_not_arrived_in_time_is_named(tmp_path: Path) -> None:
     late = ALONE.replace("duration_s = 20.0", "duration_s = 1.0") + "cooperative = false\n"
     log = str(tmp_path / "flight.tlog")
