@@ -35,6 +35,10 @@ class State(IntEnum):
     STOPPED = 3
 
 
+STEERING = (State.ENGAGED, State.HOLD)
+"""In which setpoints move the vehicle, or stop it."""
+
+
 class Stream(StrEnum):
     """What may be sent to the autopilot."""
 
@@ -133,7 +137,7 @@ def advance(rung: Rung, seen: Conditions, settings: FailsafeSettings | None = No
         settings: When doubt becomes action.
     """
     settings = settings or FailsafeSettings()
-    if rung.state in (State.ENGAGED, State.HOLD):
+    if rung.state in STEERING:
         return _engaged(seen, settings)
     return _waiting(rung, seen, settings)
 

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from ridlink.engine import Engine, EngineConfig
-from ridlink.engine.guard import EXTERNAL_MODE, Guard, Phase
-from ridlink.failsafe import State
+from ridlink.engine.guard import DO_SET_MODE, EXTERNAL_MODE, Guard, Phase
+from ridlink.failsafe import STEERING, State
+from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
+from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import ARDUPILOT, PX4
 from ridlink.traffic.position_filter import moved
 from sitl_sim.autopilot import Start
@@ -33,11 +35,15 @@ class Guarded(Flight):
         self.intruder: Emulated | None = None
         self.nearest_m = math.inf
         self.phases: list[Phase] = []
+        self.lost: set[str] = set()
+        self.asked: list[int] = []
 
     def _note(self, outgoing: Any) -> Any:
         for datagram, address in outgoing:
             if address == COMPANION:
-                self.engine.receive_vehicle(datagram, self.now_s, source=COMPANION)
+                frames = [frame for frame in parse_datagram(datagram, CRC_EXTRAS) if isinstance(frame, Frame)]
+                kept = [frame.raw for frame in frames if decode_message(frame).name not in self.lost]
+                self.engine.receive_vehicle(b"".join(kept), self.now_s, source=COMPANION)
         return super()._note(outgoing)
 
     @property
@@ -55,7 +61,7 @@ class Guarded(Flight):
             self.engine.receive_remote_id(intruding(self.intruder, self.now_s), "air", self.now_s)
         for frame in self.engine.step(self.now_s).to_vehicle:
             self.observer.steerable = True
-            self.observer.watch(frame)
+            self.asked += [m.command for m in self.observer.watch(frame) if m.name == "COMMAND_LONG"]
             super()._note(self.autopilot.receive(frame, COMPANION, self.now_s))
         if not self.phases or self.phases[-1] is not self.guard.phase:
             self.phases.append(self.guard.phase)
@@ -174,6 +180,37 @@ def test_a_clean_stop_in_the_middle_hands_back() -> None:
     flight.advance(1.5)
     assert flight.mode == MISSION["px4"]
     assert [message.vx for message in flight.observer.setpoints[-3:]] == [0.0] * 3
+
+
+@both
+def test_a_clean_stop_before_the_mode_is_told_hands_back_as_well(flavour: str) -> None:
+    flight = on_a_mission(flavour)
+    cross(flight)
+    flight.until(lambda: flight.guard.phase is Phase.TAKING_OVER)
+    flight.lost = {"HEARTBEAT"}  # once a second, and the next one is still to come
+    flight.until(lambda: DO_SET_MODE in flight.asked)
+    assert flight.guard.phase is Phase.TAKING_OVER
+    for frame in flight.engine.stop(flight.now_s + 0.1):
+        flight.observer.watch(frame)
+        flight._note(flight.autopilot.receive(frame, COMPANION, flight.now_s))
+    flight.advance(1.5)
+    assert flight.mode == MISSION[flavour]
+
+
+@pytest.mark.parametrize("lost", [{"GLOBAL_POSITION_INT"}, {"HEARTBEAT"}], ids=["own-state", "heartbeat"])
+def test_f14_f15_an_ardupilot_that_is_steered_no_more_is_handed_back(lost: set[str]) -> None:
+    """It keeps GUIDED and would hover there for ever; a PX4 leaves OFFBOARD by itself."""
+    flight = on_a_mission("ardupilot")
+    cross(flight)
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    flight.step()
+    flight.lost = lost
+    flight.until(lambda: flight.engine.rung.state not in STEERING)
+    flight.lost = set()
+    flight.intruder = None
+    flight.until(lambda: flight.guard.phase is Phase.WATCHING, 10.0)
+    assert flight.mode == MISSION["ardupilot"]
+    assert flight.engine.rung.reason == "guard: watching"
 
 
 @pytest.mark.parametrize(("off_m", "interrupts"), [(4.0, False), (0.0, True)])

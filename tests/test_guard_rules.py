@@ -136,6 +136,36 @@ def test_a_px4_gets_half_a_second_of_stream_and_an_ardupilot_is_asked_at_once() 
     assert copter.phase is Phase.ENDED, "LOITER is a pilot's"
 
 
+def test_five_seconds_without_anybody_who_steers_are_enough() -> None:
+    guard = taking_over(T)
+    ours = seen(custom_mode=6 << 16, conflict=True, clear=False)
+    guard.step(ours, T + 1.0)
+    assert not guard.step(ours, T + 9.0).commands and guard.phase is Phase.RESOLVING
+    idle = replace(ours, steering=False)
+    assert not guard.step(idle, T + 14.0).commands and guard.phase is Phase.RESOLVING
+    assert guard.step(idle, T + 14.1).commands == (mode_command(PX4, missions.PX4_MISSION),)
+    assert guard.phase is Phase.HANDING_BACK
+    guard = taking_over(T)
+    guard.step(replace(idle, steering=False), T + 1.0)
+    assert not guard.step(idle, T + 6.0).commands, "since it has the mode, where nobody ever steered"
+    assert guard.step(idle, T + 6.1).commands
+
+
+def test_a_vehicle_that_somebody_else_steers_as_well_is_theirs() -> None:
+    guard = taking_over(T)
+    guard.step(seen(custom_mode=6 << 16, clear=False), T + 1.0)
+    assert guard.step(seen(custom_mode=6 << 16, clear=False, steering=False, taken=True), T + 2.0) == Wish(end=True)
+    assert guard.phase is Phase.ENDED
+
+
+def test_what_was_not_asked_for_yet_is_not_handed_back() -> None:
+    guard = taking_over(T)
+    guard.step(seen(conflict=True), T + 0.4)
+    assert not guard.hand_back(seen(conflict=True))
+    guard.step(seen(conflict=True), T + 0.5)
+    assert guard.hand_back(seen(conflict=True)) == (mode_command(PX4, missions.PX4_MISSION),)
+
+
 def test_it_tries_for_five_seconds() -> None:
     guard = taking_over(T)
     assert not guard.step(seen(conflict=True), T + 5.0).end and guard.phase is Phase.TAKING_OVER

@@ -32,7 +32,7 @@ from ridlink.engine.hearing import Hearing
 from ridlink.engine.intake import VEHICLE_IDS, Intake
 from ridlink.engine.steering import Steering
 from ridlink.engine.takeoff import interruptible
-from ridlink.failsafe import Conditions, Rung, State, Stream, advance, request
+from ridlink.failsafe import OTHER_WRITER, STEERING, Conditions, Rung, State, Stream, advance, request
 from ridlink.mavlink.codec import Encoder, Message
 from ridlink.mavlink.frames import Frame
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
@@ -199,7 +199,7 @@ class Engine:
         commands = [] if self.guard is None else self._watch(self.guard, own, now_s)
         self.rung = advance(self.rung, self._conditions(own, now_s, since_last), self.config.failsafe)
         self._hold_next = False
-        self.rivals.steer(self.rung.state in (State.ENGAGED, State.HOLD) and not self.config.dry_run, utc_s)
+        self.rivals.steer(self.rung.state in STEERING and not self.config.dry_run, utc_s)
         record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
         if own is not None:
             record = self.steering.look_and_decide(
@@ -213,7 +213,7 @@ class Engine:
             )
         elif self.rung.stream is Stream.ZERO:
             record = replace(record, commanded_ned_mps=STOP)
-        if self.rung.state is State.ENGAGED and before is not State.ENGAGED and before is not State.HOLD:
+        if self.rung.state is State.ENGAGED and before not in STEERING:
             self.steering.begin_leg()
         self._last_record = record
         output = StepOutput(record, to_vehicle=commands)
@@ -261,10 +261,10 @@ class Engine:
     def _watch(self, guard: Guard, own: OwnState | None, now_s: float) -> list[bytes]:
         """Let the guard look; the commands that it wants to give."""
         lock = self.telemetry.lock
-        if lock is None or own is None:
+        if lock is None:
             return []
         wish = guard.step(self._seen_by_guard(own, now_s), now_s)
-        if wish.begin:
+        if wish.begin and own is not None:
             # Where its plan leads is where it flies; a kilometre on is further than any conflict lasts.
             ahead = 1000.0 / max(own.speed_mps, 1.0)
             north, east = (ahead * value for value in own.velocity_ned_mps[:2])
@@ -274,8 +274,8 @@ class Engine:
             self.rung = _resting(guard)
         return [command(self.encoder, number, parameters, lock.sysid) for number, parameters in wish.commands]
 
-    def _seen_by_guard(self, own: OwnState, now_s: float) -> Seen:
-        telemetry, last = self.telemetry, self._last_record
+    def _seen_by_guard(self, own: OwnState | None, now_s: float) -> Seen:
+        telemetry, last = self.telemetry, self._last_record if own is not None else None
         return Seen(
             autopilot=telemetry.lock.autopilot if telemetry.lock is not None else 0,
             custom_mode=telemetry.custom_mode,
@@ -286,21 +286,23 @@ class Engine:
             interruptible=interruptible(self.config, telemetry, own, last),
             conflict=last is not None and bool(last.conflicts),
             clear=self.rung.state is State.ENGAGED and last is not None and not last.recovering,
+            steering=self.rung.state in STEERING,
+            taken=self.rung.reason == OTHER_WRITER,
             mission_item=telemetry.mission_item,
         )
 
     def stop(self, now_s: float) -> list[bytes]:
         """Three zero setpoints for the end, 50 ms apart by their time stamps; none if nothing was being streamed.
 
-        A guard that has taken over hands back what it found.
+        A guard that has taken over, or asked to, hands back what it found.
         """
-        if self.rung.state not in (State.ENGAGED, State.HOLD):
-            return []
-        self.rung = Rung(State.STANDBY, False, Stream.NOTHING, "ended")
-        frames = [self._setpoint(STOP, now_s + 0.05 * k) for k in range(3)]
-        own, lock = self.telemetry.state(now_s), self.telemetry.lock
-        if self.guard is not None and own is not None and lock is not None:
-            wanted = self.guard.hand_back(self._seen_by_guard(own, now_s))
+        frames = []
+        if self.rung.state in STEERING:
+            frames = [self._setpoint(STOP, now_s + 0.05 * k) for k in range(3)]
+            self.rung = Rung(State.STANDBY, False, Stream.NOTHING, "ended")
+        lock = self.telemetry.lock
+        if self.guard is not None and lock is not None:
+            wanted = self.guard.hand_back(self._seen_by_guard(self.telemetry.state(now_s), now_s))
             frames += [command(self.encoder, number, parameters, lock.sysid) for number, parameters in wanted]
         return frames
 

@@ -3,10 +3,11 @@
     WATCHING      nothing is sent but words. Only autonomous modes are taken over from, never a pilot's.
     TAKING_OVER   a conflict is predicted: PX4 gets its stream first, then the mode is asked for until a heartbeat says
                   it.
-    RESOLVING     in GUIDED or OFFBOARD; until the way has been free for the hysteresis.
+    RESOLVING     in GUIDED or OFFBOARD; until the way has been free for the hysteresis, or nobody has steered for five
+                  seconds: a lost own state or link ends the avoidance, and an ArduPilot would hover there for ever.
     HANDING_BACK  the mission item and the mode that were found are asked for until a heartbeat says so.
-    ENDED         somebody else changed the mode meanwhile. It is theirs until the operator engages the guard again, by
-                  MAV_CMD_DO_PAUSE_CONTINUE with 1 sent to this component.
+    ENDED         somebody else changed the mode meanwhile, or steers as well. It is theirs until the operator engages
+                  the guard again, by MAV_CMD_DO_PAUSE_CONTINUE with 1 sent to this component.
 
 No acknowledgement counts: PX4 acknowledges twice, and only the second one may be the refusal. A guard is fed with what
 is seen and names what is to be asked for; it sends nothing itself.
@@ -32,7 +33,7 @@ STREAM_FIRST_S = 0.5
 """PX4 accepts OFFBOARD after 100 ms of stream; lost datagrams are allowed for."""
 ASK_AGAIN_S = 0.5
 GIVE_UP_S = 5.0
-"""Without the mode; the conflict may still be there, and it is tried again."""
+"""Without the mode; the conflict may still be there, and it is tried again. In the mode, without anybody who steers."""
 
 
 class Phase(StrEnum):
@@ -57,6 +58,8 @@ class Seen:
         conflict: A disc is entered within the horizon if all fly on.
         clear: The way has been free for the hysteresis.
         mission_item: As MISSION_CURRENT says; None where it says nothing.
+        steering: The avoidance steers, be it to a stop.
+        taken: Somebody else sends setpoints, and the avoidance gave way.
     """
 
     autopilot: int
@@ -66,6 +69,8 @@ class Seen:
     conflict: bool
     clear: bool
     mission_item: int | None = None
+    steering: bool = True
+    taken: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +116,7 @@ class Guard:
         self.found_mode = 0
         self.takeovers = 0
         self._found_item: int | None = None
-        self._since_s = self._asked_s = 0.0
+        self._since_s = self._asked_s = self._steered_s = 0.0
 
     def engage(self) -> None:
         """The operator engages it again."""
@@ -160,11 +165,14 @@ class Guard:
         return Wish(commands=(mode_command(seen.autopilot, EXTERNAL_MODE[seen.autopilot]),))
 
     def _resolve(self, seen: Seen, now_s: float, external: bool) -> Wish:
-        if not external:
+        if not external or seen.taken:
             handed = self.phase is Phase.HANDING_BACK and _same(seen.autopilot, seen.custom_mode, self.found_mode)
             self._go(Phase.WATCHING if handed else Phase.ENDED, now_s)
             return Wish(end=True)
-        if not seen.clear:  # what was asked for may still come; whoever is handed back watches on
+        if seen.steering:
+            self._steered_s = now_s
+        # What was asked for may still come; whoever is handed back watches on.
+        if not seen.clear and now_s - max(self._steered_s, self._since_s) <= GIVE_UP_S:
             return Wish()
         if self.phase is Phase.RESOLVING:
             self._go(Phase.HANDING_BACK, now_s)
@@ -173,8 +181,9 @@ class Guard:
         return Wish(commands=self.hand_back(seen))
 
     def hand_back(self, seen: Seen) -> tuple[tuple[int, tuple[float, ...]], ...]:
-        """Commands that bring back what was found; none unless it was taken."""
-        if self.phase not in (Phase.RESOLVING, Phase.HANDING_BACK):
+        """Commands that bring back what was found; none unless it was taken, or asked for and perhaps not told yet."""
+        asked = self.phase is Phase.TAKING_OVER and self._asked_s >= self._since_s
+        if not asked and self.phase not in (Phase.RESOLVING, Phase.HANDING_BACK):
             return ()
         mode = mode_command(seen.autopilot, self.found_mode)
         if self._found_item is None or seen.mission_item in (None, self._found_item):
