@@ -116,6 +116,9 @@ class Choice:
             OSError: If a file cannot be read.
         """
         technology = TECHNOLOGIES[self.conditions.technology]
+        losses = self.losses or (technology.loss,)
+        if self.conditions.burst is not None and not any(losses):
+            raise ConfigError("nothing is lost, in bursts or singly; --loss-burst goes with a --loss above 0")
         plans: dict[Any, Plan] = {}
         named: dict[str, str] = {}
         points = self.points or tuple((each, solver) for solver in self.solvers for each in self.definitions)
@@ -125,7 +128,7 @@ class Choice:
                 raise ConfigError(f"two scenarios have the name '{template.scene.name}'; give each its own")
             for gnss, dynamics, interval_s, loss, (definition, solver) in product(
                 self.gnss, self.dynamics, self.intervals_s or (max(template.interval_s, technology.period_s),),
-                self.losses or (technology.loss,), points,
+                losses, points,
             ):  # fmt: skip
                 plan = self._plan(replace(template, errors=gnss, dynamics=dynamics), interval_s, loss)
                 plan = self._solved(plan, solver)

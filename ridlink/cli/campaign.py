@@ -17,6 +17,7 @@ from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_IO
 from ridlink.cli.campaign_options import (
     BASELINE,
     DEFINITIONS,
+    LARGEST,
     PAPER_DEFINITIONS,
     air_options,
     cell_options,
@@ -48,7 +49,7 @@ campaign.add_command(report)
 @air_options
 @fleet_options
 @click.option("--runs", type=click.IntRange(1, 1_000_000), default=500, show_default=True, help="Runs of each cell.")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.option("--seed", type=click.IntRange(0, LARGEST), default=1, show_default=True)
 @click.option(
     "--jobs",
     type=click.IntRange(1, 1024),
@@ -63,7 +64,7 @@ campaign.add_command(report)
 @click.option("--resume", is_flag=True, help="Go on with what is in the folder: fly only what is missing.")
 @click.option(
     "--only-run",
-    type=click.IntRange(0),
+    type=click.IntRange(0, LARGEST),
     metavar="K",
     help="Fly run K alone, as it was flown among others, and print it, vehicle by vehicle.",
 )

@@ -18,6 +18,8 @@ PAPER_DEFINITIONS = ("snmac", "remote-id", "candidate1", "candidate2")
 GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
 SOLVERS = ("halfplane", "graded", "rotation", "g2", "g3", "k", "k2")
 DYNAMICS = ("ideal", "px4", "ardupilot")
+LARGEST = 2**63 - 1
+"""Of seeds and numbers of runs, which shards keep as integers of 64 bits."""
 TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink", "flarm", "lora")
 
 
@@ -162,7 +164,7 @@ air_options = option_group(
         help="Period, range, latency and losses of a way to broadcast, where nothing else is said.",
     ),
     click.option(
-        "--loss-burst", "burst", type=float, metavar="MEAN",
+        "--loss-burst", "burst", type=Within(1.0, 1e6), metavar="MEAN",
         help="Reports are lost so many in a row, in the mean.  [default: each by itself]",
     ),
     click.option(
@@ -170,15 +172,15 @@ air_options = option_group(
         help="Age of a report when it is heard, uniform between two times.  [default: the technology's; ideal: 0]",
     ),
     click.option(
-        "--range", "range_m", type=Figures(1.0, 1e6), metavar="M", callback=lambda _, __, value: value and value[0],
+        "--range", "range_m", type=Within(1.0, 1e6), metavar="M",
         help="Radio range.  [default: the technology's; ideal: 400]",
     ),
     click.option(
-        "--stock", "stock_share", type=click.FloatRange(0.0, 1.0), default=0.0, metavar="SHARE",
+        "--stock", "stock_share", type=Within(0.0, 1.0), default=0.0, metavar="SHARE",
         help="Vehicles that send standard Remote ID only.",
     ),
     click.option(
-        "--unresponsive", "unresponsive_share", type=click.FloatRange(0.0, 1.0), default=0.0, metavar="SHARE",
+        "--unresponsive", "unresponsive_share", type=Within(0.0, 1.0), default=0.0, metavar="SHARE",
         help="Vehicles that fly straight on and avoid nobody.",
     ),
 )  # fmt: skip
@@ -189,19 +191,19 @@ fleet_options = option_group(
         help="Fleets of circleN and squareN as a category of Table III.  [default: the paper's fleet]",
     ),
     click.option(
-        "--speed", "speed_mps", type=click.FloatRange(0.5, 100.0), metavar="M/S",
+        "--speed", "speed_mps", type=Within(0.5, 100.0), metavar="M/S",
         help="Cruise speed of everybody in circleN and squareN.  [default: drawn; 10 with px4 or ardupilot]",
     ),
     click.option(
-        "--correlation", "correlation_s", type=click.FloatRange(0.1, 1e6), default=10.0, show_default=True,
+        "--correlation", "correlation_s", type=Within(0.1, 1e6), default=10.0, show_default=True,
         metavar="S", help="Time constant of gauss-markov errors.",
     ),
     click.option(
-        "--common-mode", "common_share", type=click.FloatRange(0.0, 1.0), default=0.0, metavar="SHARE",
+        "--common-mode", "common_share", type=Within(0.0, 1.0), default=0.0, metavar="SHARE",
         help="Part of the variance of the errors that all vehicles share.",
     ),
     click.option(
-        "--bias", "bias_m", type=click.FloatRange(0.0, 1000.0), default=0.0, metavar="M",
+        "--bias", "bias_m", type=Within(0.0, 1000.0), default=0.0, metavar="M",
         help="An offset on top, for the whole flight, that nobody knows of: its standard deviation per axis.",
     ),
     click.option(

@@ -357,6 +357,10 @@ def test_nobody_waits_for_the_compiler_without_a_word(tmp_path: Path) -> None:
         (["--dynamics", "px5"], 2, "known are ideal, px4, ardupilot"),
         (["--loss", "1"], 2, "1.0 is not in the range"),
         (["--loss", "0.8", "--loss-burst", "2"], 2, "burst must be at least 4 reports at a loss of 0.8"),
+        (["--loss-burst", "5"], 2, "nothing is lost, in bursts or singly; --loss-burst goes with a --loss above 0"),
+        (["--loss", "0.3", "--loss-burst", "-3"], 2, "-3.0 is not in the range"),
+        (["--range", "400,500"], 2, "'400,500' is not a number"),
+        (["--seed", str(2**63)], 2, "9223372036854775808 is not in the range"),
         (["--latency", "0.3-0.1"], 2, "the second time is before the first"),
         (["--interval", "0"], 2, "0.0 is not in the range"),
         (["--stock", "1.5"], 2, "1.5 is not in the range"),
@@ -374,6 +378,25 @@ def test_options_that_cannot_be_flown(ridlink: Ridlink, arguments: list[str], co
     assert (ended, out) == (code, "")
     assert text in err
     assert len(err.splitlines()) == 1
+
+
+FIGURES = ("sigma", "interval", "loss", "loss-burst", "latency", "range", "stock", "unresponsive", "speed",
+           "correlation", "common-mode", "bias", "eta")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("figure", ["nan", "inf"])
+def test_what_is_no_figure_is_an_option_that_cannot_be_flown(ridlink: Ridlink, name: str, figure: str) -> None:
+    code, out, err = ridlink(f"--{name}", figure, "-o", "/proc/never")
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert f"Invalid value for '--{name}'" in err
+
+
+def test_the_largest_seed_and_run_are_flown(tmp_path: Path, ridlink: Ridlink) -> None:
+    few = ["--scenario", "crossing", "--definition", "snmac", "--seed", 2**63 - 1]
+    assert ridlink(*few, "--runs", 1, "--jobs", 1, "-o", tmp_path / "seed")[0] == 0
+    assert ridlink(*few, "--only-run", 2**63 - 1)[0] == 0
+    assert ridlink(*few, "--only-run", 2**63)[0] == 2
 
 
 def test_a_shard_of_another_seed_stops_the_campaign_and_stays_as_it_is(tmp_path: Path, ridlink: Ridlink) -> None:
