@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
     from ridlink.campaign.plan import Plan
     from ridlink.campaign.table import Row
 
-WIDE = 120
-"""Columns that the whole table needs."""
+NAMES = ("scenario", "definition")
+SPARED = ("infeasible %", "nearest m", "longest s")
+"""Columns that a narrow terminal goes without, in this order."""
 
 
 def say_if_compiling(plans: Sequence[Plan]) -> None:
@@ -79,20 +81,18 @@ def show_rows(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: d
     from rich.table import Table
 
     console = Console()
-    width = console.width if console.is_terminal else WIDE
+    width = console.width if console.is_terminal else math.inf
     for group in dict.fromkeys(map(_group, rows)):
+        columns, gap = _fitting(_columns([row for row in rows if _group(row) == group]), width)
         table = Table(
-            box=None, header_style="bold", pad_edge=False, padding=(0, 2 if width >= WIDE else 1, 0, 0),
+            box=None, header_style="bold", pad_edge=False, padding=(0, gap, 0, 0),
             title=f"{group}, {rows[0].runs} runs", title_justify="left",
         )  # fmt: skip
-        figures = [(row, _figures(row, width >= WIDE)) for row in rows if _group(row) == group]
-        for head in ("scenario", "definition"):
-            table.add_column(head, no_wrap=True)
-        for head in figures[0][1]:
-            table.add_column(head, justify="right", no_wrap=True)
-        for row, cells in figures:
-            table.add_row(row.scenario, row.definition, *cells.values())
-        Console(width=width).print(table)
+        for head in columns:
+            table.add_column(head, justify="left" if head in NAMES else "right", no_wrap=True)
+        for cells in zip(*columns.values(), strict=True):
+            table.add_row(*cells)
+        Console(width=_needed(columns, gap), markup=False, emoji=False).print(table)
         click.echo()
     click.echo(f"{steps:,} decisions in {wall_s:.1f} s")
 
@@ -110,30 +110,52 @@ def _group(row: Row) -> str:
     return text
 
 
-def _figures(row: Row, all_of_them: bool) -> dict[str, str]:
-    """Cells of a row by the heads of their columns; the last ones only where there is room."""
-    low, high = (100.0 * share for share in row.mac_rate_ci95)
-    median = "-" if row.median_s is None else f"{row.median_s:.1f}"
-    if row.median_ci95:
-        median += f" ({row.median_ci95[0]:.1f}-{row.median_ci95[1]:.1f})"
-    figures = {
-        "MACs": f"{row.macs}/{row.flights:,}",
-        "% (95 %)": f"{100.0 * row.mac_rate:.2f} ({low:.2f}-{high:.2f})" if row.macs else f"below {high:.2g}",
-        "late": f"{row.unfinished}",
-        "median s (95 %)": median,
-        "ratio": _or_dash(row.ratio_to_snmac, 2),
+def _columns(rows: Sequence[Row]) -> dict[str, list[str]]:
+    """Columns of a table by their heads, a cell for every row."""
+    columns = {
+        "scenario": [row.scenario for row in rows],
+        "definition": [row.definition for row in rows],
+        "MACs": [f"{row.macs}/{row.flights:,}" for row in rows],
+        "% (95 %)": [_share(row) for row in rows],
+        "late": [f"{row.unfinished}" for row in rows],
+        "median s (95 %)": [_median(row) for row in rows],
+        "ratio": [_or_dash(row.ratio_to_snmac, ".2f") for row in rows],
     }
-    if row.risk_ratio is not None:
-        figures["risk"] = f"{row.risk_ratio:.2g}"
-    if all_of_them:
-        figures |= {
-            "longest s": _or_dash(row.max_time_s, 1),
-            "nearest m": _or_dash(row.min_separation_m, 1),
-        }
-        if row.risk_ratio is None:
-            figures["infeasible %"] = f"{100.0 * row.infeasible_share:.1f}"
-    return figures
+    if any(row.risk_ratio is not None for row in rows):
+        columns["risk"] = [_or_dash(row.risk_ratio, ".2g") for row in rows]
+    return columns | {
+        "longest s": [_or_dash(row.max_time_s, ".1f") for row in rows],
+        "nearest m": [_or_dash(row.min_separation_m, ".1f") for row in rows],
+        "infeasible %": [f"{100.0 * row.infeasible_share:.1f}" for row in rows],
+    }
 
 
-def _or_dash(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
+def _fitting(columns: dict[str, list[str]], width: float) -> tuple[dict[str, list[str]], int]:
+    """As many columns as there is room for, and the gap between them. A table that is too wide even so stays whole: a
+    figure that is cut off is another figure."""
+    gap = 2 if _needed(columns, 2) <= width else 1
+    for head in SPARED:
+        if _needed(columns, gap) > width:
+            columns = {name: cells for name, cells in columns.items() if name != head}
+    return columns, gap
+
+
+def _needed(columns: dict[str, list[str]], gap: int) -> int:
+    """Width of a table."""
+    from rich.cells import cell_len
+
+    return sum(max(map(cell_len, (head, *cells))) + gap for head, cells in columns.items()) - gap
+
+
+def _share(row: Row) -> str:
+    low, high = (100.0 * share for share in row.mac_rate_ci95)
+    return f"{100.0 * row.mac_rate:.2f} ({low:.2f}-{high:.2f})" if row.macs else f"below {high:.2g}"
+
+
+def _median(row: Row) -> str:
+    median = _or_dash(row.median_s, ".1f")
+    return f"{median} ({row.median_ci95[0]:.1f}-{row.median_ci95[1]:.1f})" if row.median_ci95 else median
+
+
+def _or_dash(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)

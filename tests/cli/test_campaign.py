@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import resource
 import shutil
@@ -607,3 +608,35 @@ def test_without_pyarrow_one_line_says_how_to_get_it(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.splitlines() == ["ridlink: Parquet needs the extra 'export': pip install 'ridlink[export]'"]
     assert not (tmp_path / "x").exists()
+
+
+def test_every_figure_stands_below_its_own_head_and_whole(tmp_path: Path, ridlink: Ridlink) -> None:
+    """Whoever avoids nobody has no risk to be measured by it; its other figures stay where they are."""
+    few = ["--preset", "paper", "--scenario", "crossing", "--runs", 12, "--jobs", 1]
+    for order in ("none,snmac", "snmac,none"):
+        code, out, _ = ridlink(*few, "--definition", order, "-o", tmp_path / order)
+        assert code == 0
+        lines = out.splitlines()
+        heads = next(line for line in lines if line.startswith("scenario"))
+        rows = {row["definition"]: row for row in rows_of(tmp_path / order)["rows"]}  # type: ignore[index]
+        for definition, row in rows.items():
+            line = next(line for line in lines if line.startswith(f"crossing  {definition}"))
+            shown = {head: line[: heads.index(head) + len(head)].split()[-1] for head in ("risk", "nearest m")}
+            risk = "-" if row["risk_ratio"] is None else f"{row['risk_ratio']:.2g}"
+            assert shown == {"risk": risk, "nearest m": f"{row['min_separation_m']:.1f}"}
+
+
+def test_no_figure_is_cut_off_where_the_table_is_too_wide() -> None:
+    from ridlink.cli.campaign_show import _fitting, _needed
+
+    columns = {"scenario": ["square24"], "MACs": ["1840/12,000"], "longest s": ["52.9"], "infeasible %": ["2.2"]}
+    assert _fitting(columns, math.inf) == (columns, 2)
+    assert list(_fitting(columns, 40)[0]) == ["scenario", "MACs", "longest s"]
+    assert list(_fitting(columns, 10)[0]) == ["scenario", "MACs"] and _needed(*_fitting(columns, 10)) == 20
+
+
+def test_the_name_of_a_scenario_is_shown_as_it_is(tmp_path: Path, ridlink: Ridlink) -> None:
+    path = tmp_path / "meeting.toml"
+    path.write_text(FILE.format(down=-50.0).replace("a meeting", "a [red] :bug: meeting"))
+    _, out, _ = ridlink("--scenario", path, "--definition", "snmac", "--only-run", 0)
+    assert sum(line.startswith("a [red] :bug: meeting  snmac ") for line in out.splitlines()) == 1
