@@ -17,6 +17,7 @@ LAYERS = {
     "ridlink.units": 0,
     "ridlink.geodesy": 0,
     "ridlink.compiled": 0,
+    "ridlink.files": 0,
     "ridlink.checked_toml": 0,
     "ridlink.scenario": 0,
     "ridlink.technologies": 0,

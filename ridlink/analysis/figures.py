@@ -17,6 +17,7 @@ import numpy as np
 
 from ridlink.analysis.printed import PAPER_SIGMA_M, excess_distances
 from ridlink.errors import MissingExtraError
+from ridlink.files import write_whole
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.components import displacement_line, localization_error, unmac_radius_distribution
 from ridlink.separation.reference import (
@@ -79,7 +80,11 @@ def draw_figures(folder: Path) -> list[Path]:
 
 
 def save_figure(draw: Callable[[], Figure], folder: Path, name: str) -> list[Path]:
-    """Draw one figure in the house's style and write it as PNG and SVG, the same bytes every time."""
+    """Draw one figure in the house's style and write it as PNG and SVG, the same bytes every time.
+
+    Raises:
+        OSError: If a file cannot be written; a half one is not left.
+    """
     files = []
     with matplotlib.rc_context(STYLE):
         figure = draw()
@@ -87,7 +92,7 @@ def save_figure(draw: Callable[[], Figure], folder: Path, name: str) -> list[Pat
             drawn = io.BytesIO()
             figure.savefig(drawn, format=suffix, dpi=PNG_DPI, metadata=metadata)
             file = folder / f"{name}.{suffix}"
-            file.write_bytes(drawn.getvalue())
+            write_whole(file, drawn.getvalue())
             files.append(file)
     return files
 

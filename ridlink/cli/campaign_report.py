@@ -27,6 +27,7 @@ def report(folder: Path) -> None:
     from ridlink.analysis.pairs import against_lossless, against_points, dominance, pooled
     from ridlink.campaign.table import flights_of
     from ridlink.campaign_runner.folder import read_campaign
+    from ridlink.files import write_whole
 
     configuration, read = read_campaign(folder)
     seed = configuration["seed"]
@@ -56,7 +57,7 @@ def report(folder: Path) -> None:
         ("report.html", report_page(title, judged, tables, drawn)),
         ("report.md", markdown_report(flown, points, together)),
     ):
-        (folder / name).write_text(text)
+        write_whole(folder / name, text.encode())
         written.append(folder / name)
     for file in written:
         click.echo(file)

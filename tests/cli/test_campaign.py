@@ -640,3 +640,18 @@ def test_the_name_of_a_scenario_is_shown_as_it_is(tmp_path: Path, ridlink: Ridli
     path.write_text(FILE.format(down=-50.0).replace("a meeting", "a [red] :bug: meeting"))
     _, out, _ = ridlink("--scenario", path, "--definition", "snmac", "--only-run", 0)
     assert sum(line.startswith("a [red] :bug: meeting  snmac ") for line in out.splitlines()) == 1
+
+
+def test_a_report_on_a_full_disk_leaves_no_half_file(whole: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
+    folder = tmp_path / "copy"
+    shutil.copytree(whole, folder)
+    command = [sys.executable, "-m", "ridlink", "campaign", "report", str(folder)]
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
+
+    ended = subprocess.run(command, capture_output=True, text=True, preexec_fn=limit, timeout=60)
+    assert ended.returncode == 3
+    assert ended.stderr.splitlines()[-1] == f"ridlink: {folder}/time-against-safety.png: File too large"
+    assert {file.name for file in folder.iterdir()} == {file.name for file in whole.iterdir()}
