@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from ridlink.analysis.campaign import WORDS, FlownCell, setting_words, world_words
-from ridlink.analysis.pairs import PAPERS_POINTS, Pair, Pooled, cell_of
+from ridlink.analysis.pairs import PAPERS_POINTS, Pair, Pooled
 from ridlink.campaign.plan import Cell
 
 ERRORS = {"gauss-markov": "G-M"}
@@ -38,7 +38,7 @@ def markdown_report(cells: Sequence[FlownCell], points: Sequence[Pair], together
 def _matrix(cells: Sequence[FlownCell]) -> str:
     found: dict[str, dict[str, str]] = {}
     for each in cells:
-        cell, row = cell_of(each.row), each.row
+        cell, row = Cell.of_row(each.row), each.row
         late = f" ({row['unfinished']} late)" if row["unfinished"] else ""
         median = "-" if row["median_s"] is None else f"{row['median_s']:.1f}"
         line = found.setdefault(setting_words(cell.definition, cell.solver), {})

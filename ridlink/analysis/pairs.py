@@ -7,7 +7,7 @@ cost, and how many flights of all scenes together ended in a collision.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ridlink.analysis.campaign import FlownCell
@@ -145,11 +145,6 @@ class Pooled:
         return {**asdict(self), "said": self.said}
 
 
-def cell_of(row: dict[str, Any]) -> Cell:
-    """The cell of a row of the table."""
-    return Cell(**{item.name: row[item.name] for item in fields(Cell)})
-
-
 def against_points(cells: Sequence[FlownCell]) -> list[Pair]:
     """Every cell against those of the paper's own settings in the same world, where they were flown."""
     return list(_pairs(cells, [dict(zip(SETTING, point, strict=True)) for point in PAPERS_POINTS]))
@@ -162,7 +157,7 @@ def against_lossless(cells: Sequence[FlownCell]) -> list[Pair]:
 
 def _pairs(cells: Sequence[FlownCell], changes: Sequence[dict[str, Any]]) -> Iterator[Pair]:
     """Cells against those that differ in the changes only."""
-    known = {cell_of(cell.row): cell for cell in cells}
+    known = {Cell.of_row(cell.row): cell for cell in cells}
     for cell, flown in known.items():
         for change in changes:
             wanted = Cell(**{**asdict(cell), **change})
@@ -194,14 +189,14 @@ def pooled(cells: Sequence[FlownCell]) -> list[Pooled]:
     """Collisions of every setting over all scenes; nothing where there is one scene only."""
     groups: dict[tuple[Any, ...], list[FlownCell]] = {}
     for cell in cells:
-        groups.setdefault(tuple(_common(cell_of(cell.row), ("scenario",)).values()), []).append(cell)
+        groups.setdefault(tuple(_common(Cell.of_row(cell.row), ("scenario",)).values()), []).append(cell)
     found = []
     for group in groups.values():
         if len(group) > 1:
             flights, macs = (sum(cell.row[name] for cell in group) for name in ("flights", "macs"))
             found.append(
                 Pooled(
-                    _common(cell_of(group[0].row), ("scenario",)), tuple(cell.row["scenario"] for cell in group),
+                    _common(Cell.of_row(group[0].row), ("scenario",)), tuple(cell.row["scenario"] for cell in group),
                     flights, macs, clopper_pearson(macs, flights),
                 )
             )  # fmt: skip

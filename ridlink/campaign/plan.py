@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -63,6 +65,11 @@ class Cell:
     sigma_m: float
     interval_s: float
     loss: float
+
+    @classmethod
+    def of_row(cls, row: Mapping[str, Any]) -> Cell:
+        """The cell of a row of the table."""
+        return cls(**{name: row[name] for name in cls.__slots__})
 
     def under(self, definition: str) -> Cell:
         """The same cell under another definition."""

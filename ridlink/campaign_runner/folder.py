@@ -4,39 +4,37 @@
     shards/<cell>/runs-000000.parquet    one row a run, beginning with that run
     rows.json                            the table, once everything is there
 
-A shard is written under another name, forced onto the disk and renamed.
+Every file is written under another name, forced onto the disk and renamed.
 """
 
 from __future__ import annotations
 
 import errno
-import io
+import fcntl
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
-
 from ridlink.campaign.plan import Cell, Plan
 from ridlink.campaign.response import Dynamics
 from ridlink.campaign.worlds import Outcomes
+from ridlink.campaign_runner.shards import names_of, read_shard, shard_bytes
 from ridlink.captures.export.tables import arrow
 from ridlink.errors import CaptureError, ConfigError
+from ridlink.files import UNFINISHED, unfinished, write_whole
 
 CONFIGURATION = "campaign.json"
 ROWS = "rows.json"
-UNFINISHED = ".unfinished"
-"""Suffix of what is half written."""
 GO_ON = "go on with it by 'ridlink campaign run --resume'"
 """What flies what is missing or damaged."""
 
 
 class CampaignFolder:
-    """Where a campaign is kept.
+    """Where a campaign is kept, by one process at a time.
 
     Args:
         path: The folder; made where it does not exist.
@@ -44,29 +42,43 @@ class CampaignFolder:
         resume: Go on with what is there.
 
     Raises:
-        ConfigError: If there is a campaign in the folder, and `resume` is false or it is another one.
+        ConfigError: If there is a campaign in the folder, and `resume` is false or it is another one; or if another
+            process is flying it.
         MissingExtraError: If pyarrow is not installed.
         OSError: If the folder cannot be made or written.
     """
 
     def __init__(self, path: Path, configuration: dict[str, Any], *, resume: bool) -> None:
-        self._arrow, self._parquet = arrow()
+        arrow()
         self.path = path
         self._writing: Path | None = None
-        known = path / CONFIGURATION
+        if path.exists() and not path.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
+        path.mkdir(parents=True, exist_ok=True)
+        self._held = os.open(path, os.O_RDONLY)
+        try:
+            self._begin(configuration, resume)
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self, configuration: dict[str, Any], resume: bool) -> None:
+        path, known = self.path, self.path / CONFIGURATION
+        _hold(path, self._held)
         if known.exists():
             _check_same(path, configuration, resume)
             if not os.access(path, os.W_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
-        elif path.is_dir() and any(not found.name.endswith(UNFINISHED) for found in path.iterdir()):
+        elif any(not found.name.endswith(UNFINISHED) for found in path.iterdir()):
             raise ConfigError(f"{path}: is not empty and holds no campaign; name a new folder")
         else:
-            if path.exists() and not path.is_dir():
-                raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
-            path.mkdir(parents=True, exist_ok=True)
             self._write(known, json.dumps(configuration, indent=1).encode())
         for left in path.rglob(f"*{UNFINISHED}"):
             left.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Leave the folder to others."""
+        os.close(self._held)
 
     def write(self, plan: Plan, outcomes: Outcomes) -> None:
         """Keep some runs of a plan; when this returns they are on the disk.
@@ -74,18 +86,9 @@ class CampaignFolder:
         Raises:
             OSError: If that fails; nothing is left of it.
         """
-        pa = self._arrow
-        runs = len(outcomes.run)
-        columns = {name: pa.array([value] * runs).dictionary_encode() for name, value in asdict(plan.cell).items()}
-        columns["seed"] = pa.array([plan.seed] * runs)
-        for name in _columns():
-            values = getattr(outcomes, name)
-            columns[name] = pa.array(values.tolist() if values.ndim > 1 else values)
-        buffer = io.BytesIO()
-        self._parquet.write_table(pa.table(columns), buffer, compression="zstd")
         target = self._shard(plan, int(outcomes.run[0]))
         target.parent.mkdir(parents=True, exist_ok=True)
-        self._write(target, buffer.getvalue())
+        self._write(target, shard_bytes(plan, outcomes))
 
     def read(self, plan: Plan, runs: range) -> Outcomes | None:
         """Runs of a plan, or None where they are missing or the shard is damaged.
@@ -93,24 +96,22 @@ class CampaignFolder:
         Raises:
             ConfigError: If the shard is whole, and of another seed, cell or runs.
         """
-        shard = self._shard(plan, runs[0])
-        if not shard.exists():
-            return None
+        file = self._shard(plan, runs[0])
         try:
-            table = self._parquet.read_table(io.BytesIO(shard.read_bytes()))
-            outcomes = _outcomes(table, plan.duration_s)
-            found = {name: table[name][0].as_py() for name in (*asdict(plan.cell), "seed")}
-        except (self._arrow.ArrowInvalid, OSError, LookupError):
+            shard = read_shard(file, plan.duration_s)
+        except (CaptureError, OSError):
             return None
-        for name, wanted in {**asdict(plan.cell), "seed": plan.seed}.items():
-            if found[name] != wanted:
+        if shard.outcomes.arrival_s.shape[1] != len(plan.scene):
+            return None
+        for name, wanted in names_of(plan.cell, plan.seed).items():
+            if shard.names[name] != wanted:
                 raise ConfigError(
-                    f"{shard}: is of another campaign: {name} is {found[name]} there and {wanted} here; take it away "
-                    "or name a new folder"
+                    f"{file}: is of another campaign: {name} is {shard.names[name]} there and {wanted} here; take it "
+                    "away or name a new folder"
                 )
-        if outcomes.run.tolist() != list(runs):
-            raise ConfigError(f"{shard}: holds other runs than its name says; take it away or name a new folder")
-        return outcomes
+        if shard.outcomes.run.tolist() != list(runs):
+            raise ConfigError(f"{file}: holds other runs than its name says; take it away or name a new folder")
+        return shard.outcomes
 
     def write_rows(self, rows: Sequence[dict[str, Any]]) -> None:
         """Keep the table."""
@@ -119,34 +120,27 @@ class CampaignFolder:
     def discard_unfinished(self) -> None:
         """Take away what is half written; may be called by a signal."""
         if self._writing is not None:
-            self._writing.unlink(missing_ok=True)
+            unfinished(self._writing).unlink(missing_ok=True)
 
     def _shard(self, plan: Plan, first: int) -> Path:
         return self.path / "shards" / _folder_of(plan.cell) / f"runs-{first:06d}.parquet"
 
     def _write(self, target: Path, data: bytes) -> None:
-        working = self._writing = target.with_name(target.name + UNFINISHED)
+        self._writing = target
         try:
-            with open(working, "wb") as stream:
-                stream.write(data)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(working, target)
-        except OSError as error:
-            working.unlink(missing_ok=True)
-            error.filename, error.filename2 = str(target), None
-            raise
+            write_whole(target, data)
         finally:
             self._writing = None
-        listing = os.open(target.parent, os.O_RDONLY)
-        try:
-            os.fsync(listing)
-        finally:
-            os.close(listing)
 
 
-def _columns() -> list[str]:
-    return [name for name in Outcomes.__slots__ if name != "duration_s"]
+def _hold(path: Path, descriptor: int) -> None:
+    """Keep others from writing into a folder as long as its descriptor is open; a process that is killed closes it."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise ConfigError(f"{path}: another process flies this campaign; wait for it, or name a new folder") from error
+    except OSError:  # a file system without locks
+        pass
 
 
 def _check_same(path: Path, configuration: dict[str, Any], resume: bool) -> None:
@@ -192,20 +186,41 @@ def read_campaign(path: Path) -> tuple[dict[str, Any], list[tuple[dict[str, Any]
         raise CaptureError(f"{path}: holds no campaign")
     if not (path / ROWS).exists():
         raise CaptureError(f"{path}: is not complete; {GO_ON}")
-    configuration, cells = _object_in(path / CONFIGURATION), []
+    configuration = _object_in(path / CONFIGURATION)
     try:
-        for row in _object_in(path / ROWS)["rows"]:
-            cell = _folder_of(Cell(**{item.name: row[item.name] for item in fields(Cell)}))
-            duration_s = configuration["scenario"][row["scenario"]]["duration_s"]
-            shards = sorted((path / "shards" / cell).glob("*.parquet"))
-            flown = [_read_shard(shard, duration_s, configuration["seed"]) for shard in shards]
-            runs = sum(len(outcomes.run) for outcomes in flown)
-            if not flown or runs != row["runs"]:
-                raise CaptureError(f"{path}: has {runs} runs of {cell} instead of {row['runs']}; {GO_ON}")
-            cells.append((row, Outcomes.joined(flown)))
+        rows = _object_in(path / ROWS)["rows"]
+        cells = [(row, _flown(path, row, configuration)) for row in rows]
     except (KeyError, TypeError) as error:
         raise CaptureError(f"{path}: is damaged: {CONFIGURATION} and {ROWS} are not those of a campaign") from error
+    known = {_folder_of(Cell.of_row(row)) for row in rows}
+    if not known or not known >= {file.parent.name for file in (path / "shards").glob("*/*.parquet")}:
+        raise CaptureError(f"{path / ROWS}: lacks cells that were flown; {GO_ON}")
     return configuration, cells
+
+
+def _flown(path: Path, row: dict[str, Any], configuration: dict[str, Any]) -> Outcomes:
+    """The outcomes behind a row."""
+    cell = Cell.of_row(row)
+    duration_s = configuration["scenario"][cell.scenario]["duration_s"]
+    parts = []
+    for file in sorted((path / "shards" / _folder_of(cell)).glob("*.parquet")):
+        try:
+            shard = read_shard(file, duration_s)
+        except CaptureError as error:
+            raise CaptureError(f"{error}; {GO_ON}") from error
+        for name, wanted in names_of(cell, configuration["seed"]).items():
+            if shard.names[name] != wanted:
+                raise CaptureError(f"{file}: is of another campaign: its {name} is not {wanted}")
+        parts.append(shard.outcomes)
+    runs = sum(len(part.run) for part in parts)
+    if runs != row["runs"]:
+        raise CaptureError(f"{path}: has {runs} runs of {_folder_of(cell)} instead of {row['runs']}; {GO_ON}")
+    with suppress(ValueError):  # not all of as many vehicles
+        outcomes = Outcomes.joined(parts)
+        counted = {name: getattr(outcomes, name) for name in ("flights", "arrived", "unfinished", "macs")}
+        if outcomes.run.tolist() == list(range(runs)) and all(row[name] == n for name, n in counted.items()):
+            return outcomes
+    raise CaptureError(f"{path / ROWS}: does not fit the shards of {_folder_of(cell)}; {GO_ON}")
 
 
 def _object_in(file: Path) -> dict[str, Any]:
@@ -222,23 +237,6 @@ def _object_in(file: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise CaptureError(f"{file}: is damaged: no JSON object")
     return found
-
-
-def _read_shard(shard: Path, duration_s: float, seed: int) -> Outcomes:
-    _, parquet = arrow()
-    try:
-        # read here, for pyarrow wants names in UTF-8, which a folder's need not be
-        table = parquet.read_table(io.BytesIO(shard.read_bytes()))
-        seeds, outcomes = set(table["seed"].unique().to_pylist()), _outcomes(table, duration_s)
-    except (LookupError, TypeError, ValueError) as error:  # pyarrow's ArrowInvalid is a ValueError, too
-        raise CaptureError(f"{shard}: is damaged; {GO_ON}") from error
-    if seeds != {seed}:
-        raise CaptureError(f"{shard}: is of another campaign: its seed is not {seed}")
-    return outcomes
-
-
-def _outcomes(table: Any, duration_s: float) -> Outcomes:
-    return Outcomes(duration_s=duration_s, **{name: np.array(table[name].to_pylist()) for name in _columns()})
 
 
 def _folder_of(cell: Cell) -> str:

@@ -168,7 +168,8 @@ def _fly_all(
         who, cluster = f"{jobs} processes", None
         if scheduler is not None:
             who, cluster = f"workers of {scheduler}", stack.enter_context(closing(Cluster(scheduler)))
-        folder = CampaignFolder(output, choice.configuration(plans, runs), resume=resume)
+        configuration = choice.configuration(plans, runs)
+        folder = stack.enter_context(closing(CampaignFolder(output, configuration, resume=resume)))
         tasks = tasks_of(plans, runs)
         missing = [task for task in tasks if folder.read(plans[task.plan], task.runs) is None]
         kept = len(tasks) - len(missing)

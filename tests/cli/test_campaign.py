@@ -13,14 +13,17 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from random import Random
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from ridlink import decode
 from ridlink.cli import cli, main
 
-parquet = pytest.importorskip("pyarrow.parquet", reason="shards need the extra 'export'")
+pyarrow = pytest.importorskip("pyarrow", reason="shards need the extra 'export'")
+parquet = pytest.importorskip("pyarrow.parquet")
 
 KEYS = [
     "scenario", "definition", "gnss", "solver", "dynamics", "runs", "flights", "arrived", "unfinished", "macs",
@@ -640,6 +643,90 @@ def test_the_name_of_a_scenario_is_shown_as_it_is(tmp_path: Path, ridlink: Ridli
     path.write_text(FILE.format(down=-50.0).replace("a meeting", "a [red] :bug: meeting"))
     _, out, _ = ridlink("--scenario", path, "--definition", "snmac", "--only-run", 0)
     assert sum(line.startswith("a [red] :bug: meeting  snmac ") for line in out.splitlines()) == 1
+
+
+def altered(shard: Path, name: str, values: list[object]) -> None:
+    """A column of a shard by another of that name."""
+    table = parquet.read_table(shard)
+    column = pyarrow.array(values)
+    parquet.write_table(table.set_column(table.schema.get_field_index(name), name, column), shard)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("arrival_s", [[1.0, 2.0, 3.0]] * 3),
+        ("arrival_s", [["a", "b"]] * 3),
+        ("arrival_s", [[1.0, math.nan]] * 3),
+        ("collided", [True, False, True]),
+        ("distance_m", [1.0, None, 3.0]),
+        ("decisions", [1.5, 2.5, 3.5]),
+        ("seed", [1, 1, 2]),
+    ],
+)
+def test_a_shard_that_holds_what_no_shard_holds_is_damaged(
+    tmp_path: Path, ridlink: Ridlink, name: str, values: list[object]
+) -> None:
+    few = ["--scenario", "crossing", "--definition", "snmac", "--runs", 3, "--jobs", 1, "-o", tmp_path / "few"]
+    assert ridlink(*few)[0] == 0
+    before, (shard,) = rows_of(tmp_path / "few"), shards(tmp_path / "few")
+    altered(shard, name, values)
+    pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
+    refused = CliRunner().invoke(cli, ["campaign", "report", str(tmp_path / "few")]).exception
+    assert str(refused) == f"{shard}: is damaged; go on with it by 'ridlink campaign run --resume'"
+    assert ridlink(*few, "--resume")[0] == 0
+    assert rows_of(tmp_path / "few") == before
+
+
+def test_a_bit_that_a_disk_has_lost_makes_no_other_outcome(whole: Path, tmp_path: Path) -> None:
+    from ridlink.campaign_runner.shards import read_shard
+    from ridlink.errors import CaptureError
+
+    written = shards(whole)[0]
+    data, outcomes = written.read_bytes(), read_shard(written, 120.0).outcomes
+    random, damaged = Random(1), 0
+    for _ in range(200):
+        bit = random.randrange(8 * len(data))
+        flipped = bytearray(data)
+        flipped[bit // 8] ^= 1 << bit % 8
+        (tmp_path / "flipped").write_bytes(flipped)
+        try:
+            found = read_shard(tmp_path / "flipped", 120.0).outcomes
+        except CaptureError:
+            damaged += 1
+            continue
+        assert all(np.array_equal(getattr(found, name), getattr(outcomes, name)) for name in found.__slots__)
+    assert damaged > 100
+
+
+def test_rows_that_do_not_fit_the_shards_are_no_report(whole: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
+    folder = tmp_path / "copy"
+    shutil.copytree(whole, folder)
+    rows = rows_of(whole)["rows"]  # type: ignore[index]
+    for wrong, told in (
+        ([], "lacks cells that were flown"),
+        (rows[:-1], "lacks cells that were flown"),
+        ([{**rows[0], "macs": rows[0]["macs"] - 2}, *rows[1:]], "does not fit the shards of circle8_snmac"),
+    ):
+        (folder / "rows.json").write_text(json.dumps({"rows": wrong}))
+        refused = str(CliRunner().invoke(cli, ["campaign", "report", str(folder)]).exception)
+        assert told in refused and refused.endswith("; go on with it by 'ridlink campaign run --resume'")
+
+
+def test_one_process_at_a_time_flies_a_campaign(tmp_path: Path, ridlink: Ridlink) -> None:
+    """Two took away from each other what was half written; whoever holds a folder and is killed lets go of it."""
+    few = [*CAMPAIGN, "--jobs", 2, "-o", tmp_path / "folder", "--resume"]
+    first = start(*few)
+    await_shards(first, tmp_path / "folder", 0)
+    os.kill(first.pid, signal.SIGSTOP)
+    code, _, err = ridlink(*few)
+    assert (code, len(err.splitlines())) == (2, 1) and "folder: another process flies this campaign; wait" in err
+    workers = list(workers_of(first))
+    first.kill()
+    first.communicate(timeout=60)
+    assert ridlink(*few)[0] == 0
+    await_end(workers)
 
 
 def test_a_report_on_a_full_disk_leaves_no_half_file(whole: Path, tmp_path: Path) -> None:

@@ -1,0 +1,102 @@
+"""Shards: some runs of one cell as one Parquet file, whose pages have checksums.
+
+What is read is what was written, or it is damaged: a bit that a disk has lost makes no other outcome.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.campaign.plan import Cell, Plan
+from ridlink.campaign.worlds import Outcomes
+from ridlink.captures.export.tables import arrow
+from ridlink.errors import CaptureError
+
+NAMES = (*(item.name for item in fields(Cell)), "seed")
+"""Columns that have one value in a shard."""
+
+COLUMNS = {
+    "run": (np.int64, 1),
+    "arrival_s": (np.float64, 2),
+    "collided": (np.bool_, 2),
+    "distance_m": (np.float64, 1),
+    "margin_m": (np.float64, 1),
+    "decisions": (np.int64, 1),
+    "infeasible": (np.int64, 1),
+    "in_obstacle": (np.int64, 1),
+}
+"""Columns of `Outcomes`: what they hold, and how many axes they have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shard:
+    """What a shard holds.
+
+    Attributes:
+        names: Its cell and its seed, by `NAMES`.
+        outcomes: Its runs.
+    """
+
+    names: dict[str, Any]
+    outcomes: Outcomes
+
+
+def names_of(cell: Cell, seed: int) -> dict[str, Any]:
+    """What a shard of a cell has, by `NAMES`."""
+    return {**asdict(cell), "seed": seed}
+
+
+def shard_bytes(plan: Plan, outcomes: Outcomes) -> bytes:
+    """Runs of a plan as a Parquet file."""
+    pa, parquet = arrow()
+    runs = len(outcomes.run)
+    columns = {name: pa.array([value] * runs).dictionary_encode() for name, value in asdict(plan.cell).items()}
+    columns["seed"] = pa.array([plan.seed] * runs)
+    for name, (_, axes) in COLUMNS.items():
+        values = getattr(outcomes, name)
+        columns[name] = pa.array(values.tolist() if axes > 1 else values)
+    buffer = io.BytesIO()
+    parquet.write_table(pa.table(columns), buffer, compression="zstd", write_page_checksum=True)
+    return buffer.getvalue()
+
+
+def read_shard(file: Path, duration_s: float) -> Shard:
+    """A shard.
+
+    Args:
+        file: Where it is.
+        duration_s: Cut-off of its flights, which it does not say.
+
+    Raises:
+        CaptureError: If it is damaged.
+        OSError: If it cannot be read.
+    """
+    pa, parquet = arrow()
+    data = file.read_bytes()  # read here, for pyarrow wants names in UTF-8, which a folder's need not be
+    try:
+        table = parquet.read_table(io.BytesIO(data), page_checksum_verification=True)
+        names = {name: _only(table[name].to_pylist()) for name in NAMES}
+        columns = {name: _column(table[name].to_pylist(), *kind) for name, kind in COLUMNS.items()}
+        if columns["arrival_s"].shape != columns["collided"].shape:
+            raise ValueError("vehicles that arrived and that collided are not the same")
+    except (pa.ArrowException, OSError, LookupError, TypeError, ValueError, OverflowError) as error:
+        raise CaptureError(f"{file}: is damaged") from error
+    return Shard(names, Outcomes(duration_s=duration_s, **columns))
+
+
+def _only(values: list[Any]) -> Any:
+    (value,) = set(values)
+    return value
+
+
+def _column(values: list[Any], kind: type[np.generic], axes: int) -> NDArray[Any]:
+    column = np.array(values)
+    if column.dtype != kind or column.ndim != axes or np.isnan(column).any():
+        raise ValueError("a column does not hold what such columns hold")
+    return column
