@@ -22,6 +22,7 @@ from typing import Any
 from ridlink.errors import LinkError, MissingExtraError
 from ridlink.view import wire
 from ridlink.view.conversation import LONGEST_REQUEST, Conversation
+from ridlink.view.door import Door
 from ridlink.view.files import page_files
 from ridlink.view.guard import LOOPBACK, Guard, refuse
 from ridlink.view.show import Show
@@ -39,7 +40,6 @@ except ImportError as error:
 
 DEFAULT_PORT = 8090
 MOST_PAGES = 32
-MOST_CONNECTIONS = 128
 UNREAD_S = 10.0
 """A page that takes nothing for so long is dropped."""
 
@@ -51,6 +51,9 @@ BACKLOG = 128
 SEND_BUFFER_BYTES = 128 * 1024
 """Of the kernel for each page; it would take megabytes for one that does not read."""
 
+RECEIVE_BUFFER_BYTES = 16 * 1024
+"""Likewise, for what a page says and nobody has read yet."""
+
 
 class _Protocol(WebSocketsSansIOProtocol):
     """Lets the application end a connection without waiting for a peer that reads nothing."""
@@ -58,6 +61,13 @@ class _Protocol(WebSocketsSansIOProtocol):
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
         self.app_state = {**self.app_state, "abort": transport.abort}
+
+    def handle_ping(self) -> None:
+        """Answer it, unless the peer reads no answers: they would fill the memory."""
+        if self.writable.is_set():
+            super().handle_ping()
+        else:
+            self.conn.data_to_send()
 
 
 @dataclass(slots=True, eq=False)
@@ -106,10 +116,10 @@ class ViewServer:
         routes += [Route(path, self._file) for path in self._files]
         config = uvicorn.Config(
             Guard(Starlette(routes=routes), host, names),
+            http="h11",
             ws=_Protocol,
             ws_max_size=2 * LONGEST_REQUEST,
             ws_per_message_deflate=False,
-            limit_concurrency=MOST_CONNECTIONS,
             lifespan="off",
             log_config=None,
             access_log=False,
@@ -118,6 +128,7 @@ class ViewServer:
         )
         logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
         self._server = _Server(config)
+        self._door = Door(self._server.protocol)
 
     @property
     def url(self) -> str:
@@ -140,6 +151,7 @@ class ViewServer:
         self._port = listening.getsockname()[1]
         self._tasks = [
             asyncio.create_task(self._server.serve(sockets=[listening])),
+            asyncio.create_task(self._door.run(listening)),
             asyncio.create_task(self._read_books()),
             asyncio.create_task(self._count_seconds()),
         ]
@@ -241,6 +253,7 @@ class ViewServer:
             due_s += SECOND_S
             await asyncio.sleep(max(0.0, due_s - time.monotonic()))
             facts = {"frames_per_s": 0.0, "vehicles": 0, "rejects": {}, "lag_ms": 0.0, **self._health()}
+            facts["rejects"] = {**facts["rejects"], **self._door.counters}
             extent = self.show.history.extent_s
             health = wire.health(facts, self.pages, self.counters["dropped"], extent, live=self.show.scenery.live)
             self._news.set()
@@ -265,6 +278,17 @@ async def _read(websocket: WebSocket, page: _Page) -> None:
 
 
 class _Server(uvicorn.Server):
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Newcomers come through a door."""
+        await self.lifespan.startup()
+        self.servers = []
+        self.started = True
+
+    def protocol(self) -> asyncio.Protocol:
+        """What speaks on a new connection."""
+        make: Callable[..., asyncio.Protocol] = self.config.http_protocol_class
+        return make(config=self.config, server_state=self.server_state, app_state=self.lifespan.state)
+
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         """Signals belong to whoever runs the loop."""
@@ -280,6 +304,7 @@ def _listen(host: str, port: int) -> socket.socket:
         try:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
             if hasattr(socket, "TCP_USER_TIMEOUT"):  # whoever reads no answer for so long is gone
                 listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1000 * UNREAD_S))
             listening.bind(address)
