@@ -31,7 +31,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     except ValueError:
         parts = ()
     if len(parts) not in (2, 3):
-        raise click.BadParameter(f"{value!r} is not LAT,LON or LAT,LON,ALT, as in 47.39,8.54,100")
+        raise click.BadParameter(f"{value!r} is not LAT,LON or LAT,LON,ALT, as in 47.39,8.54,540")
     return parts
 
 
@@ -191,7 +191,7 @@ def avoid(
     vehicle and end the program.
 
     \b
-        ridlink avoid --goal 47.39,8.54,100
+        ridlink avoid --goal 47.39,8.54,540
         ridlink avoid --guard --takeoff-aware
         ridlink avoid --vehicle udpin:0.0.0.0:14540 --standby --config vehicle.toml --log flight.tlog
     """

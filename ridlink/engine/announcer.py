@@ -29,6 +29,7 @@ ALERTS = {
     "own_position_jump": "own position jumped",
     "own_position_delayed": "telemetry comes late",
     "own_height_implausible": "own heights contradict each other",
+    "goal_below_home": "the goal lies below home, perhaps underground",
     "no_multirotor": "the vehicle is no multirotor: nothing is flown",
     "decision_failed": "a decision failed",
 }

@@ -202,6 +202,7 @@ class Engine:
         self.rivals.steer(self.rung.state in STEERING and not self.config.dry_run, utc_s)
         record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
         if own is not None:
+            self._counters["goal_below_home"] += self._goal_is_below(own.home_altitude_m)
             record = self.steering.look_and_decide(
                 record,
                 own,
@@ -241,6 +242,9 @@ class Engine:
         if self._broadcast is not None:
             self._transmit(self._broadcast, output, now_s, utc_s)
         return output
+
+    def _goal_is_below(self, altitude_m: float) -> bool:
+        return self.goal is not None and self.goal.altitude_m is not None and self.goal.altitude_m < altitude_m
 
     def _transmit(self, broadcast: Broadcast, output: StepOutput, now_s: float, utc_s: float | None) -> None:
         """Add the own Remote ID, with the velocity that was sent in this step."""

@@ -14,11 +14,28 @@ from ridlink.captures.records import Rejects
 from ridlink.captures.tlog import read_tlog
 from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.service import AvoidDaemon, DecisionError
+from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
 from ridlink.failsafe import State
-from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle
+from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, at
 from tests.daemon.harness import Air, run, running
 from tests.daemon.invariants import messages
+
+
+@pytest.mark.parametrize(("up_m", "told"), [(-400.0, True), (0.1, False)])
+def test_a_goal_below_home_is_said_before_it_is_flown_to(up_m: float, told: bool) -> None:
+    """An altitude above mean sea level that was meant above ground leads into it."""
+
+    async def test() -> None:
+        emulated = Emulated()
+        emulated.armed = False
+        async with running(emulated=emulated, engine=EngineConfig(goal=Goal(*at(300.0, 0.0, up_m)))) as flight:
+            await flight.vehicle.until(lambda: sum(event["event"] == "summary" for event in flight.events) >= 3)
+            texts = [event["text"] for event in flight.events if event["event"] == "warning"]
+            assert ("the goal lies below home, perhaps underground" in texts) is told
+            assert not flight.vehicle.setpoints()
+
+    run(test)
 
 
 def test_flies_and_says_so() -> None:
