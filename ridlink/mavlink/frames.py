@@ -6,8 +6,10 @@ ten bytes that claim a long payload cannot swallow the next datagram; a byte str
 
 After a frame that fails, scanning goes on one byte later: what stood behind a damaged length byte is found again. A
 message id that the dialect does not know has no checksum seed, so its frame is taken, as ``checked=False``, only where
-another magic byte or the end follows. The work per byte is bounded (one checksum over at most 265 bytes for each magic
-byte), so the time grows with the length of the input whatever the bytes are.
+another magic byte or the end follows; in a stream, which may be damaged, only if no frame that checks ends in the same
+place either, for that one was sent, and what seems to contain it begins within a damaged one. The work per byte is
+bounded (for each magic byte one checksum over at most 265 bytes, in a stream two), so the time grows with the length of
+the input whatever the bytes are.
 
 Source: https://mavlink.io/en/guide/serialization.html
 """
@@ -29,6 +31,7 @@ SIGNATURE_LENGTH = 13
 HEADER_LENGTH_V1 = 6
 HEADER_LENGTH_V2 = 10
 MAX_FRAME_LENGTH = HEADER_LENGTH_V2 + 255 + 2 + SIGNATURE_LENGTH
+_OVERHEAD_V1, _OVERHEAD_V2 = HEADER_LENGTH_V1 + 2, HEADER_LENGTH_V2 + 2
 MAX_FRAMES_PER_DATAGRAM = 64
 MAX_FALSE_STARTS = 1024
 """Of a datagram: twice what chance puts into the largest one. Made of starts alone it would otherwise be judged for
@@ -121,12 +124,25 @@ def _frame_at(data: bytes, at: int, offset: int, crc_extras: Mapping[int, int], 
     )
 
 
+def _ends_with_another(raw: bytes, crc_extras: Mapping[int, int]) -> bool:
+    """A frame that checks stands within these bytes and ends with them."""
+    for magic in _MAGIC.finditer(raw, 1, len(raw) - 1):
+        start = magic.start()
+        overhead = len(raw) - start - raw[start + 1]
+        if overhead in (_OVERHEAD_V1, _OVERHEAD_V2, _OVERHEAD_V2 + SIGNATURE_LENGTH):
+            found = _frame_at(raw, start, 0, crc_extras, final=True)
+            if isinstance(found, Frame) and found.checked and start + len(found.raw) == len(raw):
+                return True
+    return False
+
+
 def _scan(
     data: bytes,
     crc_extras: Mapping[int, int],
     *,
     offset: int,
     final: bool,
+    stream: bool,
     limit: int | None = None,
     patience: int | None = None,
 ) -> tuple[list[Frame | BadFrame], int]:
@@ -135,7 +151,7 @@ def _scan(
     After ``limit`` frames the rest is ignored; after ``patience`` starts that were none it is refused with the last.
     """
     found: list[Frame | BadFrame] = []
-    frames = false_starts = at = refused_from = 0
+    frames = false_starts = at = refused_from = inner_end = 0
     refused: Cause | None = None
     length = len(data)
     while at < length:
@@ -144,6 +160,10 @@ def _scan(
             result = _frame_at(data, at, offset, crc_extras, final)
             if result is Cause.TRUNCATED and not final:
                 break
+            if stream and isinstance(result, Frame) and not result.checked:
+                end = at + len(result.raw)
+                if end == inner_end or _ends_with_another(result.raw, crc_extras):
+                    result, inner_end = Cause.UNKNOWN_UNCONFIRMED, end
             if not isinstance(result, Frame):
                 false_starts += 1
                 if false_starts == patience:
@@ -179,7 +199,8 @@ def parse_datagram(
         crc_extras: CRC_EXTRA by message id, as ``ridlink.mavlink.codec.CRC_EXTRAS``.
         limit: Frames taken at most; what follows is ignored. ``None`` takes all, for whoever has the time.
     """
-    return _scan(data, crc_extras, offset=0, final=True, limit=limit, patience=MAX_FALSE_STARTS)[0]
+    found, _ = _scan(data, crc_extras, offset=0, final=True, stream=False, limit=limit, patience=MAX_FALSE_STARTS)
+    return found
 
 
 class FrameParser:
@@ -209,7 +230,7 @@ class FrameParser:
 
     def _take(self, data: bytes, *, final: bool) -> list[Frame | BadFrame]:
         data = self._pending + data
-        found, judged = _scan(data, self._crc_extras, offset=self._offset, final=final)
+        found, judged = _scan(data, self._crc_extras, offset=self._offset, final=final, stream=True)
         self._pending = data[judged:]
         self._offset += judged
         return found

@@ -142,6 +142,21 @@ def test_noise_is_judged_alike(tmp_path: Path, kind: str) -> None:
     assert by_kernels(path, kind, 1000) == by_records(data, kind)
 
 
+def test_what_would_swallow_the_end_of_another_frame_is_judged_alike(tmp_path: Path) -> None:
+    extra = CRC_EXTRAS[0]
+    plain = encode_frame(0, b"1", extra, seq=1, sysid=1, compid=1)
+    for beat in (version_1(0, bytes(9), extra), signed(0, b"12", extra), plain):
+        for swallower in (b"\xfd" + bytes((40, 0, 0, 1, 7, 7, 255, 255, 127)), b"\xfe" + bytes((44, 1, 7, 7, 200))):
+            data = swallower + b"\xfd\xfe" * 3 + bytes(swallower[1] - 4 - len(beat)) + beat
+            assert len(data) == len(swallower) + swallower[1] + 2
+            for stream in (data, data + beat, data + data + plain):
+                path = tmp_path / "f.mavlink"
+                path.write_bytes(stream)
+                found = by_kernels(path, "mavlink")
+                assert found == by_records(stream, "mavlink")
+                assert beat in [frame for _, frame, _ in found[0]]
+
+
 @given(data=st.binary(min_size=1, max_size=280), extra=st.integers(0, 255))
 @settings(max_examples=100)
 def test_the_checksum_is_that_of_the_codec(data: bytes, extra: int) -> None:
@@ -155,7 +170,7 @@ def test_damage_costs_intact_frames_almost_nothing_and_invents_none(tmp_path: Pa
     """One byte in a thousand is changed in a raw stream of 100,000 frames.
 
     A changed length byte can make a frame swallow the next one: only where the checksum happens to fit, or the id is
-    unknown and a magic byte happens to follow, is an intact frame lost.
+    unknown and a magic byte within another frame happens to follow, is an intact frame lost.
     """
     stream = [frame for _, frame in flight(100_000)]
     data = np.frombuffer(bytearray(b"".join(stream)), np.uint8)

@@ -197,6 +197,55 @@ class TestUnknownIds:
         assert frames_in(parse_datagram(unknown_frame(msgid=msgid), CRC_EXTRAS))[0].msgid == msgid
 
 
+SWALLOWER = b"\xfd" + bytes((40, 0, 0, 1, 7, 7)) + UNKNOWN_ID.to_bytes(3, "little")
+"""What damage may leave: a header of an unknown id, 42 bytes behind which ends the frame that it seems to begin."""
+
+
+class TestUnknownIdsInStreams:
+    """A stream may be damaged anywhere, and chance leaves magic bytes: what checks is believed before what cannot."""
+
+    @pytest.mark.parametrize(
+        "good",
+        [HEARTBEAT_V1, Encoder(1, 1).encode("HEARTBEAT", type=2), signed(Encoder(1, 1).encode("HEARTBEAT"), 50)],
+        ids=["version 1", "version 2", "signed"],
+    )
+    @pytest.mark.parametrize("follows", [b"", location()], ids=["the end", "a frame"])
+    def test_a_frame_that_checks_is_not_swallowed_by_one_that_would_end_with_it(
+        self, good: bytes, follows: bytes
+    ) -> None:
+        data = SWALLOWER + b"\xfd\xfe" * 3 + bytes(36 - len(good)) + good + follows
+        parser = FrameParser(CRC_EXTRAS)
+        found = parser.feed(data) + parser.flush()
+        assert b"".join(frame.raw for frame in frames_in(found)) == good + follows
+        assert rejects_in(found)[0] == BadFrame(0, Cause.UNKNOWN_UNCONFIRMED, 1)
+
+    def test_a_stray_magic_byte_does_not_swallow_a_frame_of_the_length_it_claims(self) -> None:
+        body = bytes((0xFD, 7, 1, 200, 0)) + bytes(range(253))
+        long = b"\xfe" + body + checksum(body, CRC_EXTRAS[0]).to_bytes(2, "little")
+        parser = FrameParser(CRC_EXTRAS)
+        frames = frames_in(parser.feed(b"\xfe" + long + location()))
+        assert [frame.raw for frame in frames] == [long, location()]
+
+    def test_a_magic_byte_may_end_a_frame(self) -> None:
+        raw = unknown_frame()[:-1] + b"\xfe"
+        assert [frame.raw for frame in frames_in(FrameParser(CRC_EXTRAS).feed(raw + location()))] == [raw, location()]
+
+    def test_a_datagram_is_taken_as_it_came(self) -> None:
+        data = SWALLOWER + bytes(42 - len(HEARTBEAT_V1)) + HEARTBEAT_V1
+        assert [frame.msgid for frame in frames_in(parse_datagram(data, CRC_EXTRAS))] == [UNKNOWN_ID]
+
+    @pytest.mark.parametrize(
+        "carried",
+        [HEARTBEAT_V1, HEARTBEAT_V1 + b"\x00\x07", HEARTBEAT_V1 + b"\xfd", HEARTBEAT_V1[:-2], location()[:-2]],
+        ids=["whole", "and more", "and a magic byte", "but for its checksum", "but for its checksum, version 2"],
+    )
+    def test_a_tunnel_keeps_what_it_carries(self, carried: bytes) -> None:
+        tunnel = unknown_frame(payload=b"\x01" + carried)
+        parser = FrameParser(CRC_EXTRAS)
+        frames = frames_in(parser.feed(tunnel + location()))
+        assert [(frame.raw, frame.checked) for frame in frames] == [(tunnel, False), (location(), True)]
+
+
 class TestDatagrams:
     def test_empty(self) -> None:
         assert parse_datagram(b"", CRC_EXTRAS) == []

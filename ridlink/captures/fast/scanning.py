@@ -107,6 +107,28 @@ def judge(data: Any, at: Any, payload_end: Any, msgid: Any, ids: Any, table: Any
     return known
 
 
+@kernel(forceinline=True)
+def ends_with_another(data: Any, start: Any, end: Any, ids: Any, table: Any, initial: Any) -> Any:
+    """A frame that checks stands within a frame of an unknown id and ends with it."""
+    for at in range(start + 1, end - 7):
+        magic = data[at]
+        if magic != 0xFD and magic != 0xFE:
+            continue
+        head = load(data, at)
+        if magic == 0xFE:
+            payload_end = at + 6 + byte_of(head, 1)
+            ends, msgid = payload_end + 2, byte_of(head, 5)
+        else:
+            flags = byte_of(head, 2)
+            if flags & 0xFE:
+                continue
+            payload_end = at + 10 + byte_of(head, 1)
+            ends, msgid = payload_end + 2 + 13 * flags, msgid_of(data, at)
+        if ends == end and judge(data, at, payload_end, msgid, ids, table, initial) > 0:
+            return True
+    return False
+
+
 @kernel
 def scan_raw(
     data: Any, n: Any, base: Any, final: Any, ids: Any, table: Any, initial: Any, state: Any, sources: Any, starts: Any,
@@ -114,7 +136,7 @@ def scan_raw(
 ) -> Any:  # fmt: skip
     """Frames of a raw stream, from ``state[AT]`` to ``n`` or to what needs more bytes; how many there are."""
     at = state[AT]
-    count = 0
+    count = inner_end = 0
     while at < n:
         head = load(data, at)
         magic = byte_of(head, 0)
@@ -156,6 +178,9 @@ def scan_raw(
                             cause = TRUNCATED
                     elif data[end] != 0xFD and data[end] != 0xFE:
                         cause = UNCONFIRMED
+                    if cause < 0 and (end == inner_end or ends_with_another(data, at, end, ids, table, initial)):
+                        cause = UNCONFIRMED
+                        inner_end = end
         if cause < 0:
             starts[count] = at
             slots[count] = known >> 8
