@@ -93,7 +93,7 @@ def signing_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--signing-state",
             metavar="FILE",
-            help="Where the clock of the signatures outlives the program.  [default: the key's name with .state]",
+            help="Where each program's clock of the signatures outlives it.  [default: the key's name with .state]",
         ),
         click.option(
             "--signing-link-id", type=click.IntRange(0, 255), metavar="N", help="Of our signatures.  [default: 0]"

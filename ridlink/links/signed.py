@@ -5,14 +5,16 @@ not required, unsigned frames pass and wrongly signed ones do not.
 
 What was sent and believed last outlives the process: a file beside the key, written anew every few seconds and moved
 into place whole. Restarted without a battery-backed clock, a program would else sign with times that its peers have
-seen already, and believe what was recorded before. The file runs ahead by more than the time between two writes, so
-that no timestamp is used twice after a crash either.
+seen already, and believe what was recorded before. The file runs ahead by more than the time between two writes, and
+is written at once where that was not enough (a clock that is set, a peer whose clock is ahead), so that no timestamp is
+used twice after a crash either. It belongs to one program at a time: each would put its own streams over the other's.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import fcntl
 import os
 import stat
 import threading
@@ -34,6 +36,10 @@ from ridlink.mavlink.signing import KEY_LENGTH, LATEST_CLOCK, UNITS_PER_S, Signa
 SAVED_EVERY_S = 5.0
 AHEAD = 6 * UNITS_PER_S
 """What the file says is later than what was sent by this."""
+
+ROOM = UNITS_PER_S // 10
+"""The same as long as nothing was sent or believed that is later than the file said before: ten thousand frames, for
+which a program that is started again and again must not run ahead of all others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +142,26 @@ def open_signing(options: SigningOptions) -> Signing:
         raise ConfigError(f"signing: {error}") from error
 
 
+def claim_clock(state: Path) -> int:
+    """Keep other programs from a clock until the handle is closed, or this one ends in whatever way.
+
+    Raises:
+        ConfigError: If another program, or another link of this one, has it.
+        OSError: If it cannot be kept.
+    """
+    handle = os.open(state.with_name(state.name + ".lock"), os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(handle)
+        if not isinstance(error, BlockingIOError):
+            raise
+        raise ConfigError(
+            f"{state}: is the clock of another program that signs; give this one its own with signing-state"
+        ) from error
+    return handle
+
+
 def save_signing(path: Path, content: bytes) -> None:
     """Put the state into its place, whole or not at all.
 
@@ -155,13 +181,15 @@ class SignedLink(Link):
     """A link round another one; made by `open_signed_link`."""
 
     def __init__(
-        self, on_datagram: OnDatagram, options: SigningOptions, signing: Signing, utc: Callable[[], float]
+        self, on_datagram: OnDatagram, options: SigningOptions, signing: Signing, utc: Callable[[], float], claim: int
     ) -> None:
         super().__init__(on_datagram)
-        self._options, self._signing, self._utc = options, signing, utc
+        self._options, self._signing, self._utc, self._claim = options, signing, utc, claim
         self._inner: Link | None = None
+        self._found = self._kept = signing.timestamp
         self._closed = False
         self._saving = threading.Lock()
+        self._asked = self._saved = 0
         self._timer: asyncio.TimerHandle | None = None
 
     def _use(self, inner: Link) -> None:
@@ -171,20 +199,31 @@ class SignedLink(Link):
 
     def _keep(self) -> None:
         """Keep the clock, in a thread: a slow disk must not keep the loop."""
+        if self._timer is not None:
+            self._timer.cancel()
         loop = asyncio.get_running_loop()
-        loop.run_in_executor(None, self._save, self._state(AHEAD))
+        self._asked += 1
+        loop.run_in_executor(None, self._save, self._asked, self._state())
         self._timer = loop.call_later(SAVED_EVERY_S, self._keep)
 
-    def _state(self, ahead: int) -> bytes:
-        signing = self._signing
-        streams = [(*stream, at) for stream, at in signing.streams.items()]
-        latest = max(signing.timestamp, signing_timestamp(self._utc()))  # what the next frame will be signed with
-        return msgspec.json.encode(_State(min(latest + ahead, LATEST_CLOCK), streams))
+    def _keep_up(self) -> None:
+        """Keep the clock now if it has overtaken what the file says."""
+        if self._signing.timestamp > self._kept:
+            self._keep()
 
-    def _save(self, content: bytes, *, last: bool = False) -> None:
+    def _state(self, *, last: bool = False) -> bytes:
+        signing = self._signing
+        ours, latest = signing_timestamp(self._utc()), signing.timestamp
+        if not last:
+            ours, latest = ours + AHEAD, latest + (AHEAD if latest > self._found else ROOM)
+        self._kept = min(max(ours, latest), LATEST_CLOCK)
+        return msgspec.json.encode(_State(self._kept, [(*stream, at) for stream, at in signing.streams.items()]))
+
+    def _save(self, number: int, content: bytes) -> None:
         with self._saving:
-            if self._closed and not last:
+            if number < self._saved:  # a thread that was overtaken
                 return
+            self._saved = number
             try:
                 save_signing(self._options.state, content)
             except OSError:
@@ -204,6 +243,7 @@ class SignedLink(Link):
             else:
                 self.counters[cause] += 1
                 refused += 1
+        self._keep_up()
         if not (refused or self._options.required):
             self._deliver(data, address)
         elif good:
@@ -219,6 +259,7 @@ class SignedLink(Link):
             for found in parse_datagram(data, CRC_EXTRAS)
             if not isinstance(found, BadFrame) and found.checked
         ]
+        self._keep_up()
         return self._inner.send(b"".join(signed), address)
 
     def close(self) -> None:
@@ -227,9 +268,12 @@ class SignedLink(Link):
             self._timer.cancel()
         if self._inner is not None:
             self._inner.close()
-        was_closed, self._closed = self._closed, True
-        if not was_closed and self._inner is not None:
-            self._save(self._state(0), last=True)
+        if self._closed:
+            return
+        self._closed = True
+        if self._inner is not None:
+            self._save(self._asked + 1, self._state(last=True))
+        os.close(self._claim)
 
 
 async def open_signed_link(
@@ -249,7 +293,13 @@ async def open_signed_link(
         LinkError: If the port, peer or device cannot be used.
         OSError: If the key cannot be read, or the clock not be kept.
     """
-    link = SignedLink(on_datagram, options, open_signing(options), utc)
-    save_signing(options.state, link._state(AHEAD))  # a clock that cannot be kept is a fault now, not after the flight
-    link._use(await open_link(url, link._receive))
+    read_key(options.key_file)  # before anything is written beside it
+    claim = claim_clock(options.state)
+    try:
+        link = SignedLink(on_datagram, options, open_signing(options), utc, claim)
+        save_signing(options.state, link._state())  # a clock that cannot be kept is a fault now, not after the flight
+        link._use(await open_link(url, link._receive))
+    except BaseException:
+        os.close(claim)
+        raise
     return link

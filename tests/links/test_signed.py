@@ -8,12 +8,13 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from ridlink.errors import ConfigError
-from ridlink.links import LinkUrl, SigningOptions, open_signed_link, parse_link_url
+from ridlink.errors import ConfigError, LinkError
+from ridlink.links import LinkUrl, Scheme, SigningOptions, open_signed_link, parse_link_url
 from ridlink.links.signed import SAVED_EVERY_S, SignedLink, open_signing, read_key, save_signing
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
@@ -66,6 +67,15 @@ class Ear:
 
 async def opened(ear: Ear, key_file: Path, url: LinkUrl = ANY, **options: object) -> SignedLink:
     return await open_signed_link(url, ear, SigningOptions(key_file, **options), utc=lambda: UTC_S)  # type: ignore[arg-type]
+
+
+def killed(link: SignedLink) -> None:
+    """End a link without a word to the file, as kill -9 does."""
+    assert link._inner is not None and link._timer is not None
+    link._timer.cancel()
+    link._inner.close()
+    link._closed = True
+    os.close(link._claim)
 
 
 def signed(encoder: Encoder, signing: Signing, utc_s: float = UTC_S) -> bytes:
@@ -160,13 +170,65 @@ def test_f23_a_crash_uses_no_timestamp_twice(key_file: Path) -> None:
             peer.settimeout(PATIENCE_S)
             link.send(Encoder(1, 196).encode("HEARTBEAT"), peer.getsockname())
             sent = peer.recv(500)
-        assert link._inner is not None and link._timer is not None
-        link._timer.cancel()
-        link._inner.close()  # and no word to the file, as after kill -9
+        killed(link)
         again = signed(Encoder(1, 196), open_signing(SigningOptions(key_file)), 0.0)  # no battery: it is 1970 again
         first, second = (int.from_bytes(frame[-12:-6], "little") for frame in (sent, again))
         assert second - first > SAVED_EVERY_S * UNITS_PER_S, "later than all until the file is written again"
-        link._closed = True
+
+    asyncio.run(test())
+
+
+def test_f23_a_crash_uses_no_timestamp_twice_behind_a_peer_whose_clock_is_ahead(key_file: Path) -> None:
+    async def test() -> None:
+        writer = ThreadPoolExecutor(1)
+        asyncio.get_running_loop().set_default_executor(writer)
+        ear = Ear()
+        link = await opened(ear, key_file)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+            peer.bind(("127.0.0.1", 0))
+            peer.settimeout(PATIENCE_S)
+            peer.sendto(signed(Encoder(7, 1), Signing(KEY), UTC_S + 100.0), link.local_address)
+            await ear.until(lambda: bool(ear.heard))
+            link.send(Encoder(1, 196).encode("HEARTBEAT"))
+            sent = peer.recv(500)
+        await asyncio.get_running_loop().run_in_executor(writer, lambda: None)  # what was asked of it before is done
+        killed(link)
+        again = signed(Encoder(1, 196), open_signing(SigningOptions(key_file)))
+        first, second = (int.from_bytes(frame[-12:-6], "little") for frame in (sent, again))
+        assert first > UNITS_PER_S * (UTC_S - EPOCH_UTC_S + 100.0) and second > first
+
+    asyncio.run(test())
+
+
+def test_f23_who_crashes_again_and_again_still_hears_a_vehicle_for_the_first_time(key_file: Path) -> None:
+    async def live(utc_s: float) -> None:
+        link = await open_signed_link(ANY, Ear(), SigningOptions(key_file, required=True), utc=lambda: utc_s)
+        assert not link.send(Encoder(1, 196).encode("HEARTBEAT"))  # signed, though nobody is there
+        killed(link)
+
+    for life in range(40):
+        asyncio.run(live(UTC_S + life))
+    (frame,) = parse_datagram(signed(Encoder(7, 1), Signing(KEY), UTC_S + 40.0), CRC_EXTRAS)
+    assert isinstance(frame, Frame)
+    assert open_signing(SigningOptions(key_file)).refusal(frame, UTC_S + 40.0) is None
+
+
+def test_a_clock_belongs_to_one_program_at_a_time(key_file: Path, tmp_path: Path) -> None:
+    async def test() -> None:
+        first = await opened(Ear(), key_file)
+        with pytest.raises(ConfigError, match=r"key\.state: is the clock of another program.* signing-state"):
+            await opened(Ear(), key_file, link_id=1)
+        beside = await opened(Ear(), key_file, state_file=tmp_path / "other")
+        first.close()
+        first.close()
+        again = await opened(Ear(), key_file)
+        for link in (beside, again):
+            link.close()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(("127.0.0.1", 0))
+            with pytest.raises(LinkError):
+                await opened(Ear(), key_file, LinkUrl(Scheme.UDPIN, *other.getsockname()))
+        (await opened(Ear(), key_file)).close()
 
     asyncio.run(test())
 
