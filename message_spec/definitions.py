@@ -1,7 +1,7 @@
-"""Does somebody else's XML say the same as ours on the wire? Ids, names, sizes, CRC_EXTRA and fields, compared.
+"""MAVLink definitions of anybody, read: what the wire depends on in their messages, and the values of their enums.
 
-The file may come from anywhere, so mavgen, which evaluates what it reads, never sees it: a small expat reader takes
-what the wire depends on (message ids, names, fields) and refuses document types, in which entities would be declared.
+A file may come from anywhere, so mavgen, which evaluates what it reads, never sees it: a small expat reader takes
+message ids, names, fields and enum entries, and refuses document types, in which entities would be declared.
 
 Source for CRC_EXTRA and the order of fields: https://mavlink.io/en/guide/serialization.html
 """
@@ -10,27 +10,23 @@ from __future__ import annotations
 
 import re
 import xml.parsers.expat
-from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
 from fastcrc import crc16
 
-from message_spec.generate import DIALECT_XML
-
 MAX_FILE_BYTES = 16 * 1024 * 1024
 MAX_FILES = 64
 MAX_PAYLOAD = 255
-OWN_IDS = range(61400, 61500)
-"""Message ids that belong to ridlink; those not yet used are reserved."""
-
 _SIZES = {"char": 1, "int8_t": 1, "uint8_t": 1, "int16_t": 2, "uint16_t": 2, "int32_t": 4, "uint32_t": 4,
           "int64_t": 8, "uint64_t": 8, "float": 4, "double": 8}  # fmt: skip
 _FIELD_TYPE = re.compile(r"(\w+?)(?:\[(\d{1,3})\])?", re.ASCII)
 _NAME = re.compile(r"\w{1,64}", re.ASCII)
 _MESSAGE = ("mavlink", "messages", "message")
+_ENUM = ("mavlink", "enums", "enum")
+_MEANING = ("units", "enum", "invalid")
+_NUMBER = re.compile(r"\d{1,20}|0[xX][0-9a-fA-F]{1,16}|0[bB][01]{1,64}", re.ASCII)
 
 
 class DefinitionError(Exception):
@@ -39,12 +35,13 @@ class DefinitionError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field: ``array_length`` is 0 for a scalar."""
+    """One field: ``array_length`` is 0 for a scalar; ``meaning`` are its units, enum and value for unknown."""
 
     name: str
     kind: str
     array_length: int
     extension: bool
+    meaning: dict[str, str] = field(default_factory=dict, compare=False)
 
     @property
     def size(self) -> int:
@@ -64,32 +61,40 @@ class Definition:
     @property
     def size(self) -> int:
         """Length of the full payload in bytes."""
-        return sum(field.size for field in self.fields)
+        return sum(each.size for each in self.fields)
 
     @property
     def crc_extra(self) -> int:
         """The checksum seed: name, types and names of the fields that are no extension."""
         text = f"{self.name} ".encode()
-        for field in self.fields:
-            if not field.extension:
-                text += f"{field.kind} {field.name} ".encode()
-                if field.array_length:
-                    text += bytes([field.array_length])
+        for each in self.fields:
+            if not each.extension:
+                text += f"{each.kind} {each.name} ".encode()
+                if each.array_length:
+                    text += bytes([each.array_length])
         crc: int = crc16.mcrf4xx(text)
         return crc & 0xFF ^ crc >> 8
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
-    """One way in which a definition departs from ours: ``kind`` is missing, changed or collision."""
+class Entry:
+    """One value of an enum: a number, or the text that stands for one in a way that is not read here."""
 
-    kind: str
-    msgid: int
-    text: str
+    enum: str
+    name: str
+    value: int | str
 
 
-def read_definitions(path: Path) -> list[Definition]:
-    """Every message of a definition and of what it includes, in order of reading.
+@dataclass(frozen=True, slots=True)
+class Definitions:
+    """Messages and enum entries of a file and of what it includes, in order of reading."""
+
+    messages: list[Definition] = field(default_factory=list)
+    entries: list[Entry] = field(default_factory=list)
+
+
+def read_definitions(path: Path) -> Definitions:
+    """Everything that a definition and what it includes define.
 
     An include is looked up beside the file that names it, then among the definitions that pymavlink ships.
 
@@ -97,13 +102,11 @@ def read_definitions(path: Path) -> list[Definition]:
         DefinitionError: If a file is malformed, or an include is not found.
         OSError: If the file cannot be read.
     """
-    definitions: list[Definition] = []
+    definitions = Definitions()
     waiting, seen = [path], {path.resolve()}
     while waiting:
         current = waiting.pop(0)
-        found, includes = _read_one(current)
-        definitions += found
-        for name in includes:
+        for name in _read_one(current, definitions):
             target = _included(name, current)
             if target.resolve() in seen:
                 continue
@@ -124,30 +127,30 @@ def _included(name: str, by: Path) -> Path:
     return shipped
 
 
-def _read_one(path: Path) -> tuple[list[Definition], list[str]]:
-    """Messages of one file, and the names that it includes."""
+def _read_one(path: Path, definitions: Definitions) -> list[str]:
+    """Add what one file defines; the names that it includes."""
     if path.exists() and not path.is_file():
         raise DefinitionError(f"{path.name}: not a file")
     with path.open("rb") as stream:
         content = stream.read(MAX_FILE_BYTES + 1)
     if len(content) > MAX_FILE_BYTES:
         raise DefinitionError(f"{path.name}: larger than {MAX_FILE_BYTES // 2**20} MiB")
-    reader = _Reader(path.name)
+    reader = _Reader(path.name, definitions)
     try:
         reader.parser.Parse(content, True)
     except xml.parsers.expat.ExpatError as error:
         raise DefinitionError(f"{path.name}: {error}") from error
     except (LookupError, ValueError) as error:  # an encoding that Python does not have
         raise DefinitionError(f"{path.name}: not readable: {error}") from error
-    return reader.definitions, [include.strip() for include in reader.includes]
+    return [include.strip() for include in reader.includes]
 
 
 class _Reader:
-    """Collects messages and includes while expat walks the file."""
+    """Collects messages, enum entries and includes while expat walks the file."""
 
-    def __init__(self, file_name: str) -> None:
+    def __init__(self, file_name: str, definitions: Definitions) -> None:
         self.file_name = file_name
-        self.definitions: list[Definition] = []
+        self.definitions = definitions
         self.includes: list[str] = []
         self.parser = xml.parsers.expat.ParserCreate()
         self.parser.StartDoctypeDeclHandler = self._doctype
@@ -158,6 +161,7 @@ class _Reader:
         self._header = (0, "")
         self._fields: list[Field] = []
         self._extensions = False
+        self._enum, self._highest = "", 0
 
     def _error(self, text: str) -> DefinitionError:
         return DefinitionError(f"{self.file_name}: line {self.parser.CurrentLineNumber}: {text}")
@@ -182,18 +186,22 @@ class _Reader:
             self._extensions = True
         elif where == (*_MESSAGE, "field"):
             self._fields.append(self._field(attributes))
+        elif where == _ENUM:
+            self._enum, self._highest = self._name(attributes, tag), 0
+        elif where == (*_ENUM, "entry"):
+            self.definitions.entries.append(self._entry(attributes))
         elif where == ("mavlink", "include"):
             self.includes.append("")
 
     def _end(self, _: str) -> None:
         if len(self._path) == 3 and tuple(self._path) == _MESSAGE:
-            base = [field for field in self._fields if not field.extension]
-            base.sort(key=lambda field: -_SIZES[field.kind])
-            fields = (*base, *(field for field in self._fields if field.extension))
+            base = [each for each in self._fields if not each.extension]
+            base.sort(key=lambda each: -_SIZES[each.kind])
+            fields = (*base, *(each for each in self._fields if each.extension))
             definition = Definition(*self._header, fields, self.file_name)
             if not 0 < definition.size <= MAX_PAYLOAD:
                 raise self._error(f"{definition.name} has {definition.size} bytes, not 1 to {MAX_PAYLOAD}")
-            self.definitions.append(definition)
+            self.definitions.messages.append(definition)
         self._path.pop()
 
     def _text(self, text: str) -> None:
@@ -220,70 +228,13 @@ class _Reader:
         length = int(match[2] or 0)
         if length > MAX_PAYLOAD:
             raise self._error(f"an array of {length}: a payload has {MAX_PAYLOAD} bytes")
-        return Field(self._name(attributes, "field"), kind, length, self._extensions)
+        meaning = {name: attributes[name] for name in _MEANING if name in attributes}
+        return Field(self._name(attributes, "field"), kind, length, self._extensions, meaning)
 
-
-def compare(theirs: Iterable[Definition], ours: Iterable[Definition]) -> list[Difference]:
-    """How ``theirs`` departs from ``ours``, by message id.
-
-    Messages that only they have are no difference, unless they take an id that belongs to ridlink.
-    """
-    theirs, ours_by_id = list(theirs), {definition.msgid: definition for definition in ours}
-    ours_by_name = {definition.name: definition for definition in ours_by_id.values()}
-    differences: list[Difference] = []
-    for msgid, count in Counter(definition.msgid for definition in theirs).items():
-        if count > 1:
-            names = sorted({definition.name for definition in theirs if definition.msgid == msgid})
-            differences.append(Difference("collision", msgid, f"defined {count} times: {', '.join(names)}"))
-    for definition in theirs:
-        own = ours_by_id.get(definition.msgid)
-        if own is None and definition.name in ours_by_name:
-            text = f"{definition.name} has this id, {ours_by_name[definition.name].msgid} in ours"
-            differences.append(Difference("changed", definition.msgid, text))
-        elif own is None:
-            if definition.msgid in OWN_IDS:
-                text = f"{definition.name} takes an id that is reserved for ridlink"
-                differences.append(Difference("collision", definition.msgid, text))
-        elif definition.name != own.name:
-            text = f"{definition.name}, which is {own.name} in {own.origin}"
-            differences.append(Difference("collision", definition.msgid, text))
-        elif definition.fields != own.fields:
-            differences.append(Difference("changed", definition.msgid, _describe_change(definition, own)))
-    their_ids, their_names = {d.msgid for d in theirs}, {d.name for d in theirs}
-    for own in ours_by_id.values():
-        if own.msgid not in their_ids and own.name not in their_names:
-            differences.append(Difference("missing", own.msgid, f"{own.name} of {own.origin}"))
-    return sorted(differences, key=lambda difference: (difference.msgid, difference.kind))
-
-
-def _describe_change(theirs: Definition, ours: Definition) -> str:
-    parts = []
-    if theirs.size != ours.size:
-        parts.append(f"{theirs.size} bytes, {ours.size} in {ours.origin}")
-    if theirs.crc_extra != ours.crc_extra:
-        parts.append(f"CRC_EXTRA {theirs.crc_extra}, {ours.crc_extra} in {ours.origin}")
-    for index, (their_field, our_field) in enumerate(zip(theirs.fields, ours.fields, strict=False)):
-        if their_field != our_field:
-            parts.append(f"field {index} on the wire is {_describe(their_field)}, not {_describe(our_field)}")
-            break
-    else:
-        longer, verb = (theirs, "added") if len(theirs.fields) > len(ours.fields) else (ours, "dropped")
-        names = [field.name for field in longer.fields[min(len(theirs.fields), len(ours.fields)) :]]
-        parts.append(f"{verb}: {', '.join(names)}")
-    return f"{theirs.name}: {'; '.join(parts)}"
-
-
-def _describe(field: Field) -> str:
-    array = f"[{field.array_length}]" if field.array_length else ""
-    return f"{field.kind}{array} {field.name}{' (extension)' if field.extension else ''}"
-
-
-def check_file(path: Path) -> tuple[list[Difference], int]:
-    """Differences between a definition and the ridlink dialect (our messages and upstream's), and its message count.
-
-    Raises:
-        DefinitionError: If the file is no MAVLink definition.
-        OSError: If the file cannot be read.
-    """
-    theirs = read_definitions(path)
-    return compare(theirs, read_definitions(DIALECT_XML)), len(theirs)
+    def _entry(self, attributes: dict[str, str]) -> Entry:
+        """One entry; without a value it has the one behind the highest before it, as mavgen counts."""
+        value: int | str = attributes.get("value", str(self._highest + 1)).strip()
+        if _NUMBER.fullmatch(str(value)):
+            value = int(str(value), 10 if str(value).isdecimal() else 0)
+            self._highest = max(self._highest, value)
+        return Entry(self._enum, self._name(attributes, "entry"), value)

@@ -86,12 +86,14 @@ for _form, _help in FORMS.items():
 def check(ctx: click.Context, file: Path, allow_missing: bool) -> None:
     """Compare a definition with ours and upstream's.
 
-    Ids, names, sizes, CRC_EXTRA and fields of every message in FILE and in what it includes.
+    Ids, names, sizes, CRC_EXTRA and fields of every message in FILE and in what it includes, and the values of enums;
+    of ridlink's own messages units, enums and values for unknown as well.
 
     Exit code 0: FILE means the same on the wire. 1: it does not, and the differences are printed. 2: FILE is no MAVLink
     definition.
     """
-    from message_spec.check import DefinitionError, check_file
+    from message_spec.check import check_file
+    from message_spec.definitions import DefinitionError
 
     try:
         differences, count = check_file(file)
@@ -100,7 +102,7 @@ def check(ctx: click.Context, file: Path, allow_missing: bool) -> None:
     if allow_missing:
         differences = [difference for difference in differences if difference.kind != "missing"]
     for difference in differences:
-        click.echo(f"{difference.kind:9} {difference.msgid:>8} {difference.text}")
+        click.echo(f"{difference.kind:9} {difference.msgid or '-':>8} {difference.text}")
     if differences:
         kinds = Counter(difference.kind for difference in differences)
         click.echo(f"not compatible: {', '.join(f'{kinds[kind]} {kind}' for kind in sorted(kinds))}")

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from message_spec.check import DefinitionError, check_file, read_definitions
+from message_spec.check import OWN_ENUMS, OWN_IDS, check_file
+from message_spec.definitions import DefinitionError, Definitions, read_definitions
 from message_spec.generate import DIALECT_XML, definition_files, write_files
 from ridlink.mavlink.codec import MESSAGES
 
 OURS = DIALECT_XML.read_text()
-COUNT = len(read_definitions(DIALECT_XML))
+COUNT = len(read_definitions(DIALECT_XML).messages)
 
 Edit = Callable[[str, str], Path]
 
@@ -36,7 +38,7 @@ def lines(path: Path) -> list[str]:
 
 
 def test_reads_what_mavgen_reads() -> None:
-    definitions = read_definitions(DIALECT_XML)
+    definitions = read_definitions(DIALECT_XML).messages
     assert len(definitions) >= 200
     for definition in definitions:
         if definition.msgid in MESSAGES:  # the installed pymavlink may be newer than the one of the build
@@ -112,6 +114,84 @@ def test_moved_id(edited: Edit) -> None:
     assert lines(edited('id="61401"', 'id="52001"')) == ["changed 52001 RIDLINK_STATUS has this id, 61401 in ours"]
 
 
+SIMULATED, HOLD = "RIDLINK_SEPARATION_FLAGS_SIMULATED", "RIDLINK_STATE_HOLD"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (
+            f'value="4" name="{SIMULATED}"',
+            f'value="16" name="{SIMULATED}"',
+            f"changed None {SIMULATED} is 16, 4 in ours",
+        ),
+        (f'value="4" name="{SIMULATED}"', f'value="" name="{SIMULATED}"', f"changed None {SIMULATED} is '', 4 in ours"),
+        (f'value="4" name="{SIMULATED}"', f'name="{SIMULATED}"', f"changed None {SIMULATED} is 3, 4 in ours"),
+        (
+            f'value="2" name="{HOLD}"',
+            'value="2" name="RIDLINK_STATE_WAIT"',
+            f"collision None RIDLINK_STATE_WAIT takes 2 in RIDLINK_STATE, which is {HOLD}",
+        ),
+        (
+            'name="horizontal_error" units="cm"',
+            'name="horizontal_error" units="m"',
+            "changed 61400 RIDLINK_SEPARATION.horizontal_error has units 'm', 'cm' in ridlink.xml",
+        ),
+        (
+            'name="nearest_margin" units="cm"',
+            'name="nearest_margin"',
+            "changed 61401 RIDLINK_STATUS.nearest_margin has units '', 'cm' in ridlink.xml",
+        ),
+        (
+            'units="s" invalid="65535"',
+            'units="s" invalid="\x9b2J"',
+            r"changed 61400 RIDLINK_SEPARATION.timestamp has invalid '\x9b2J', '65535' in ridlink.xml",
+        ),
+        (
+            'enum="RIDLINK_STATE"',
+            'enum="RIDLINK_SOLVER_STATUS"',
+            "changed 61401 RIDLINK_STATUS.state has enum 'RIDLINK_SOLVER_STATUS', 'RIDLINK_STATE' in ridlink.xml",
+        ),
+    ],
+)
+def test_the_same_bytes_that_mean_something_else(edited: Edit, old: str, new: str, says: str) -> None:
+    assert lines(edited(old, new)) == [says]
+
+
+@pytest.mark.parametrize("value", ["0x4", "0b100", " 4 ", "4"])
+def test_numbers_may_be_written_in_other_ways(edited: Edit, value: str) -> None:
+    assert lines(edited('value="4"', f'value="{value}"')) == []
+
+
+def test_values_that_are_added_to_ours_and_words_of_upstream_are_no_difference(tmp_path: Path) -> None:
+    files = definition_files()
+    own, upstream = files["ridlink.xml"], files["common.xml"]
+    files["ridlink.xml"] = own.replace(b"</enum>", b'<entry value="16" name="THEIRS"/></enum>', 1)
+    files["common.xml"] = upstream.replace(b'name="speed_horizontal" units="cm/s"', b'name="speed_horizontal"')
+    assert files["ridlink.xml"] != own and files["common.xml"] != upstream
+    write_files(tmp_path, files)
+    assert lines(tmp_path / "ridlink.xml") == []
+
+
+def test_a_changed_value_of_upstream(tmp_path: Path) -> None:
+    files = definition_files()
+    files["common.xml"] = files["common.xml"].replace(
+        b'value="1" name="MAV_ODID_STATUS_GROUND"', b'value="5" name="MAV_ODID_STATUS_GROUND"'
+    )
+    write_files(tmp_path, files)
+    assert lines(tmp_path / "ridlink.xml") == ["changed None MAV_ODID_STATUS_GROUND is 5, 1 in ours"]
+
+
+def test_no_dialect_that_pymavlink_ships_uses_our_numbers_or_names() -> None:
+    shipped = sorted(Path(str(resources.files("pymavlink") / "dialects" / "v20")).glob("*.xml"))
+    assert len(shipped) >= 10
+    for path in shipped:
+        found = read_definitions(path)
+        assert not [each for each in found.messages if each.msgid in OWN_IDS or each.name.startswith(OWN_ENUMS)], path
+        assert not [entry for entry in found.entries if entry.enum.startswith(OWN_ENUMS)], path
+        assert {difference.kind for difference in check_file(path)[0]} <= {"missing"}, path
+
+
 BOMB = '<!DOCTYPE l [<!ENTITY a "ha">' + "".join(
     f'<!ENTITY {b} "{f"&{a};" * 20}">' for a, b in zip("abcdefghijkl", "bcdefghijklm", strict=True)
 ) + "]>"  # fmt: skip
@@ -148,6 +228,7 @@ MESSAGE = (
         (MESSAGE.format(id=1, type="uint8_t[0]"), "unknown type"),
         (MESSAGE.format(id=1, type="uint8_t[256]"), "an array of 256"),
         (MESSAGE.format(id=1, type="uint64_t[32]"), "A has 256 bytes"),
+        ('<mavlink><enums><enum name="A"><entry value="1"/></enum></enums></mavlink>', "line 1: <entry> has no name"),
     ],
 )
 def test_what_is_no_definition_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
@@ -167,7 +248,8 @@ def test_enum_values_are_never_evaluated(tmp_path: Path) -> None:
     trap = tmp_path / "trap"
     value = f"open({str(trap)!r}, 'w').close() or 1"
     path.write_text(OURS.replace('<entry value="1"', f'<entry value="{value}"', 1))
-    assert check_file(path)[0] == []
+    (line,) = lines(path)
+    assert line.startswith("changed None RIDLINK_SEPARATION_FLAGS_AVOIDING is \"open('")
     assert not trap.exists()
 
 
@@ -189,7 +271,7 @@ def test_deep_nesting_takes_no_time(tmp_path: Path) -> None:
     path = tmp_path / "deep.xml"
     path.write_text("<mavlink>" + "<a>" * 500_000 + "</a>" * 500_000 + "</mavlink>")
     begin = time.process_time()
-    assert read_definitions(path) == []
+    assert read_definitions(path) == Definitions()
     assert time.process_time() - begin < 5.0
 
 

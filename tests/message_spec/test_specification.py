@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import re
 import struct
+from enum import IntEnum, IntFlag
 from pathlib import Path
 
 import pytest
 
+from message_spec.definitions import read_definitions
+from message_spec.generate import DIALECT_XML
+from ridlink.avoidance.types import Status
+from ridlink.failsafe import State
 from ridlink.mavlink import dialect
 from ridlink.mavlink.codec import message_spec
+from ridlink.remote_id.messages import SeparationFlags
 
 TEXT = (Path(__file__).parents[2] / "message_spec" / "README.md").read_text()
 XML = (Path(__file__).parents[2] / "message_spec" / "ridlink.xml").read_text()
@@ -66,6 +72,75 @@ def test_flags() -> None:
         for value, entry in entries.items()
         if not entry.name.endswith("ENUM_END")
     }
+
+
+def own_fields(name: str) -> dict[str, dict[str, str]]:
+    """What the XML says numbers mean: units, enum and value for unknown, by field."""
+    (definition,) = (each for each in read_definitions(DIALECT_XML).messages if each.name == name)
+    return {each.name: each.meaning for each in definition.fields}
+
+
+def test_what_unknown_is_in_separation() -> None:
+    rows = re.findall(
+        r"^\| \d+ \| `(\w+)` \|(?:[^|]*\|){3} ([^|]*?) ?\|$", section("RIDLINK_SEPARATION (61400)"), re.MULTILINE
+    )
+    told = {name: unknown for name, unknown in rows if unknown.isdecimal()}
+    said = {
+        name: meaning["invalid"] for name, meaning in own_fields("RIDLINK_SEPARATION").items() if "invalid" in meaning
+    }
+    assert told == said and len(said) == 7
+
+
+def test_units_and_none_of_status() -> None:
+    rows = re.findall(
+        r"^\| [\d, ]+ \| (`\w+`(?:, `\w+`)*) \| \S+ \| ([^ |]*) ?\| ([^|]*) \|$",
+        section("RIDLINK_STATUS (61401)"),
+        re.MULTILINE,
+    )
+    told = {name: (unit, text) for names, unit, text in rows for name in re.findall(r"`(\w+)`", names)[:1]}
+    for name, meaning in own_fields("RIDLINK_STATUS").items():
+        unit, text = told[re.sub("_v[yz]$", "_vx", name)]
+        assert unit == meaning.get("units", ""), name
+        assert meaning.get("invalid", "") in text, name
+
+
+ENUMS = {
+    "RIDLINK_SEPARATION_FLAGS": {"AVOIDING": 1, "ERROR_MEASURED": 2, "SIMULATED": 4, "COMMANDED_VELOCITY_GIVEN": 8},
+    "RIDLINK_STATE": {"STANDBY": 0, "ENGAGED": 1, "HOLD": 2, "STOPPED": 3},
+    "RIDLINK_SOLVER_STATUS": {"FREE": 0, "CONSTRAINED": 1, "OVERLAPPED": 2, "INFEASIBLE": 3},
+}
+"""Sent by everybody who has this version: values may be added, and none is ever changed or used again."""
+
+
+def test_values_of_enums_stay() -> None:
+    entries = [entry for entry in read_definitions(DIALECT_XML).entries if entry.enum.startswith("RIDLINK_")]
+    assert {(entry.enum, entry.name.removeprefix(f"{entry.enum}_")): entry.value for entry in entries} == {
+        (enum, name): value for enum, values in ENUMS.items() for name, value in values.items()
+    }
+
+
+@pytest.mark.parametrize(("enum", "field"), [("RIDLINK_STATE", "state"), ("RIDLINK_SOLVER_STATUS", "solver_status")])
+def test_the_text_has_the_values_of_enums(enum: str, field: str) -> None:
+    (told,) = re.findall(rf"^\| \d+ \| `{field}` \|.*\| ([^|]*) \|$", section("RIDLINK_STATUS (61401)"), re.MULTILINE)
+    assert told == ", ".join(f"{value} {name.lower()}" for name, value in ENUMS[enum].items())
+
+
+@pytest.mark.parametrize(
+    ("ours", "enum"),
+    [(SeparationFlags, "RIDLINK_SEPARATION_FLAGS"), (State, "RIDLINK_STATE"), (Status, "RIDLINK_SOLVER_STATUS")],
+)
+def test_the_code_has_the_values_of_enums(ours: type[IntEnum | IntFlag], enum: str) -> None:
+    assert {member.name: int(member) for member in ours} == ENUMS[enum]
+
+
+def test_fields_are_of_their_enums() -> None:
+    messages = ("RIDLINK_SEPARATION", "RIDLINK_STATUS")
+    said = {
+        field: meaning["enum"] for name in messages for field, meaning in own_fields(name).items() if "enum" in meaning
+    }
+    assert said == dict(zip(("flags", "state", "solver_status"), ENUMS, strict=True))
+    assert '<enum name="RIDLINK_SEPARATION_FLAGS" bitmask="true">' in XML
+    assert 'enum="RIDLINK_SEPARATION_FLAGS" display="bitmask"' in XML
 
 
 def test_every_field_and_entry_is_described_in_the_xml() -> None:
