@@ -137,7 +137,7 @@ async def _leave_figures(bridge: Bridge, server: MetricsServer) -> None:
                 "ridlink_mqtt_waiting": len(outbox),
                 "ridlink_mqtt_overtaken": outbox.replaced,
                 "ridlink_mqtt_dropped": outbox.dropped,
-                "ridlink_mqtt_events": {k: v for k, v in counters.items() if k not in ("published", "connections")},
+                "ridlink_mqtt_events": bridge.events(),
             }
         )
         await asyncio.sleep(1.0)

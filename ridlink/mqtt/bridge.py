@@ -43,6 +43,12 @@ AT_ONCE = 256
 AT_ONCE_ON_THE_WIRE = (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 """Else a message waits for the acknowledgement of the one before, which the other side delays by 40 ms."""
 
+REFUSED = 128
+"""Codes of an answer to a subscription from here on say no."""
+
+LOST = "Disconnected during message iteration"
+"""What the library says when the broker is gone."""
+
 LIBRARY_LOG = logging.getLogger("ridlink.mqtt.library")
 """What the library says to itself; what a user should know comes as an error and is told once."""
 LIBRARY_LOG.addHandler(logging.NullHandler())
@@ -69,7 +75,7 @@ class Bridge:
 
     Attributes:
         connected: Set while the broker is there, and the feed is subscribed to.
-        counters: ``published``, ``connections``, ``refused`` datagrams, what became of the feed.
+        counters: ``published``, ``connections``, ``refused`` datagrams.
 
     Raises:
         ConfigError: If the feed would be our own publication.
@@ -102,9 +108,11 @@ class Bridge:
         self._ca_file = ca_file
         self._feed_topic = feed_topic
         self._relay_url = relay
+        self._link: Link | None = None
         self._relay: Link | None = None
         self._tell = on_event
         self._waiting = asyncio.Event()
+        self._has_been_connected = False
 
     async def run(self, stop: asyncio.Event) -> None:
         """Publish until told to stop.
@@ -112,7 +120,7 @@ class Bridge:
         Raises:
             LinkError: If a link cannot be opened, or the broker cannot be reached at the start.
         """
-        link = await open_link(self._source, self._heard)
+        self._link = link = await open_link(self._source, self._heard)
         try:
             if self._relay_url is not None:
                 self._relay = await open_link(self._relay_url, lambda data, address: None)
@@ -133,6 +141,15 @@ class Bridge:
             link.close()
             if self._relay is not None:
                 self._relay.close()
+
+    def events(self) -> dict[str, int]:
+        """What was refused or noticed, by cause: of the bridge, of the feed, and of the links."""
+        found = {cause: n for cause, n in self.counters.items() if cause not in ("published", "connections")}
+        for whose, counters in (("feed", self.feed.counters), ("sky", self._publisher.sky.rejects),
+                                ("source_link", self._link and self._link.counters),
+                                ("relay_link", self._relay and self._relay.counters)):  # fmt: skip
+            found.update({f"{whose}_{cause}": n for cause, n in (counters or {}).items()})
+        return found
 
     def _heard(self, data: bytes, _: object) -> None:
         now_s = time.monotonic()
@@ -165,18 +182,17 @@ class Bridge:
             try:
                 async with self._client() as client:
                     self.counters["connections"] += 1
-                    wait_s = BACK_OFF_S[0]
-                    self._tell(f"connected to {self._broker}")
                     await self._converse(client)
             except (aiomqtt.MqttError, OSError, UnicodeError) as error:  # the last one for a name that can be none
-                was_connected = self.connected.is_set()
-                self.connected.clear()
                 reason = _reason(error)
-                if not self.counters["connections"] and (
+                if not self._has_been_connected and (
                     _is_final(error) or time.monotonic() - begun_s > FIRST_CONNECTION_S
                 ):
                     raise BrokerError(f"{self._broker}: {reason}") from error
-                if was_connected or (not self.counters["connections"] and reason != told):
+                if self.connected.is_set():
+                    wait_s, told = BACK_OFF_S[0], ""
+                self.connected.clear()
+                if reason != told:
                     told = reason
                     self._tell(f"{self._broker}: {reason}; trying again")
                 await asyncio.sleep(wait_s * random.uniform(0.5, 1.0))
@@ -203,13 +219,8 @@ class Bridge:
         )
 
     async def _converse(self, client: aiomqtt.Client) -> None:
-        for message in self._publisher.greeting():
-            await client.publish(message.topic, message.payload, message.qos, message.retain)
-        if self._feed_topic is not None:
-            await client.subscribe(self._feed_topic)
-        self.connected.set()
-        hearing = asyncio.create_task(self._hear(client))
-        sending = asyncio.create_task(self._send(client))
+        hearing = asyncio.create_task(self._hear(client))  # from the first word on: there the loss of the broker shows
+        sending = asyncio.create_task(self._greet_and_send(client))
         try:
             done, _ = await asyncio.wait({hearing, sending}, return_when=asyncio.FIRST_EXCEPTION)
             for task in done:
@@ -223,6 +234,18 @@ class Bridge:
             ):  # at the end; else nobody hears it, and the will speaks
                 for message in self._publisher.farewell():
                     await client.publish(message.topic, message.payload, message.qos, message.retain, timeout=1.0)
+
+    async def _greet_and_send(self, client: aiomqtt.Client) -> None:
+        for message in self._publisher.greeting():
+            await client.publish(message.topic, message.payload, message.qos, message.retain)
+        if self._feed_topic is not None:
+            granted = await client.subscribe(self._feed_topic)
+            if any(getattr(code, "value", code) >= REFUSED for code in granted):
+                raise BrokerError(f"the feed {self._feed_topic!r} is refused")
+        self.connected.set()
+        self._tell(f"connected to {self._broker}")
+        self._has_been_connected = True
+        await self._send(client)
 
     async def _send(self, client: aiomqtt.Client) -> None:
         while True:
@@ -283,6 +306,8 @@ def _is_final(error: Exception) -> bool:
 def _reason(error: BaseException) -> str:
     if isinstance(error, aiomqtt.MqttError) and isinstance(error.__context__, OSError):
         error = error.__context__  # what it was before the library made a text of it
+    if isinstance(error, aiomqtt.MqttError) and str(error) == LOST:
+        return "the connection is lost"
     if isinstance(error, ssl.SSLCertVerificationError):
         return f"its certificate is not trusted: {error.verify_message.rstrip('.')}"
     if isinstance(error, ssl.SSLError) and error.reason == "WRONG_VERSION_NUMBER":

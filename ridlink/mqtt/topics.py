@@ -14,6 +14,8 @@ from ridlink.errors import ConfigError
 VERSION = "v1"
 DEFAULT_PREFIX = "ridlink"
 LONGEST_NAME = 120
+LONGEST_PREFIX = 1000
+"""Bytes; a whole topic has at most 65535, and brokers may take fewer."""
 
 
 @lru_cache(4096)
@@ -38,13 +40,15 @@ class Topics:
         prefix: First levels; may contain ``/``.
 
     Raises:
-        ConfigError: If one of them is empty or has a wildcard.
+        ConfigError: If one of them is empty, has a wildcard, or is too long.
     """
 
     def __init__(self, site: str, prefix: str = DEFAULT_PREFIX) -> None:
         for what, text in (("site", site), ("prefix", prefix)):
             if not text or not text.isprintable() or set(text) & set("+#") or text.strip("/") != text:
                 raise ConfigError(f"{what} {text!r}: must be a name without + or #, as in {DEFAULT_PREFIX!r}")
+            if len(text.encode()) > LONGEST_PREFIX:
+                raise ConfigError(f"{what} {text[:20] + '...'!r}: has more than {LONGEST_PREFIX} bytes")
         self.root = f"{prefix}/{VERSION}/{level(site)}"
         self.availability = f"{self.root}/availability"
         """``online`` or ``offline``, retained, the latter also as last will."""

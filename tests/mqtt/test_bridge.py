@@ -167,9 +167,11 @@ def test_f30_a_broker_that_comes_back_gets_the_newest_first_and_nobody_is_distur
 
 
 class Silent:
-    """So much of MQTT 3.1.1 as a broker needs that dies on whoever tells it of an encounter, the first time."""
+    """So much of MQTT 3.1.1 as a broker needs that dies on whoever tells it of an encounter, or of something else, the
+    first time, and refuses every subscription."""
 
-    def __init__(self) -> None:
+    def __init__(self, dies_of: bytes = b"/encounter/") -> None:
+        self.dies_of = dies_of
         self.connections = 0
         self.told_again = asyncio.Event()
 
@@ -182,11 +184,13 @@ class Silent:
                     writer.write(b"\x20\x02\x00\x00")
                 elif kind & 0xF6 == 0x32:  # PUBLISH, QoS 1
                     length = int.from_bytes(body[:2], "big")
-                    if b"/encounter/" in body[2 : 2 + length]:
+                    if self.dies_of in body[2 : 2 + length]:
                         if self.connections == 1:
                             return
                         self.told_again.set()
                     writer.write(b"\x40\x02" + body[2 + length : 4 + length])
+                elif kind >> 4 == 8:  # SUBSCRIBE
+                    writer.write(b"\x90\x03" + body[:2] + b"\x80")
 
     async def _packet(self, reader: asyncio.StreamReader) -> tuple[int, bytes]:
         kind, length, shift = (await reader.readexactly(1))[0], 0, 0
@@ -206,6 +210,48 @@ def test_f30_what_was_on_its_way_when_the_broker_died_is_told_to_the_next_one() 
             bridge.outbox.put(Outgoing("here/encounter/a~b", b"{}", 1))
             await asyncio.wait_for(silent.told_again.wait(), PATIENCE_S)
         assert bridge.counters["connections"] == 2
+
+    run(body)
+
+
+def test_f30_a_broker_that_dies_of_the_greeting_is_tried_again_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ridlink.mqtt.bridge.ANSWER_S", 1000.0)
+
+    async def body() -> None:
+        silent = Silent(dies_of=b"/availability")
+        server = await asyncio.start_server(silent.serve, "127.0.0.1", 0)
+        async with server, a_bridge(server.sockets[0].getsockname()[1]) as (bridge, _):
+            await asyncio.wait_for(bridge.connected.wait(), PATIENCE_S)
+        assert bridge.counters["connections"] == 2
+
+    run(body)
+
+
+def test_a_feed_that_the_broker_refuses_is_one_line() -> None:
+    async def body() -> None:
+        server = await asyncio.start_server(Silent().serve, "127.0.0.1", 0)
+        relay = parse_link_url("udpout:127.0.0.1:9")
+        async with server:
+            with pytest.raises(BrokerError, match=r"mqtt://127\.0\.0\.1:\d+: the feed 'sensors/#' is refused"):
+                async with a_bridge(server.sockets[0].getsockname()[1], feed_topic="sensors/#", relay=relay):
+                    pass
+
+    run(body)
+
+
+def test_i7_what_is_refused_of_the_feed_and_of_the_link_shows_among_the_events() -> None:
+    async def body() -> None:
+        port, relay = free_port(), parse_link_url("udpout:127.0.0.1:9")
+        async with (
+            a_broker(port),
+            a_bridge(port, feed_topic="sensors/+", relay=relay) as (bridge, _),
+            aiomqtt.Client("127.0.0.1", port) as client,
+        ):
+            await client.publish("sensors/a", b"garbage")
+            bridge._heard(b"garbage", None)
+            while not bridge.feed.counters:
+                await asyncio.sleep(0.01)
+            assert bridge.events() == {"refused": 1, "feed_not_json": 1}
 
     run(body)
 

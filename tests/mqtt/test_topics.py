@@ -30,7 +30,7 @@ def test_topics_are_those_of_the_documentation() -> None:
     assert TOPICS.availability == "ridlink/v1/field-1/availability"
 
 
-@pytest.mark.parametrize("site", ["", "a/+/b", "#", "/a", "a\n"])
+@pytest.mark.parametrize("site", ["", "a/+/b", "#", "/a", "a\n", 70_000 * "a"])
 def test_a_site_that_is_no_name_is_refused(site: str) -> None:
     with pytest.raises(ConfigError, match="site"):
         Topics(site)
