@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from msgspec import structs
 
 from ridlink.engine import EngineConfig
 from ridlink.engine.decision import Conflict, DecisionRecord
@@ -97,7 +98,7 @@ def test_without_an_own_state_nothing_is_predicted() -> None:
 def test_a_mac_is_both_airframes_and_one_standard_deviation_of_both_errors(
     fields: dict[str, object], mac_m: float
 ) -> None:
-    report = replace(NEIGHBOUR, **fields)  # type: ignore[arg-type]
+    report = structs.replace(NEIGHBOUR, **fields)  # type: ignore[arg-type]
     assert mac_predicted(AWARE, OWN, meeting(mac_m - 1e-6, report))
     assert not mac_predicted(AWARE, OWN, meeting(mac_m + 1e-6, report))
     nobody = DecisionRecord(0.0, State.STANDBY, OWN, 0)

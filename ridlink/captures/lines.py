@@ -7,7 +7,6 @@ inert in a terminal. What is not finite is ``null``, for JSON has no NaN.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -37,7 +36,7 @@ _SI_BYTES: dict[str, _Convert] = {
     "id_or_mac": _hex_or_none,
 }
 _SI_FIELDS: dict[type, list[tuple[str, _Convert | None]]] = {
-    kind: [(item.name, _SI_BYTES.get(item.name)) for item in dataclasses.fields(kind)] for kind in MAVLINK_NAMES
+    kind: [(name, _SI_BYTES.get(name)) for name in kind.__struct_fields__] for kind in MAVLINK_NAMES
 }
 
 

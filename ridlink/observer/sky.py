@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import decode_message

@@ -7,11 +7,12 @@ all of them, and what it returns goes through the `ReportAssembler` one after th
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
+
+from msgspec.structs import replace
 
 from ridlink.mavlink.codec import MESSAGES_BY_NAME, Message
 from ridlink.remote_id.astm import MESSAGE_LENGTH, TIMESTAMP_STEP_S, decode_message
@@ -102,7 +103,7 @@ def read_members(
     timestamp_s = timestamps[0]
     belonging = (None, *whole_seconds_of(timestamp_s))
     return [
-        dataclasses.replace(message, timestamp_s=timestamp_s)
+        replace(message, timestamp_s=timestamp_s)
         if isinstance(message, Separation) and message.timestamp_s in belonging
         else message
         for message in messages

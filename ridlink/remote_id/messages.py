@@ -5,17 +5,20 @@
 AUTHENTICATION in seconds since 2019-01-01 UTC. Accuracy codes stay integers (reserved ones included);
 ``*_accuracy_m`` and ``*_accuracy_mps`` are the bounds that the codes stand for. ``id_or_mac`` is
 ``None`` for the sender's own data. Conversion to and from the wire lives in ``convert``.
+
+They are structs and not dataclasses, for they are made thousands of times a second: a frozen dataclass of twenty fields
+takes five microseconds to make, a struct one.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import IntFlag
 
+from msgspec import Struct
 
-@dataclass(frozen=True, slots=True)
-class BasicId:
+
+class BasicId(Struct, frozen=True, gc=False):
     """OPEN_DRONE_ID_BASIC_ID (12900)."""
 
     id_type: int
@@ -24,8 +27,7 @@ class BasicId:
     id_or_mac: bytes | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Location:
+class Location(Struct, frozen=True, gc=False):
     """OPEN_DRONE_ID_LOCATION (12901)."""
 
     status: int = 0
@@ -51,8 +53,7 @@ class Location:
     id_or_mac: bytes | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Authentication:
+class Authentication(Struct, frozen=True, gc=False):
     """OPEN_DRONE_ID_AUTHENTICATION (12902)."""
 
     authentication_type: int
@@ -64,8 +65,7 @@ class Authentication:
     id_or_mac: bytes | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class SelfId:
+class SelfId(Struct, frozen=True, gc=False):
     """OPEN_DRONE_ID_SELF_ID (12903)."""
 
     description_type: int
@@ -73,8 +73,7 @@ class SelfId:
     id_or_mac: bytes | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class System:
+class System(Struct, frozen=True, gc=False):
     """OPEN_DRONE_ID_SYSTEM (12904)."""
 
     operator_location_type: int = 0
@@ -92,8 +91,7 @@ class System:
     id_or_mac: bytes | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class OperatorId:
+class OperatorId(Struct, frozen=True, gc=False):
     """OPEN_DRONE_ID_OPERATOR_ID (12905)."""
 
     operator_id_type: int
@@ -113,8 +111,7 @@ class SeparationFlags(IntFlag):
 _AVOIDING = int(SeparationFlags.AVOIDING)  # an enumeration's own "&" takes a microsecond
 
 
-@dataclass(frozen=True, slots=True)
-class Separation:
+class Separation(Struct, frozen=True, gc=False):
     """RIDLINK_SEPARATION (61400). Errors are three standard deviations; the airframe size is a diameter."""
 
     timestamp_s: float | None = None
@@ -146,7 +143,7 @@ class Separation:
 
 RemoteIdMessage = BasicId | Location | Authentication | SelfId | System | OperatorId | Separation
 
-MAVLINK_NAMES: dict[type, str] = {
+MAVLINK_NAMES: dict[type[RemoteIdMessage], str] = {
     BasicId: "OPEN_DRONE_ID_BASIC_ID",
     Location: "OPEN_DRONE_ID_LOCATION",
     Authentication: "OPEN_DRONE_ID_AUTHENTICATION",

@@ -8,7 +8,8 @@ deviations, sizes diameters. Source: paper section II-A.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from ridlink.remote_id.accuracy import AccuracyConvention, three_sigma_bound_m
 from ridlink.remote_id.messages import Location, Separation
@@ -22,8 +23,7 @@ STATUS_ON_GROUND = 1
 _NO_EXTENSION = Separation()
 
 
-@dataclass(frozen=True, slots=True)
-class RemoteIdReport:
+class RemoteIdReport(Struct, frozen=True, gc=False):
     """One update of one vehicle.
 
     Attributes:

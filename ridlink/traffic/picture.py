@@ -84,7 +84,9 @@ class TrafficPicture:
         age_s = self._sender_age_s(report, utc_s)
         relations = self._relations((link, *report.key), report, trusted_clock=age_s is not None)
         following = [track for track, relation in relations.items() if relation is Relation.FOLLOWS]
-        track = min(following, key=lambda each: each.metres_to(report)) if following else None
+        track = following[0] if following else None
+        if len(following) > 1:
+            track = min(following, key=lambda each: each.metres_to(report))
         if self._is_echo(report, track, own_sysid, own_names):
             self.counters["own_echo"] += 1
             if track is not None and not track.seen_elsewhere:  # from before its name was told
@@ -101,17 +103,17 @@ class TrafficPicture:
         self, identity: tuple[Any, ...], report: RemoteIdReport, *, trusted_clock: bool
     ) -> dict[Track, Relation]:
         """The tracks with the identity of a report, and what it is to each."""
-        found = (self.tracks.get((*identity, number)) for number in range(VEHICLES_PER_IDENTITY))
-        return {
-            track: track.relation(
-                report,
-                trusted_clock=trusted_clock,
-                unknown_error_m=self.settings.unknown_error_m,
-                unknown_speed_mps=self.settings.unknown_speed_mps,
-            )
-            for track in found
-            if track is not None
-        }
+        relations: dict[Track, Relation] = {}
+        for number in range(VEHICLES_PER_IDENTITY):
+            track = self.tracks.get((*identity, number))
+            if track is not None:
+                relations[track] = track.relation(
+                    report,
+                    trusted_clock=trusted_clock,
+                    unknown_error_m=self.settings.unknown_error_m,
+                    unknown_speed_mps=self.settings.unknown_speed_mps,
+                )
+        return relations
 
     def _update(self, track: Track, report: RemoteIdReport, measured_at_s: float) -> None:
         update = track.update(report, measured_at_s, self.settings.unknown_error_m)

@@ -115,8 +115,9 @@ class PositionFilter:
         self.innovation_m = 0.0
         if self._reports > 0 and elapsed >= 0.0 and velocity_ned_mps is not None:
             # The mean of both velocities is the displacement of a vehicle that changed it steadily in between.
-            mean = tuple((a + b) / 2.0 for a, b in zip(self._velocity, velocity_ned_mps, strict=True))
-            predicted = self.extrapolate(elapsed, (mean[0], mean[1], mean[2]))
+            (north_before, east_before, _), (north_now, east_now, _) = self._velocity, velocity_ned_mps
+            mean = (north_before + north_now) / 2.0, (east_before + east_now) / 2.0, 0.0
+            predicted = self.extrapolate(elapsed, mean)
             north, east = offset_m(predicted, (latitude_deg, longitude_deg))
             self.innovation_m = math.hypot(north, east)
             beyond, self._beyond = self._beyond, self.innovation_m > bound_m

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
+
+from msgspec.structs import replace
 
 from ridlink.remote_id.quantities import SECONDS_PER_HOUR
 from ridlink.remote_id.report import RemoteIdReport

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ import pytest
 from click.testing import CliRunner, Result
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from ridlink.captures import decode_records, open_capture
 from ridlink.captures.export.fields import Fields, fields_of_block, fields_of_records
@@ -448,7 +448,7 @@ def test_what_a_stock_receiver_relayed_unread_is_part_of_the_row(tmp_path: Path)
     mac, encoder = bytes.fromhex("84cca8604324").ljust(20, b"\x00"), Encoder(1, 236)
     sent = Separation(timestamp_s=1234.5, horizontal_error_m=3.0, airframe_size_m=0.6)
     messages: list[RemoteIdMessage] = [
-        replace(authentication_of(sent, 3600 * 60_000), id_or_mac=mac),
+        structs.replace(authentication_of(sent, 3600 * 60_000), id_or_mac=mac),
         Location(latitude_deg=47.0, longitude_deg=8.0, timestamp_s=1234.5, id_or_mac=mac),
         Authentication(1, 0, 0, 17, 1.0, bytes(17), mac),
     ]

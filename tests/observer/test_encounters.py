@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from msgspec import structs
 
 from ridlink.observer import Encounter, EncounterLog, Phase, Sky
 from ridlink.remote_id.messages import Location, RemoteIdMessage
@@ -71,7 +72,7 @@ class Climbing(Flyer):
     def messages(self, time_s: float) -> list[RemoteIdMessage]:
         above_m = 200.0 if time_s >= 5.0 else 0.0
         return [
-            replace(said, altitude_geodetic_m=self.altitude_m + above_m) if isinstance(said, Location) else said
+            structs.replace(said, altitude_geodetic_m=self.altitude_m + above_m) if isinstance(said, Location) else said
             for said in super().messages(time_s)
         ]
 

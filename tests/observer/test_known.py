@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from ridlink.observer import Aircraft, Sky
 from ridlink.observer.known import SAME_AIRCRAFT_M, Known, called, is_repeated

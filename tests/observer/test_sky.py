@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
@@ -138,7 +139,7 @@ def test_whoever_was_heard_longest_ago_gives_way() -> None:
 def test_who_stands_on_the_ground_is_not_in_the_air() -> None:
     sky = seen([ONE], 0.5)
     [one] = sky.aircraft.values()
-    one.report = replace(one.report, status=1)
+    one.report = structs.replace(one.report, status=1)
     assert len(sky.at(0.5)) == 0
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, SelfId, Separation, System
@@ -39,7 +39,7 @@ def test_the_separation_that_follows_completes_the_same_report() -> None:
     completed = assembler.receive(SOURCE, ERRORS, 100.02)
     assert first is not None and completed is not None
     assert (
-        dataclasses.replace(completed, extended=False, avoiding=False, horizontal_error_m=None, airframe_size_m=None)
+        structs.replace(completed, extended=False, avoiding=False, horizontal_error_m=None, airframe_size_m=None)
         == first
     )
     assert completed.extended and completed.avoiding and completed.horizontal_error_m == 30.0
@@ -58,7 +58,7 @@ def test_a_lost_separation_is_bridged_for_a_second_and_a_half() -> None:
     for age_s, extended in ((1.4, True), (1.6, False)):
         assembler = ReportAssembler()
         assembler.receive(SOURCE, ERRORS, 100.0)
-        report = assembler.receive(SOURCE, dataclasses.replace(HERE, timestamp_s=10.0 + age_s), 100.0 + age_s)
+        report = assembler.receive(SOURCE, structs.replace(HERE, timestamp_s=10.0 + age_s), 100.0 + age_s)
         assert report is not None and report.extended is extended
 
 
@@ -73,16 +73,16 @@ def test_an_equal_timestamp_joins_late_but_not_an_hour_later() -> None:
 def test_a_separation_of_another_instant_waits_for_its_location() -> None:
     assembler = ReportAssembler()
     assembler.receive(SOURCE, HERE, 100.0)
-    assert assembler.receive(SOURCE, dataclasses.replace(ERRORS, timestamp_s=10.1), 100.1) is None
-    report = assembler.receive(SOURCE, dataclasses.replace(HERE, timestamp_s=10.1), 100.1)
+    assert assembler.receive(SOURCE, structs.replace(ERRORS, timestamp_s=10.1), 100.1) is None
+    report = assembler.receive(SOURCE, structs.replace(HERE, timestamp_s=10.1), 100.1)
     assert report is not None and report.extended
 
 
 def test_without_timestamps_neighbours_in_time_belong_together() -> None:
     for age_s, completes in ((0.1, True), (2.0, False)):
         assembler = ReportAssembler()
-        assembler.receive(SOURCE, dataclasses.replace(HERE, timestamp_s=None), 100.0)
-        report = assembler.receive(SOURCE, dataclasses.replace(ERRORS, timestamp_s=None), 100.0 + age_s)
+        assembler.receive(SOURCE, structs.replace(HERE, timestamp_s=None), 100.0)
+        report = assembler.receive(SOURCE, structs.replace(ERRORS, timestamp_s=None), 100.0 + age_s)
         assert (report is not None) is completes
 
 
@@ -91,7 +91,7 @@ def test_nobody_speaks_for_another(other: tuple[int, int]) -> None:
     assembler = ReportAssembler()
     assembler.receive(SOURCE, HERE, 100.0)
     assert assembler.receive(other, ERRORS, 100.0) is None
-    assert assembler.receive(SOURCE, dataclasses.replace(ERRORS, id_or_mac=b"\x01" * 20), 100.0) is None
+    assert assembler.receive(SOURCE, structs.replace(ERRORS, id_or_mac=b"\x01" * 20), 100.0) is None
     report = assembler.receive(SOURCE, HERE, 100.1)
     assert report is not None and not report.extended
 
@@ -134,10 +134,10 @@ def test_half_a_position_is_none() -> None:
 
 def test_commanded_velocity_is_whole_or_absent() -> None:
     assembler = ReportAssembler()
-    assembler.receive(SOURCE, dataclasses.replace(ERRORS, commanded_vx_mps=1.0, commanded_vy_mps=2.0), 100.0)
+    assembler.receive(SOURCE, structs.replace(ERRORS, commanded_vx_mps=1.0, commanded_vy_mps=2.0), 100.0)
     report = assembler.receive(SOURCE, HERE, 100.0)
     assert report is not None and report.commanded_ned_mps is None
-    whole = dataclasses.replace(ERRORS, commanded_vx_mps=1.0, commanded_vy_mps=2.0, commanded_vz_mps=0.0)
+    whole = structs.replace(ERRORS, commanded_vx_mps=1.0, commanded_vy_mps=2.0, commanded_vz_mps=0.0)
     report = assembler.receive(SOURCE, whole, 100.0)
     assert report is not None and report.commanded_ned_mps == (1.0, 2.0, 0.0)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 
 from hypothesis import example, given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from ridlink.errors import PayloadError
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message

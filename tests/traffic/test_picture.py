@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from ridlink.geodesy import Geodetic
 from ridlink.remote_id.report import RemoteIdReport
@@ -36,7 +37,7 @@ def report(sysid: int = 5, north: float = 100.0, east: float = 0.0, **fields: ob
         vertical_error_m=5.0, airframe_size_m=0.6, airframe_height_m=0.3, avoiding=True, extended=True,
         timestamp_s=100.0, received_at_s=10.0,
     )  # fmt: skip
-    return replace(plain, **fields)
+    return structs.replace(plain, **fields)
 
 
 def picture(
@@ -79,7 +80,7 @@ def test_unknowns_leave_as_nan_and_a_blind_speed_grows_the_area() -> None:
     assert snapshot.velocity_ned_mps[0].tolist() == [0.0, 0.0, 0.0]
     coasting = 0.5 * 5.0 * 2.0**2
     assert snapshot.widening_m[0] == pytest.approx(2.0 * 30.7 + coasting)
-    known = seen(replace(bare, speed_horizontal_mps=4.0), now_s=12.0)
+    known = seen(structs.replace(bare, speed_horizontal_mps=4.0), now_s=12.0)
     assert known.widening_m[0] == pytest.approx(8.0 + coasting)
 
 
@@ -169,7 +170,7 @@ def test_f09_own_echo_is_our_identity_at_our_place() -> None:
         made.receive("rid", one, own_sysid=5)
         assert (len(made) == 0) is echo
         assert made.counters["own_echo" if echo else "own_id_elsewhere"] == 1
-    relayed = replace(here, source=(9, 236), id_or_mac=b"US1")
+    relayed = structs.replace(here, source=(9, 236), id_or_mac=b"US1")
     made = picture()
     made.receive("vehicle", relayed, own_sysid=9)
     assert len(made) == 1, "our system id on relayed data is the receiver's, not the sender's"
@@ -178,7 +179,7 @@ def test_f09_own_echo_is_our_identity_at_our_place() -> None:
     made = picture(own=None)
     made.receive("rid", here, own_sysid=5)
     assert len(made) == 0
-    made.receive("rid", replace(elsewhere, horizontal_error_m=None), own_sysid=6)
+    made.receive("rid", structs.replace(elsewhere, horizontal_error_m=None), own_sysid=6)
     assert len(made) == 1
 
 
@@ -187,8 +188,10 @@ def flown(made: TrafficPicture, one: RemoteIdReport, metres: float, *, utc: bool
     for k in range(round(metres)):
         latitude, longitude = moved(one.latitude_deg or 0.0, one.longitude_deg or 0.0, -k, 0.0)
         now_s = 10.0 + 0.1 * k
-        late = replace(one, latitude_deg=latitude, longitude_deg=longitude, timestamp_s=100.0 + 0.1 * k)
-        made.receive("rid", replace(late, received_at_s=now_s), utc_s=100.0 + 0.1 * k if utc else None, **fields)
+        late = structs.replace(one, latitude_deg=latitude, longitude_deg=longitude, timestamp_s=100.0 + 0.1 * k)
+        made.receive(
+            "rid", structs.replace(late, received_at_s=now_s), utc_s=100.0 + 0.1 * k if utc else None, **fields
+        )
 
 
 def test_f09_an_intruder_under_our_identity_is_no_echo_when_it_comes_near() -> None:
@@ -223,7 +226,7 @@ def test_f05_a_forged_time_ahead_does_not_freeze_the_true_track(forged_first: bo
     if forged_first:
         made.receive("rid", forgery, utc_s=100.0)
     flown(made, report(north=100.0), 10.0, utc=True)
-    made.receive("rid", replace(forgery, received_at_s=11.0), utc_s=101.0)
+    made.receive("rid", structs.replace(forgery, received_at_s=11.0), utc_s=101.0)
     made.receive("rid", report(north=90.0, timestamp_s=101.1, received_at_s=11.1), utc_s=101.1)
     assert any(
         track.received_at_s == 11.1 and track.metres_to(report(north=90.0)) < 0.1 for track in made.tracks.values()

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.traffic.track import Relation, Track, Update, hours_apart_s, new_track

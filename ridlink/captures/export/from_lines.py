@@ -10,12 +10,13 @@ signatures and the version; payloads of messages that the dialect does not have;
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import msgspec
+from msgspec.structs import fields as struct_fields
 
 from ridlink.captures.broadcasts import RECEIVER_COMPONENT
 from ridlink.captures.messages import UNKNOWN
@@ -23,7 +24,7 @@ from ridlink.errors import PayloadError, UnknownMessageError, WireError
 from ridlink.mavlink.codec import CRC_EXTRAS, MessageSpec, encode_payload, message_spec
 from ridlink.mavlink.frames import Frame, encode_frame, parse_datagram
 from ridlink.remote_id.convert import to_mavlink
-from ridlink.remote_id.messages import MAVLINK_NAMES
+from ridlink.remote_id.messages import MAVLINK_NAMES, RemoteIdMessage
 
 _ESCAPE = re.compile(rb"\\x([0-9a-f]{2})")
 _TIME = re.compile(rb"(\d{1,14})(?:\.(\d{1,6}))?")
@@ -123,21 +124,26 @@ def _mavlink_fields(row: _Line) -> tuple[str, dict[str, Any]]:
     if kind is None:
         spec = message_spec(row.type)
         return row.type, {name: _wire_value(spec, name, value) for name, value in row.fields.items()}
-    converts = _si_converts(kind)
-    # A null is what the default stands for; what has none, as the time of an authentication, is given as unknown.
-    needed = {item.name for item in dataclasses.fields(kind) if item.default is dataclasses.MISSING}
+    converts, needed = _si_form(kind)
     given = {name: value for name, value in row.fields.items() if value is not None or name in needed}
     try:
-        message = kind(**{k: v if v is None else converts[k](v) for k, v in given.items()})
+        values: dict[str, Any] = {k: v if v is None else converts[k](v) for k, v in given.items()}
+        message = kind(**values)
         return to_mavlink(message)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise PayloadError(f"{row.type}: {error}", message=row.type) from error
 
 
-def _si_converts(kind: type) -> dict[str, Callable[[Any], Any]]:
-    found: dict[str, Callable[[Any], Any]] = {item.name: lambda value: value for item in dataclasses.fields(kind)}
+@cache
+def _si_form(kind: type[RemoteIdMessage]) -> tuple[dict[str, Callable[[Any], Any]], set[str]]:
+    """How the values of each field become what they were, and which fields must be given.
+
+    A null is what the default stands for; what has none, as the time of an authentication, is given as unknown.
+    """
+    found: dict[str, Callable[[Any], Any]] = {name: lambda value: value for name in kind.__struct_fields__}
     found |= {name: from_text for name in ("uas_id", "description", "operator_id") if name in found}
-    return found | {name: bytes.fromhex for name in ("authentication_data", "id_or_mac") if name in found}
+    found |= {name: bytes.fromhex for name in ("authentication_data", "id_or_mac") if name in found}
+    return found, {item.name for item in struct_fields(kind) if item.required}
 
 
 def from_text(text: str) -> bytes:
