@@ -176,8 +176,11 @@ def test_positions_without_an_absolute_solution_do_not_count() -> None:
     autopilot.say(1.0, "ESTIMATOR_STATUS", flags=869 & ~16, pos_horiz_accuracy=2.4)
     autopilot.position(1.0)
     assert telemetry.age_s(1.0) == 1.0
-    autopilot.position(7.0)  # the estimator has been silent for longer than its word counts
-    assert telemetry.age_s(7.0) == 0.0
+    autopilot.position(7.0)  # an estimator that has fallen silent has not found its solution again
+    assert telemetry.age_s(7.0) == 7.0
+    autopilot.say(7.5, "ESTIMATOR_STATUS", flags=869 | 16, pos_horiz_accuracy=0.3)
+    autopilot.position(7.5)
+    assert telemetry.age_s(7.5) == 0.0
 
 
 @pytest.mark.parametrize("fields", [{"lat": 0, "lon": 0}, {"lat": 910_000_000}, {"lon": -1_810_000_000}])

@@ -31,7 +31,8 @@ def receiving(**fields: int) -> NavigationTrust:
 
 def test_before_anybody_speaks_there_is_no_reason_for_doubt_and_no_figure() -> None:
     trust = NavigationTrust()
-    assert trust.trusted(T) and not trust.measured(T)
+    assert trust.trusted and not trust.measured(T)
+    assert not trust.estimator_silent(T)
     assert trust.error_m(T) == 40.0
     assert trust.vertical_error_m(T) is None and trust.velocity_error_mps(T) is None and trust.undulation_m is None
     assert trust.receiver_silent_s(T) == math.inf
@@ -66,20 +67,21 @@ def test_two_heights_that_no_geoid_can_lie_between_are_none(undulation_mm: int, 
 
 
 @pytest.mark.parametrize(("fix_type", "trusted"), [(0, False), (2, False), (3, True), (6, True)])
-def test_without_a_fix_in_three_dimensions_nothing_is_trusted_while_it_says_so(fix_type: int, trusted: bool) -> None:
+def test_f14_without_a_fix_in_three_dimensions_nothing_is_trusted_until_one_is(fix_type: int, trusted: bool) -> None:
     trust = receiving(fix_type=fix_type)
-    assert trust.trusted(T + 5.0) is trust.measured(T + 5.0) is trusted
-    assert trust.trusted(T + 5.1), "a receiver that has fallen silent says nothing any more"
+    assert trust.trusted is trust.measured(T + 5.0) is trusted
     assert not trust.measured(T + 5.1)
+    trust.receiver(gps(), T + 9.0)
+    assert trust.trusted
 
 
-def test_an_estimator_without_an_absolute_solution_is_not_trusted_while_it_says_so() -> None:
+def test_f14_an_estimator_without_an_absolute_solution_is_not_trusted_until_it_has_one() -> None:
     trust = receiving()
     trust.estimator(0xFFFF & ~ABSOLUTE, 1.0, T)
-    assert not trust.trusted(T + 5.0) and not trust.measured(T + 5.0)
-    assert trust.trusted(T + 5.1)
+    assert not trust.trusted and not trust.measured(T + 5.0)
+    assert not trust.estimator_silent(T + 5.0) and trust.estimator_silent(T + 5.1)
     trust.estimator(ABSOLUTE, 1.0, T + 1.0)
-    assert trust.trusted(T + 1.0)
+    assert trust.trusted
 
 
 def test_near_the_sea_no_height_above_the_ellipsoid_is_none_as_well() -> None:

@@ -97,8 +97,9 @@ class Announcer:
 
     def _requests(self, encoder: Encoder, telemetry: OwnShipTelemetry, sysid: int, now_s: float) -> list[bytes]:
         """What to ask of an autopilot that is there and does not say all that is needed."""
-        silent = telemetry.position_silent_s(now_s) > 1.0 or telemetry.trust.receiver_silent_s(now_s) > 5.0
-        if silent:
+        trust = telemetry.trust
+        silent = telemetry.position_silent_s(now_s) > 1.0 or trust.receiver_silent_s(now_s) > 5.0
+        if silent or trust.estimator_silent(now_s):
             return message_requests(encoder, sysid) if self._request_due.due(now_s) else []
         if not telemetry.landed_state_known and self._untold_due.due(now_s):
             return message_requests(encoder, sysid, UNTOLD_US)

@@ -237,17 +237,17 @@ def honest_error_m(telemetry: OwnShipTelemetry, own: OwnState, now_s: float) -> 
     error_m = own.error_bound_m
     if own.age_s > INFLATE_AFTER_S:
         error_m += 0.5 * WORST_ACCELERATION_MPS2 * own.age_s**2
-    if not telemetry.trust.trusted(now_s):
+    if not telemetry.trust.trusted:
         error_m = max(error_m, UNKNOWN_ERROR_BOUND_M)
     return error_m if error_m < ERROR_CAP_M else math.inf
 
 
 def _vertical_m(telemetry: OwnShipTelemetry, own: OwnState | None, now_s: float) -> float | None:
-    return own.vertical_error_bound_m if own is not None and telemetry.trust.trusted(now_s) else None
+    return own.vertical_error_bound_m if own is not None and telemetry.trust.trusted else None
 
 
 def _velocity_mps(telemetry: OwnShipTelemetry, now_s: float) -> float | None:
-    return telemetry.trust.velocity_error_mps(now_s) if telemetry.trust.trusted(now_s) else None
+    return telemetry.trust.velocity_error_mps(now_s) if telemetry.trust.trusted else None
 
 
 def _location(

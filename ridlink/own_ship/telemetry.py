@@ -201,7 +201,7 @@ class OwnShipTelemetry:
             self.counters["own_position_unusable"] += 1
             return
         late_s = self._late_s(message, now_s)
-        if not self.trust.trusted(now_s):
+        if not self.trust.trusted:
             self.counters["own_position_untrusted"] += 1
             return
         velocity = (mps_from_cmps(message.vx), mps_from_cmps(message.vy), mps_from_cmps(message.vz))
@@ -247,7 +247,7 @@ class OwnShipTelemetry:
         if not self._in_order(message.time_boot_ms):
             return
         velocity = (message.vx, message.vy, message.vz)
-        if all(math.isfinite(value) and abs(value) < 300.0 for value in velocity) and self.trust.trusted(now_s):
+        if all(math.isfinite(value) and abs(value) < 300.0 for value in velocity) and self.trust.trusted:
             self._velocity = velocity
 
     # --- out ------------------------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ class NavigationTrust:
     """Fed with what receiver and estimator say of themselves."""
 
     def __init__(self) -> None:
-        self._fix_type = -1
+        self._fix_type = FIX_3D
         self._gps_at_s = self._estimator_at_s = -math.inf
         self._horizontal_error_m: float | None = None
         self._vertical_error_m: float | None = None
@@ -59,11 +59,17 @@ class NavigationTrust:
         """Time since the last word of the receiver [s]; infinite without one."""
         return now_s - self._gps_at_s
 
-    def trusted(self, now_s: float) -> bool:
-        """A 3-D fix and, where an estimator speaks, an absolute horizontal solution."""
-        if now_s - self._gps_at_s <= ACCURACY_VALID_S and self._fix_type < FIX_3D:
-            return False
-        return self._absolute or now_s - self._estimator_at_s > ACCURACY_VALID_S
+    def estimator_silent(self, now_s: float) -> bool:
+        """An estimator spoke, and does so no more."""
+        return ACCURACY_VALID_S < now_s - self._estimator_at_s < math.inf
+
+    @property
+    def trusted(self) -> bool:
+        """A 3-D fix and, where an estimator speaks, an absolute horizontal solution.
+
+        Figures become old, a loss does not: it lasts until whoever told it tells otherwise.
+        """
+        return self._fix_type >= FIX_3D and self._absolute
 
     def error_m(self, now_s: float) -> float:
         """Three-sigma error of a fresh position [m]: the larger of what receiver and estimator say."""
@@ -85,4 +91,4 @@ class NavigationTrust:
     def measured(self, now_s: float) -> bool:
         """The receiver has a fix and says how wrong it is, so that `error_m` is no assumption."""
         fresh = now_s - self._gps_at_s <= ACCURACY_VALID_S
-        return fresh and self._horizontal_error_m is not None and self.trusted(now_s)
+        return fresh and self._horizontal_error_m is not None and self.trusted

@@ -53,6 +53,7 @@ class Emulated:
         self.armed, self.fix_type, self.mav_type = True, 3, 2
         self.error_m, self.airframe_m = error_m, airframe_m
         self.landed_state: int | None = IN_AIR
+        self.receiver_silent = False
         self.knows_ellipsoid, self.ellipsoid_wrong_m = True, 0.0
         self.observer = Observer(target=sysid)
         self.obeyed = False
@@ -77,10 +78,11 @@ class Emulated:
         ellipsoid = round((altitude + GEOID_M + self.ellipsoid_wrong_m) * 1e3) if self.knows_ellipsoid else 0
         relative = round((altitude - HOME.altitude_m) * 1e3)
         encode = self.encoder.encode
-        return encode(
+        receiver = encode(
             "GPS_RAW_INT", fix_type=self.fix_type, h_acc=round(self.error_m / 3 * 1e3), v_acc=1000,
             alt_ellipsoid=ellipsoid, **place,
-        ) + encode(
+        )  # fmt: skip
+        return (b"" if self.receiver_silent else receiver) + encode(
             "GLOBAL_POSITION_INT", time_boot_ms=round(1e3 * now_s), relative_alt=relative, vx=vx, vy=vy, vz=vz, **place,
         )  # fmt: skip
 

@@ -216,6 +216,23 @@ def test_f14_an_own_state_that_stays_away_ends_the_stream_on_purpose_after_a_hol
     run(test)
 
 
+def test_f14_a_receiver_that_lost_its_fix_and_fell_silent_is_not_believed_again() -> None:
+    async def test() -> None:
+        emulated = Emulated()
+        emulated.fix_type = 1
+        async with running(emulated=emulated) as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: flight.daemon.engine.counters["own_position_untrusted"] > 0)
+            emulated.receiver_silent = True  # positions keep coming
+            await vehicle.until(lambda: any(message.name == "COMMAND_LONG" for message in emulated.heard))
+            await vehicle.speaks(25)
+            assert flight.daemon.engine.rung.reason == "waiting: own state is stale"
+            emulated.fix_type, emulated.receiver_silent = 3, False
+            await vehicle.until(lambda: state(flight) is State.ENGAGED)
+
+    run(test)
+
+
 def test_f16_a_jump_of_the_own_position_holds_for_a_second() -> None:
     async def test() -> None:
         async with running() as flight:
