@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from ridlink.engine.config import Goal, goal_problem
 from ridlink.failsafe import FailsafeSettings
@@ -21,6 +22,39 @@ UNKNOWN_INT32 = 0x7FFFFFFF
 
 MOST_REPLIES = 16
 """Commands answered in one step; an operator sends one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What becomes of a command.
+
+    Attributes:
+        result: MAV_RESULT.
+        goal: Where to go from now on, an operator's request; None where nothing changes.
+        engages_guard: The guard is engaged again.
+    """
+
+    result: int = UNSUPPORTED
+    goal: Goal | None = None
+    engages_guard: bool = False
+
+
+def answered(message: Message, home_altitude_m: float | None, settings: FailsafeSettings, *, guarding: bool) -> Answer:
+    """What becomes of a COMMAND_INT or COMMAND_LONG to this component.
+
+    Args:
+        message: The command.
+        home_altitude_m: Where relative altitudes begin, above mean sea level; None while that is not known.
+        settings: Limits of goals.
+        guarding: A guard flies the autopilot's own plan and takes no goals.
+    """
+    if message.command == DO_PAUSE_CONTINUE and guarding:
+        continues = message.param1 == CONTINUE
+        return Answer(ACCEPTED if continues else DENIED, engages_guard=continues)
+    if message.command == DO_REPOSITION and not guarding:
+        goal = repositioned(message, home_altitude_m, settings)
+        return Answer(DENIED if goal is None else ACCEPTED, goal)
+    return Answer()
 
 
 def repositioned(message: Message, home_altitude_m: float | None, settings: FailsafeSettings) -> Goal | None:

@@ -27,6 +27,10 @@ class Goal:
     longitude_deg: float
     altitude_m: float | None = None
 
+    def is_below(self, altitude_m: float) -> bool:
+        """Whether it is known to lie lower than an altitude above mean sea level."""
+        return self.altitude_m is not None and self.altitude_m < altitude_m
+
 
 @dataclass(frozen=True, slots=True)
 class EngineConfig:

@@ -14,25 +14,16 @@ from dataclasses import replace
 
 from ridlink.engine.announce import AVOIDANCE_COMPONENT
 from ridlink.engine.announcer import Announcer
-from ridlink.engine.commands import (
-    ACCEPTED,
-    CONTINUE,
-    DENIED,
-    DO_PAUSE_CONTINUE,
-    DO_REPOSITION,
-    MOST_REPLIES,
-    UNSUPPORTED,
-    acknowledged,
-    repositioned,
-)
-from ridlink.engine.config import EngineConfig, Goal
+from ridlink.engine.commands import MOST_REPLIES, acknowledged, answered
+from ridlink.engine.config import EngineConfig
 from ridlink.engine.decision import DecisionRecord, EngineSummary, StepOutput
-from ridlink.engine.guard import Guard, Seen
+from ridlink.engine.guard import Commands, Guard, Seen
+from ridlink.engine.guarding import goal_ahead, resting, seen_by_guard
 from ridlink.engine.hearing import Hearing
 from ridlink.engine.intake import VEHICLE_IDS, Intake
 from ridlink.engine.steering import Steering
 from ridlink.engine.takeoff import interruptible
-from ridlink.failsafe import OTHER_WRITER, STEERING, Conditions, Rung, State, Stream, advance, request
+from ridlink.failsafe import STEERING, Conditions, Rung, State, Stream, advance, request
 from ridlink.mavlink.codec import Encoder, Message
 from ridlink.mavlink.frames import Frame
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
@@ -50,7 +41,6 @@ from ridlink.separation.reference import (
 from ridlink.setpoint import STOP, SetpointStream, Velocity
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import TrafficPicture
-from ridlink.traffic.position_filter import moved
 from ridlink.traffic.snapshot import PictureSettings
 
 
@@ -107,7 +97,7 @@ class Engine:
         self.warm = True
         self.guard = Guard() if config.guard else None
         if self.guard is not None:
-            self.rung = _resting(self.guard)
+            self.rung = resting(self.guard)
         self._last_record: DecisionRecord | None = None
 
     # --- in -------------------------------------------------------------------------------------------------------
@@ -164,20 +154,16 @@ class Engine:
         if len(self._replies) == MOST_REPLIES:
             self._counters["command_refused"] += 1
             return
-        result = UNSUPPORTED
-        if message.command == DO_PAUSE_CONTINUE and self.guard is not None:
-            result = ACCEPTED if message.param1 == CONTINUE else DENIED
-            if result == ACCEPTED:
-                self.guard.engage()
-        elif message.command == DO_REPOSITION and self.guard is None:
-            own = self.telemetry.state(now_s)
-            goal = repositioned(message, None if own is None else own.home_altitude_m, self.config.failsafe)
-            result = DENIED if goal is None else ACCEPTED
-            if goal is not None:
-                self.goal = goal
-                self.rung = request(self.rung)
-                self.steering.begin_leg()
-        ack = acknowledged(self.encoder, message, result, frame.sysid, frame.compid)
+        own = self.telemetry.state(now_s)
+        home_altitude_m = None if own is None else own.home_altitude_m
+        answer = answered(message, home_altitude_m, self.config.failsafe, guarding=self.guard is not None)
+        if answer.engages_guard and self.guard is not None:
+            self.guard.engage()
+        if answer.goal is not None:
+            self.goal = answer.goal
+            self.rung = request(self.rung)
+            self.steering.begin_leg()
+        ack = acknowledged(self.encoder, message, answer.result, frame.sysid, frame.compid)
         self._replies.append((ack, source))
 
     # --- out ------------------------------------------------------------------------------------------------------
@@ -202,7 +188,7 @@ class Engine:
         self.rivals.steer(self.rung.state in STEERING and not self.config.dry_run, utc_s)
         record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
         if own is not None:
-            self._counters["goal_below_home"] += self._goal_is_below(own.home_altitude_m)
+            self._counters["goal_below_home"] += self.goal is not None and self.goal.is_below(own.home_altitude_m)
             record = self.steering.look_and_decide(
                 record,
                 own,
@@ -243,9 +229,6 @@ class Engine:
             self._transmit(self._broadcast, output, now_s, utc_s)
         return output
 
-    def _goal_is_below(self, altitude_m: float) -> bool:
-        return self.goal is not None and self.goal.altitude_m is not None and self.goal.altitude_m < altitude_m
-
     def _transmit(self, broadcast: Broadcast, output: StepOutput, now_s: float, utc_s: float | None) -> None:
         """Add the own Remote ID, with the velocity that was sent in this step."""
         lock, telemetry = self.telemetry.lock, self.telemetry
@@ -264,36 +247,18 @@ class Engine:
 
     def _watch(self, guard: Guard, own: OwnState | None, now_s: float) -> list[bytes]:
         """Let the guard look; the commands that it wants to give."""
-        lock = self.telemetry.lock
-        if lock is None:
+        if self.telemetry.lock is None:
             return []
         wish = guard.step(self._seen_by_guard(own, now_s), now_s)
         if wish.begin and own is not None:
-            # Where its plan leads is where it flies; a kilometre on is further than any conflict lasts.
-            ahead = 1000.0 / max(own.speed_mps, 1.0)
-            north, east = (ahead * value for value in own.velocity_ned_mps[:2])
-            self.goal = Goal(*moved(own.position.latitude_deg, own.position.longitude_deg, north, east))
+            self.goal = goal_ahead(own)
             self.rung = request(Rung())
         if wish.end:
-            self.rung = _resting(guard)
-        return [command(self.encoder, number, parameters, lock.sysid) for number, parameters in wish.commands]
+            self.rung = resting(guard)
+        return self._commands(wish.commands)
 
     def _seen_by_guard(self, own: OwnState | None, now_s: float) -> Seen:
-        telemetry, last = self.telemetry, self._last_record if own is not None else None
-        return Seen(
-            autopilot=telemetry.lock.autopilot if telemetry.lock is not None else 0,
-            custom_mode=telemetry.custom_mode,
-            flying=telemetry.armed
-            and telemetry.is_multirotor
-            and not telemetry.on_ground
-            and telemetry.heard_s(now_s) <= 3.0,
-            interruptible=interruptible(self.config, telemetry, own, last),
-            conflict=last is not None and bool(last.conflicts),
-            clear=self.rung.state is State.ENGAGED and last is not None and not last.recovering,
-            steering=self.rung.state in STEERING,
-            taken=self.rung.reason == OTHER_WRITER,
-            mission_item=telemetry.mission_item,
-        )
+        return seen_by_guard(self.config, self.telemetry, own, self.rung, self._last_record, now_s)
 
     def stop(self, now_s: float) -> list[bytes]:
         """Three zero setpoints for the end, 50 ms apart by their time stamps; none if nothing was being streamed.
@@ -304,10 +269,8 @@ class Engine:
         if self.rung.state in STEERING:
             frames = [self._setpoint(STOP, now_s + 0.05 * k) for k in range(3)]
             self.rung = Rung(State.STANDBY, False, Stream.NOTHING, "ended")
-        lock = self.telemetry.lock
-        if self.guard is not None and lock is not None:
-            wanted = self.guard.hand_back(self._seen_by_guard(self.telemetry.state(now_s), now_s))
-            frames += [command(self.encoder, number, parameters, lock.sysid) for number, parameters in wanted]
+        if self.guard is not None and self.telemetry.lock is not None:
+            frames += self._commands(self.guard.hand_back(self._seen_by_guard(self.telemetry.state(now_s), now_s)))
         return frames
 
     def note_decision_time(self, seconds: float) -> None:
@@ -380,6 +343,11 @@ class Engine:
         """Time since the first step; frames have it modulo 2**32."""
         return int((now_s - (self._started_s or 0.0)) * 1e3)
 
+    def _commands(self, wanted: Commands) -> list[bytes]:
+        lock = self.telemetry.lock
+        target = lock.sysid if lock is not None else 0
+        return [command(self.encoder, number, parameters, target) for number, parameters in wanted]
+
     def _setpoint(self, velocity: Velocity, now_s: float) -> bytes:
         lock = self.telemetry.lock
         target = lock.sysid if lock is not None else 0
@@ -389,8 +357,3 @@ class Engine:
 def _host(source: Hashable) -> Hashable:
     """The machine behind an address of a link."""
     return source[0] if isinstance(source, tuple) and source else source
-
-
-def _resting(guard: Guard) -> Rung:
-    """The ladder of somebody who watches: nobody's request is waited for."""
-    return Rung(reason=f"guard: {guard.phase}")

@@ -36,6 +36,10 @@ GIVE_UP_S = 5.0
 """Without the mode; the conflict may still be there, and it is tried again. In the mode, without anybody who steers."""
 
 
+Commands = tuple[tuple[int, tuple[float, ...]], ...]
+"""COMMAND_LONGs to the autopilot, number and parameters."""
+
+
 class Phase(StrEnum):
     """Where a guard stands."""
 
@@ -80,12 +84,12 @@ class Wish:
     Attributes:
         begin: Make the operator's request of avoidance: a conflict is to be resolved.
         end: Let go of it.
-        commands: COMMAND_LONGs to the autopilot, number and parameters.
+        commands: What the autopilot is to be told.
     """
 
     begin: bool = False
     end: bool = False
-    commands: tuple[tuple[int, tuple[float, ...]], ...] = ()
+    commands: Commands = ()
 
 
 def is_autonomous(autopilot: int, custom_mode: int) -> bool:
@@ -180,7 +184,7 @@ class Guard:
             return Wish()
         return Wish(commands=self.hand_back(seen))
 
-    def hand_back(self, seen: Seen) -> tuple[tuple[int, tuple[float, ...]], ...]:
+    def hand_back(self, seen: Seen) -> Commands:
         """Commands that bring back what was found; none unless it was taken, or asked for and perhaps not told yet."""
         asked = self.phase is Phase.TAKING_OVER and self._asked_s >= self._since_s
         if not asked and self.phase not in (Phase.RESOLVING, Phase.HANDING_BACK):

@@ -183,6 +183,31 @@ def test_f09_own_echo_is_our_identity_at_our_place() -> None:
     assert len(made) == 1
 
 
+def test_f09_a_name_that_is_told_late_takes_the_track_of_the_echo_with_it() -> None:
+    made = picture()
+    here = structs.replace(report(north=5.0), source=(9, 236), id_or_mac=b"MAC")
+    made.receive("vehicle", here, own_names={b"US1"})
+    assert len(made) == 1
+    named = structs.replace(here, uas_id=b"US1", timestamp_s=100.1, received_at_s=10.1)
+    made.receive("vehicle", named, own_names={b"US1"})
+    assert len(made) == 0 and made.counters["own_echo"] == 1
+
+
+def test_f09_who_came_from_elsewhere_is_no_echo_whatever_it_is_called_then() -> None:
+    made = picture()
+    flown(made, report(north=100.0), 90.0)
+    made.receive("rid", report(north=9.0, timestamp_s=109.0, received_at_s=19.0), own_sysid=5)
+    (track,) = made.tracks.values()
+    assert track.seen_elsewhere and track.received_at_s == 19.0 and not made.counters["own_echo"]
+
+
+def test_f09_another_name_under_our_system_id_is_another_vehicle() -> None:
+    for uas_id, own_names, echo in ((b"US2", {b"US1"}, False), (b"US2", set(), True), (None, {b"US1"}, True)):
+        made = picture()
+        made.receive("rid", report(north=5.0, uas_id=uas_id), own_sysid=5, own_names=own_names)
+        assert made.counters["own_echo"] == echo and len(made) == (not echo)
+
+
 def flown(made: TrafficPicture, one: RemoteIdReport, metres: float, *, utc: bool = False, **fields: object) -> None:
     """Reports of a vehicle that comes so far south, ten a second, each 0.1 s after the other."""
     for k in range(round(metres)):
@@ -253,6 +278,39 @@ def test_f08_one_identity_cannot_fill_the_picture_and_who_is_heard_keeps_its_pla
         track.metres_to(report(north=100.0)) < 1.0 and track.received_at_s > 14.8 for track in made.tracks.values()
     )
     assert made.counters["track_refused"] > 0
+
+
+def test_f08_of_two_that_a_report_may_be_the_next_word_of_it_moves_the_nearer() -> None:
+    made = picture(still(north=100.0), still(north=160.0, timestamp_s=100.1, received_at_s=10.1))
+    assert len(made) == 2
+    made.receive("rid", still(north=145.0, timestamp_s=102.0, received_at_s=12.0))
+    moved_to = [track.report.timestamp_s for track in made.tracks.values()]
+    assert moved_to == [100.0, 102.0]
+
+
+def four_far_away() -> TrafficPicture:
+    made = picture()
+    for k in range(4):
+        made.receive("rid", still(north=1000.0 * (k + 1), timestamp_s=100.0 + 0.1 * k, received_at_s=10.0 + 0.1 * k))
+    made.snapshot(OWN, 10.4)
+    return made
+
+
+def test_f08_of_four_under_one_identity_the_least_urgent_gives_way_to_a_more_urgent_fifth() -> None:
+    made = four_far_away()
+    made.receive("rid", still(north=5000.0, timestamp_s=100.5, received_at_s=10.5))
+    assert made.counters["track_refused"] == 1
+    made.receive("rid", still(north=60.0, timestamp_s=100.5, received_at_s=10.5))
+    places = sorted(round(track.metres_to(still(north=0.0)), -1) for track in made.tracks.values())
+    assert places == [60, 1000, 2000, 3000] and made.counters["track_displaced"] == 1
+
+
+def test_f08_who_has_long_been_in_conflict_gives_way_to_nobody() -> None:
+    made = four_far_away()
+    for track in made.tracks.values():
+        track.in_conflict, track.began_at_s = True, 5.0
+    made.receive("rid", still(north=60.0, timestamp_s=100.5, received_at_s=10.5))
+    assert (made.counters["track_refused"], made.counters["track_displaced"]) == (1, 0)
 
 
 def test_who_fell_silent_gives_way_to_the_next_vehicle_with_its_identity() -> None:

@@ -1,0 +1,68 @@
+"""A guard in its engine: what it sees of own-ship and of the last decision, and where a takeover leads.
+
+The engine asks its guard once a step, before the ladder moves, and carries out what it wants: see `guard`.
+"""
+
+from __future__ import annotations
+
+from ridlink.engine.config import EngineConfig, Goal
+from ridlink.engine.decision import DecisionRecord
+from ridlink.engine.guard import Guard, Seen
+from ridlink.engine.takeoff import interruptible
+from ridlink.failsafe import OTHER_WRITER, STEERING, Rung, State
+from ridlink.own_ship import OwnShipTelemetry
+from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.position_filter import moved
+
+AHEAD_M = 1000.0
+"""Further than any conflict lasts."""
+
+FLYING_HEARD_S = 3.0
+"""Who was not heard for so long is not known to fly."""
+
+
+def resting(guard: Guard) -> Rung:
+    """The ladder of somebody who watches: nobody's request is waited for."""
+    return Rung(reason=f"guard: {guard.phase}")
+
+
+def goal_ahead(own: OwnState) -> Goal:
+    """Where the autopilot's plan leads, as far as the own velocity tells."""
+    ahead_s = AHEAD_M / max(own.speed_mps, 1.0)
+    north, east = (ahead_s * value for value in own.velocity_ned_mps[:2])
+    return Goal(*moved(own.position.latitude_deg, own.position.longitude_deg, north, east))
+
+
+def seen_by_guard(
+    config: EngineConfig,
+    telemetry: OwnShipTelemetry,
+    own: OwnState | None,
+    rung: Rung,
+    last: DecisionRecord | None,
+    now_s: float,
+) -> Seen:
+    """What a guard sees in this step.
+
+    Args:
+        config: As the engine has it.
+        telemetry: Own state and autopilot.
+        own: Own state now; without one the last decision says nothing about now.
+        rung: Of the last step.
+        last: Decision of the last step.
+        now_s: Monotonic time.
+    """
+    last = last if own is not None else None
+    return Seen(
+        autopilot=telemetry.lock.autopilot if telemetry.lock is not None else 0,
+        custom_mode=telemetry.custom_mode,
+        flying=telemetry.armed
+        and telemetry.is_multirotor
+        and not telemetry.on_ground
+        and telemetry.heard_s(now_s) <= FLYING_HEARD_S,
+        interruptible=interruptible(config, telemetry, own, last),
+        conflict=last is not None and bool(last.conflicts),
+        clear=rung.state is State.ENGAGED and last is not None and not last.recovering,
+        steering=rung.state in STEERING,
+        taken=rung.reason == OTHER_WRITER,
+        mission_item=telemetry.mission_item,
+    )
