@@ -190,14 +190,25 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
 
         numba would first make its compiler ready, and with it look for the linear algebra of SciPy: 0.15 s, and twice
         as much where SciPy is installed. What has been compiled needs no compiler, only who counts its references.
+
+        What power that failed has left half written, or empty, is as good as nothing.
         """
         rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+        try:
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
+        except Exception:  # a damaged pickle may raise anything
+            with suppress(OSError):
+                Path(self._cache_file._index_path).unlink()
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the code, but not the annotated source of the kernel: 0.1 s in all for the kernels of half-planes."""
-        super().save_overload(sig, data._replace(type_annotation=""))
+        """Keep the code, but not the annotated source of the kernel: 0.1 s in all for the kernels of half-planes.
+
+        Where the disk is full, it lasts as long as this process.
+        """
+        with suppress(OSError):
+            super().save_overload(sig, data._replace(type_annotation=""))
 
 
 def _stamp(files: tuple[Path, ...]) -> tuple[tuple[int, int], ...]:
@@ -212,5 +223,5 @@ def is_compiled(dispatcher: Any) -> bool:
     try:
         machine = dispatcher.targetctx.codegen().magic_tuple()
         return any(key[1] == machine for key in index._load_index())  # a container may have come from another one
-    except (AttributeError, OSError):
+    except Exception:  # there is none, or it is damaged, which may raise anything
         return False
