@@ -72,7 +72,11 @@ class _Lane:
         while (text := self._queue.get()) is not None:
             if self.stream is not None:
                 try:
-                    self.stream.write(text)
+                    try:
+                        self.stream.write(text)
+                    except UnicodeEncodeError:  # a name that this terminal has no letters for
+                        encoding = self.stream.encoding
+                        self.stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
                     self.stream.flush()
                 except OSError:  # the reader has gone; the flight goes on
                     os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())

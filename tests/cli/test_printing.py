@@ -55,3 +55,11 @@ def test_without_anybody_who_reads_errors_either_it_ends_all_the_same() -> None:
     with full_pipe() as writing:
         done = subprocess.run([sys.executable, "-c", PROGRAM, "3", "1"], stdout=writing, stderr=writing, timeout=30)
     assert done.returncode == 0
+
+
+def test_what_the_terminal_has_no_letters_for_is_escaped_and_the_rest_goes_on() -> None:
+    program = PROGRAM.replace("for number", "printer.put('Z\\xfcrich\\n')\nfor number")
+    command = [sys.executable, "-c", program, "1", "1"]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=30)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "Z\\xfcrich\n0\n", "")
