@@ -31,7 +31,11 @@ class _Peer(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
-        self.address = transport.get_extra_info("peername")[:2]
+        peer = transport.get_extra_info("peername")
+        if peer is None:  # it has gone already
+            transport.abort()
+            return
+        self.address = peer[:2]
         self.link._joined(self)
 
     def data_received(self, data: bytes) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
+import struct
 import types
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
@@ -12,8 +13,8 @@ from collections.abc import Awaitable, Callable, Iterator
 import pytest
 
 from ridlink.errors import LinkError
-from ridlink.links import Address, Link, memory_link_pair, open_link
-from ridlink.links.tcp import TcpLink
+from ridlink.links import Address, Link, memory_link_pair, open_link, parse_link_url
+from ridlink.links.tcp import TcpLink, _Peer
 from ridlink.links.udp import BATCH_S, UdpLink
 from ridlink.mavlink.codec import Encoder
 
@@ -426,3 +427,30 @@ def test_memory_pair() -> None:
     first.close()
     first.close()
     assert not first.send(b"") and not second.send(b"")
+
+
+def test_a_server_that_has_gone_when_the_connection_stands_is_tried_again(caplog: pytest.LogCaptureFixture) -> None:
+    """It resets what it accepts, until it is told to stay."""
+
+    async def body() -> None:
+        loop = asyncio.get_running_loop()
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            url = parse_link_url(f"tcpout:127.0.0.1:{server.getsockname()[1]}")
+            link = TcpLink(url, lambda data, address: None)
+            client = socket.create_connection(server.getsockname())
+            accepted, _ = server.accept()
+            accepted.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            accepted.close()
+            client.setblocking(False)
+            await loop.create_connection(lambda: _Peer(link), sock=client)
+            server.setblocking(False)
+            async with asyncio.timeout(PATIENCE_S):
+                accepted, _ = await loop.sock_accept(server)
+                with accepted:
+                    while not link.send(b"hello"):
+                        await asyncio.sleep(0.01)
+                    assert await loop.sock_recv(accepted, 5) == b"hello"
+            link.close()
+
+    run(body)
+    assert not caplog.records
