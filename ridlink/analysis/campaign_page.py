@@ -44,7 +44,8 @@ def report_page(title: str, cells: Sequence[JudgedCell], tables: Sequence[str], 
         '<meta name="viewport" content="width=device-width">'
         f"<style>{STYLE}</style></head><body><h1>{escape(title)}</h1>",
         f"<p>{flights:,} flights. Intervals hold with 95 %: Clopper-Pearson for shares, a bootstrap over whole runs "
-        "for times, differences and ratios; differences and ratios compare the same runs under both definitions. "
+        "for times, differences and ratios, of six or more; differences and ratios compare the same runs under both "
+        "definitions. "
         "Vehicles collide two at a time: of collisions there are half as many as of collided flights. Times are those "
         "of flights without a collision.</p>",
     ]

@@ -17,6 +17,9 @@ Interval = tuple[float, float]
 
 LEVEL = 0.95
 RESAMPLES = 1000
+LEAST_RUNS = 6
+"""So many runs, or more, hold the median of all between their ends with a probability of `LEVEL`: 1 - 2 / 2^6 = 0.97.
+Fewer, however they are resampled, do not tell where it is: they have no bootstrap interval."""
 _BISECTIONS = 60
 _AT_A_TIME = 100
 """Resamples in memory at a time."""
@@ -58,7 +61,7 @@ def _share_with_at_most(events: int, trials: int, probability: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Medians:
-    """A median, and those of resampled campaigns, shape (RESAMPLES,); NaN where nobody flew."""
+    """A median, and those of resampled campaigns, shape (RESAMPLES,); NaN where nobody flew, or in too few runs."""
 
     median: float
     resampled: FloatArray
@@ -70,13 +73,17 @@ class Medians:
 
 
 def percentile_interval(values: FloatArray) -> Interval | None:
-    """The middle 95 % of resampled values; None if none is finite."""
-    finite = values[np.isfinite(values)]
-    if not finite.size:
+    """The middle 95 % of resampled values; None if an end of it is not finite, or more than 5 % are NaN.
+
+    Infinite ratios count as what they are: left out, they would move the upper end down.
+    """
+    told = values[~np.isnan(values)]
+    if told.size < LEVEL * values.size or not told.size:
         return None
     tail = 100.0 * (1.0 - LEVEL) / 2.0
-    low, high = np.percentile(finite, [tail, 100.0 - tail])
-    return float(low), float(high)
+    with np.errstate(invalid="ignore"):  # between two that are infinite
+        low, high = np.percentile(told, [tail, 100.0 - tail])
+    return (float(low), float(high)) if np.isfinite(low) and np.isfinite(high) else None
 
 
 def bootstrap_medians(values: FloatArray, run: NDArray[np.int64], runs: int, seed: int) -> Medians:
@@ -91,8 +98,9 @@ def bootstrap_medians(values: FloatArray, run: NDArray[np.int64], runs: int, see
         runs: Number of runs.
         seed: Seed of the resampling.
     """
-    if not values.size:
-        return Medians(float("nan"), np.full(RESAMPLES, np.nan))
+    if not values.size or runs < LEAST_RUNS:
+        median = float(np.median(values)) if values.size else math.nan
+        return Medians(median, np.full(RESAMPLES, np.nan))
     order = np.argsort(values, kind="stable")
     ranked, owner = values[order], run[order]
     medians = np.empty(RESAMPLES)
@@ -109,13 +117,15 @@ def bootstrap_medians(values: FloatArray, run: NDArray[np.int64], runs: int, see
 
 
 def bootstrap_totals(counts: NDArray[np.int64] | FloatArray, seed: int) -> FloatArray:
-    """Totals of campaigns resampled from the same runs, shape (RESAMPLES,).
+    """Totals of campaigns resampled from the same runs, shape (RESAMPLES,); NaN where they are too few.
 
     Args:
         counts: What was counted, or summed up, in each run, shape (runs,).
         seed: Seed of the resampling; equal ones resample the same runs as `bootstrap_medians` does.
     """
-    totals = np.empty(RESAMPLES)
+    totals = np.full(RESAMPLES, np.nan)
+    if len(counts) < LEAST_RUNS:
+        return totals
     for first, weight in _resampled(len(counts), seed):
         totals[first : first + len(weight)] = weight @ counts
     return totals
@@ -167,7 +177,7 @@ class Difference:
         mean_s: Flight by flight, mean time less that of the other; flights without a collision in either.
         mean_ci95: Bootstrap interval of it.
         mac_rate: Share in a collision less that of the other.
-        mac_rate_ci95: Interval of it.
+        mac_rate_ci95: Interval of it; None for few runs that differ.
         more_runs: Runs with more vehicles in a collision than the same runs of the other.
         fewer_runs: Runs with fewer.
         p_value: Two-sided exact sign test of these two: how often chance alone would part them so, or further.
@@ -180,7 +190,7 @@ class Difference:
     mean_s: float | None
     mean_ci95: Interval | None
     mac_rate: float
-    mac_rate_ci95: Interval
+    mac_rate_ci95: Interval | None
     more_runs: int
     fewer_runs: int
     p_value: float
@@ -224,7 +234,7 @@ def paired_difference(one: Flights, other: Flights, seed: int) -> Difference:
     more, fewer = int((extra > 0).sum()), int((extra < 0).sum())
     flights = one.collided.size
     mac_rate_ci95 = percentile_interval(bootstrap_totals(extra, seed) / flights)
-    if not more + fewer or mac_rate_ci95 is None:
+    if not more + fewer:
         high = clopper_pearson(0, flights)[1]
         mac_rate_ci95 = (-high, high)
     return Difference(

@@ -9,6 +9,7 @@ from ridlink.campaign.statistics import (
     clopper_pearson,
     paired_difference,
     percentile_interval,
+    risk_ratio,
     sign_test,
 )
 
@@ -63,16 +64,46 @@ def test_the_same_seed_resamples_the_same_runs():
 
 
 def test_weighted_medians_are_those_of_repeated_values():
-    """With one run every resample is the campaign itself."""
-    values = np.array([4.0, 1.0, 3.0, 2.0])
-    assert bootstrap_medians(values, np.zeros(4, int), 1, 1).resampled == pytest.approx(2.5)
+    """Runs that are all alike: every resample is the campaign itself."""
+    values, run = np.tile([4.0, 1.0, 3.0, 2.0], 6), np.repeat(np.arange(6), 4)
+    assert bootstrap_medians(values, run, 6, 1).resampled == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("runs", [1, 2, 5])
+def test_few_runs_have_figures_and_no_intervals(runs):
+    """One run resampled is itself: its interval was a point, and held the truth never, that of two runs half of the
+    time, of three in three quarters."""
+    time_s, nobody = np.arange(8.0 * runs).reshape(runs, 8), np.zeros((runs, 8), bool)
+    some = nobody.copy()
+    some[0, :2] = True
+    one, other = flights(time_s + 1.0, some), flights(time_s, nobody)
+    assert np.isfinite(other.medians.median) and other.medians.interval is None
+    found = paired_difference(one, other, 1)
+    assert found.median_s is not None and found.median_ratio is not None
+    assert found.mean_s == pytest.approx(1.0)
+    assert found.mac_rate == pytest.approx(2 / (8 * runs)) and found.p_value == 1.0
+    intervals = (found.median_ci95, found.median_ratio_ci95, found.mean_ci95, found.mac_rate_ci95)
+    assert intervals == (None, None, None, None)
+    assert risk_ratio(some, some, 1) == (1.0, None)
+
+
+def test_what_has_no_end_has_no_interval():
+    """One run in a hundred collided in the reference: a third of the resampled references have none, and whatever one
+    divides by nothing is not left out."""
+    some = np.zeros((100, 8), bool)
+    some[0, :2] = True
+    assert risk_ratio(some, some, 1) == (1.0, None)
+    assert risk_ratio(np.roll(some, 1, axis=0), some, 1) == (1.0, None)
+    assert percentile_interval(np.append(np.ones(900), np.full(100, np.inf))) is None
+    assert percentile_interval(np.append(np.ones(990), np.full(10, np.inf))) == (1.0, 1.0)
+    assert percentile_interval(np.append(np.ones(940), np.full(60, np.nan))) is None
 
 
 def test_where_nobody_flew_there_is_no_median():
     nothing = bootstrap_medians(np.empty(0), np.empty(0, int), 3, 1)
     assert np.isnan(nothing.median)
     assert nothing.interval is None
-    assert percentile_interval(np.array([np.nan, 2.0, 2.0])) == (2.0, 2.0)
+    assert percentile_interval(np.append(np.nan, np.full(99, 2.0))) == (2.0, 2.0)
 
 
 @pytest.mark.parametrize(
@@ -120,8 +151,8 @@ def test_pairs_of_runs_show_what_unpaired_ones_hide():
 
 
 def test_flights_that_collided_in_either_are_in_no_mean():
-    time_s = np.full((4, 2), 10.0)
-    ours, theirs = np.zeros((4, 2), bool), np.zeros((4, 2), bool)
+    time_s = np.full((6, 2), 10.0)
+    ours, theirs = np.zeros((6, 2), bool), np.zeros((6, 2), bool)
     ours[0], theirs[1] = True, True
     late = time_s.copy()
     late[:2] = 99.0
