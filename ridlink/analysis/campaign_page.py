@@ -43,11 +43,11 @@ def report_page(title: str, cells: Sequence[JudgedCell], tables: Sequence[str], 
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         '<meta name="viewport" content="width=device-width">'
         f"<style>{STYLE}</style></head><body><h1>{escape(title)}</h1>",
-        f"<p>{flights:,} flights. Intervals hold with 95 %: Clopper-Pearson for shares, a bootstrap over whole runs "
-        "for times, differences and ratios, of six or more; differences and ratios compare the same runs under both "
+        f"<p>{flights:,} flights. Intervals hold with 95 %: Clopper-Pearson for shares, a bootstrap over whole runs, "
+        "six or more, for times, differences and ratios; differences and ratios compare the same runs under both "
         "definitions. "
-        "Vehicles collide two at a time: of collisions there are half as many as of collided flights. Times are those "
-        "of flights without a collision.</p>",
+        "Vehicles collide two at a time: of collisions there are half as many as of collided flights, and intervals "
+        "of their share are those of pairs. Times are those of flights without a collision.</p>",
     ]
     if is_compared:
         parts.append(

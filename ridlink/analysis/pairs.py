@@ -12,7 +12,7 @@ from typing import Any
 
 from ridlink.analysis.campaign import FlownCell
 from ridlink.campaign.plan import Cell
-from ridlink.campaign.statistics import Difference, Interval, clopper_pearson, paired_difference
+from ridlink.campaign.statistics import Difference, Interval, collided_share, paired_difference
 
 SETTING = ("definition", "solver")
 """What is ours to choose; everything else is the world."""
@@ -123,7 +123,7 @@ class Pooled:
         scenarios: Scenes taken together.
         flights: Flights in all of them.
         macs: Those in a collision.
-        mac_rate_ci95: Clopper-Pearson interval of their share.
+        mac_rate_ci95: Interval of their share, of pairs of vehicles.
     """
 
     conditions: dict[str, Any]
@@ -197,7 +197,7 @@ def pooled(cells: Sequence[FlownCell]) -> list[Pooled]:
             found.append(
                 Pooled(
                     _common(Cell.of_row(group[0].row), ("scenario",)), tuple(cell.row["scenario"] for cell in group),
-                    flights, macs, clopper_pearson(macs, flights),
+                    flights, macs, collided_share(macs, flights),
                 )
             )  # fmt: skip
     return found

@@ -45,6 +45,27 @@ def clopper_pearson(events: int, trials: int) -> Interval:
     return low, high
 
 
+def collided_share(collided: int, flights: int) -> Interval:
+    """Interval of the share of flights that end in a collision, which takes two of them at a time.
+
+    Flights that collided come in pairs, the pairs, near enough, independently: the interval is that of as many pairs
+    among half as many. One of flights, taken singly, holds a share in 82 to 87 % of the cases, and not in 95: it is
+    too narrow by the root of two, and its bound of none by two.
+
+    Args:
+        collided: Flights that collided.
+        flights: All of them.
+
+    Raises:
+        ValueError: As `clopper_pearson`.
+    """
+    if not (flights > 0 and 0 <= collided <= flights):
+        raise ValueError(f"collided must lie within 0 and the number of flights, got {collided} of {flights}")
+    pairs = max(flights // 2, 1)
+    most = min(-(-collided // 2), pairs)  # three that meet in one step are odd
+    return clopper_pearson(collided // 2, pairs)[0], clopper_pearson(most, pairs)[1]
+
+
 def _share_with_at_most(events: int, trials: int, probability: float) -> float:
     """The share under which so many events or fewer have that probability."""
     count = np.arange(events + 1)
@@ -158,7 +179,7 @@ def risk_ratio(
         return None, None
     ratio = float(collided.mean() / reference.mean())
     if not collided.any():
-        high = clopper_pearson(0, collided.size)[1] / clopper_pearson(int(reference.sum()), reference.size)[0]
+        high = collided_share(0, collided.size)[1] / collided_share(int(reference.sum()), reference.size)[0]
         return ratio, (0.0, high)
     totals, others = (bootstrap_totals(each.sum(axis=1), seed) for each in (collided, reference))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -235,7 +256,7 @@ def paired_difference(one: Flights, other: Flights, seed: int) -> Difference:
     flights = one.collided.size
     mac_rate_ci95 = percentile_interval(bootstrap_totals(extra, seed) / flights)
     if not more + fewer:
-        high = clopper_pearson(0, flights)[1]
+        high = collided_share(0, flights)[1]
         mac_rate_ci95 = (-high, high)
     return Difference(
         ours.median - theirs.median if comparable else None,

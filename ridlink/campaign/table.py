@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ridlink.campaign.plan import BASELINE, Plan
-from ridlink.campaign.statistics import Flights, Interval, Medians, bootstrap_medians, clopper_pearson, risk_ratio
+from ridlink.campaign.statistics import Flights, Interval, Medians, bootstrap_medians, collided_share, risk_ratio
 from ridlink.campaign.worlds import Outcomes
 from ridlink.separation.definitions import Definition
 
@@ -35,7 +35,7 @@ class Row:
         unfinished: Those that neither arrived nor collided.
         macs: Those in a mid-air collision; two at a time.
         mac_rate: Share of them.
-        mac_rate_ci95: Clopper-Pearson interval of it.
+        mac_rate_ci95: Interval of it, of pairs of vehicles.
         median_s: Median time of flights without a collision; the cut-off counts for those that did not arrive.
         median_ci95: Bootstrap interval of it.
         max_time_s: The longest.
@@ -114,7 +114,7 @@ def _row(plan: Plan, outcomes: Outcomes, medians: Medians, snmac: Medians | None
         scenario=cell.scenario, definition=cell.definition, gnss=cell.gnss, solver=cell.solver,
         dynamics=cell.dynamics, runs=len(outcomes.run), flights=outcomes.flights, arrived=outcomes.arrived,
         unfinished=outcomes.unfinished, macs=outcomes.macs, mac_rate=outcomes.macs / outcomes.flights,
-        mac_rate_ci95=clopper_pearson(outcomes.macs, outcomes.flights), median_s=median_s,
+        mac_rate_ci95=collided_share(outcomes.macs, outcomes.flights), median_s=median_s,
         median_ci95=medians.interval, max_time_s=float(times.max()) if times.size else None, ratio_to_snmac=ratio,
         min_separation_m=_finite(float(outcomes.distance_m.min())),
         min_margin_m=_finite(float(outcomes.margin_m.min())),

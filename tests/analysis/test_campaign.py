@@ -7,7 +7,7 @@ import pytest
 
 from ridlink.analysis.campaign import FlownCell, Verdict, judge_cells
 from ridlink.campaign.plan import Cell
-from ridlink.campaign.statistics import Flights, bootstrap_medians, clopper_pearson
+from ridlink.campaign.statistics import Flights, bootstrap_medians, collided_share
 
 RUNS, VEHICLES = 10, 8
 
@@ -23,7 +23,7 @@ def flown(definition, median_s, macs=0, snmac_s=7.0, **world):
     })  # fmt: skip
     row = {
         **asdict(cell), "runs": RUNS, "flights": 80, "unfinished": 0,
-        "macs": macs, "mac_rate": macs / 80, "mac_rate_ci95": clopper_pearson(macs, 80),
+        "macs": macs, "mac_rate": macs / 80, "mac_rate_ci95": collided_share(macs, 80),
         "median_s": median_s, "median_ci95": (median_s, median_s), "ratio_to_snmac": median_s / snmac_s,
     }  # fmt: skip
     return FlownCell(row, Flights(time_s, collided, bootstrap_medians(time_s.ravel(), run, RUNS, 1)), 1)

@@ -51,9 +51,9 @@ def test_flights_of_all_scenes_are_counted_and_not_claimed():
     cells = [flown("chance", 8.0, scenario="circle8"), flown("chance", 20.0, scenario="square24")]
     (nobody,) = pooled(cells)
     assert (nobody.flights, nobody.macs) == (160, 0)
-    assert nobody.said == "0 of 160, so below 2.3e-02 at 95 %"
+    assert nobody.said == "0 of 160, so below 4.5e-02 at 95 %"
     (some,) = pooled([cells[0], flown("chance", 20.0, macs=2, scenario="square24")])
-    assert some.said == "2 of 160, so 1.5e-03 to 4.4e-02 at 95 %"
+    assert some.said == "2 of 160, so 3.2e-04 to 6.8e-02 at 95 %"
     assert pooled(cells[:1]) == []
 
 

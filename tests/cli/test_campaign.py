@@ -228,7 +228,7 @@ def test_processes_change_the_time_only(whole: Path, tmp_path: Path, ridlink: Ri
     for file in shards(whole):
         assert parquet.read_table(file).equals(parquet.read_table(tmp_path / "two" / file.relative_to(whole)))
     (line,) = (line for line in out.splitlines() if line.startswith("circle8   remote-id"))
-    assert line.split()[2:5] == ["0/1,600", "below", "0.23"]
+    assert line.split()[2:5] == ["0/1,600", "below", "0.46"]
     assert max(map(len, out.splitlines())) <= 120
 
 
@@ -462,7 +462,7 @@ def test_without_avoidance_is_what_the_risk_is_measured_by(tmp_path: Path, ridli
     assert 0.6 < nobody["mac_rate"] < 0.85
     assert snmac["risk_ratio"] == pytest.approx(snmac["mac_rate"] / nobody["mac_rate"])
     assert snmac["risk_ratio_ci95"][0] < snmac["risk_ratio"] < snmac["risk_ratio_ci95"][1] < 0.3
-    assert remote_id["risk_ratio"] == 0.0 < remote_id["risk_ratio_ci95"][1] < 0.03
+    assert remote_id["risk_ratio"] == 0.0 < remote_id["risk_ratio_ci95"][1] < 0.05
 
 
 def test_folders_that_cannot_be_used(whole: Path, tmp_path: Path, ridlink: Ridlink) -> None:
@@ -545,7 +545,7 @@ def test_a_report_beside_the_paper(whole: Path, tmp_path: Path) -> None:
     assert "Against the paper's Candidates" in page
     assert page.count("<img") == page.count('src="data:image/svg+xml;base64,') == 3
     assert "http" not in page and "<script" not in page and "url(" not in page
-    assert "0 of 1,600<small>below 0.23%</small>" in page
+    assert "0 of 1,600<small>below 0.46%</small>" in page
 
 
 def test_a_report_draws_what_varies_and_tells_what_losses_cost(tmp_path: Path, ridlink: Ridlink) -> None:
