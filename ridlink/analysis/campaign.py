@@ -5,8 +5,8 @@ Nothing is tuned towards a printed figure. Seconds and shares within 0 and 1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from enum import StrEnum
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ridlink.campaign.plan import Cell
-from ridlink.campaign.statistics import Difference, Flights, Interval, paired_difference
+from ridlink.campaign.statistics import LEAST_RUNS, Difference, Flights, Interval, paired_difference
 
 TOLERANCE = 0.1
 """Relative difference up to which a time is reproduced: the paper prints neither the size of its scenes nor the mean
@@ -42,11 +42,19 @@ NOT_REPRODUCIBLE = {
 
 ONE_RATE = "one rate is printed for both scenes; it depends on how strongly vehicles prefer the right, which is not"
 SCALE = "neither the size of the scene nor the mean speed of the fleet is printed, and every time follows from them"
-RATIO = "more than the interval and the tolerance allow"
+RATIO = "more than the tolerance allows"
+FEW = f"of fewer than {LEAST_RUNS} runs no interval says how far a figure can be trusted"
 AS_IN_THE_PAPER = {
     "gnss": "white-radial", "solver": "rotation", "dynamics": "ideal", "sigma_m": 10.0, "interval_s": 0.1, "loss": 0.0,
 }  # fmt: skip
 """Cells that are compared with what is printed."""
+
+CONDITIONS_OF_THE_PAPER: dict[str, tuple[Any, ...]] = {
+    "preset": ("paper",), "technology": ("ideal",), "range_m": (None, 400.0), "latency_s": (None, [0.0, 0.0]),
+    "stock_share": (0.0,), "unresponsive_share": (0.0,), "category": (None,), "speed_mps": (None,),
+    "common_share": (0.0,), "bias_m": (0.0,), "filtered": (None, False),
+}  # fmt: skip
+"""What a campaign may say for its cells to be compared; everything else makes another one of it."""
 
 DEFINITION_NAMES = {
     "snmac": "sNMAC",
@@ -81,6 +89,7 @@ class Verdict(StrEnum):
     DIFFERS = "differs"
     NOT_REPRODUCIBLE = "not reproducible"
     NOT_PRINTED = "not printed"
+    TOO_FEW_RUNS = "too few runs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +101,7 @@ class Judged:
         ours: As flown.
         interval: 95 % interval of ours.
         verdict: How they compare.
-        why: Reason of a difference, else empty.
+        why: Reason of a difference, or of no verdict; else empty.
     """
 
     printed: float | None
@@ -150,6 +159,16 @@ class JudgedCell:
         return asdict(self)
 
 
+def is_the_papers(configuration: Mapping[str, Any]) -> bool:
+    """Whether a campaign is the paper's simulation, in cells among others.
+
+    Args:
+        configuration: As its folder keeps it.
+    """
+    as_printed = all(configuration.get(name) in known for name, known in CONDITIONS_OF_THE_PAPER.items())
+    return as_printed and AS_IN_THE_PAPER["sigma_m"] in configuration.get("sigma_m", ())
+
+
 def judge_cells(cells: Sequence[FlownCell], *, as_printed: bool) -> list[JudgedCell]:
     """Every cell beside the paper and beside sNMAC.
 
@@ -170,12 +189,17 @@ def _judge(cell: FlownCell, snmac: FlownCell | None, as_printed: bool) -> Judged
     if snmac is not None and snmac is not cell:
         beside = paired_difference(cell.flights, snmac.flights, cell.seed)
     never = NOT_REPRODUCIBLE.get((row["scenario"], row["definition"]), "")
-    return JudgedCell(
-        row, beside,
+    figures: tuple[Judged, ...] = (
         _compared(seconds, row["median_s"], row["median_ci95"], never, SCALE),
         _compared(ratio, row["ratio_to_snmac"], beside and beside.median_ratio_ci95, never, RATIO),
         _compared_rate(rate, row["mac_rate"], row["mac_rate_ci95"]),
     )  # fmt: skip
+    if row["runs"] < LEAST_RUNS:
+        figures = tuple(
+            each if each.verdict is Verdict.NOT_PRINTED else replace(each, verdict=Verdict.TOO_FEW_RUNS, why=FEW)
+            for each in figures
+        )
+    return JudgedCell(row, beside, *figures)
 
 
 def _compared(printed: float | None, ours: float | None, interval: Any, never: str, why: str) -> Judged:

@@ -19,7 +19,7 @@ def report(folder: Path) -> None:
     paper's Candidates, run by run; the page asks for nothing outside of itself. report.md holds the tables for
     documents. The pictures are PNG and SVG (extra: ridlink[plot]).
     """
-    from ridlink.analysis.campaign import FlownCell, judge_cells
+    from ridlink.analysis.campaign import FlownCell, is_the_papers, judge_cells
     from ridlink.analysis.campaign_figures import draw_campaign
     from ridlink.analysis.campaign_markdown import markdown_report
     from ridlink.analysis.campaign_page import report_page
@@ -32,8 +32,8 @@ def report(folder: Path) -> None:
     configuration, read = read_campaign(folder)
     seed = configuration["seed"]
     flown = [FlownCell(row, flights_of(outcomes, seed), seed) for row, outcomes in read]
-    is_the_papers = configuration["preset"] == "paper" and 10.0 in configuration["sigma_m"]
-    judged = judge_cells(flown, as_printed=is_the_papers)
+    as_printed = is_the_papers(configuration)
+    judged = judge_cells(flown, as_printed=as_printed)
     points, lossless, together = against_points(flown), against_lossless(flown), pooled(flown)
     above = dominance(points)
     tables = (
@@ -41,7 +41,7 @@ def report(folder: Path) -> None:
         pairs_table("What lost reports cost", lossless),
     )  # fmt: skip
     figures = draw_campaign(flown, judged, folder)
-    title = "The paper's simulation, flown again" if is_the_papers else "Campaign"
+    title = "The paper's simulation, flown again" if as_printed else "Campaign"
     drawn = {name: next(file for file in files if file.suffix == ".svg") for name, files in figures.items()}
     document = {
         "configuration": configuration,

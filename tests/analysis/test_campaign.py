@@ -1,13 +1,16 @@
 """Verdicts on a campaign: by a stated tolerance, and never without a reason."""
 
-from dataclasses import asdict
+import json
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
-from ridlink.analysis.campaign import FlownCell, Verdict, judge_cells
+from ridlink.analysis.campaign import FEW, FlownCell, Verdict, is_the_papers, judge_cells
+from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.plan import Cell
 from ridlink.campaign.statistics import Flights, bootstrap_medians, collided_share
+from ridlink.campaign_runner.choice import Choice, Conditions
 
 RUNS, VEHICLES = 10, 8
 
@@ -60,3 +63,34 @@ def test_what_the_paper_did_not_fly_is_not_compared(scenario, solver, as_printed
     (cell,) = judge_cells([flown("candidate1", 8.0, scenario=scenario, solver=solver)], as_printed=as_printed)
     assert {cell.median.verdict, cell.ratio.verdict, cell.mac_rate.verdict} == {Verdict.NOT_PRINTED}
     assert cell.beside_snmac is None
+
+
+def test_of_few_runs_nothing_is_said_to_be_reproduced():
+    """The interval of one run holds nearly every rate that could be printed."""
+    for cell in judge_cells([flown("snmac", 6.7), flown("candidate1", 99.0)], as_printed=True):
+        assert Verdict.TOO_FEW_RUNS not in (cell.median.verdict, cell.ratio.verdict, cell.mac_rate.verdict)
+    few = [replace(cell, row={**cell.row, "runs": 5}) for cell in (flown("snmac", 6.7), flown("candidate1", 99.0))]
+    for cell in judge_cells(few, as_printed=True):
+        printed = [each for each in (cell.median, cell.ratio, cell.mac_rate) if each.printed is not None]
+        assert {(each.verdict, each.why) for each in printed} == {(Verdict.TOO_FEW_RUNS, FEW)}
+
+
+PAPERS = Choice(("circle8",), ("snmac",), (ErrorModel.WHITE_RADIAL,), ("rotation",), conditions=Conditions(paper=True))
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        {"paper": False}, {"technology": "bt4"}, {"range_m": 200.0}, {"latency_s": (0.0, 0.2)}, {"stock_share": 0.3},
+        {"unresponsive_share": 0.3}, {"category": 3}, {"speed_mps": 15.0}, {"common_share": 0.5}, {"bias_m": 2.0},
+        {"filtered": True},
+    ],
+)  # fmt: skip
+def test_under_other_conditions_it_is_no_longer_the_papers_simulation(condition):
+    def kept(choice):
+        return json.loads(json.dumps(choice.configuration(choice.plans(), 10)))
+
+    assert is_the_papers(kept(PAPERS))
+    assert is_the_papers(kept(replace(PAPERS, conditions=replace(PAPERS.conditions, seed=7, eta=0.9))))
+    assert not is_the_papers(kept(replace(PAPERS, conditions=replace(PAPERS.conditions, **condition))))
+    assert not is_the_papers(kept(replace(PAPERS, sigmas_m=(5.0,))))
