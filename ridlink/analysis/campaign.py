@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ridlink.campaign.plan import Cell
+from ridlink.campaign.cell import USUAL, Cell
 from ridlink.campaign.statistics import LEAST_RUNS, Difference, Flights, Interval, paired_difference
 
 TOLERANCE = 0.1
@@ -44,9 +44,7 @@ ONE_RATE = "one rate is printed for both scenes; it depends on how strongly vehi
 SCALE = "neither the size of the scene nor the mean speed of the fleet is printed, and every time follows from them"
 RATIO = "more than the tolerance allows"
 FEW = f"of fewer than {LEAST_RUNS} runs no interval says how far a figure can be trusted"
-AS_IN_THE_PAPER = {
-    "gnss": "white-radial", "solver": "rotation", "dynamics": "ideal", "sigma_m": 10.0, "interval_s": 0.1, "loss": 0.0,
-}  # fmt: skip
+AS_IN_THE_PAPER = {"gnss": "white-radial", "solver": "rotation", **USUAL}
 """Cells that are compared with what is printed."""
 
 CONDITIONS_OF_THE_PAPER: dict[str, tuple[Any, ...]] = {
@@ -65,16 +63,6 @@ DEFINITION_NAMES = {
     "chance": "chance",
     "none": "no avoidance",
 }
-
-
-USUAL = {"dynamics": "ideal", "sigma_m": 10.0, "interval_s": 0.1, "loss": 0.0}
-WORDS = {"dynamics": "{}", "sigma_m": "sigma {:g} m", "interval_s": "every {:g} s", "loss": "{:.0%} lost"}
-"""What is usual goes without saying."""
-
-
-def world_words(figures: dict[str, Any]) -> str:
-    """What is unusual about a world, in words."""
-    return ", ".join(words.format(figures[name]) for name, words in WORDS.items() if figures[name] != USUAL[name])
 
 
 def setting_words(definition: str, solver: str) -> str:
@@ -166,7 +154,7 @@ def is_the_papers(configuration: Mapping[str, Any]) -> bool:
         configuration: As its folder keeps it.
     """
     as_printed = all(configuration.get(name) in known for name, known in CONDITIONS_OF_THE_PAPER.items())
-    return as_printed and AS_IN_THE_PAPER["sigma_m"] in configuration.get("sigma_m", ())
+    return as_printed and USUAL["sigma_m"] in configuration.get("sigma_m", ())
 
 
 def judge_cells(cells: Sequence[FlownCell], *, as_printed: bool) -> list[JudgedCell]:

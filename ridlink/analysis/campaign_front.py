@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FormatStrFormatter, LogLocator
 
-from ridlink.analysis.campaign import DEFINITION_NAMES, USUAL, setting_words
+from ridlink.analysis.campaign import DEFINITION_NAMES, setting_words
 from ridlink.analysis.figures import GREY, new_figure, plain_numbers
 from ridlink.analysis.panels import (
     COLOUR_OF,
@@ -29,6 +29,7 @@ from ridlink.analysis.panels import (
     panels_of,
     title_of,
 )
+from ridlink.campaign.cell import USUAL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 
-from ridlink.analysis.campaign import WORDS, FlownCell, setting_words, world_words
+from ridlink.analysis.campaign import FlownCell, setting_words
 from ridlink.analysis.pairs import PAPERS_POINTS, Pair, Pooled
-from ridlink.campaign.plan import Cell
+from ridlink.campaign.cell import Cell, world_words
 
 ERRORS = {"gauss-markov": "G-M"}
 """Short names for heads of columns."""
@@ -67,8 +68,7 @@ def _together(each: Pooled) -> tuple[str, ...]:
 
 
 def _world(cell: Cell) -> str:
-    unusual = world_words({name: getattr(cell, name) for name in WORDS})
-    return " ".join(filter(None, (cell.scenario, ERRORS.get(cell.gnss, cell.gnss), unusual)))
+    return " ".join(filter(None, (cell.scenario, ERRORS.get(cell.gnss, cell.gnss), world_words(asdict(cell)))))
 
 
 def _span(value: float | None, interval: tuple[float, float] | None, digits: int) -> str:

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from ridlink.analysis.campaign import DEFINITION_NAMES, TOLERANCE, Judged, JudgedCell, Verdict, world_words
+from ridlink.analysis.campaign import DEFINITION_NAMES, TOLERANCE, Judged, JudgedCell, Verdict
+from ridlink.campaign.cell import world_words
 from ridlink.campaign.statistics import Difference
 
 STYLE = """

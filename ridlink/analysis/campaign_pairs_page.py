@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from html import escape
 
-from ridlink.analysis.campaign import WORDS, setting_words, world_words
+from ridlink.analysis.campaign import setting_words
 from ridlink.analysis.pairs import Dominance, Pair, Pooled
-from ridlink.campaign.plan import Cell
+from ridlink.campaign.cell import Cell, world_words
 
 PAIRED = (
     "Cells of one scene and one kind of errors fly the same fleets with the same errors, so they are compared run by "
@@ -68,8 +69,7 @@ def pairs_table(title: str, found: Sequence[Pair]) -> str:
 
 
 def _where(cell: Cell) -> str:
-    figures = {name: getattr(cell, name) for name in WORDS}
-    return escape(_joined(cell.scenario, cell.gnss, world_words(figures)))
+    return escape(_joined(cell.scenario, cell.gnss, world_words(asdict(cell))))
 
 
 def _against(pair: Pair) -> str:

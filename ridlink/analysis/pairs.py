@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ridlink.analysis.campaign import FlownCell
-from ridlink.campaign.plan import Cell
+from ridlink.campaign.cell import Cell
 from ridlink.campaign.statistics import Difference, Interval, collided_share, paired_difference
 
 SETTING = ("definition", "solver")

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ridlink.analysis.campaign import DEFINITION_NAMES, world_words
+from ridlink.analysis.campaign import DEFINITION_NAMES
 from ridlink.analysis.figures import COLOURS, GREY, new_figure
+from ridlink.campaign.cell import world_words
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ridlink.avoidance.settings import IDEAL_AGE_ACCELERATION_MPS2, GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings, SolverKind
+from ridlink.campaign.cell import BASELINE, Cell
 from ridlink.campaign.chance import CORRELATION_TIME_S, ErrorModel
 from ridlink.campaign.channel import PERFECT, Channel
 from ridlink.campaign.response import Dynamics
@@ -36,44 +35,6 @@ IDEAL_HALFPLANES = HalfplaneSettings(
 )
 """For vehicles that obey at once. Of what an unheard neighbour may have done they are granted more than the solvers
 that choose among headings: with 10 m/s^2, two of 32,000 flights with losses in bursts collide."""
-
-
-BASELINE = "none"
-"""Name of the definition under which nobody avoids anybody."""
-
-
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """Names and figures in which the cells of one campaign differ.
-
-    Attributes:
-        scenario: Name of the scene.
-        definition: What sizes the discs; `none` where nobody avoids.
-        gnss: How sigma becomes a position error.
-        solver: Who decides.
-        dynamics: How vehicles answer.
-        sigma_m: Standard deviation of vehicles of which the scene says nothing.
-        interval_s: Time between two reports.
-        loss: Share of reports that a receiver misses.
-    """
-
-    scenario: str
-    definition: str
-    gnss: str
-    solver: str
-    dynamics: str
-    sigma_m: float
-    interval_s: float
-    loss: float
-
-    @classmethod
-    def of_row(cls, row: Mapping[str, Any]) -> Cell:
-        """The cell of a row of the table."""
-        return cls(**{name: row[name] for name in cls.__slots__})
-
-    def under(self, definition: str) -> Cell:
-        """The same cell under another definition."""
-        return replace(self, definition=definition)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.campaign.plan import BASELINE, Plan
+from ridlink.campaign.cell import BASELINE
+from ridlink.campaign.plan import Plan
 from ridlink.campaign.statistics import Flights, Interval, Medians, bootstrap_medians, collided_share, risk_ratio
 from ridlink.campaign.worlds import Outcomes
 from ridlink.separation.definitions import Definition

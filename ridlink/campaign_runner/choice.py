@@ -12,9 +12,10 @@ import numpy as np
 
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.campaign.cell import BASELINE
 from ridlink.campaign.chance import CORRELATION_TIME_S, PAPER_MEAN_SPEED_MPS, ErrorModel
 from ridlink.campaign.channel import Channel
-from ridlink.campaign.plan import BASELINE, IDEAL_HALFPLANES, PAIR_READING_SIGMAS, Plan, baseline, graded_plan
+from ridlink.campaign.plan import IDEAL_HALFPLANES, PAIR_READING_SIGMAS, Plan, baseline, graded_plan
 from ridlink.campaign.response import Dynamics
 from ridlink.campaign.scene import Scene, circle, drawn_scene, not_flown, scene_of
 from ridlink.errors import ConfigError

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from ridlink.campaign.plan import Cell, Plan
-from ridlink.campaign.response import Dynamics
+from ridlink.campaign.cell import USUAL, Cell
+from ridlink.campaign.plan import Plan
 from ridlink.campaign.worlds import Outcomes
 from ridlink.campaign_runner.shards import names_of, read_shard, shard_bytes
 from ridlink.captures.export.tables import arrow
@@ -243,11 +243,8 @@ def _folder_of(cell: Cell) -> str:
     """Name of the folder of a cell: what it always has, and what of it is unusual."""
     # The name of a scene is the only part that may hold any character.
     parts = [quote(cell.scenario, safe=""), cell.definition, cell.gnss, cell.solver]
-    if cell.dynamics != Dynamics.IDEAL:
-        parts.append(cell.dynamics)
-    for name, value, usual in (
-        ("sigma", cell.sigma_m, 10.0), ("interval", cell.interval_s, 0.1), ("loss", cell.loss, 0.0)
-    ):  # fmt: skip
+    for name, usual in USUAL.items():
+        value = getattr(cell, name)
         if value != usual:
-            parts.append(f"{name}{value!r}")
+            parts.append(value if name == "dynamics" else f"{name.removesuffix('_m').removesuffix('_s')}{value!r}")
     return "_".join(parts)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ridlink.campaign.plan import Cell, Plan
+from ridlink.campaign.cell import Cell
+from ridlink.campaign.plan import Plan
 from ridlink.campaign.worlds import Outcomes
 from ridlink.captures.export.tables import arrow
 from ridlink.errors import CaptureError

@@ -99,15 +99,9 @@ def show_rows(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: d
 
 def _group(row: Row) -> str:
     """What the rows of one table have in common: what is usual goes without saying."""
-    text = f"{row.gnss} errors, solver {row.solver}"
-    if row.dynamics != "ideal":
-        text += f", {row.dynamics}"
-    for figure, usual, words in (
-        (row.sigma_m, 10.0, "sigma {:g} m"), (row.interval_s, 0.1, "every {:g} s"), (row.loss, 0.0, "{:.0%} lost")
-    ):  # fmt: skip
-        if figure != usual:
-            text += f", {words.format(figure)}"
-    return text
+    from ridlink.campaign.cell import world_words
+
+    return ", ".join(filter(None, (f"{row.gnss} errors", f"solver {row.solver}", world_words(row.as_dict()))))
 
 
 def _columns(rows: Sequence[Row]) -> dict[str, list[str]]:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ridlink.analysis.campaign import FEW, FlownCell, Verdict, is_the_papers, judge_cells
+from ridlink.campaign.cell import Cell
 from ridlink.campaign.chance import ErrorModel
-from ridlink.campaign.plan import Cell
 from ridlink.campaign.statistics import Flights, bootstrap_medians, collided_share
 from ridlink.campaign_runner.choice import Choice, Conditions
 

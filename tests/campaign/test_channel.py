@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from ridlink.campaign.cell import BASELINE
 from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.channel import Channel, Reception
-from ridlink.campaign.plan import BASELINE
 from ridlink.campaign.response import Dynamics
 from ridlink.campaign_runner.choice import SOLVERS
 from ridlink.cli import campaign_options
