@@ -198,6 +198,20 @@ def test_lines_of_a_real_recording_are_the_same(monkeypatch: pytest.MonkeyPatch,
     assert outputs[0].count(b"\n") > 100
 
 
+@pytest.mark.parametrize("limit", ["-1e20", "-1", "0", "1e12", "18446744073709.551615", "1e20"])
+def test_limits_beyond_all_times_are_limits_in_large_files_too(
+    log: Path, monkeypatch: pytest.MonkeyPatch, limit: str
+) -> None:
+    for option in ("--since", "--until"):
+        results = []
+        for large in (10**12, 0):
+            monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+            done = run(log, "-f", "jsonl", f"{option}={limit}")
+            results.append((done.stdout_bytes, done.stderr, done.return_value))
+        assert results[0] == results[1]
+        assert bool(results[0][0]) == ((option == "--since") == (float(limit) < 1e12))
+
+
 def test_large_files_report_damage_like_small_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "f.tlog"
     data = bytearray(tlog_bytes(flight(100)))

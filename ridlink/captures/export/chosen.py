@@ -46,10 +46,15 @@ def _chosen(block: Block, selection: Selection) -> np.ndarray | None:
     if selection.since_us is not None or selection.until_us is not None:
         keep &= block.times != NO_TIME
     if selection.since_us is not None:
-        keep &= block.times >= np.uint64(max(selection.since_us, 0))
+        keep &= block.times >= _limit(selection.since_us)
     if selection.until_us is not None:
-        keep &= block.times < np.uint64(max(selection.until_us, 0))
+        keep &= block.times < _limit(selection.until_us)
     return keep
+
+
+def _limit(time_us: int) -> np.uint64:
+    """A limit as times are: no frame that has a time lies beyond either end of those."""
+    return np.uint64(min(max(time_us, 0), int(NO_TIME)))
 
 
 def pack_records(block: Block, selection: Selection) -> Iterator[tuple[int, list[MessageRecord]]]:
