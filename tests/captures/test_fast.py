@@ -82,7 +82,7 @@ def frames(draw: st.DrawFn) -> bytes:
 
 TIMES = st.one_of(
     st.integers(START_US, START_US + 10**7),
-    st.sampled_from([0, 5, 33_333, 2**62, 2**63 - 1, START_US + 400 * 86400 * 10**6, 10**15]),
+    st.sampled_from([0, 5, 33_333, 2**62, 2**63 - 1, 2**64 - 1, START_US + 400 * 86400 * 10**6, 10**15]),
 )
 PIECES = st.lists(
     st.one_of(
@@ -163,6 +163,14 @@ def test_the_checksum_is_that_of_the_codec(data: bytes, extra: int) -> None:
     array = np.frombuffer(bytearray(bytes(8) + data + bytes(8)), np.uint8)
     found = loading.checksum(array, 8, 8 + len(data), extra, tables.checksum_table(), tables.initial_table())
     assert found == checksum(data, extra)
+
+
+def test_a_time_of_all_bits_set_is_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "no_clock.tlog"
+    path.write_bytes(tlog_bytes([(2**64 - 1, frame) for _, frame in flight(3)]))
+    found = by_records(path.read_bytes(), "tlog")
+    assert [time_us for time_us, _, _ in found[0]] == [None] * 3 and not found[1]
+    assert by_kernels(path, "tlog") == found
 
 
 @needs_compiler
