@@ -9,7 +9,7 @@ reader      captures by path: which format a file has
 follow      captures that still grow
 messages    records to typed messages
 lines       messages as lines, for programs (JSON) and for eyes
-statistics  what a capture holds, in counts
+statistics  what a capture holds, in counts; of large files taken by export/counting
 """
 
 from ridlink.captures.messages import MessageRecord, decode_records, read_messages

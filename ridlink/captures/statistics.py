@@ -13,6 +13,8 @@ from ridlink.captures.messages import UNKNOWN, MessageRecord
 from ridlink.captures.reader import Capture
 
 SEQUENCE_NUMBERS = 256
+LEAP = SEQUENCE_NUMBERS // 4
+"""From so many missing on the numbers are taken to have leapt from one count to another."""
 
 
 @dataclass(slots=True)
@@ -45,8 +47,16 @@ class SourceCount:
             missing = (seq - self.last_seq - 1) % SEQUENCE_NUMBERS
             self.gaps += missing > 0
             self.lost += missing
-            self.leaps += missing >= SEQUENCE_NUMBERS // 4
+            self.leaps += missing >= LEAP
         self.last_seq = seq
+
+    def add(self, messages: int, gaps: int, lost: int, leaps: int, last_seq: int) -> None:
+        """Take many messages at once, what is missing before the first of them included."""
+        self.messages += messages
+        self.gaps += gaps
+        self.lost += lost
+        self.leaps += leaps
+        self.last_seq = last_seq
 
 
 @dataclass(slots=True)
@@ -92,10 +102,14 @@ class Statistics:
                 source = self.sources[record.source] = SourceCount()
             source.see(record.frame.seq)
         if record.time_us is not None:
-            if self.first_us is None or record.time_us < self.first_us:
-                self.first_us = record.time_us
-            if self.last_us is None or record.time_us > self.last_us:
-                self.last_us = record.time_us
+            self.span(record.time_us, record.time_us)
+
+    def span(self, first_us: int, last_us: int) -> None:
+        """Take the earliest and the latest time of some messages."""
+        if self.first_us is None or first_us < self.first_us:
+            self.first_us = first_us
+        if self.last_us is None or last_us > self.last_us:
+            self.last_us = last_us
 
     @property
     def messages(self) -> int:

@@ -129,7 +129,7 @@ class _Lines:
     ) -> None:
         from ridlink.captures.lines import json_line, table_line
 
-        self.large_files_as_blocks = output_format == "jsonl" and not stats
+        self.large_files_as_blocks = output_format == "jsonl" or stats
         self.statistics = statistics
         self.progress = Progress(out is not sys.stdout.buffer or stats or not sys.stdout.isatty())
         self._line_of = json_line if output_format == "jsonl" else table_line
@@ -161,13 +161,17 @@ class _Lines:
         self.flush()
 
     def write_blocks(self, reader: BlockReader) -> None:
-        """The JSON lines of a large file."""
+        """The JSON lines of a large file, or its counts."""
+        from ridlink.captures.export.counting import count_block
         from ridlink.captures.export.jsonl import BlockLines
 
         self.statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
         lines = BlockLines(self._selection, frames=self._frames)
         for block in reader:
-            self._out.write(lines.of(block))
+            if self._stats:
+                count_block(self.statistics, block, self._selection)
+            else:
+                self._out.write(lines.of(block))
             self.progress.tick(reader, block.count)
 
     def flush(self) -> None:

@@ -130,10 +130,11 @@ def large_reader(path: str, kind: str) -> BlockReader | None:
     """A reader in blocks where that pays off, that is for large files; ``None`` elsewhere."""
     if path == "-" or not Path(path).is_file() or Path(path).stat().st_size < LARGE_BYTES:
         return None
+    from ridlink.captures import open_capture
     from ridlink.captures.fast.blocks import KINDS, BlockReader
 
-    reader = BlockReader(path, kind)
-    return reader if reader.kind in KINDS else None
+    with open_capture(path, kind) as capture:
+        return BlockReader(path, capture.kind) if capture.kind in KINDS else None
 
 
 def export(

@@ -1,4 +1,4 @@
-"""Decoding and encoding whole captures beside pymavlink: columns, JSON lines, batches of frames, damage, memory.
+"""Decoding and encoding whole captures beside pymavlink: columns, JSON lines, counts, batches of frames, damage.
 
 Ratios are taken round by round, between runs that follow each other. pymavlink parses a tenth of the messages, for it
 would take most of the time otherwise; its time grows with their number.
@@ -29,7 +29,7 @@ MESSAGES = 1_000_000
 SHARE = 10
 START_US = 1_700_000_000_000_000
 FLIPPED = 0.001
-LINES_ROUNDS = 3
+PROGRAM_ROUNDS = 3
 
 LATITUDE_DEGE7, LONGITUDE_DEGE7 = 473977420, 85455940
 CYCLE = ("HEARTBEAT", *("GLOBAL_POSITION_INT", "OPEN_DRONE_ID_LOCATION", "RIDLINK_SEPARATION") * 3,
@@ -154,28 +154,33 @@ def _captures(folder: Path) -> list[dict[str, Any]]:
 
     name = "OPEN_DRONE_ID_LOCATION"
     rows.append(_beside("encode LOCATION from columns", lambda: encode(name, locations), len(locations), pack, count))
-    rows += _lines(tlog, small)
+    rows += _programs(tlog, small)
     return rows
 
 
-def _lines(tlog: Path, small: Path) -> list[dict[str, Any]]:
-    """Whole processes that write JSON lines; none where mavlogdump is not installed."""
-    script = Path(sys.executable).with_name("mavlogdump.py")
-    if not script.exists():
-        return []
+def _programs(tlog: Path, small: Path) -> list[dict[str, Any]]:
+    """Whole processes that write JSON lines and that count; those whose peer is installed."""
     environment = os.environ | {"MAVLINK20": "1", "MAVLINK_DIALECT": "common"}
 
     def run(*command: str | Path) -> None:
         subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True, env=environment)
 
-    ours: tuple[str | Path, ...] = (sys.executable, "-m", "ridlink", "decode", tlog, "-f", "jsonl")
-    theirs: tuple[str | Path, ...] = (sys.executable, "-W", "ignore", script, "--format", "json", small)
-    return [
-        _beside(
-            "JSON lines, whole process (mavlogdump)", lambda: run(*ours), MESSAGES, lambda: run(*theirs),
-            MESSAGES // SHARE, LINES_ROUNDS, _child_seconds,
-        )
-    ]  # fmt: skip
+    def beside(what: str, ours: list[str], script: str, theirs: list[str]) -> dict[str, Any] | None:
+        peer = Path(sys.executable).with_name(script)
+        if not peer.exists():
+            return None
+        return _beside(
+            f"{what}, whole process ({peer.stem})",
+            lambda: run(sys.executable, "-m", "ridlink", "decode", tlog, *ours), MESSAGES,
+            lambda: run(sys.executable, "-W", "ignore", peer, *theirs, small), MESSAGES // SHARE,
+            PROGRAM_ROUNDS, _child_seconds,
+        )  # fmt: skip
+
+    rows = [
+        beside("JSON lines", ["-f", "jsonl"], "mavlogdump.py", ["--format", "json"]),
+        beside("counts", ["--stats"], "mavloss.py", ["--stats", "--dialect", "common"]),
+    ]
+    return [row for row in rows if row is not None]
 
 
 def damage() -> dict[str, int]:

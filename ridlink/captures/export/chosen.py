@@ -23,7 +23,7 @@ def chosen_rows(block: Block, selection: Selection) -> Iterator[tuple[Layout, np
 
     Message packs are left to `pack_records`, for their members are messages too.
     """
-    keep = _chosen(block, selection)
+    keep = chosen_frames(block, selection)
     for slot, _ in block.present():
         layout, entries = layouts()[slot], block.entries(slot)
         if layout.name == MESSAGE_PACK or (selection.names is not None and layout.name not in selection.names):
@@ -36,7 +36,7 @@ def chosen_rows(block: Block, selection: Selection) -> Iterator[tuple[Layout, np
             yield layout, entries[kept], block.columns(slot)[kept]
 
 
-def _chosen(block: Block, selection: Selection) -> np.ndarray | None:
+def chosen_frames(block: Block, selection: Selection) -> np.ndarray | None:
     """Which frames are of the sender and time that are selected; ``None`` for all."""
     if selection.source_system is None and selection.since_us is None and selection.until_us is None:
         return None

@@ -6,7 +6,7 @@ Names, order and values are those of `ridlink.captures.lines`, and what is unkno
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -20,6 +20,10 @@ from ridlink.remote_id.convert import (
     MAX_SPEED_HORIZONTAL_CMPS,
     MAX_SPEED_VERTICAL_CMPS,
     UNKNOWN_ALTITUDE_M,
+    UNKNOWN_DIRECTION_CDEG,
+    UNKNOWN_SPEED_HORIZONTAL_CMPS,
+    UNKNOWN_SPEED_VERTICAL_CMPS,
+    UNKNOWN_TIMESTAMP_S,
 )
 from ridlink.remote_id.messages import SeparationFlags
 from ridlink.remote_id.quantities import AUTHENTICATION_FIRST_PAGE_LENGTH, SECONDS_PER_HOUR
@@ -211,6 +215,45 @@ def _remote_id() -> dict[str, dict[str, _Convert]]:
             "flags": _same("flags"),
         },
     }  # fmt: skip
+
+
+_NO_VALUE: dict[str, dict[str, tuple[str, float]]] = {
+    "OPEN_DRONE_ID_LOCATION": {
+        "latitude": ("latitude_deg", 0),
+        "longitude": ("longitude_deg", 0),
+        "direction": ("direction_deg", UNKNOWN_DIRECTION_CDEG),
+        "speed_horizontal": ("speed_horizontal_mps", UNKNOWN_SPEED_HORIZONTAL_CMPS),
+        "speed_vertical": ("speed_vertical_mps", UNKNOWN_SPEED_VERTICAL_CMPS),
+        "altitude_barometric": ("altitude_barometric_m", UNKNOWN_ALTITUDE_M),
+        "altitude_geodetic": ("altitude_geodetic_m", UNKNOWN_ALTITUDE_M),
+        "height": ("height_m", UNKNOWN_ALTITUDE_M),
+        "timestamp": ("timestamp_s", UNKNOWN_TIMESTAMP_S),
+    },
+    "OPEN_DRONE_ID_SYSTEM": {
+        "operator_latitude": ("operator_latitude_deg", 0),
+        "operator_longitude": ("operator_longitude_deg", 0),
+        "area_ceiling": ("area_ceiling_m", UNKNOWN_ALTITUDE_M),
+        "area_floor": ("area_floor_m", UNKNOWN_ALTITUDE_M),
+        "operator_altitude_geo": ("operator_altitude_geo_m", UNKNOWN_ALTITUDE_M),
+    },
+    "RIDLINK_SEPARATION": {"timestamp": ("timestamp_s", UNKNOWN_TIMESTAMP_S)},
+}
+"""Fields that can be out of range, in the order in which `convert` reads them: their columns, and what says unknown."""
+
+HAVE_RANGES = frozenset(_NO_VALUE)
+"""Messages that have such fields."""
+
+
+def out_of_range(layout: Layout, rows: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Fields that `ridlink.remote_id.convert` counts as out of range: ``MESSAGE.field``, and where they are."""
+    for field, (name, unknown) in _NO_VALUE.get(layout.name, {}).items():
+        with np.errstate(invalid="ignore"):
+            known = converters(layout)[name](rows).known
+            assert known is not None
+            refused = ~known & (rows[field] != unknown)
+            if field == "timestamp":
+                refused &= ~np.isnan(rows[field])
+        yield f"{layout.name}.{field}", refused
 
 
 @cache

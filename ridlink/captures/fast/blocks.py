@@ -67,11 +67,15 @@ class Block:
         """Places of the frames of a slot among all of this block."""
         return self._order[self._bounds[slot] : self._bounds[slot + 1]]
 
+    def heads(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Sequence number, system id and component id of each frame, in the order of the file."""
+        starts = self._starts[: self.count]
+        seq_at = starts + np.where(self._data[starts] == MAGIC_V2, 4, 2)
+        return self._data[seq_at], self._data[seq_at + 1], self._data[seq_at + 2]
+
     def sysids(self) -> np.ndarray:
         """System id of each frame, in the order of the file."""
-        starts = self._starts[: self.count]
-        found: np.ndarray = self._data[starts + np.where(self._data[starts] == MAGIC_V2, 5, 3)]
-        return found
+        return self.heads()[1]
 
     def offset(self, entry: int) -> int:
         """Byte of the file where the record of a frame starts."""
