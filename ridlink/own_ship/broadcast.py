@@ -21,7 +21,6 @@ from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship.telemetry import INFLATE_AFTER_S, LOCK_SILENCE_S, OwnShipTelemetry
 from ridlink.periodic import Periodic
 from ridlink.remote_id.accuracy import code_of_three_sigma
-from ridlink.remote_id.astm_separation import authentication_of
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import (
     BasicId,
@@ -34,6 +33,7 @@ from ridlink.remote_id.messages import (
     System,
 )
 from ridlink.remote_id.quantities import EPOCH_2019_S, ID_LENGTH, SECONDS_PER_HOUR, write_id_or_mac
+from ridlink.remote_id.separation import authentication_of
 from ridlink.separation.reference import ERROR_CAP_M, MIN_AIRFRAME_M, UNKNOWN_ERROR_BOUND_M
 from ridlink.setpoint import Velocity
 from ridlink.traffic.own_state import OwnState

@@ -1,4 +1,4 @@
-"""Fields that several of the 25-byte messages have: bits and texts that must fit, and altitudes.
+"""Fields that several of the 25-byte messages have: the first byte, bits and texts that must fit, and altitudes.
 
 Source: ASTM F3411-22a.
 """
@@ -7,13 +7,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from enum import IntEnum
 
 from ridlink.errors import PayloadError
 from ridlink.remote_id.messages import MAVLINK_NAMES, RemoteIdMessage
 from ridlink.remote_id.quantities import MAX_UINT16
 
+NEWEST_VERSION = 2
 ALTITUDE_STEP_M = 0.5
 LOWEST_ALTITUDE_M = -1000.0
+
+
+class MessageType(IntEnum):
+    """High half of the first byte."""
+
+    BASIC_ID = 0x0
+    LOCATION = 0x1
+    AUTHENTICATION = 0x2
+    SELF_ID = 0x3
+    SYSTEM = 0x4
+    OPERATOR_ID = 0x5
+    PACK = 0xF
+
+
+def header(kind: MessageType) -> int:
+    """The first byte of what we send."""
+    return kind << 4 | NEWEST_VERSION
 
 
 def fitting_bits(message: RemoteIdMessage, field: str, limit: int) -> int:

@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ridlink.errors import PayloadError
-from ridlink.remote_id.astm import MESSAGE_LENGTH, NEWEST_VERSION, MessageType, Refusal, encode_message, refusal_of
+from ridlink.remote_id.astm import MESSAGE_LENGTH, Refusal, encode_message, refusal_of
+from ridlink.remote_id.astm_fields import NEWEST_VERSION, MessageType
 from ridlink.remote_id.messages import RemoteIdMessage
 
 HEADER_LENGTH = 3

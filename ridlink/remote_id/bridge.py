@@ -15,12 +15,13 @@ from typing import Any
 from msgspec.structs import replace
 
 from ridlink.mavlink.codec import MESSAGES_BY_NAME, Message
-from ridlink.remote_id.astm import MESSAGE_LENGTH, TIMESTAMP_STEP_S, decode_message
+from ridlink.remote_id.astm import MESSAGE_LENGTH, decode_message
 from ridlink.remote_id.astm_pack import HEADER_LENGTH, MAX_PACK_LENGTH, Member, encode_pack, split_broadcast
-from ridlink.remote_id.astm_separation import separation_of
 from ridlink.remote_id.convert import MESSAGE_PACK, from_mavlink
+from ridlink.remote_id.location import TIMESTAMP_STEP_S
 from ridlink.remote_id.messages import MAVLINK_NAMES, Authentication, Location, RemoteIdMessage, Separation
 from ridlink.remote_id.quantities import SECONDS_PER_HOUR, FieldRejects, read_id_or_mac, write_id_or_mac
+from ridlink.remote_id.separation import separation_of
 
 REMOTE_ID_IDS = frozenset(MESSAGES_BY_NAME[name].msgid for name in (*MAVLINK_NAMES.values(), MESSAGE_PACK))
 """Messages that `messages_of` reads, by message id."""

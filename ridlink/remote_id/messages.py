@@ -4,7 +4,8 @@
 (``speed_vertical_mps`` is positive upwards, as in ASTM F3411), times in seconds after the full UTC hour, of SYSTEM and
 AUTHENTICATION in seconds since 2019-01-01 UTC. Accuracy codes stay integers (reserved ones included);
 ``*_accuracy_m`` and ``*_accuracy_mps`` are the bounds that the codes stand for. ``id_or_mac`` is
-``None`` for the sender's own data. Conversion to and from the wire lives in ``convert``.
+``None`` for the sender's own data. What they are on the wires is said in a module for each (``location``, ``system``,
+``separation``, ``identities``), and chosen by ``convert`` and ``astm``.
 
 They are structs and not dataclasses, for they are made thousands of times a second: a frozen dataclass of twenty fields
 takes five microseconds to make, a struct one.

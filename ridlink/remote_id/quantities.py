@@ -1,8 +1,8 @@
 """Quantities that both wires of Remote ID, MAVLink and the 25-byte broadcasts, read and write alike.
 
 Positions are 1e-7 degrees with 0/0 for unknown, absolute times whole seconds since 2019, and what is uncertain or has
-an extent rounds up, so that neither is ever understated. What a value may be on one wire only stands with that wire,
-in ``convert`` and ``astm``.
+an extent rounds up, so that neither is ever understated. What several messages have on one wire only stands in
+``mavlink_fields`` and ``astm_fields``.
 """
 
 from __future__ import annotations

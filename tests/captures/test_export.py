@@ -34,9 +34,9 @@ from ridlink.cli.decode import decode
 from ridlink.mavlink.codec import MESSAGES, MESSAGES_BY_NAME, Encoder
 from ridlink.mavlink.frames import encode_frame
 from ridlink.remote_id.astm_pack import encode_pack
-from ridlink.remote_id.astm_separation import authentication_of
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Authentication, BasicId, Location, RemoteIdMessage, Separation, System
+from ridlink.remote_id.separation import authentication_of
 from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
 
 Records = list[tuple[int, bytes]]

@@ -124,6 +124,19 @@ def test_what_an_old_version_left_zero_is_unknown() -> None:
     assert (message.category_eu, message.class_eu, message.area_ceiling_m) == (1, 5, None)
 
 
+@pytest.mark.parametrize(
+    ("direction_deg", "west", "byte"), [(360.0, 0, 0), (370.0, 0, 10), (-90.0, 1, 90), (720.4, 0, 0)]
+)
+def test_directions_beyond_a_turn_are_directions(direction_deg: float, west: int, byte: int) -> None:
+    sent = encode_message(Location(direction_deg=direction_deg))
+    assert (sent[1] >> 1 & 1, sent[2]) == (west, byte)
+
+
+def test_a_whole_turn_is_north() -> None:
+    message = decode_message(bytes((0x12, 0x02, 180)) + LOCATION[3:])
+    assert isinstance(message, Location) and message.direction_deg == 0.0
+
+
 def test_reserved_codes_are_kept_as_numbers() -> None:
     message = decode_message(changed(LOCATION, b1=0xF0, b19=0xFF, b20=0xFF))
     assert isinstance(message, Location)
@@ -162,17 +175,28 @@ def test_an_authentication_longer_than_its_pages_is_counted() -> None:
     [
         (BasicId(16, 0, b""), "id_type"),
         (BasicId(0, -1, b""), "ua_type"),
+        (BasicId(0, 16, b""), "ua_type"),
         (BasicId(0, 0, bytes(21)), "uas_id"),
         (Location(status=16), "status"),
         (Location(height_reference=2), "height_reference"),
+        (Location(horizontal_accuracy=16), "horizontal_accuracy"),
+        (Location(vertical_accuracy=16), "vertical_accuracy"),
+        (Location(barometer_accuracy=16), "barometer_accuracy"),
         (Location(speed_accuracy=99), "speed_accuracy"),
+        (System(operator_location_type=4), "operator_location_type"),
         (System(classification_type=8), "classification_type"),
+        (System(category_eu=16), "category_eu"),
+        (System(class_eu=16), "class_eu"),
         (System(area_count=65536), "area_count"),
         (SelfId(256, b""), "description_type"),
         (SelfId(0, bytes(24)), "description"),
+        (OperatorId(256, b""), "operator_id_type"),
         (OperatorId(0, bytes(21)), "operator_id"),
         (Authentication(16, 0, 0, 0, None, b""), "authentication_type"),
+        (Authentication(1, 16, 0, 0, None, b""), "data_page"),
+        (Authentication(1, 0, 16, 0, None, b""), "last_page_index"),
         (Authentication(1, 0, 0, 18, None, b""), "length"),
+        (Authentication(1, 0, 15, 256, None, b""), "length"),
         (Authentication(1, 0, 0, 17, None, bytes(18)), "authentication_data"),
         (Authentication(1, 1, 0, 0, None, bytes(24)), "authentication_data"),
         (Separation(flags=256), "flags"),

@@ -33,6 +33,13 @@ FROM_OUTSIDE = ("numpy", "numba", "hypothesis", "hypothesis.strategies", "pytest
 TRAFFIC = ["tests/traffic"]
 OWN_SHIP = ["tests/test_own_ship_rules.py", "tests/test_own_ship.py"]
 REMOTE_ID = ["tests/remote_id/test_convert.py", "tests/remote_id/test_quantities.py"]
+BOTH_WIRES = [
+    *REMOTE_ID,
+    "tests/remote_id/test_astm.py",
+    "tests/remote_id/test_astm_core_c.py",
+    "tests/remote_id/test_astm_separation.py",
+    "tests/remote_id/test_bridge.py",
+]
 MUTATED = {
     "ridlink/failsafe.py": ["tests/test_failsafe.py"],
     "ridlink/setpoint.py": ["tests/test_setpoint.py"],
@@ -51,7 +58,12 @@ MUTATED = {
     "ridlink/mavlink/frames.py": ["tests/mavlink/test_frames.py"],
     "ridlink/mavlink/signing.py": ["tests/mavlink/test_signing.py"],
     "ridlink/remote_id/convert.py": REMOTE_ID,
+    "ridlink/remote_id/identities.py": BOTH_WIRES,
+    "ridlink/remote_id/location.py": BOTH_WIRES,
+    "ridlink/remote_id/mavlink_fields.py": REMOTE_ID,
     "ridlink/remote_id/quantities.py": REMOTE_ID,
+    "ridlink/remote_id/separation.py": BOTH_WIRES,
+    "ridlink/remote_id/system.py": BOTH_WIRES,
 }
 
 

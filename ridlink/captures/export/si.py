@@ -15,16 +15,14 @@ import numpy as np
 
 from ridlink.captures.fast.tables import Layout, column_of
 from ridlink.remote_id import accuracy
-from ridlink.remote_id.convert import (
-    MAX_ALTITUDE_M,
+from ridlink.remote_id.location import (
     MAX_SPEED_HORIZONTAL_CMPS,
     MAX_SPEED_VERTICAL_CMPS,
-    UNKNOWN_ALTITUDE_M,
     UNKNOWN_DIRECTION_CDEG,
     UNKNOWN_SPEED_HORIZONTAL_CMPS,
     UNKNOWN_SPEED_VERTICAL_CMPS,
-    UNKNOWN_TIMESTAMP_S,
 )
+from ridlink.remote_id.mavlink_fields import MAX_ALTITUDE_M, UNKNOWN_ALTITUDE_M, UNKNOWN_TIMESTAMP_S
 from ridlink.remote_id.messages import SeparationFlags
 from ridlink.remote_id.quantities import AUTHENTICATION_FIRST_PAGE_LENGTH, SECONDS_PER_HOUR
 from ridlink.remote_id.text import display_text
