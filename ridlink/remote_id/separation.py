@@ -43,7 +43,7 @@ _GIVEN = int(SeparationFlags.COMMANDED_VELOCITY_GIVEN)  # an enumeration's own "
 
 
 def _component(value_mps: float, units_per_mps: int, limit: int) -> int:
-    return min(max(round(value_mps * units_per_mps), -limit), limit)
+    return round(min(max(value_mps * units_per_mps, -limit), limit))
 
 
 def _commanded(message: Separation, down_units_per_mps: int, down_limit: int) -> tuple[int, int, int, int]:

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 
 from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES_BY_NAME, Encoder, Message, decode_message, message_spec
 from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.remote_id.astm import decode_message as decode_broadcast
+from ridlink.remote_id.astm import encode_message as encode_broadcast
 from ridlink.remote_id.convert import from_mavlink, to_mavlink
 from ridlink.remote_id.messages import (
     Authentication,
@@ -164,6 +166,15 @@ def test_commanded_velocity_counts_only_with_its_flag() -> None:
     assert (sent["commanded_vx"], sent["commanded_vy"], sent["flags"]) == (500, -32767, 8)
     half = to_mavlink(Separation(commanded_vx_mps=5.0, commanded_vy_mps=math.nan, commanded_vz_mps=0.0, flags=9))[1]
     assert (half["commanded_vx"], half["flags"]) == (0, 1)
+
+
+@pytest.mark.parametrize("large", [327.68, 1e6, 1e307])
+def test_a_commanded_velocity_saturates_however_large(large: float) -> None:
+    message = Separation(commanded_vx_mps=large, commanded_vy_mps=-large, commanded_vz_mps=large)
+    fields = to_mavlink(message)[1]
+    assert [fields[f"commanded_{axis}"] for axis in ("vx", "vy", "vz")] == [32767, -32767, 32767]
+    heard = decode_broadcast(encode_broadcast(message))
+    assert isinstance(heard, Separation) and heard.commanded_ned_mps == (327.67, -327.67, 12.7)
 
 
 def test_the_unscaled_speeds_saturate() -> None:
