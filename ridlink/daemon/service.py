@@ -9,17 +9,18 @@ from __future__ import annotations
 import asyncio
 import gc
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
 from ridlink.captures.recorder import Recorder
 from ridlink.daemon.config import DaemonConfig, as_toml
-from ridlink.daemon.events import Events, EventSink, rounded, summary_facts
+from ridlink.daemon.events import Events, EventSink
 from ridlink.daemon.figures import figures
 from ridlink.daemon.input_log import FromAir, FromVehicle, InputLog
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.summary import Spread, Summary
+from ridlink.daemon.telling import Telling
 from ridlink.daemon.warming import warm_up_unless
 from ridlink.daemon.watchdog import Watchdog
 from ridlink.engine import Engine, StepOutput
@@ -74,19 +75,15 @@ class AvoidDaemon:
         self._input_log: InputLog | None = None
         self._counters: Counter[str] = Counter()
         self._events = Events(on_event, self._counters)
+        self._telling = Telling(self.engine, self._events, self.rejects)
         self._broadcasts = 0
         self._decision_ms = Spread()
         self._decision_cpu_ms = Spread()
         self._gap_ms = Spread()
         self._last_setpoint_s: float | None = None
-        self._announced: tuple[str, str, str | None] | None = None
-        self._recording_ended = False
-        self._summary_due = Periodic(1.0)
         self._failed_in_a_row = 0
         self._utc = SteadyUtc(time.monotonic())
-        self._stalls: deque[str] = deque(maxlen=4)
         self._hold = False
-        self._told_of_signatures = False
         self._metrics: MetricsServer | None = None
         self._metrics_due = Periodic(1.0)
 
@@ -184,7 +181,7 @@ class AvoidDaemon:
         """From the watchdog's thread: hold when the loop comes back, and keep where it stood."""
         self._hold = True
         self._counters["loop_stalled"] += 1
-        self._stalls.append(stack)
+        self._telling.stalled(stack)
 
     def _tick(self) -> None:
         begin, begin_cpu_s, now_s = time.perf_counter(), time.thread_time(), time.monotonic()
@@ -211,7 +208,11 @@ class AvoidDaemon:
             self._input_log.step(now_s, hold, self.engine.warm, utc_s, output, self.engine.rung.reason)
             self._input_log.took(took)
         self._leave_figures(output)
-        self._report(output)
+        self._telling.tell(
+            output,
+            recording_error=None if self._recorder is None else self._recorder.error,
+            refused_signatures=self._refused_signatures(),
+        )
 
     async def _end(self) -> None:
         now_s = time.monotonic()
@@ -297,37 +298,13 @@ class AvoidDaemon:
             )
         )
 
-    # --- words ----------------------------------------------------------------------------------------------------
-
-    def _report(self, output: StepOutput) -> None:
-        if self._events.sink is None:
-            return
-        record = output.decision
-        state = (self.engine.rung.state.name.lower(), self.engine.rung.reason)
-        guard = None if self.engine.guard is None else str(self.engine.guard.phase)
-        if (*state, guard) != self._announced:
-            self._announced = (*state, guard)
-            self._events.emit("state", state=state[0], reason=state[1], guard=guard)
-        if self._recorder is not None and self._recorder.error is not None and not self._recording_ended:
-            self._recording_ended = True
-            self._events.emit("recording_ended", reason=_words(self._recorder.error))
-        for text in (*output.warnings, *self._refused_signatures()):
-            self._events.emit("warning", text=text)
-        while self._stalls:
-            self._events.emit("stalled", stack=self._stalls.popleft())
-        if not self._summary_due.due(record.time_s):
-            return
-        self._events.emit("summary", **summary_facts(self.engine, record, self.rejects()))
-        if self.config.engine.dry_run and record.commanded_ned_mps is not None:
-            self._events.emit("dry_run", velocity_ned_mps=rounded(record.commanded_ned_mps))
+    # --- figures --------------------------------------------------------------------------------------------------
 
     def _refused_signatures(self) -> list[str]:
-        """What to say when the vehicle link refuses frames: without it, a key set up wrongly looks like silence."""
-        if self.config.signing is None or self._vehicle is None or self._told_of_signatures:
+        """Causes for which the vehicle link refused frames."""
+        if self.config.signing is None or self._vehicle is None:
             return []
-        refused = [cause for cause in SignatureCause if self._vehicle.counters[cause]]
-        self._told_of_signatures = bool(refused)
-        return [f"frames on the vehicle link are refused: {', '.join(refused)}"] if refused else []
+        return [cause for cause in SignatureCause if self._vehicle.counters[cause]]
 
     def summary(self) -> Summary:
         """Totals so far."""
@@ -359,7 +336,3 @@ class AvoidDaemon:
             rejects["input_log_failed"] += self._input_log.error is not None
         rejects["clock_stepped"] += self._utc.steps
         return {cause: count for cause, count in sorted(rejects.items()) if count}
-
-
-def _words(error: OSError) -> str:
-    return f"{error.filename}: {error.strerror}" if error.filename else str(error)

@@ -1,0 +1,71 @@
+"""What a daemon tells of its steps: a change of state at once, a summary every second, a warning when it comes up."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from ridlink.daemon.events import Events, rounded, summary_facts
+from ridlink.engine import Engine, StepOutput
+from ridlink.periodic import Periodic
+
+MOST_STACKS = 4
+"""Of stalls that are not told yet; the latest ones."""
+
+
+class Telling:
+    """Asked after every step to tell what is new.
+
+    Args:
+        engine: Who decides.
+        events: Where it goes.
+        rejects: Everything that was dropped, clamped, rejected or noticed so far, by cause; asked once a second.
+    """
+
+    def __init__(self, engine: Engine, events: Events, rejects: Callable[[], dict[str, int]]) -> None:
+        self._engine, self._events, self._rejects = engine, events, rejects
+        self._announced: tuple[str, str, str | None] | None = None
+        self._recording_ended = False
+        self._told_of_signatures = False
+        self._stalls: deque[str] = deque(maxlen=MOST_STACKS)
+        self._summary_due = Periodic(1.0)
+
+    def stalled(self, stack: str) -> None:
+        """The loop stood still there; from any thread."""
+        self._stalls.append(stack)
+
+    def tell(self, output: StepOutput, *, recording_error: OSError | None, refused_signatures: Sequence[str]) -> None:
+        """Tell what is new.
+
+        Args:
+            output: Of the step.
+            recording_error: Why the recording has ended early; None while it goes on.
+            refused_signatures: Causes for which frames of the vehicle link were refused so far.
+        """
+        if self._events.sink is None:
+            return
+        record, engine, emit = output.decision, self._engine, self._events.emit
+        state = (engine.rung.state.name.lower(), engine.rung.reason)
+        guard = None if engine.guard is None else str(engine.guard.phase)
+        if (*state, guard) != self._announced:
+            self._announced = (*state, guard)
+            emit("state", state=state[0], reason=state[1], guard=guard)
+        if recording_error is not None and not self._recording_ended:
+            self._recording_ended = True
+            emit("recording_ended", reason=_words(recording_error))
+        for text in output.warnings:
+            emit("warning", text=text)
+        if refused_signatures and not self._told_of_signatures:  # a key set up wrongly looks like silence otherwise
+            self._told_of_signatures = True
+            emit("warning", text=f"frames on the vehicle link are refused: {', '.join(refused_signatures)}")
+        while self._stalls:
+            emit("stalled", stack=self._stalls.popleft())
+        if not self._summary_due.due(record.time_s):
+            return
+        emit("summary", **summary_facts(engine, record, self._rejects()))
+        if engine.config.dry_run and record.commanded_ned_mps is not None:
+            emit("dry_run", velocity_ned_mps=rounded(record.commanded_ned_mps))
+
+
+def _words(error: OSError) -> str:
+    return f"{error.filename}: {error.strerror}" if error.filename else str(error)
