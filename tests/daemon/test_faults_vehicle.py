@@ -174,6 +174,7 @@ def test_f14_gnss_lost_in_mid_conflict_holds_and_comes_back() -> None:
                 await flight.air.changed.wait()
             assert flight.air.link is not None
             began_s = time.monotonic()
+            intruder.velocity[:] = (-10.0, 0.0, 0.0)
 
             def report() -> None:
                 assert flight.air.link is not None
