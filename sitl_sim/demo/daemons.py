@@ -133,6 +133,7 @@ class Daemons:
         self._each_its_own = each_its_own
         self._folder = tempfile.TemporaryDirectory(prefix="ridlink-demo-")
         self._processes: list[asyncio.subprocess.Process] = []
+        self._vehicles: dict[int, list[int]] = {}
         self._readers: list[asyncio.Task[None]] = []
         self._heard: set[int] = set()
         self._changed = asyncio.Event()
@@ -157,6 +158,20 @@ class Daemons:
         except TimeoutError:
             raise LinkError(f"the daemons did not come up within {READY_TIMEOUT_S:g} s") from None
 
+    def check(self) -> None:
+        """See that all of them still fly: without their daemons vehicles stand in the air until the time is up.
+
+        Raises:
+            LinkError: If one has ended.
+        """
+        for reader, process in zip(self._readers, self._processes, strict=True):
+            if reader.done():
+                reader.result()
+                vehicles = ", ".join(map(str, sorted(self._vehicles[process.pid])))
+                code = process.returncode or 0
+                how = f"signal {-code}" if code < 0 else f"exit code {code}"
+                raise LinkError(f"the daemon of vehicle {vehicles} ended in flight ({how})")
+
     async def stop(self) -> list[dict[str, Any]]:
         """Stop them gently; their summaries."""
         for process in self._processes:
@@ -177,6 +192,7 @@ class Daemons:
             stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, preexec_fn=end_with_parent,
         )  # fmt: skip
         self._processes.append(process)
+        self._vehicles[process.pid] = [each.system_id for each in self.assigned if system_id in (None, each.system_id)]
         self._readers.append(asyncio.create_task(self._read(process, system_id)))
 
     async def _all_heard(self) -> None:

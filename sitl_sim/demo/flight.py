@@ -90,7 +90,7 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
 
     Raises:
         ConfigError: If the scenario is wrong.
-        LinkError: If a port is in use, a daemon does not come up, or a vehicle is not handed over.
+        LinkError: If a port is in use, a daemon does not come up or ends too early, or a vehicle is not handed over.
         OSError: If the scenario cannot be read or the log not be written.
     """
     scenario = scenario_of(options)
@@ -217,6 +217,7 @@ async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: s
         while not (server.world.finished or _all_stand(server)):
             screen.update(server.world, title, daemons.status)
             await asyncio.wait([flying], timeout=LOOK_S)
+            daemons.check()
             if flying.done():
                 await flying
                 return

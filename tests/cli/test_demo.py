@@ -305,3 +305,15 @@ def test_a_signal_does_not_wait_for_the_compiler(tmp_path: Path) -> None:
     _, rest = flight.communicate(timeout=60.0)
     assert (flight.returncode, rest) == (1, "ridlink: ended before the verdict\n")
     assert not list(tmp_path.rglob("*avoid_one*.nbi")), "the kernel that takes longest has not been waited for"
+
+
+@pytest.mark.parametrize(("options", "whose"), [([], "1, 2"), (["--processes"], "[12]")], ids=["together", "apart"])
+def test_f27_a_daemon_that_is_killed_in_flight_ends_the_demo_and_is_named(
+    tmp_path: Path, options: list[str], whose: str
+) -> None:
+    flight, children = flying(tmp_path, "--no-view", *options)
+    os.kill(children[0], signal.SIGKILL)
+    _, rest = flight.communicate(timeout=60.0)
+    assert flight.returncode == 3
+    assert re.search(rf"^ridlink: the daemon of vehicle {whose} ended in flight \(signal 9\)$", rest, re.M)
+    assert not [child for child in children if Path(f"/proc/{child}").exists()]
