@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from ridlink.errors import PayloadError
 from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
@@ -151,8 +152,7 @@ def padded(message: RemoteIdMessage) -> RemoteIdMessage:
     if not isinstance(message, Authentication):
         return message
     length = 23 if message.data_page else 17
-    return Authentication(*(getattr(message, name) for name in message.__slots__[:5]),
-                          message.authentication_data.ljust(length, b"\x00"))  # fmt: skip
+    return replace(message, authentication_data=message.authentication_data.ljust(length, b"\x00"))
 
 
 def test_what_core_c_encodes_we_encode_alike_but_for_what_is_named() -> None:
