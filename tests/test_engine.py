@@ -608,6 +608,21 @@ def test_own_remote_id_that_comes_before_the_first_heartbeat_is_no_neighbour() -
     assert flight.engine.counters["heard_before_the_vehicle"] == 2
 
 
+def test_another_vehicle_on_the_link_does_not_inherit_the_name_of_the_last_one() -> None:
+    flight = Flight()
+    flight.step(2)
+    name, fields = to_mavlink(BasicId(1, 2, b"FIRST"))
+    first = flight.vehicle.encoder.encode(name, **fields)
+    flight.engine.receive_vehicle(first, flight.now_s, source="autopilot")
+    flight.now_s += 4.0
+    flight.vehicle = Emulated(2)
+    flight.step(2)
+    assert flight.engine.telemetry.lock is not None and flight.engine.telemetry.lock.sysid == 2
+    near = Emulated(1, ned_m=(10.0, 0.0, -50.0)).remote_id(flight.now_s)
+    flight.engine.receive_remote_id(first + near, "air", flight.now_s)
+    assert len(flight.engine.picture) == 1, "taken for an echo of ourselves it would be flown into"
+
+
 def test_a_stranger_on_the_vehicle_link_cannot_lend_us_the_identity_of_an_intruder() -> None:
     flight = Flight()
     flight.step(2)
