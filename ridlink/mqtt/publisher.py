@@ -26,6 +26,9 @@ STEP_S = 0.1
 """Time between two steps: encounters are followed in all of them, states are published in those that are nearest to
 their rate."""
 
+MOST_ENCOUNTERS = 500
+"""At a time; a broker has room for twice as many messages."""
+
 MEETINGS_HZ = 1.0
 """How often an encounter that goes on is told at most; in dense traffic there are many more pairs than aircraft."""
 
@@ -77,7 +80,7 @@ class Publisher:
         self.sky = Sky()
         self._settings = settings
         self._version = version
-        self._encounters = EncounterLog(settings.definition, eta=settings.eta)
+        self._encounters = EncounterLog(settings.definition, eta=settings.eta, most=MOST_ENCOUNTERS)
         self._states_due = Periodic(1.0 / settings.rate_hz, early_s=STEP_S / 2.0)
         self._known: dict[int, str] = {}
         self._alerted: dict[tuple[int, int], str] = {}

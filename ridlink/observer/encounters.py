@@ -7,6 +7,7 @@ instants everybody flies straight, and the closest approach is taken on that lin
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -102,6 +103,8 @@ class EncounterLog:
         also: Definitions whose margins are kept beside.
         gone_after_s: Silence of one of a pair that ends its encounter, which then ended when both were last heard.
         eta: Of ``chance`` only.
+        most: Encounters that are followed at a time; of more, those that come first. None for all: their number is that
+            of pairs, and whoever floods an observer makes some thousand aircraft.
 
     Attributes:
         open: Encounters that go on, by the numbers of the pair.
@@ -114,12 +117,14 @@ class EncounterLog:
         also: Sequence[Definition] = (),
         gone_after_s: float = 0.0,
         eta: float = DEFAULT_ETA,
+        most: int | None = None,
     ) -> None:
         self.open: dict[tuple[int, int], Encounter] = {}
         self.definition = definition
         self._definitions = tuple(dict.fromkeys((definition, *also)))
         self._gone_after_s = gone_after_s
         self._eta = eta
+        self._most = most
         self._before: Scene | None = None
         self._index: dict[int, int] = {}
 
@@ -139,12 +144,16 @@ class EncounterLog:
             definition: pair_discs(scene, definition, eta=self._eta) for definition in self._definitions[1:]
         } | {self.definition: pairs.radius_m}  # fmt: skip
         apart, entry = pairs.apart, pairs.entry_s
-        for i, j in zip(*np.nonzero(np.triu(entry <= HORIZON_S, 1)), strict=True):
+        for i, j in self._alerts(entry):
             key = _ordered(scene.numbers[i], scene.numbers[j])
             if key not in self.open:
                 self.open[key] = self._opened(key, scene, index)
                 changes.append((Phase.OPEN, self.open[key]))
             self.open[key].last_alert_s = scene.time_s
+        if self._most is not None and len(self.open) > self._most:
+            surplus = len(self.open) - self._most
+            for key in heapq.nsmallest(surplus, self.open, key=lambda key: self.open[key].last_alert_s):
+                changes.append((Phase.CLOSE, self._closed(key)))
         for key, encounter in list(self.open.items()):
             if key[0] in index and key[1] in index:
                 i, j = index[key[0]], index[key[1]]
@@ -167,6 +176,14 @@ class EncounterLog:
                 continue
             changes.append((Phase.CLOSE, self._closed(key)))
         return changes
+
+    def _alerts(self, entry_s: FloatArray) -> Iterator[tuple[int, int]]:
+        """Pairs that are inside their discs, or would enter them within the horizon."""
+        first, second = np.nonzero(np.triu(entry_s <= HORIZON_S, 1))
+        if self._most is not None and len(first) > self._most:
+            soonest = np.argsort(entry_s[first, second], kind="stable")[: self._most]
+            first, second = first[soonest], second[soonest]
+        return zip(first, second, strict=True)
 
     def close(self) -> Iterator[Encounter]:
         """Close what is still open; the end of a recording."""

@@ -40,7 +40,7 @@ class Book:
         self.definition = definition
         self._history = history
         self._seen = seen
-        self._log = EncounterLog(definition, gone_after_s=GONE_AFTER_S)
+        self._log = EncounterLog(definition, gone_after_s=GONE_AFTER_S, most=MOST_ENCOUNTERS)
         self._open: dict[tuple[int, int], tuple[int, Encounter]] = {}
         self._closed: deque[tuple[int, Encounter]] = deque(maxlen=MOST_ENCOUNTERS)
         self._met = 0

@@ -149,3 +149,31 @@ def test_the_end_of_a_recording_closes_what_is_open() -> None:
     [encounter] = log.close()
     assert encounter.closed_s == pytest.approx(14.9)
     assert encounter.closest_m == pytest.approx(102.0, abs=1.0)
+
+
+def test_f12_of_too_many_encounters_those_that_come_first_are_followed() -> None:
+    """A crowd stands close together; later two others fly at each other, and meet sooner than any two of the crowd."""
+    crowd = [Flyer(10 + k, (0.0, 40.0 * k), (0.0, 0.2 * (-1) ** k), b"CROWD%d" % k) for k in range(12)]
+    fast = [Flyer(1, (-2000.0, -900.0), (60.0, 0.0), b"ALPHA"), Flyer(2, (2000.0, -900.0), (-60.0, 0.0), b"BRAVO")]
+    everybody = EncounterLog()
+    watched([*crowd, *fast], 20.0, everybody)
+    assert len(everybody.open) > 3
+    log, open_now = EncounterLog(most=3), set[tuple[str, str]]()
+    for _, phase, encounter in watched([*crowd, *fast], 33.0, log):
+        pair = encounter.pair
+        if phase is Phase.OPEN:
+            open_now.add(pair)
+        elif phase is Phase.CLOSE:
+            open_now.remove(pair)
+    assert len(log.open) == len(open_now) == 3
+    assert ("ALPHA", "BRAVO") in open_now
+
+
+def test_f12_a_crowd_of_ghosts_takes_no_more_memory_than_there_is_for_encounters() -> None:
+    ghosts = [
+        Flyer(1, (3.0 * k, 0.0), (1.0, 0.0), id_or_mac=b"%020d" % k, extended=False, compid=236) for k in range(60)
+    ]
+    log = EncounterLog(most=100)
+    changes = watched(ghosts, 1.0, log)
+    assert len(log.open) == 100
+    assert not [one for _, phase, one in changes if phase is Phase.CLOSE], "those that are followed stay"
