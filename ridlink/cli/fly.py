@@ -12,7 +12,8 @@ import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
 from ridlink.cli.options import above_zero
-from ridlink.cli.signals import stopped_by_signals
+from ridlink.cli.printing import PAGING_S, Printer
+from ridlink.cli.signals import end_by_interrupts, stopped_by_signals
 
 if TYPE_CHECKING:
     import asyncio
@@ -77,15 +78,23 @@ def fly(vehicle: str, height_m: float, daemon: str | None, land: bool, health_s:
     from ridlink.links import parse_link_url
 
     options = None if daemon in (None, RUNNING) else _split(daemon)
-    flight = _Flight(parse_link_url(vehicle), height_m, daemon, land, health_s, as_json)
+    link = parse_link_url(vehicle)
+    end_by_interrupts()
+    printer = Printer()
+    flight = _Flight(link, height_m, daemon, land, health_s, as_json, printer)
     try:
-        asyncio.run(flight.run(options))
-    except FlightError as error:
-        click.echo(f"ridlink: {error}", err=True)
-        flight.outcome = "failed"
-        flight.reason = str(error)
-    if as_json:
-        click.echo(json.dumps(flight.final()))
+        try:
+            asyncio.run(flight.run(options))
+        except FlightError as error:
+            printer.put(f"ridlink: {error}\n", error=True)
+            flight.outcome = "failed"
+            flight.reason = str(error)
+        if as_json:
+            printer.put(json.dumps(flight.final()) + "\n")
+        if flight.outcome != "stopped":  # nobody has asked for the end, so nobody waits for it
+            printer.patience_s = PAGING_S
+    finally:
+        printer.close()
     return EXIT_DONE if flight.outcome == "done" else EXIT_NEGATIVE
 
 
@@ -124,10 +133,17 @@ class _Flight:
     """What is to be flown, and what has been."""
 
     def __init__(
-        self, link: LinkUrl, height_m: float, daemon: str | None, land: bool, health_s: float, as_json: bool
+        self,
+        link: LinkUrl,
+        height_m: float,
+        daemon: str | None,
+        land: bool,
+        health_s: float,
+        as_json: bool,
+        printer: Printer,
     ) -> None:
         self._link, self._height_m, self._daemon, self._land = link, height_m, daemon, land
-        self._health_s, self._as_json = health_s, as_json
+        self._health_s, self._as_json, self._printer = health_s, as_json, printer
         self._process: Process | None = None
         self._began_s = time.monotonic()
         self.outcome, self.reason = "", ""
@@ -135,9 +151,9 @@ class _Flight:
 
     def say(self, text: str) -> None:
         """One line of progress."""
-        click.echo(f"{time.monotonic() - self._began_s:6.1f} s  {text}", err=True)
+        self._printer.put(f"{time.monotonic() - self._began_s:6.1f} s  {text}\n", error=True)
         if self._as_json:
-            click.echo(json.dumps({"event": "progress", "t": round(time.time(), 3), "text": text}))
+            self._printer.put(json.dumps({"event": "progress", "t": round(time.time(), 3), "text": text}) + "\n")
 
     def final(self) -> dict[str, Any]:
         """What it came to."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import queue
@@ -15,14 +16,25 @@ QUEUED_LINES, QUEUED_CHARACTERS = 1000, 4_000_000
 """A line of a fleet of hundreds is tens of kilobytes."""
 
 PATIENCE_S = 1.0
-"""At the end, a reader that takes nothing for so long has stopped reading."""
+"""At the end, a reader that takes nothing for so long has stopped reading, ..."""
+
+PAGING_S = 60.0
+"""... and one of results, where nobody has asked for the end: a pager takes nothing while a person reads."""
+
+GONE = (errno.EPIPE, errno.EIO)
+"""Errors of a pipe or a terminal without its other end; any other is a disk's."""
 
 
 class Printer:
     """Prints from threads of its own, one for standard output and one for standard error: who reads neither delays what
-    goes to the other. What a reader is too slow for is left out; when it has gone, all is."""
+    goes to the other. What a reader is too slow for is left out; when it has gone, or its disk is full, all is.
+
+    Attributes:
+        patience_s: How long `close` waits for a reader of standard output that takes nothing.
+    """
 
     def __init__(self) -> None:
+        self.patience_s = PATIENCE_S
         self._lanes = (_Lane(sys.stdout), _Lane(sys.stderr))  # as they are now: a live table puts itself in their place
 
     @property
@@ -40,11 +52,17 @@ class Printer:
 
     def close(self) -> None:
         """Print what is queued, as long as its reader goes on reading, and say on standard error what was left out."""
-        unread = sum(lane.close() for lane in self._lanes)
-        stream = self._lanes[True].stream
-        if unread and stream is not None and select.select([], [stream], [], 0.0)[1]:  # else nobody reads this either
+        output, errors = self._lanes
+        unread = output.close(self.patience_s) + errors.close(PATIENCE_S)
+        said = ""
+        if output.problem:
+            said = f"ridlink: standard output: {output.problem}; the lines from there on are lost\n"
+        if unread:
+            said += f"ridlink: left out {unread} line{'' if unread == 1 else 's'} that nobody read\n"
+        stream = errors.stream
+        if said and stream is not None and select.select([], [stream], [], 0.0)[1]:  # else nobody reads this either
             with contextlib.suppress(OSError):
-                stream.write(f"ridlink: left out {unread} line{'' if unread == 1 else 's'} that nobody read\n")
+                stream.write(said)
                 stream.flush()
 
 
@@ -52,7 +70,8 @@ class _Lane:
     def __init__(self, stream: TextIO | None) -> None:
         self.stream = stream  # None if closed by whoever started us
         self.reader_has_gone = False
-        self._left_out = self._printed = 0
+        self.problem = ""
+        self._left_out = self._queued = self._printed = 0
         self._taken = self._given = 0  # characters, each counted by one thread only
         self._queue: queue.Queue[str | None] = queue.Queue(QUEUED_LINES)
         self._thread = threading.Thread(target=self._run, name="printer", daemon=True)
@@ -64,6 +83,7 @@ class _Lane:
             if waiting and waiting + len(text) > QUEUED_CHARACTERS:
                 raise queue.Full
             self._queue.put_nowait(text)
+            self._queued += 1
             self._taken += len(text)
         except queue.Full:
             self._left_out += 1
@@ -78,26 +98,26 @@ class _Lane:
                         encoding = self.stream.encoding
                         self.stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
                     self.stream.flush()
-                except OSError:  # the reader has gone; the flight goes on
+                except OSError as error:  # the flight goes on
                     os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
-                    self.reader_has_gone = True
+                    self.reader_has_gone = error.errno in GONE
+                    self.problem = "" if self.reader_has_gone else error.strerror or str(error)
             self._printed += 1
             self._given += len(text)
 
-    def close(self) -> int:
+    def close(self, patience_s: float) -> int:
         """Print what is queued, as long as its reader goes on reading; how many texts nobody read."""
         printed, ends = -1, 0
         while not ends and printed != self._printed:
             printed = self._printed
             with contextlib.suppress(queue.Full):
-                self._queue.put(None, timeout=PATIENCE_S)
+                self._queue.put(None, timeout=patience_s)
                 ends = 1
         printed = -1
         while ends and self._thread.is_alive() and printed != self._printed:
             printed = self._printed
-            self._thread.join(PATIENCE_S)
-        under_way = self._queue.qsize() - ends + 1 if self._thread.is_alive() else 0
-        return self._left_out + under_way
+            self._thread.join(patience_s)
+        return self._left_out + self._queued - self._printed
 
 
 class _Stream(io.TextIOBase):

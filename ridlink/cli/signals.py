@@ -43,6 +43,15 @@ def ending_signals() -> list[signal.Signals]:
     return [signal.SIGINT, signal.SIGTERM, *hangup]
 
 
+def end_by_interrupts() -> None:
+    """Until a loop handles it, Ctrl-C ends the process as SIGTERM does, without a word.
+
+    The exception that it is otherwise would come while the loop is being made, and be shown with a traceback.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where a shell had it ignored
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def stopped_by_signals(loop: asyncio.AbstractEventLoop) -> asyncio.Event:
     """An event that SIGINT, SIGTERM or SIGHUP sets; a second SIGINT or SIGTERM finds the default action.
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
-from ridlink.cli.printing import Printer
-from ridlink.cli.signals import stopped_by_signals
+from ridlink.cli.printing import PAGING_S, Printer
+from ridlink.cli.signals import end_by_interrupts, ending_signals, stopped_by_signals
 from ridlink.cli.view import announce
 from ridlink.errors import LinkError, MissingExtraError
 from sitl_sim.cli.options import fleet_options
@@ -137,6 +137,7 @@ def demo(
     if any_ports and view_port is None:
         view_port = 0
     scenario_of(options)  # what cannot be flown needs no page
+    end_by_interrupts()
     printer = Printer()
     screen = Screen(printer.stream(error=True), quiet=headless)
 
@@ -166,6 +167,8 @@ def demo(
             if page is not None and (stay or screen.is_terminal):
                 printer.put(f"ridlink: the page stays at {page.server.url} until Ctrl-C\n", error=True)
                 await stopped_by_signals(asyncio.get_running_loop()).wait()
+            else:
+                printer.patience_s = PAGING_S  # nobody has asked for the end, so nobody waits for it
         finally:
             if page is not None:
                 await page.close()
@@ -200,7 +203,7 @@ async def _open_page(screen: Screen, printer: Printer, port: int | None, opens: 
 
 
 async def _until_signal(flight: Any, printer: Printer) -> dict[str, Any]:
-    """The flight, or a clean end of everything it started when SIGTERM or Ctrl-C comes."""
+    """The flight, or a clean end of everything it started when Ctrl-C or SIGTERM comes, or the terminal goes."""
     import asyncio
     import os
     import signal
@@ -210,12 +213,12 @@ async def _until_signal(flight: Any, printer: Printer) -> dict[str, Any]:
     caught: list[int] = []
 
     def on_signal(number: int) -> None:
-        if caught:
+        if caught and number != signal.SIGHUP:  # that comes twice when one terminal goes away
             os._exit(128 + number)
         caught.append(number)
         task.cancel()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         loop.add_signal_handler(number, on_signal, number)
     try:
         return await task  # type: ignore[no-any-return]

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ridlink.cli.printing import Printer
+from ridlink.cli.printing import PAGING_S, Printer
+from ridlink.cli.signals import end_by_interrupts, stopped_by_signals
 from sitl_sim.cli.options import Finite, fleet_config, fleet_options
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ LONGEST_LINE = 65536
     "duration_s",
     type=Finite(0.0, min_open=True),
     metavar="S",
-    help="Stop after this time.  [default: SIGTERM or Ctrl-C]",
+    help="Stop after this time.  [default: Ctrl-C, SIGTERM, or when the terminal goes]",
 )
 @click.option(
     "--until-arrived",
@@ -132,10 +133,12 @@ def sim(
     if explain:
         click.echo(explained.scenario_text(chosen, config))
         return 0
+    server = FleetServer(chosen, config)
+    end_by_interrupts()
     printer = Printer()
     logging.basicConfig(format="ridlink sim: %(message)s", level=logging.WARNING, stream=printer.stream(error=True))
     try:
-        return asyncio.run(_run(FleetServer(chosen, config), printer, duration_s, until_arrived, as_json, from_stdin))
+        return asyncio.run(_run(server, printer, duration_s, until_arrived, as_json, from_stdin))
     finally:
         printer.close()
 
@@ -152,26 +155,23 @@ async def _run(
     process at once."""
     import asyncio
     import json
-    import signal
 
     from sitl_sim.server import PortError
 
-    stop = asyncio.Event()
     loop = asyncio.get_running_loop()
+    stop = stopped_by_signals(loop)
 
-    def stop_gently(number: signal.Signals) -> None:
-        loop.remove_signal_handler(number)
+    def end() -> None:
+        printer.patience_s = PAGING_S  # nobody has asked for the end, so nobody waits for it
         stop.set()
 
     try:
         await server.start()
     except PortError as error:
         raise PortError(f"{error}; stop it, or choose other ports with --vehicle-port and --air-port") from error
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop_gently, number)
     printer.put(f"{_greeting(server)}\n", error=True)
     if duration_s is not None:
-        loop.call_later(duration_s / server.config.speedup, stop.set)
+        loop.call_later(duration_s / server.config.speedup, end)
     if from_stdin:
         _read_faults(server, printer)
     flying = asyncio.create_task(server.run(stop))
@@ -184,7 +184,7 @@ async def _run(
                     facts = {"ports": _ports(server), **server.snapshot()}
                     printer.put(json.dumps(facts, separators=(",", ":")) + "\n")
                 if printer.reader_has_gone or (until_arrived and server.world.finished):
-                    stop.set()
+                    end()
         await flying
     finally:
         stop.set()

@@ -1,18 +1,19 @@
 """Several avoidance daemons in one process, apart from the fleet: ``python -m sitl_sim.demo.crew CONFIG.toml ...``.
 
 Each is told what its file says, as ``ridlink avoid --config`` is. Its events are lines of JSON on stdout with the key
-``vehicle``, and so is its summary at the end. SIGTERM or SIGINT ends all of them gently.
+``vehicle``, and so is its summary at the end. SIGTERM, SIGINT or SIGHUP ends all of them gently.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
-import signal
+import os
 import sys
 from typing import Any
 
 from ridlink.cli import EXIT_DONE, EXIT_IO
+from ridlink.cli.signals import ending_signals
 from ridlink.daemon.config import DaemonConfig, daemon_config
 from ridlink.daemon.config_file import read_config_file
 from ridlink.daemon.service import AvoidDaemon
@@ -20,8 +21,11 @@ from ridlink.errors import RidlinkError
 
 
 def _say(vehicle: int | None, facts: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps({"vehicle": vehicle, **facts}) + "\n")
-    sys.stdout.flush()
+    try:
+        sys.stdout.write(json.dumps({"vehicle": vehicle, **facts}) + "\n")
+        sys.stdout.flush()
+    except BrokenPipeError:  # the demonstration has gone, and its end is ours
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 async def _fly(config: DaemonConfig, stop: asyncio.Event) -> None:
@@ -33,7 +37,7 @@ async def _fly(config: DaemonConfig, stop: asyncio.Event) -> None:
 async def _crew(configs: list[DaemonConfig]) -> None:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
+    for number in ending_signals():
         loop.add_signal_handler(number, stop.set)
     async with asyncio.TaskGroup() as group:
         for config in configs:

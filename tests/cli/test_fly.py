@@ -152,6 +152,23 @@ def test_a_pilot_who_takes_over_keeps_the_vehicle_that_should_have_landed() -> N
 
 
 @needs_mavsdk
+def test_whoever_has_read_enough_of_its_lines_ends_no_flight() -> None:
+    """It left the vehicle where it was, with exit code 0."""
+
+    async def act(server: FleetServer) -> None:
+        process = await asyncio.create_subprocess_exec(
+            *fly_command("--vehicle", vehicle_of(server), "--takeoff", "2", "--land"), stdout=PIPE, stderr=PIPE
+        )
+        assert process.stdout is not None and await process.stdout.readline()
+        process.stdout._transport.close()  # type: ignore[attr-defined]
+        assert process.stderr is not None
+        said = (await process.stderr.read()).decode()
+        assert await process.wait() == 0 and "landed and disarmed" in said
+
+    fly(built_in("circle8", 1), act, sigma_m=0.0, **ANY_PORT)
+
+
+@needs_mavsdk
 def test_a_vehicle_without_a_fix_is_not_armed_and_what_is_missing_is_said() -> None:
     event = Event(0.0, 0, "gnss-outage", {"duration_s": 0.0})
     lost = Scenario("lost", 60.0, (VehicleSpec((0.0, 0.0, -50.0), (9.0, 0.0, -50.0)),), events=(event,))

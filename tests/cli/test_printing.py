@@ -63,3 +63,26 @@ def test_what_the_terminal_has_no_letters_for_is_escaped_and_the_rest_goes_on() 
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=30)
     assert (done.returncode, done.stdout, done.stderr) == (0, "Z\\xfcrich\n0\n", "")
+
+
+def test_a_full_disk_is_told_and_not_taken_for_a_reader_that_has_gone() -> None:
+    asked = PROGRAM.replace("printer.close()", "printer.close()\nsys.exit(printer.reader_has_gone)")
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run([sys.executable, "-c", asked, "3", "1"], stdout=full, stderr=subprocess.PIPE, timeout=30)
+    said = b"ridlink: standard output: No space left on device; the lines from there on are lost\n"
+    assert (done.returncode, done.stderr) == (0, said)
+
+
+def test_who_pages_through_results_is_waited_for() -> None:
+    """Without any patience the end would come with the first text that is not taken at once."""
+    patient = "import ridlink.cli.printing\nridlink.cli.printing.PATIENCE_S = 0.0\n"
+    patient += PROGRAM.replace("printer.close()", "printer.patience_s = 600.0\nprinter.close()")
+    with full_pipe() as writing:
+        command = [sys.executable, "-c", patient, "900", "1"]
+        with subprocess.Popen(command, stdout=writing, stderr=subprocess.PIPE) as process:
+            assert process.stderr is not None
+            assert not select.select([process.stderr], [], [], 2.0)[0], "it ended"
+            text = b""
+            while not text.endswith(b"\n899\n"):
+                text += os.read(writing.reading, 64)
+            assert process.communicate(timeout=30)[1] == b""

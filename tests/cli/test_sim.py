@@ -106,7 +106,7 @@ def test_until_arrived_ends_when_all_is_over_and_its_exit_code_is_the_verdict(
     assert outcome in done.stdout
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_signals_end_it_cleanly_with_a_verdict(number: signal.Signals) -> None:
     with running("-n", "1", "--json") as process:
         process.send_signal(number)
@@ -135,6 +135,30 @@ def test_a_reader_that_stops_reading_stops_no_vehicle() -> None:
                 process.kill()
     assert process.returncode == 0
     assert re.fullmatch(r"ridlink: left out \d+ lines that nobody read\n", complaints)
+
+
+def test_ctrl_c_while_the_loop_is_made_ends_it_without_a_word() -> None:
+    program = (
+        "import asyncio.unix_events as events, os, signal, sys\n"
+        "class Interrupted(events.SelectorEventLoop):\n"
+        "    def _make_self_pipe(self):\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "        super()._make_self_pipe()\n"
+        "asyncio = sys.modules['asyncio']\n"
+        "asyncio.DefaultEventLoopPolicy._loop_factory = Interrupted\n"
+        "from ridlink.__main__ import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program, "sim", *ANY_PORT], capture_output=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
+
+
+def test_a_full_disk_is_told_and_lands_nobody() -> None:
+    command = [sys.executable, "-m", "ridlink", "sim", *ANY_PORT, "-n", "1", "--duration", "1.5", "--json"]
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 0
+    assert done.stderr.endswith("standard output: No space left on device; the lines from there on are lost\n")
 
 
 def test_a_reader_that_has_read_enough_ends_it() -> None:
