@@ -19,9 +19,9 @@ from ridlink.errors import ConfigError, LinkError
 from ridlink.scenario import Scenario, resolve_scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, Reported, separation_discs
-from sitl_sim.demo.conductor import Conductor
 from sitl_sim.demo.conductors import Conductors
 from sitl_sim.demo.daemons import Assignment, Daemons, assignments
+from sitl_sim.demo.ground_station import GroundStation
 from sitl_sim.demo.options import DemoOptions
 from sitl_sim.demo.screen import Screen
 from sitl_sim.fleet_config import HOST
@@ -97,7 +97,7 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
     server = FleetServer(scenario, options.fleet, pair_radius=pair_radius_under(options.definition, options.eta))
     recorder: Recorder | None = None
     daemons: Daemons | None = None
-    conductor: Conductor | None = None
+    station: GroundStation | None = None
     conductors: Conductors | None = None
     landed = asyncio.Event()
     flying: asyncio.Task[None] | None = None
@@ -111,8 +111,8 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         flying = asyncio.create_task(server.run(landed))
         ports = server.ports
         heard = {} if onlooker is None else {"hear_air": onlooker.hear}
-        conductor = Conductor(ports.vehicles, ports.air, recorder.receive, **heard)
-        await conductor.open()
+        station = GroundStation(ports.vehicles, ports.air, recorder.receive, **heard)
+        await station.open()
         assigned = assignments(
             scenario,
             options.definition,
@@ -134,7 +134,7 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         if conductors is not None:
             await conductors.hand_over()
         else:
-            await conductor.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
+            await station.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
         if not server.mission_begun:  # by those who are handed over, or where nobody cooperates
             server.begin_mission()
         slipped_ms = server.counters["slipped_ms"]
@@ -150,8 +150,8 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
             await conductors.close()
         if daemons is not None:
             await daemons.stop()
-        if conductor is not None:
-            await conductor.close()
+        if station is not None:
+            await station.close()
         if onlooker is not None:
             await onlooker.end()
         landed.set()

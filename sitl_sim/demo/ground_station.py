@@ -25,7 +25,7 @@ RETRY_S = 0.25
 Hear = Callable[[bytes], None]
 
 
-class Conductor:
+class GroundStation:
     """One ground station for a whole fleet.
 
     Args:
