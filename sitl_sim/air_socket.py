@@ -86,8 +86,8 @@ class AirSocket:
     def refresh(self, now_s: float) -> None:
         """Receivers on board go on listening; who has been silent for long no longer does."""
         for index in range(len(self._buses)):
-            self._air.subscribe(BusAddress(index), index + 1, now_s)
-        self._air.expire(now_s)
+            self._air.listeners.subscribe(BusAddress(index), index + 1, now_s)
+        self._air.listeners.expire(now_s)
 
     def receive(self, datagram: bytes, address: Address) -> None:
         """Take what a transmitter sends, or a receiver that presents itself."""

@@ -4,9 +4,8 @@ Whoever sends a HEARTBEAT is subscribed for 10 s under its system id, and hears 
 others broadcast within radio range, some of it lost, all of it a little late. System id 255 is an observer and hears
 everything at once. Subscribers broadcast simply by sending.
 
-Where senders and receivers are: the emulator's vehicles (system ids 1 to n) at their *true* positions, because radio
-waves do not care what a receiver believes; everybody else where its own OPEN_DRONE_ID_LOCATION says. A subscriber that
-has never said where it is hears everybody (it may be about to be hit) and is heard by observers only.
+Where senders and receivers are, ``listeners`` knows. A subscriber that has never said where it is hears everybody (it
+may be about to be hit) and is heard by observers only.
 
 Positions are metres north-east-down about home; times are the caller's ``now_s``.
 """
@@ -16,67 +15,26 @@ from __future__ import annotations
 import heapq
 import math
 from collections import Counter
-from collections.abc import Hashable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from ridlink.errors import ConfigError
-from ridlink.geodesy import Geodetic, ned_from_geodetic
-from ridlink.mavlink.codec import CRC_EXTRAS, decode_message, message_spec
-from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
+from ridlink.geodesy import Geodetic
+from ridlink.mavlink.codec import CRC_EXTRAS, message_spec
+from ridlink.mavlink.frames import BadFrame, parse_datagram
 from ridlink.technologies import TECHNOLOGIES
-from ridlink.units import deg_from_dege7
 from sitl_sim.chance import reception_chances
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-Address = Hashable
-
-SUBSCRIPTION_S = 10.0
-"""How long a HEARTBEAT keeps its sender subscribed."""
-
-OBSERVER_SYSTEM_ID = 255
-"""Hears everything: ground stations use this system id."""
-
-MAX_SUBSCRIBERS = 1024
-"""More addresses than this are refused, so that a flood of them cannot fill the memory."""
+from sitl_sim.listeners import SUBSCRIPTION_S, Address, FloatArray, Listeners, Receivers
 
 MAX_UNDELIVERED = 200_000
 """Datagrams under way at most; beyond, what is broadcast is dropped and counted."""
 
-_UNKNOWN_ALTITUDE_M = -1000.0
 CROWD_S = 1.0
 """How often the senders around each receiver are counted."""
 
 SENDING_PERIODS = 3.0
 """Who has not sent for this many periods, or seconds, crowds nobody any longer."""
-
-
-@dataclass(slots=True)
-class _Subscriber:
-    system_id: int
-    heard_s: float
-
-
-@dataclass(slots=True)
-class _Receivers:
-    """The subscribers that hear what is in range as columns, the observers apart; rebuilt when one comes or goes."""
-
-    addresses: list[Address]
-    rows: dict[Address, int]
-    system_id: IntArray
-    heard_s: FloatArray
-    observers: dict[Address, _Subscriber]
-
-    @classmethod
-    def of(cls, subscribers: dict[Address, _Subscriber]) -> _Receivers:
-        observers = {at: each for at, each in subscribers.items() if each.system_id == OBSERVER_SYSTEM_ID}
-        others = {at: each for at, each in subscribers.items() if at not in observers}
-        system_id = np.array([subscriber.system_id for subscriber in others.values()], dtype=np.int64)
-        heard_s = np.array([subscriber.heard_s for subscriber in others.values()])
-        return cls(list(others), {address: row for row, address in enumerate(others)}, system_id, heard_s, observers)
 
 
 class Air:
@@ -93,6 +51,7 @@ class Air:
     Attributes:
         technology: What was chosen.
         range_m: As it applies.
+        listeners: Who listens, and where everybody is.
         counters: Events by cause: subscribed, refused, expired, malformed, unsubscribed, no_position, off_air,
             broadcast, out_of_range, lost, delivered, overflow.
 
@@ -120,65 +79,15 @@ class Air:
             raise ConfigError(f"the loss must be between 0 and 1, not {loss}")
         self.counters: Counter[str] = Counter()
         self._seed = seed
-        self._home = home
-        self._placed: FloatArray = np.empty((0, 3))
-        self._reported: dict[tuple[Address, int], FloatArray] = {}
-        self._subscribers: dict[Address, _Subscriber] = {}
-        self._receivers: _Receivers | None = None
-        self._where: FloatArray | None = None
+        self.listeners = Listeners(home, self.counters)
         self._sends: Counter[int] = Counter()
         self._sent_from: dict[int, tuple[float, FloatArray]] = {}
         self._crowd: FloatArray | None = None
+        self._crowd_of: Receivers | None = None
         self._crowd_s = -math.inf
         self._under_way: list[tuple[float, int, bytes, tuple[Address, ...]]] = []
         self._waiting = 0
         self._sent = 0
-
-    # --- who is where -------------------------------------------------------------------------------------------------
-
-    def place_vehicles(self, position_ned_m: npt.ArrayLike, on_air: npt.ArrayLike | None = None) -> None:
-        """Say where the emulator's vehicles truly are now.
-
-        Args:
-            position_ned_m: Shape (n, 3); their system ids are 1 to n.
-            on_air: Whose radio works, shape (n,), all unless given: who has crashed neither hears nor is heard.
-        """
-        self._placed = np.array(position_ned_m, dtype=np.float64).reshape(-1, 3)
-        if on_air is not None:
-            self._placed[~np.asarray(on_air, dtype=np.bool_)] = np.nan
-        self._where = None
-
-    def subscribe(self, address: Address, system_id: int, now_s: float) -> None:
-        """Subscribe an address for 10 s, or keep it subscribed."""
-        known = self._subscribers.get(address)
-        if known is not None and known.system_id == system_id:
-            known.heard_s = now_s
-            if self._receivers is not None and address in self._receivers.rows:
-                self._receivers.heard_s[self._receivers.rows[address]] = now_s
-            return
-        if known is None and len(self._subscribers) >= MAX_SUBSCRIBERS:
-            self.counters["refused"] += 1
-            return
-        self.counters["subscribed"] += 1
-        self._subscribers[address] = _Subscriber(system_id, now_s)
-        self._receivers = None
-
-    def expire(self, now_s: float) -> None:
-        """Forget who has been silent for 10 s."""
-        for address, subscriber in list(self._subscribers.items()):
-            if now_s - subscriber.heard_s > SUBSCRIPTION_S:
-                del self._subscribers[address]
-                self._receivers = None
-                self.counters["expired"] += 1
-        for address, system_id in list(self._reported):
-            if address not in self._subscribers:
-                del self._reported[address, system_id]
-                self._where = None
-
-    @property
-    def subscribers(self) -> dict[Address, int]:
-        """System ids by address."""
-        return {address: subscriber.system_id for address, subscriber in self._subscribers.items()}
 
     # --- bytes in -----------------------------------------------------------------------------------------------------
 
@@ -194,18 +103,18 @@ class Air:
                 self.counters["malformed"] += 1
                 continue
             if found.msgid == _HEARTBEAT:
-                self.subscribe(address, found.sysid, now_s)
+                self.listeners.subscribe(address, found.sysid, now_s)
                 continue
-            if found.msgid == _LOCATION and found.checked and address in self._subscribers:
-                self._note_position(found, address)
+            if found.msgid == _LOCATION and found.checked and self.listeners.system_id(address) is not None:
+                self.listeners.note_position(found, address)
             sender = found.sysid if sender is None else sender
             kept.append(found.raw)
         if sender is None:
             return
-        if address not in self._subscribers:
+        if self.listeners.system_id(address) is None:
             self.counters["unsubscribed"] += 1
             return
-        self._spread(sender, address, self._whereabouts(sender, address), b"".join(kept), now_s)
+        self._spread(sender, address, self.listeners.whereabouts(sender, address), b"".join(kept), now_s)
 
     def broadcast(
         self, sender: int | Address, position_ned_m: npt.ArrayLike | None, payload: bytes, now_s: float
@@ -220,37 +129,17 @@ class Air:
         """
         if isinstance(sender, int):
             system_id, address = sender, None
-        elif (subscriber := self._subscribers.get(sender)) is not None:
-            system_id, address = subscriber.system_id, sender
+        elif (subscribed := self.listeners.system_id(sender)) is not None:
+            system_id, address = subscribed, sender
         else:
             self.counters["unsubscribed"] += 1
             return
         position = (
-            self._whereabouts(system_id, address)
+            self.listeners.whereabouts(system_id, address)
             if position_ned_m is None
             else np.asarray(position_ned_m, dtype=np.float64)
         )
         self._spread(system_id, address, position, payload, now_s)
-
-    def _note_position(self, frame: Frame, address: Address) -> None:
-        """Remember where a subscriber says that it is; what it relays of others says nothing about itself."""
-        location = decode_message(frame)
-        if self._home is None or any(location.id_or_mac):
-            return
-        latitude, longitude = deg_from_dege7(location.latitude), deg_from_dege7(location.longitude)
-        unknown = latitude == 0.0 and longitude == 0.0
-        if unknown or not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
-            return
-        altitude = location.altitude_geodetic
-        if not math.isfinite(altitude) or altitude <= _UNKNOWN_ALTITUDE_M:
-            altitude = self._home.altitude_m
-        self._where = None
-        self._reported[address, frame.sysid] = ned_from_geodetic(latitude, longitude, altitude, self._home)
-
-    def _whereabouts(self, system_id: int, address: Address | None) -> FloatArray | None:
-        if 1 <= system_id <= len(self._placed):
-            return np.asarray(self._placed[system_id - 1])
-        return self._reported.get((address, system_id))
 
     def _spread(
         self, sender: int, address: Address | None, position: FloatArray | None, payload: bytes, now_s: float
@@ -263,7 +152,7 @@ class Air:
         self._sends[sender] += 1
         if position is not None:
             self._sent_from[sender] = now_s, position
-        receivers = self._listening()
+        receivers = self.listeners.receivers
         observers = tuple(
             to
             for to, observer in receivers.observers.items()
@@ -279,7 +168,7 @@ class Air:
     def _spread_in_range(
         self, sender: int, address: Address | None, position: FloatArray, payload: bytes, now_s: float
     ) -> None:
-        receivers, where = self._listening(), self._places()
+        receivers, where = self.listeners.receivers, self.listeners.places()
         listening = (receivers.system_id != sender) & (now_s - receivers.heard_s <= SUBSCRIPTION_S)
         if address is not None and address in receivers.rows:
             listening[receivers.rows[address]] = False
@@ -303,25 +192,6 @@ class Air:
         for row, at_s in zip(rows.tolist(), arrival_s.tolist(), strict=True):
             self._push(at_s, payload, (receivers.addresses[row],))
 
-    def _listening(self) -> _Receivers:
-        if self._receivers is None:
-            self._receivers = _Receivers.of(self._subscribers)
-            self._where = self._crowd = None
-        return self._receivers
-
-    def _places(self) -> FloatArray:
-        """Where the receivers are, shape (m, 3): NaN off the air, infinite where nobody knows."""
-        receivers = self._listening()
-        if self._where is None:
-            where = np.full((len(receivers.addresses), 3), np.nan)
-            placed = (receivers.system_id >= 1) & (receivers.system_id <= len(self._placed))
-            where[placed] = self._placed[receivers.system_id[placed] - 1]
-            for row in np.flatnonzero(~placed).tolist():
-                own = self._reported.get((receivers.addresses[row], int(receivers.system_id[row])))
-                where[row] = math.inf if own is None else own
-            self._where = where
-        return self._where
-
     def _arriving_share(self, distance_m: FloatArray, now_s: float) -> FloatArray | float:
         """Share of this broadcast's receptions that neither fade nor collide, shape (m,)."""
         if self._loss is not None:
@@ -333,13 +203,14 @@ class Air:
 
     def _senders_around(self, now_s: float) -> FloatArray:
         """How many senders each receiver has in range besides the one it hears, shape (m,); counted once a second."""
-        if self._crowd is None or now_s - self._crowd_s >= CROWD_S:
+        receivers = self.listeners.receivers
+        if self._crowd is None or self._crowd_of is not receivers or now_s - self._crowd_s >= CROWD_S:
             patience_s = SENDING_PERIODS * max(self.technology.period_s, 1.0)
             self._sent_from = {key: sent for key, sent in self._sent_from.items() if now_s - sent[0] <= patience_s}
             senders = np.array([position for _, position in self._sent_from.values()]).reshape(-1, 3)
-            gap = np.linalg.norm(self._places()[:, None] - senders[None, :], axis=2)
+            gap = np.linalg.norm(self.listeners.places()[:, None] - senders[None, :], axis=2)
             self._crowd = np.maximum(np.count_nonzero(gap <= self.range_m, axis=1) - 1.0, 0.0)
-            self._crowd_s = now_s
+            self._crowd_s, self._crowd_of = now_s, receivers
         return self._crowd
 
     def _has_room(self, count: int) -> bool:

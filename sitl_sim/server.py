@@ -217,7 +217,7 @@ class FleetServer:
         try:
             self._fly(now_s)
             self._navigation.refresh()
-            self.air.place_vehicles(self.world.position_ned_m, self.world.on_air)
+            self.air.listeners.place_vehicles(self.world.position_ned_m, self.world.on_air)
         except Exception:
             self._note_failure("tick")
         self._serve(0, now_s)
@@ -262,7 +262,7 @@ class FleetServer:
             now_s = self.clock.now_s()
             self._fly(now_s)
             self._navigation.refresh()
-            self.air.place_vehicles(self.world.position_ned_m, self.world.on_air)
+            self.air.listeners.place_vehicles(self.world.position_ned_m, self.world.on_air)
             self._serve_some(range(len(self.autopilots)), now_s)
             self._end_tick(now_s)
 

@@ -235,8 +235,8 @@ class World:
 
     @property
     def on_air(self) -> BoolArray:
-        """Who can be heard and hears, shape (n,), for ``Air.place_vehicles``: not who is gone, nor any ghost, which is
-        only what somebody else sends."""
+        """Who can be heard and hears, shape (n,), for ``Listeners.place_vehicles``: not who is gone, nor any ghost,
+        which is only what somebody else sends."""
         return np.asarray((self.state != VehicleState.GONE) & self.radio_on & ~self.is_ghost)
 
     @property

@@ -93,6 +93,7 @@ SANS_IO = (
     "sitl_sim.world",
     "sitl_sim.routes",
     "sitl_sim.radio",
+    "sitl_sim.listeners",
     "sitl_sim.chance",
     "sitl_sim.autopilot",
     "sitl_sim.broadcast",

@@ -15,7 +15,8 @@ from ridlink.mavlink.codec import Encoder
 from ridlink.technologies import TECHNOLOGIES
 from ridlink.units import dege7_from_deg
 from sitl_sim.chance import reception_chances
-from sitl_sim.radio import MAX_SUBSCRIBERS, Air
+from sitl_sim.listeners import MAX_SUBSCRIBERS
+from sitl_sim.radio import Air
 
 HOME = Geodetic(47.0, 8.0, 400.0)
 
@@ -43,7 +44,7 @@ def location(
 def air_of_three(**settings: object) -> Air:
     """Vehicles 1, 2, 3 of the emulator at 0, 300 and 600 m north, each with a subscriber; and an observer."""
     air = Air(home=HOME, **settings)  # type: ignore[arg-type]
-    air.place_vehicles([[0.0, 0.0, -50.0], [300.0, 0.0, -50.0], [600.0, 0.0, -50.0]])
+    air.listeners.place_vehicles([[0.0, 0.0, -50.0], [300.0, 0.0, -50.0], [600.0, 0.0, -50.0]])
     for system_id, address in ((1, ONE), (2, TWO), (3, THREE), (255, OBSERVER)):
         air.receive(heartbeat(system_id), address, 0.0)
     return air
@@ -72,7 +73,7 @@ def test_range_can_be_set_and_ends_sharply() -> None:
 
 def test_range_follows_the_true_positions_as_they_move() -> None:
     air = air_of_three()
-    air.place_vehicles([[0.0, 0.0, -50.0], [300.0, 0.0, -50.0], [399.0, 0.0, -50.0]])
+    air.listeners.place_vehicles([[0.0, 0.0, -50.0], [300.0, 0.0, -50.0], [399.0, 0.0, -50.0]])
     air.broadcast(1, None, b"x", 0.0)
     assert THREE in heard_by(air)
     air.broadcast(1, [900.0, 0.0, -50.0], b"x", 0.0)  # a stated position goes before the placed one
@@ -81,7 +82,7 @@ def test_range_follows_the_true_positions_as_they_move() -> None:
 
 def test_who_has_crashed_neither_hears_nor_is_heard() -> None:
     air = air_of_three()
-    air.place_vehicles(np.zeros((3, 3)), on_air=[True, False, True])
+    air.listeners.place_vehicles(np.zeros((3, 3)), on_air=[True, False, True])
     air.broadcast(1, None, b"x", 0.0)
     assert heard_by(air) == [THREE, OBSERVER]
     air.broadcast(2, None, b"x", 0.0)
@@ -147,8 +148,8 @@ def test_a_heartbeat_subscribes_for_10_s_and_goes_no_further() -> None:
     air = air_of_three()
     assert air.due(0.0) == []
     air.receive(heartbeat(2), TWO, 6.0)
-    air.expire(10.5)
-    assert air.subscribers == {TWO: 2}
+    air.listeners.expire(10.5)
+    assert air.listeners.subscribers == {TWO: 2}
     assert air.counters["expired"] == 3
     air.broadcast(1, None, b"x", 10.5)
     assert heard_by(air, 10.5) == [TWO]
@@ -183,17 +184,17 @@ def test_an_unsubscribed_sender_is_counted_and_not_heard() -> None:
 def test_a_flood_of_addresses_is_bounded() -> None:
     air = Air()
     for port in range(MAX_SUBSCRIBERS + 50):
-        air.subscribe(("127.0.0.1", port), 7, 0.0)
-    assert len(air.subscribers) == MAX_SUBSCRIBERS
+        air.listeners.subscribe(("127.0.0.1", port), 7, 0.0)
+    assert len(air.listeners.subscribers) == MAX_SUBSCRIBERS
     assert air.counters["refused"] == 50
 
 
 def receptions(air: Air, *, count: int = 2000, period_s: float = 0.1) -> Counter[object]:
     for k in range(count):
         air.broadcast(2, None, b"%d" % k, k * period_s)
-        air.subscribe(ONE, 1, k * period_s)
-        air.subscribe(THREE, 3, k * period_s)
-        air.subscribe(OBSERVER, 255, k * period_s)
+        air.listeners.subscribe(ONE, 1, k * period_s)
+        air.listeners.subscribe(THREE, 3, k * period_s)
+        air.listeners.subscribe(OBSERVER, 255, k * period_s)
     return Counter(address for _, address in air.due(1e9))
 
 
@@ -220,10 +221,10 @@ def test_loss_repeats_with_the_seed() -> None:
 def test_what_one_receiver_loses_does_not_depend_on_who_else_listens() -> None:
     def heard(*, alone: bool) -> list[bytes]:
         air = Air(loss=0.5)
-        air.place_vehicles(np.zeros((3, 3)))
+        air.listeners.place_vehicles(np.zeros((3, 3)))
         if not alone:
-            air.subscribe(THREE, 3, 0.0)
-        air.subscribe(ONE, 1, 0.0)
+            air.listeners.subscribe(THREE, 3, 0.0)
+        air.listeners.subscribe(ONE, 1, 0.0)
         for k in range(50):
             air.broadcast(2, None, b"%d" % k, 0.0)
         return [payload for payload, address in air.due(0.0) if address == ONE]
@@ -235,9 +236,11 @@ def test_what_one_receiver_loses_does_not_depend_on_who_else_listens() -> None:
 def test_every_technology_delivers_within_its_latency_and_range(name: str) -> None:
     technology = TECHNOLOGIES[name]
     air = Air(name, loss=0.0)
-    air.place_vehicles([[0.0, 0.0, 0.0], [technology.range_m - 1.0, 0.0, 0.0], [0.0, technology.range_m + 1.0, 0.0]])
+    air.listeners.place_vehicles(
+        [[0.0, 0.0, 0.0], [technology.range_m - 1.0, 0.0, 0.0], [0.0, technology.range_m + 1.0, 0.0]]
+    )
     for system_id, address in ((2, TWO), (3, THREE)):
-        air.subscribe(address, system_id, 0.0)
+        air.listeners.subscribe(address, system_id, 0.0)
     for _ in range(200):
         air.broadcast(1, None, b"x", 1.0)
     shortest, longest = technology.latency_s
@@ -282,8 +285,8 @@ def test_no_datagram_hurts(datagrams: list[tuple[bytes, tuple[str, int]]]) -> No
 
 def share_heard(air: Air, distance_m: float, *, count: int = 1500) -> float:
     """Share of the broadcasts of vehicle 1 that vehicle 2 hears over a distance."""
-    air.place_vehicles([[0.0, 0.0, -50.0], [distance_m, 0.0, -50.0]])
-    air.subscribe(TWO, 2, 0.0)
+    air.listeners.place_vehicles([[0.0, 0.0, -50.0], [distance_m, 0.0, -50.0]])
+    air.listeners.subscribe(TWO, 2, 0.0)
     for _ in range(count):
         air.broadcast(1, None, b"x", 0.0)
     return len(air.due(1e9)) / count
@@ -312,11 +315,11 @@ def test_a_stated_loss_is_flat_and_knows_no_crowd() -> None:
 def test_senders_in_range_destroy_what_the_table_says(crowd: int) -> None:
     technology = TECHNOLOGIES["wifi-beacon"]
     air = Air("wifi-beacon", seed=2)
-    air.place_vehicles(np.zeros((crowd + 2, 3)))
+    air.listeners.place_vehicles(np.zeros((crowd + 2, 3)))
     for other in range(3, crowd + 3):
         air.broadcast(other, None, b"crowd", 0.0)
     air.broadcast(1, None, b"x", 0.0)
-    air.subscribe(TWO, 2, 0.5)
+    air.listeners.subscribe(TWO, 2, 0.5)
     for _ in range(1500):
         air.broadcast(1, None, b"x", 0.5)
     expected = float(technology.link_share(0.0) * technology.collision_share(crowd))
@@ -325,10 +328,10 @@ def test_senders_in_range_destroy_what_the_table_says(crowd: int) -> None:
 
 def test_a_crowd_that_has_fallen_silent_destroys_nothing() -> None:
     air = Air("wifi-beacon")
-    air.place_vehicles(np.zeros((102, 3)))
+    air.listeners.place_vehicles(np.zeros((102, 3)))
     for other in range(3, 103):
         air.broadcast(other, None, b"crowd", 0.0)
-    air.subscribe(TWO, 2, 9.0)
+    air.listeners.subscribe(TWO, 2, 9.0)
     for _ in range(2000):
         air.broadcast(1, None, b"x", 9.0)
     assert len(air.due(1e9)) / 2000 == pytest.approx(0.9, abs=0.03)
@@ -337,8 +340,8 @@ def test_a_crowd_that_has_fallen_silent_destroys_nothing() -> None:
 def test_what_is_lost_does_not_depend_on_the_order_in_which_others_send() -> None:
     def heard(order: list[int]) -> set[bytes]:
         air = Air("wifi-beacon", loss=0.5, seed=3)
-        air.place_vehicles(np.zeros((4, 3)))
-        air.subscribe(ONE, 1, 0.0)
+        air.listeners.place_vehicles(np.zeros((4, 3)))
+        air.listeners.subscribe(ONE, 1, 0.0)
         for k in range(40):
             for sender in order:
                 air.broadcast(sender, None, b"%d/%d" % (sender, k), 0.1 * k)

@@ -1,0 +1,167 @@
+"""Who listens on the air, and where everybody is.
+
+Emulated vehicles are at their *true* positions, because radio waves do not care what a receiver believes; everybody
+else is where its own OPEN_DRONE_ID_LOCATION says. Positions are metres north-east-down about home.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ridlink.geodesy import Geodetic, ned_from_geodetic
+from ridlink.mavlink.codec import decode_message
+from ridlink.mavlink.frames import Frame
+from ridlink.units import deg_from_dege7
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+Address = Hashable
+
+SUBSCRIPTION_S = 10.0
+"""How long a HEARTBEAT keeps its sender subscribed."""
+
+OBSERVER_SYSTEM_ID = 255
+"""Hears everything: ground stations use this system id."""
+
+MAX_SUBSCRIBERS = 1024
+"""More addresses than this are refused, so that a flood of them cannot fill the memory."""
+
+_UNKNOWN_ALTITUDE_M = -1000.0
+
+
+@dataclass(slots=True)
+class _Subscriber:
+    system_id: int
+    heard_s: float
+
+
+@dataclass(slots=True)
+class Receivers:
+    """The subscribers that hear what is in range as columns, the observers apart; rebuilt when one comes or goes."""
+
+    addresses: list[Address]
+    rows: dict[Address, int]
+    system_id: IntArray
+    heard_s: FloatArray
+    observers: dict[Address, _Subscriber]
+
+    @classmethod
+    def of(cls, subscribers: dict[Address, _Subscriber]) -> Receivers:
+        observers = {at: each for at, each in subscribers.items() if each.system_id == OBSERVER_SYSTEM_ID}
+        others = {at: each for at, each in subscribers.items() if at not in observers}
+        system_id = np.array([subscriber.system_id for subscriber in others.values()], dtype=np.int64)
+        heard_s = np.array([subscriber.heard_s for subscriber in others.values()])
+        return cls(list(others), {address: row for row, address in enumerate(others)}, system_id, heard_s, observers)
+
+
+class Listeners:
+    """The subscribers of the air.
+
+    Args:
+        home: Origin of the NED frame, without which subscribers outside the emulator cannot be placed.
+        counters: Where to count who subscribed, was refused, expired.
+    """
+
+    def __init__(self, home: Geodetic | None, counters: Counter[str]) -> None:
+        self._home, self._counters = home, counters
+        self._placed: FloatArray = np.empty((0, 3))
+        self._reported: dict[tuple[Address, int], FloatArray] = {}
+        self._subscribers: dict[Address, _Subscriber] = {}
+        self._receivers: Receivers | None = None
+        self._where: FloatArray | None = None
+
+    def place_vehicles(self, position_ned_m: npt.ArrayLike, on_air: npt.ArrayLike | None = None) -> None:
+        """Say where the emulator's vehicles truly are now.
+
+        Args:
+            position_ned_m: Shape (n, 3); their system ids are 1 to n.
+            on_air: Whose radio works, shape (n,), all unless given: who has crashed neither hears nor is heard.
+        """
+        self._placed = np.array(position_ned_m, dtype=np.float64).reshape(-1, 3)
+        if on_air is not None:
+            self._placed[~np.asarray(on_air, dtype=np.bool_)] = np.nan
+        self._where = None
+
+    def subscribe(self, address: Address, system_id: int, now_s: float) -> None:
+        """Subscribe an address for 10 s, or keep it subscribed."""
+        known = self._subscribers.get(address)
+        if known is not None and known.system_id == system_id:
+            known.heard_s = now_s
+            if self._receivers is not None and address in self._receivers.rows:
+                self._receivers.heard_s[self._receivers.rows[address]] = now_s
+            return
+        if known is None and len(self._subscribers) >= MAX_SUBSCRIBERS:
+            self._counters["refused"] += 1
+            return
+        self._counters["subscribed"] += 1
+        self._subscribers[address] = _Subscriber(system_id, now_s)
+        self._receivers = None
+
+    def expire(self, now_s: float) -> None:
+        """Forget who has been silent for 10 s."""
+        for address, subscriber in list(self._subscribers.items()):
+            if now_s - subscriber.heard_s > SUBSCRIPTION_S:
+                del self._subscribers[address]
+                self._receivers = None
+                self._counters["expired"] += 1
+        for address, system_id in list(self._reported):
+            if address not in self._subscribers:
+                del self._reported[address, system_id]
+                self._where = None
+
+    def system_id(self, address: Address) -> int | None:
+        """Of a subscriber; None: there is none at this address."""
+        subscriber = self._subscribers.get(address)
+        return None if subscriber is None else subscriber.system_id
+
+    @property
+    def subscribers(self) -> dict[Address, int]:
+        """System ids by address."""
+        return {address: subscriber.system_id for address, subscriber in self._subscribers.items()}
+
+    def note_position(self, frame: Frame, address: Address) -> None:
+        """Remember where a subscriber says that it is; what it relays of others says nothing about itself."""
+        location = decode_message(frame)
+        if self._home is None or any(location.id_or_mac):
+            return
+        latitude, longitude = deg_from_dege7(location.latitude), deg_from_dege7(location.longitude)
+        unknown = latitude == 0.0 and longitude == 0.0
+        if unknown or not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
+            return
+        altitude = location.altitude_geodetic
+        if not math.isfinite(altitude) or altitude <= _UNKNOWN_ALTITUDE_M:
+            altitude = self._home.altitude_m
+        self._where = None
+        self._reported[address, frame.sysid] = ned_from_geodetic(latitude, longitude, altitude, self._home)
+
+    def whereabouts(self, system_id: int, address: Address | None) -> FloatArray | None:
+        if 1 <= system_id <= len(self._placed):
+            return np.asarray(self._placed[system_id - 1])
+        return self._reported.get((address, system_id))
+
+    @property
+    def receivers(self) -> Receivers:
+        """The subscribers that hear what is in range as columns, and the observers; rebuilt when one came or went."""
+        if self._receivers is None:
+            self._receivers = Receivers.of(self._subscribers)
+            self._where = None
+        return self._receivers
+
+    def places(self) -> FloatArray:
+        """Where the receivers are, shape (m, 3): NaN off the air, infinite where nobody knows."""
+        receivers = self.receivers
+        if self._where is None:
+            where = np.full((len(receivers.addresses), 3), np.nan)
+            placed = (receivers.system_id >= 1) & (receivers.system_id <= len(self._placed))
+            where[placed] = self._placed[receivers.system_id[placed] - 1]
+            for row in np.flatnonzero(~placed).tolist():
+                own = self._reported.get((receivers.addresses[row], int(receivers.system_id[row])))
+                where[row] = math.inf if own is None else own
+            self._where = where
+        return self._where
