@@ -20,9 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ridlink.scenario import Event, Scenario, Wind
-from ridlink.separation.volumes import unmac_radius
 from sitl_sim.faults import Faults, Machinery
 from sitl_sim.gnss import CORRELATION_TIME_S, ErrorModel, GnssReceivers
+from sitl_sim.pair_radius import eq8_pair_radius
 from sitl_sim.referee import ARRIVAL_RADIUS_M, Referee
 from sitl_sim.routes import Routes
 from sitl_sim.vehicle import (
@@ -149,7 +149,6 @@ class World:
         self._referee = Referee(scenario, position)
         self._pair_radius = pair_radius or eq8_pair_radius
         self._arrival = arrival
-        self._airframe_m = np.array([vehicle.airframe_m for vehicle in vehicles], dtype=np.float64)
         self._command: FloatArray = np.zeros((count, 3))
         self._ticks = 0
         self._ticks_per_report = max(1, round(scenario.interval_s / TICK_S))
@@ -375,23 +374,3 @@ class World:
             gap = self.position_ned_m[self._ghost_rows] - self._ghost_goals
             there = np.hypot(gap[:, 0], gap[:, 1]) <= ARRIVAL_RADIUS_M
             self.state[self._ghost_rows[there]] = VehicleState.GONE
-
-
-def eq8_pair_radius(world: World) -> FloatArray:
-    """uNMAC radii of all pairs from true sizes, bounds and speeds [m], shape (n, n).
-
-    Source: paper Eq. 8. The radius of a pair is a sum of one share each, so n shares are enough: the other vehicle of
-    each is a point that stands still and knows where it is.
-    """
-
-    def beside_nothing(values: FloatArray) -> FloatArray:
-        return np.stack([values, np.zeros_like(values)], axis=-1)
-
-    speed_mps = np.hypot(world.velocity_ned_mps[:, 0], world.velocity_ned_mps[:, 1])
-    share = unmac_radius(
-        beside_nothing(world._airframe_m),
-        beside_nothing(world.bound_3sigma_m),
-        beside_nothing(speed_mps),
-        world.scenario.interval_s,
-    )
-    return np.asarray(share[:, None] + share[None, :])

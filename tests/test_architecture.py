@@ -90,6 +90,7 @@ SANS_IO = (
     "sitl_sim.draws",
     "sitl_sim.verdict",
     "sitl_sim.referee",
+    "sitl_sim.pair_radius",
     "sitl_sim.world",
     "sitl_sim.routes",
     "sitl_sim.radio",

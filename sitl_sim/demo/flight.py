@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -17,25 +17,22 @@ from ridlink.captures.recorder import Recorder
 from ridlink.daemon.warming import warm_up_unless
 from ridlink.errors import ConfigError, LinkError
 from ridlink.scenario import Scenario, resolve_scenario
-from ridlink.separation.chance import DEFAULT_ETA
-from ridlink.separation.definitions import Definition, Reported, separation_discs
+from ridlink.separation.definitions import Definition
 from sitl_sim.demo.conductors import Conductors
 from sitl_sim.demo.daemons import Assignment, Daemons, assignments
 from sitl_sim.demo.ground_station import GroundStation
 from sitl_sim.demo.options import DemoOptions
 from sitl_sim.demo.screen import Screen
 from sitl_sim.fleet_config import HOST
+from sitl_sim.pair_radius import pair_radius_under
 from sitl_sim.server import FleetServer
-from sitl_sim.world import FloatArray, VehicleState, World
+from sitl_sim.world import VehicleState
 
 HAND_OVER_TIMEOUT_S = 20.0
 LOOK_S = 0.2
 WORTH_A_WORD_S = 1.0
 LONGEST_NAME = 40
 """Characters of a scenario's name in that of its log: in UTF-8 they fit into any file system."""
-
-ODID_CLASSES_M = (1.0, 3.0, 10.0, 30.0, 92.6, 185.2)
-"""Bounds of the accuracy codes that a fleet's sigma can fall into."""
 
 
 def scenario_of(options: DemoOptions) -> Scenario:
@@ -50,23 +47,6 @@ def scenario_of(options: DemoOptions) -> Scenario:
     if all(vehicle.ghost for vehicle in scenario.vehicles):
         raise ConfigError(f"{scenario.name}: there is nobody to fly; 'ridlink sim' shows an empty sky and its ghosts")
     return scenario if options.interval_s is None else replace(scenario, interval_s=options.interval_s)
-
-
-def pair_radius_under(definition: Definition, eta: float = DEFAULT_ETA) -> Callable[[World], FloatArray]:
-    """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles report of themselves."""
-
-    def radii(world: World) -> FloatArray:
-        airframe = np.array([vehicle.airframe_m for vehicle in world.scenario.vehicles])
-        bound = np.array(world.bound_3sigma_m)
-        speed = np.hypot(world.reported_velocity_ned_mps[:, 0], world.reported_velocity_ned_mps[:, 1])
-        sigma = bound / 3.0
-        classes = np.array(ODID_CLASSES_M)
-        coded = 3.0 * classes[np.minimum(np.searchsorted(classes, sigma), len(classes) - 1)]
-        fleet = Reported(airframe, bound, coded, speed)
-        neighbours = max(len(airframe) - 1, 1)
-        return separation_discs(definition, fleet[:, None], fleet, eta=eta, neighbours=neighbours).radius_m
-
-    return radii
 
 
 class Onlooker(Protocol):

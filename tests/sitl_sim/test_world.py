@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from ridlink.scenario import Scenario, VehicleSpec, built_in
+from sitl_sim.pair_radius import eq8_pair_radius
 from sitl_sim.vehicle import TICK_S
 from sitl_sim.verdict import Outcome
-from sitl_sim.world import VehicleState, World, eq8_pair_radius
+from sitl_sim.world import VehicleState, World
 
 
 def alone(*, down_m: float = -50.0, goal_north_m: float = 60.0, **spec: object) -> Scenario:

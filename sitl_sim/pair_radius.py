@@ -1,0 +1,80 @@
+"""How near each pair of a fleet may come, for the referee that counts violations: radii in metres, shape (n, n)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ridlink.scenario import Scenario
+from ridlink.separation.chance import DEFAULT_ETA
+from ridlink.separation.definitions import Definition, Reported, separation_discs
+from ridlink.separation.volumes import unmac_radius
+
+FloatArray = npt.NDArray[np.float64]
+
+ODID_CLASSES_M = (1.0, 3.0, 10.0, 30.0, 92.6, 185.2)
+"""Bounds of the accuracy codes that a fleet's sigma can fall into."""
+
+
+class Flown(Protocol):
+    """What radii follow from; a `World` is one."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """Its intervals and airframes."""
+
+    @property
+    def bound_3sigma_m(self) -> FloatArray:
+        """Three sigma of each vehicle's position error."""
+
+    @property
+    def velocity_ned_mps(self) -> FloatArray:
+        """True velocities, shape (n, 3)."""
+
+    @property
+    def reported_velocity_ned_mps(self) -> FloatArray:
+        """As the vehicles believe to fly, shape (n, 3)."""
+
+
+def eq8_pair_radius(world: Flown) -> FloatArray:
+    """uNMAC radii of all pairs from true sizes, bounds and speeds [m], shape (n, n).
+
+    Source: paper Eq. 8. The radius of a pair is a sum of one share each, so n shares are enough: the other vehicle of
+    each is a point that stands still and knows where it is.
+    """
+
+    def beside_nothing(values: FloatArray) -> FloatArray:
+        return np.stack([values, np.zeros_like(values)], axis=-1)
+
+    speed_mps = np.hypot(world.velocity_ned_mps[:, 0], world.velocity_ned_mps[:, 1])
+    share = unmac_radius(
+        beside_nothing(_airframes_m(world)),
+        beside_nothing(world.bound_3sigma_m),
+        beside_nothing(speed_mps),
+        world.scenario.interval_s,
+    )
+    return np.asarray(share[:, None] + share[None, :])
+
+
+def pair_radius_under(definition: Definition, eta: float = DEFAULT_ETA) -> Callable[[Flown], FloatArray]:
+    """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles report of themselves."""
+
+    def radii(world: Flown) -> FloatArray:
+        airframe = _airframes_m(world)
+        bound = np.array(world.bound_3sigma_m)
+        speed = np.hypot(world.reported_velocity_ned_mps[:, 0], world.reported_velocity_ned_mps[:, 1])
+        sigma = bound / 3.0
+        classes = np.array(ODID_CLASSES_M)
+        coded = 3.0 * classes[np.minimum(np.searchsorted(classes, sigma), len(classes) - 1)]
+        fleet = Reported(airframe, bound, coded, speed)
+        neighbours = max(len(airframe) - 1, 1)
+        return separation_discs(definition, fleet[:, None], fleet, eta=eta, neighbours=neighbours).radius_m
+
+    return radii
+
+
+def _airframes_m(world: Flown) -> FloatArray:
+    return np.array([vehicle.airframe_m for vehicle in world.scenario.vehicles], dtype=np.float64)
