@@ -139,7 +139,7 @@ def test_a_pilot_who_takes_over_keeps_the_vehicle_that_should_have_landed() -> N
             assert conducted.returncode == 1 and "somebody else changed the mode" in said.decode()
             assert final["outcome"] == "failed" and final["took_off"] and not final["landed"]
             pilot = server.autopilots[0].pilot
-            assert pilot.mode is Mode.POSITION and pilot.armed and pilot.navigation.in_air
+            assert pilot.mode is Mode.POSITION and pilot.armed  # an ArduPilot sinks: nobody holds its stick
 
     async def fly_them() -> None:
         one = built_in("circle8", 1)
