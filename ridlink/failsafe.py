@@ -3,7 +3,7 @@
     STANDBY   nothing is steered. PX4 gets zero velocity while it is armed and waits, since it wants a stream before it
               accepts OFFBOARD; it ignores it outside.
     ENGAGED   the vehicle is armed and in GUIDED or OFFBOARD, an operator asked for it, the own state is fresh.
-    HOLD      engaged, but own state or loop are in doubt: zero velocity.
+    HOLD      engaged, but own state or loop are in doubt, or it stands on the ground: zero velocity.
     STOPPED   doubt lasted: the stream has ended on purpose, so that the native failsafe of the autopilot acts.
 
 An operator's request is consumed by the first engagement. A change of mode ends it, be it the pilot's or the
@@ -83,6 +83,7 @@ class Conditions:
         stalled: The watchdog saw the loop stand still.
         warming: The kernels that decide are still being compiled or loaded.
         own_jumped: The own position jumped a moment ago: it is wrong, or it was.
+        on_ground: The autopilot says that the vehicle stands: what has landed must not be made to climb or to tip over.
         other_writer: Somebody else sends setpoints, and was there first or does not give way.
         has_goal: There is somewhere to go.
         deciding_fails: Decisions have failed again and again.
@@ -100,6 +101,7 @@ class Conditions:
     stalled: bool = False
     warming: bool = False
     own_jumped: bool = False
+    on_ground: bool = False
     other_writer: bool = False
     has_goal: bool = False
     deciding_fails: bool = False
@@ -177,6 +179,8 @@ def _doubt(seen: Conditions, settings: FailsafeSettings) -> str:
         return "own state is stale"
     if seen.warming:
         return "kernels are being loaded"
+    if seen.on_ground:
+        return "the vehicle stands on the ground"
     if seen.own_jumped:
         return "own position jumped"
     if not abs(seen.latitude_deg) <= settings.max_latitude_deg:

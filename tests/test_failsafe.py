@@ -60,6 +60,7 @@ def test_nothing_engages_unasked() -> None:
         ({"since_last_step_s": 0.6}, "paused"),
         ({"stalled": True}, "paused"),
         ({"own_jumped": True}, "jumped"),
+        ({"on_ground": True}, "ground"),
         ({"warming": True}, "kernels"),
         ({"deciding_fails": True}, "decisions"),
     ],
@@ -108,6 +109,7 @@ def test_what_ends_an_engagement_is_not_undone_by_its_return(change: dict[str, o
         {"deciding_fails": True},
         {"stalled": True},
         {"own_jumped": True},
+        {"on_ground": True},
     ],
 )
 def test_doubt_holds_and_goes_by(change: dict[str, object]) -> None:
@@ -178,6 +180,7 @@ conditions = st.builds(
     stalled=st.booleans(),
     warming=st.booleans(),
     own_jumped=st.booleans(),
+    on_ground=st.booleans(),
     other_writer=st.booleans(),
     has_goal=st.booleans(),
     deciding_fails=st.booleans(),
@@ -195,6 +198,7 @@ def test_decisions_are_streamed_only_to_an_armed_vehicle_in_its_mode(seen: list[
                 step.stalled
                 or step.warming
                 or step.own_jumped
+                or step.on_ground
                 or step.other_writer
                 or step.rebooted
                 or step.deciding_fails
@@ -214,7 +218,15 @@ def test_what_is_not_told_is_neither_an_alarm_nor_a_permission() -> None:
         False, False, True, False, False,
     )  # fmt: skip
     assert math.isinf(told.autopilot_heard_s) and math.isinf(told.own_state_age_s)
-    alarms = (told.rebooted, told.stalled, told.warming, told.own_jumped, told.other_writer, told.deciding_fails)
+    alarms = (
+        told.rebooted,
+        told.stalled,
+        told.warming,
+        told.own_jumped,
+        told.on_ground,
+        told.other_writer,
+        told.deciding_fails,
+    )
     assert not any(alarms) and told.latitude_deg == 0.0 and told.since_last_step_s == 0.0
     assert (Rung().state, Rung().requested, Rung().stream) == (State.STANDBY, False, Stream.NOTHING)
 

@@ -324,6 +324,7 @@ class Engine:
             stalled=self._hold_next,
             warming=not self.warm,
             own_jumped=telemetry.jumped(now_s),
+            on_ground=telemetry.on_ground,
             other_writer=not self.config.dry_run and self._must_yield(now_s),
             has_goal=self.goal is not None,
             deciding_fails=self.steering.fatal,

@@ -26,15 +26,15 @@ HOME = Geodetic(47.3977, 8.5456, 500.0)
 GEOID_M = 47.0
 OFFBOARD, POSITION_MODE = 6 << 16, 3 << 16
 GUIDED, LOITER = 4, 5
-IN_AIR, TAKING_OFF = 2, 3
+ON_GROUND, IN_AIR, TAKING_OFF = 1, 2, 3
 """MAV_LANDED_STATE."""
 PATIENCE_S = 8.0
 PERIOD_S = 0.02
 """Between two of the vehicle's words, as PX4's onboard link has it."""
 
 
-__all__ = ["GUIDED", "HOME", "IN_AIR", "LOITER", "OFFBOARD", "PATIENCE_S", "POSITION_MODE", "TAKING_OFF", "Emulated",
-           "LoopbackVehicle", "Observer", "at", "messages"]  # fmt: skip
+__all__ = ["GUIDED", "HOME", "IN_AIR", "LOITER", "OFFBOARD", "ON_GROUND", "PATIENCE_S", "POSITION_MODE", "TAKING_OFF",
+           "Emulated", "LoopbackVehicle", "Observer", "at", "messages"]  # fmt: skip
 
 
 def at(north_m: float, east_m: float = 0.0, up_m: float = 50.0) -> tuple[float, float, float]:

@@ -29,6 +29,7 @@ from tests.daemon.emulated import (
     IN_AIR,
     LOITER,
     OFFBOARD,
+    ON_GROUND,
     PATIENCE_S,
     POSITION_MODE,
     TAKING_OFF,
@@ -229,6 +230,24 @@ def test_f14_a_receiver_that_lost_its_fix_and_fell_silent_is_not_believed_again(
             await vehicle.speaks(25)
             assert flight.daemon.engine.rung.reason == "waiting: own state is stale"
             emulated.fix_type, emulated.receiver_silent = 3, False
+            await vehicle.until(lambda: state(flight) is State.ENGAGED)
+
+    run(test)
+
+
+def test_i3_a_vehicle_that_stands_on_the_ground_is_not_made_to_take_off() -> None:
+    """It came down in its mode, at a goal that is too low or by an accident; somebody may walk up to it."""
+
+    async def test() -> None:
+        async with running(engine=EngineConfig(goal=Goal(*at(300.0, 0.0, 80.0)))) as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: bool(vehicle.setpoints()) and vehicle.setpoints()[-1].vz < -0.5)
+            vehicle.vehicle.landed_state = ON_GROUND
+            await vehicle.until(lambda: state(flight) is State.HOLD)
+            count = len(vehicle.setpoints())
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= count + 10)
+            assert {(m.vx, m.vy, m.vz) for m in vehicle.setpoints()[count:]} == {(0.0, 0.0, 0.0)}
+            vehicle.vehicle.landed_state = IN_AIR
             await vehicle.until(lambda: state(flight) is State.ENGAGED)
 
     run(test)
