@@ -201,10 +201,10 @@ class PairBatch(Batch):
         if plan.dynamics is not Dynamics.IDEAL:
             own[..., rows.EXTRA_TURN] = self._turn(step, np.hypot(*np.moveaxis(aim - here, -1, 0)))
         deciding = self.present & self.avoiding
-        result = self.decider.decide(
-            own, deciding, self.tracks, self.present, now_s, self.reciprocal, self.still_m, self.error_sum_m,
-            self.displaced_s,
-        )  # fmt: skip
+        picture = tracks.Picture(
+            self.tracks, self.present, now_s, self.reciprocal, self.still_m, self.error_sum_m, self.displaced_s
+        )
+        result = self.decider.decide(own, deciding, picture)
         decided = result[..., rows.R_COMMAND : rows.R_COMMAND + 2]
         self.command = np.where(deciding[..., None], decided, self.command)
         self.outcome.decisions[self.row] += deciding.sum(axis=1)

@@ -17,7 +17,7 @@ from ridlink.avoidance.priority import give_way, new_turns
 from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.settings import GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings
-from ridlink.campaign.tracks import collect, kernel
+from ridlink.campaign.tracks import Picture, collect, kernel
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -33,8 +33,7 @@ def remember(names, kept, count, memory):  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def avoid_pairs(  # type: ignore[no-untyped-def]
-    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, room, pieces,
-    settings, hulls, route, turns, scratch, result,
+    own, deciding, picture, memory, room, pieces, settings, hulls, route, turns, scratch, result,
 ):  # fmt: skip
     """Decide by half-planes; up to `result` see `PairDecider.decide`, scratch has a leading axis of worlds."""
     reports, kept, names, blocks = room
@@ -45,11 +44,8 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
         for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue
-            count = collect(
-                own[world, i], i, tracks[world, i], present[world], now_s, reciprocal[world], still_m[world, i],
-                error_sum_m[world, i], displaced_s, memory[world, i], reports[world], kept_here, names_here,
-            )  # fmt: skip
-            give_way(own[world, i], i, reports[world], names_here, count, now_s, turns[world, i])
+            count = collect(own[world, i], world, i, picture, memory[world, i], room)
+            give_way(own[world, i], i, reports[world], names_here, count, picture.now_s, turns[world, i])
             pack(reports[world], kept_here, count, few)
             route[world, i] = avoid_one(
                 own[world, i], few, -(-count // rows.LANES), math.inf, pieces, hulls, route[world, i], settings, mine,
@@ -61,21 +57,17 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def rotate_pairs(  # type: ignore[no-untyped-def]
-    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, room, pieces,
-    settings, fan, scratch, result,
+    own, deciding, picture, memory, room, pieces, settings, fan, scratch, result,
 ):  # fmt: skip
     """Decide by rotation, as the paper does."""
-    reports, kept, names, blocks = room
+    reports, kept, _, blocks = room
     sights, walls, way = scratch
     for world in range(own.shape[0]):
         mine = (sights[world], walls[world], way[world])
         for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue
-            count = collect(
-                own[world, i], i, tracks[world, i], present[world], now_s, reciprocal[world], still_m[world, i],
-                error_sum_m[world, i], displaced_s, memory[world, i], reports[world], kept[world], names[world],
-            )  # fmt: skip
+            count = collect(own[world, i], world, i, picture, memory[world, i], room)
             pack(reports[world], kept[world], count, blocks[world])
             choose_heading(
                 own[world, i], blocks[world], -(-count // rows.LANES), math.inf, pieces, settings, fan, mine,
@@ -85,21 +77,17 @@ def rotate_pairs(  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def grade_pairs(  # type: ignore[no-untyped-def]
-    own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, room, pieces,
-    settings, fan, scratch, result,
+    own, deciding, picture, memory, room, pieces, settings, fan, scratch, result,
 ):  # fmt: skip
     """Decide by graded risk."""
-    reports, kept, names, blocks = room
+    reports, kept, _, blocks = room
     sights, walls, way = scratch
     for world in range(own.shape[0]):
         mine = (sights[world], walls[world], way[world])
         for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue
-            count = collect(
-                own[world, i], i, tracks[world, i], present[world], now_s, reciprocal[world], still_m[world, i],
-                error_sum_m[world, i], displaced_s, memory[world, i], reports[world], kept[world], names[world],
-            )  # fmt: skip
+            count = collect(own[world, i], world, i, picture, memory[world, i], room)
             pack(reports[world], kept[world], count, blocks[world])
             grade_one(own[world, i], blocks[world], count, pieces, settings, fan, mine, result[world, i])
 
@@ -140,31 +128,22 @@ class PairDecider:
             self._kernel = grade_pairs
             self._constants = (graded.candidates(),)
 
-    def decide(
-        self, own: FloatArray, deciding: BoolArray, tracks: FloatArray, present: BoolArray, now_s: float,
-        reciprocal: FloatArray, still_m: FloatArray, error_sum_m: FloatArray, displaced_s: float,
-    ) -> FloatArray:  # fmt: skip
+    def decide(self, own: FloatArray, deciding: BoolArray, picture: Picture) -> FloatArray:
         """Decide for all vehicles of W worlds.
 
         Args:
             own: Own-ships, rows as in `ridlink.avoidance.rows`, shape (W, N, OWN_COLUMNS); the aim of those that make
                 way for others is written.
             deciding: Where a decision is wanted, shape (W, N).
-            tracks: What each has heard of each, shape (W, N, N, TRACK_COLUMNS).
-            present: Who is in the air, shape (W, N).
-            now_s: Time.
-            reciprocal: Who has said that it avoids, shape (W, N), 0 or 1.
-            still_m: Radii without displacement, shape (W, N, N).
-            error_sum_m: Parts of them that stand for localization errors, shape (W, N, N).
-            displaced_s: Time of flight of both that the discs allow for.
+            picture: What they know of each other; tracks that are too old are dropped.
 
         Returns:
             Results, shape (W, N, RESULT_COLUMNS).
         """
         memories = () if self._route is None else (self._route, self._turns)
         self._kernel(
-            own, deciding, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, self._memory,
-            self._room, *self._walls, *self._constants, *memories, self._scratch, self._result,
+            own, deciding, picture, self._memory, self._room, *self._walls, *self._constants, *memories, self._scratch,
+            self._result,
         )  # fmt: skip
         return self._result[: len(own)]
 

@@ -11,6 +11,10 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ridlink.avoidance import rows
 from ridlink.avoidance.encounter import time_to_entry
@@ -18,6 +22,8 @@ from ridlink.avoidance.rows import VELOCITY
 from ridlink.compiled import kernel_decorator
 from ridlink.traffic import track
 from ridlink.traffic.track import COAST_FAST_S, COAST_SLOW_S, SLOW_INTERVAL_S
+
+FloatArray = NDArray[np.float64]
 
 SOURCES = (
     Path(__file__), Path(__file__).with_name("pair_deciding.py"), Path(track.__file__),
@@ -37,6 +43,28 @@ CONFLICT_S = 8.0
 """Who enters the disc within this time is in conflict, and is kept for longer."""
 
 SAME_INSTANT_S = 1e-9
+
+
+class Picture(NamedTuple):
+    """What the vehicles of W worlds know of each other.
+
+    Attributes:
+        tracks: What each has heard of each, shape (W, N, N, TRACK_COLUMNS).
+        present: Who is in the air, shape (W, N); the others have said that they landed.
+        now_s: Time.
+        reciprocal: Who has said that it avoids, shape (W, N), 0 or 1.
+        still_m: Radii of the discs without displacement, shape (W, N, N).
+        error_sum_m: Parts of them that stand for localization errors, shape (W, N, N).
+        displaced_s: Time of flight of both that the discs allow for.
+    """
+
+    tracks: FloatArray
+    present: NDArray[np.bool_]
+    now_s: float
+    reciprocal: FloatArray
+    still_m: FloatArray
+    error_sum_m: FloatArray
+    displaced_s: float
 
 
 @kernel
@@ -111,29 +139,24 @@ def hear(sent, arrives_s, now_s, bound_m, time_constant_s, flown_s, tracks):  # 
 
 
 @kernel
-def collect(  # type: ignore[no-untyped-def]
-    own, i, tracks, present, now_s, reciprocal, still_m, error_sum_m, displaced_s, memory, reports, kept, names
-):
+def collect(own, world, i, picture, memory, room):  # type: ignore[no-untyped-def]
     """Neighbours of one vehicle as rows for `packing.pack`; tracks that are too old are dropped.
 
     Args:
         own: Own row.
+        world: Number of its world.
         i: Number of the vehicle.
-        tracks: What it has heard, shape (N, TRACK_COLUMNS), written.
-        present: Who is in the air, shape (N,); the others have said that they landed.
-        now_s: Time.
-        reciprocal: Who has said that it avoids, shape (N,).
-        still_m: Radii of the discs without displacement, shape (N,).
-        error_sum_m: Parts of them, shape (N,).
-        displaced_s: Time of flight of both that the discs allow for.
+        picture: `Picture`; tracks are written.
         memory: `Memory` of the encounters, shape (N,).
-        reports: Result, shape (N, 10).
-        kept: Result: their memory, shape (N,).
-        names: Result: their numbers, shape (N,).
+        room: Results: rows of the neighbours (W, N, 10), their memory and their numbers (W, N); and more.
 
     Returns:
         How many there are.
     """
+    tracks, present, reciprocal = picture.tracks[world, i], picture.present[world], picture.reciprocal[world]
+    still_m, error_sum_m = picture.still_m[world, i], picture.error_sum_m[world, i]
+    now_s, displaced_s = picture.now_s, picture.displaced_s
+    reports, kept, names = room[0][world], room[1][world], room[2][world]
     speed = math.sqrt(own[VELOCITY] ** 2 + own[VELOCITY + 1] ** 2)
     count = 0
     for j in range(len(tracks)):
