@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ridlink.avoidance.settings import IDEAL_AGE_ACCELERATION_MPS2, GradedSettings, RotationSettings
 from ridlink.avoidance.types import HalfplaneSettings, SolverKind
@@ -148,6 +149,12 @@ class Plan:
         if isinstance(self.settings, GradedSettings):
             return SolverKind.GRADED
         return SolverKind.ROTATION if isinstance(self.settings, RotationSettings) else SolverKind.HALFPLANE
+
+    @property
+    def vehicle_sigma_m(self) -> NDArray[np.float64]:
+        """Standard deviations of the errors of all vehicles, shape (N,)."""
+        told = self.scene.sigma_m
+        return np.full(len(self.scene), self.sigma_m) if told is None else told
 
     @property
     def error_bound_m(self) -> float:

@@ -128,6 +128,27 @@ class Instant:
     sending: BoolArray | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Roles:
+    """Who does what in one run, shape (N,) each.
+
+    Attributes:
+        avoiding: Who avoids others.
+        extended: Who tells more than standard Remote ID does.
+    """
+
+    avoiding: BoolArray
+    extended: BoolArray
+
+
+def draw_roles(plan: Plan, run: int) -> Roles:
+    """Roles as the scene has them, but for those that are drawn to be different."""
+    scene = plan.scene
+    mix = draw_mix(len(scene), plan.seed, run, stock_share=plan.stock_share, unresponsive_share=plan.unresponsive_share)
+    extended = ~mix.stock if scene.extended is None else scene.extended & ~mix.stock
+    return Roles(scene.avoiding & ~mix.unresponsive, extended)
+
+
 class Batch(ABC):
     """Worlds in the air, W of them; those that are over leave it.
 
@@ -147,8 +168,7 @@ class Batch(ABC):
         count = len(scene)
         shape = (len(runs), count)
         fleets = [draw_fleet(count, plan.seed, run, plan.category) for run in runs]
-        shares = {"stock_share": plan.stock_share, "unresponsive_share": plan.unresponsive_share}
-        mixes = [draw_mix(count, plan.seed, run, **shares) for run in runs]
+        roles = [draw_roles(plan, run) for run in runs]
         drawn_airframe = np.stack([fleet.airframe_m for fleet in fleets])
         drawn_speed = np.stack([fleet.speed_mps for fleet in fleets])
         self.plan = plan
@@ -156,11 +176,9 @@ class Batch(ABC):
         self.obstacles = Obstacles.from_polygons(scene.polygons_ne_m)
         self.airframe_m = drawn_airframe if scene.airframe_m is None else np.tile(scene.airframe_m, (shape[0], 1))
         self.speed_mps = drawn_speed if scene.speed_mps is None else np.tile(scene.speed_mps, (shape[0], 1))
-        sigma_m = np.full(count, plan.sigma_m) if scene.sigma_m is None else scene.sigma_m
-        self.extended: BoolArray = ~np.stack([mix.stock for mix in mixes])
-        if scene.extended is not None:
-            self.extended &= scene.extended
-        self.avoiding: BoolArray = scene.avoiding & ~np.stack([mix.unresponsive for mix in mixes])
+        sigma_m = plan.vehicle_sigma_m
+        self.extended: BoolArray = np.stack([each.extended for each in roles])
+        self.avoiding: BoolArray = np.stack([each.avoiding for each in roles])
         self.position = np.tile(scene.start_ne_m, (shape[0], 1, 1))
         away = scene.goal_ne_m - scene.start_ne_m
         course = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]

@@ -232,8 +232,7 @@ class Choice:
                 age_acceleration_mps2=real.age_acceleration_mps2,
                 arrival_deceleration_mps2=real.arrival_deceleration_mps2,
             )  # fmt: skip
-        sigma_m = plan.sigma_m if plan.scene.sigma_m is None else float(plan.scene.sigma_m.max())
-        graded = graded_plan(plan.scene, settings, sigma_m=sigma_m)
+        graded = graded_plan(plan.scene, settings, sigma_m=float(plan.vehicle_sigma_m.max()))
         # Its constants are shares of three sigma of both.
         return replace(
             plan, settings=graded.settings, bound_sigmas=graded.bound_sigmas, obstacle_bound_m=graded.obstacle_bound_m,

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ridlink.campaign.chance import draw_mix
 from ridlink.campaign.flight import fly
 from ridlink.campaign.plan import Plan
-from ridlink.campaign.worlds import Instant, Outcomes
+from ridlink.campaign.worlds import Instant, Outcomes, Roles, draw_roles
 from ridlink.captures.tlog import TlogWriter
 from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic, geodetic_from_ned
@@ -48,12 +47,8 @@ def log_run(plan: Plan, run: int, path: Path) -> Outcomes:
     if count > LAST_SYSTEM_ID:
         raise ConfigError(f"a log has system ids for {LAST_SYSTEM_ID} vehicles, and {plan.scene.name} has {count}")
     encoders = [Encoder(system_id, 1) for system_id in range(1, count + 1)]
-    mix = draw_mix(
-        count, plan.seed, run, stock_share=plan.stock_share, unresponsive_share=plan.unresponsive_share
-    )  # fmt: skip
-    avoiding = plan.scene.avoiding & ~mix.unresponsive
-    extended = ~mix.stock if plan.scene.extended is None else plan.scene.extended & ~mix.stock
-    sigma_m = np.full(count, plan.sigma_m) if plan.scene.sigma_m is None else plan.scene.sigma_m
+    roles = draw_roles(plan, run)
+    bound_m = plan.bound_sigmas * plan.vehicle_sigma_m
     step_s = plan.step_s or plan.interval_s
     heartbeat_every = max(round(HEARTBEAT_S / step_s), 1)
     log = TlogWriter(path, overwrite=True)
@@ -71,8 +66,7 @@ def log_run(plan: Plan, run: int, path: Path) -> Outcomes:
             log.write(time_us, _position(encoders[k], instant, k))
             if instant.sending is not None and not instant.sending[0, k]:
                 continue
-            bound_m = plan.bound_sigmas * float(sigma_m[k])
-            for message in _reports(instant, k, bound_m, plan, bool(avoiding[k]), bool(extended[k])):
+            for message in _reports(instant, k, float(bound_m[k]), plan, roles):
                 name, fields = to_mavlink(message)
                 log.write(time_us, encoders[k].encode(name, **fields))
 
@@ -93,9 +87,7 @@ def _position(encoder: Encoder, instant: Instant, k: int) -> bytes:
     )  # fmt: skip
 
 
-def _reports(
-    instant: Instant, k: int, bound_m: float, plan: Plan, avoiding: bool, extended: bool
-) -> list[Location | Separation]:
+def _reports(instant: Instant, k: int, bound_m: float, plan: Plan, roles: Roles) -> list[Location | Separation]:
     latitude_deg, longitude_deg, altitude_m = _geodetic(instant.reported_ne_m[0, k])
     north, east = instant.velocity_ne_mps[0, k].tolist()
     timestamp_s = (BEGIN_S + instant.now_s) % 3600.0
@@ -105,10 +97,10 @@ def _reports(
         altitude_geodetic_m=altitude_m, height_m=HEIGHT_M, horizontal_accuracy=code_of_three_sigma(bound_m),
         timestamp_s=timestamp_s, timestamp_accuracy_s=0.1,
     )  # fmt: skip
-    if not extended:
+    if not roles.extended[k]:
         return [location]
     flags = SeparationFlags.SIMULATED | SeparationFlags.COMMANDED_VELOCITY_GIVEN
-    if avoiding:
+    if roles.avoiding[k]:
         flags |= SeparationFlags.AVOIDING
     north, east = instant.command_ne_mps[0, k].tolist()
     separation = Separation(
