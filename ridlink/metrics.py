@@ -6,15 +6,23 @@ Loopback unless asked otherwise. Needs the extra `metrics` (prometheus-client).
 
 from __future__ import annotations
 
+import contextlib
 import re
+import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
+from typing import Any
 
 from ridlink.errors import ConfigError, LinkError, MissingExtraError
 
 DEFAULT_HOST = "127.0.0.1"
+SILENT_S = 5.0
+"""Whoever connects and says nothing for so long is let go, and its thread with it."""
+
+MOST_THREADS = 64
+"""Of the process; with so many, nobody else is served."""
 
 Value = float | Mapping[str, float]
 """A figure, or figures by the value of a label."""
@@ -119,6 +127,8 @@ class MetricsServer:
         except (OSError, UnicodeError) as error:  # a name with an empty label is no OSError
             reason = getattr(error, "strerror", None) or error
             raise LinkError(f"metrics {host}:{port}: {reason}; choose another address") from error
+        self._server.RequestHandlerClass = _patient(self._server.RequestHandlerClass)
+        self._server.verify_request = lambda *_: threading.active_count() < MOST_THREADS  # type: ignore[method-assign]
         self.port = int(self._server.server_port)
 
     def publish(self, values: Mapping[str, Value]) -> None:
@@ -152,6 +162,19 @@ class MetricsServer:
         self._server.shutdown()
         self._server.server_close()
         self._thread.join(1.0)
+
+
+def _patient(handler: Any) -> Any:
+    """A handler of requests that waits for no peer for ever, and has nothing to say when one has gone."""
+
+    class Patient(handler):  # type: ignore[misc]
+        timeout = SILENT_S
+
+        def handle(self) -> None:
+            with contextlib.suppress(OSError):
+                super().handle()
+
+    return Patient
 
 
 def metrics_table(metrics: Mapping[str, Metric]) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import struct
 import urllib.error
 import urllib.request
 from typing import Any
@@ -66,6 +68,26 @@ def test_a_dry_run_says_what_it_would_send_and_sends_no_setpoint() -> None:
             assert any(len(data) > 60 for data in flight.air.heard)  # everything else leaves
 
     run(test)
+
+
+def test_i7_whoever_goes_away_or_says_nothing_leaves_neither_a_traceback_nor_a_thread(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("ridlink.metrics.SILENT_S", 0.2)
+    server = MetricsServer(("127.0.0.1", 0), MQTT_METRICS)
+    try:
+        for said in 5 * (b"GET /metrics HT", b"", b"GET /metrics HTTP/1.1\r\n\r\n"):
+            with socket.create_connection(("127.0.0.1", server.port)) as gone:
+                gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                gone.sendall(said)
+        with socket.create_connection(("127.0.0.1", server.port), PATIENCE_S) as silent:
+            assert silent.recv(1) == b""
+        monkeypatch.setattr("ridlink.metrics.MOST_THREADS", 0)
+        with socket.create_connection(("127.0.0.1", server.port), PATIENCE_S) as one_too_many:
+            assert one_too_many.recv(1) == b""
+    finally:
+        server.close()
+    assert capfd.readouterr().err == ""
 
 
 def test_figures_of_one_instant_with_their_kinds() -> None:
