@@ -41,6 +41,9 @@ VEHICLES = 40
 CROSSINGS = 2.0
 """The fastest pair crosses a simulated world so many times."""
 
+MOST_OF_NONE = -math.log(0.025)
+"""Where none is counted, no more than so many are to be expected: Poisson's two-sided 95 %."""
+
 _HEADINGS, _SPEEDS = 720, 64
 
 
@@ -156,7 +159,7 @@ class Simulated:
     Attributes:
         conflicts: Entries into discs that were counted.
         conflicts_per_flight_hour: At the density that was asked for.
-        ci95: Interval of it, from the spread of the worlds.
+        ci95: Interval of it, from the spread of the worlds; where nothing was counted, what nothing may hide.
         radius_quantile_m: Radius that `PROBABILITY` of the pairs do not exceed.
     """
 
@@ -191,6 +194,8 @@ def simulate_gas(
     counts, radii = zip(*(_world(airspace, side_m, duration_s, random) for _ in range(worlds)), strict=True)
     rates = 2.0 * np.array(counts) / VEHICLES / duration_s * S_PER_H
     spread = 1.96 * float(rates.std(ddof=1)) / math.sqrt(worlds)
+    if not any(counts):
+        spread = MOST_OF_NONE * 2.0 / (VEHICLES * worlds * duration_s) * S_PER_H
     mean = float(rates.mean())
     quantile = float(np.quantile(np.concatenate(radii), PROBABILITY))
     return Simulated(sum(counts), mean, (max(mean - spread, 0.0), mean + spread), quantile)

@@ -86,3 +86,12 @@ def test_what_is_no_airspace_is_refused():
         simulate_gas(airspace(), 1.0, np.random.default_rng(1), worlds=1)
     with pytest.raises(ValueError, match=r"do not fit 90.6 m apart \(remote-id\): at most 141 do"):
         list(capacities([airspace(Definition.REMOTE_ID)], 200.0, 1.0, 1, 2))
+
+
+def test_no_conflict_in_few_worlds_is_no_proof_of_none():
+    """The spread of nothing is nothing; the interval was a point that did not hold the formula's rate."""
+    rare, density = airspace(), 0.001
+    simulated = simulate_gas(rare, density, np.random.default_rng(1), worlds=2)
+    low, high = simulated.ci95
+    assert (simulated.conflicts, low) == (0, 0.0)
+    assert gas_model(rare).conflicts_per_flight_hour(density) < high < 1.0
