@@ -180,7 +180,7 @@ def _judge(cell: FlownCell, snmac: FlownCell | None, as_printed: bool) -> Judged
     figures: tuple[Judged, ...] = (
         _compared(seconds, row["median_s"], row["median_ci95"], never, SCALE),
         _compared(ratio, row["ratio_to_snmac"], beside and beside.median_ratio_ci95, never, RATIO),
-        _compared_rate(rate, row["mac_rate"], row["mac_rate_ci95"]),
+        _compared_rate(rate, row["mac_rate"], row["mac_rate_pairs_ci95"]),
     )  # fmt: skip
     if row["runs"] < LEAST_RUNS:
         figures = tuple(

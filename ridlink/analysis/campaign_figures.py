@@ -79,7 +79,7 @@ def _collisions(panels: Panels, judged: Sequence[JudgedCell]) -> Figure:
     for axes, numbers in zip(all_axes, panels.values(), strict=True):
         for at, k in enumerate(numbers):
             row = judged[k].row
-            low, high = (100.0 * share for share in row["mac_rate_ci95"])
+            low, high = (100.0 * share for share in row["mac_rate_pairs_ci95"])
             rate = 100.0 * row["mac_rate"]
             axes.errorbar(
                 at, rate, yerr=[[rate - low], [high - rate]], fmt="o", capsize=4.0, color=COLOUR_OF[row["definition"]]

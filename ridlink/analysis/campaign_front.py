@@ -54,7 +54,7 @@ def front_figure(rows: Sequence[Row], numbers: Sequence[int]) -> Figure:
     panels = panels_of(rows, numbers)
     figure, all_axes = panel_grid(panels, 3.3, below_in=0.7)
     for axes, group in zip(all_axes, panels.values(), strict=True):
-        points = [(rows[k]["median_s"], 100.0 * rows[k]["mac_rate_ci95"][1], rows[k]) for k in group]
+        points = [(rows[k]["median_s"], 100.0 * rows[k]["mac_rate_pairs_ci95"][1], rows[k]) for k in group]
         points = [point for point in points if point[0] is not None]
         _draw_front(axes, [(x, y) for x, y, _ in points])
         for x, y, row in points:
@@ -177,7 +177,7 @@ def _draw_line(above: Axes, below: Axes, line: Sequence[Row], varied: str, besid
     told = [row for row in line if row["median_s"] is not None]
     above.plot([row[varied] for row in told], [row["median_s"] for row in told], **look)
     rate = np.array([row["mac_rate"] for row in line])
-    ends = np.array([row["mac_rate_ci95"] for row in line]).T
+    ends = np.array([row["mac_rate_pairs_ci95"] for row in line]).T
     below.errorbar(
         [row[varied] + beside for row in line],
         100.0 * rate,

@@ -15,7 +15,15 @@ import numpy as np
 
 from ridlink.campaign.cell import BASELINE
 from ridlink.campaign.plan import Plan
-from ridlink.campaign.statistics import Flights, Interval, Medians, bootstrap_medians, collided_share, risk_ratio
+from ridlink.campaign.statistics import (
+    Flights,
+    Interval,
+    Medians,
+    bootstrap_medians,
+    clopper_pearson,
+    collided_share,
+    risk_ratio,
+)
 from ridlink.campaign.worlds import Outcomes
 from ridlink.separation.definitions import Definition
 
@@ -36,7 +44,7 @@ class Row:
         unfinished: Those that neither arrived nor collided.
         macs: Those in a mid-air collision; two at a time.
         mac_rate: Share of them.
-        mac_rate_ci95: Interval of it, of pairs of vehicles.
+        mac_rate_ci95: Clopper-Pearson interval of it, which takes flights for independent.
         median_s: Median time of flights without a collision; the cut-off counts for those that did not arrive.
         median_ci95: Bootstrap interval of it.
         max_time_s: The longest.
@@ -49,6 +57,7 @@ class Row:
         loss: Share of reports that a receiver misses.
         risk_ratio: Share in a collision by that without avoidance (definition `none`) in the same runs.
         risk_ratio_ci95: Interval of it.
+        mac_rate_pairs_ci95: Interval of `mac_rate` for vehicles that collide two at a time: `collided_share`.
     """
 
     scenario: str
@@ -75,6 +84,7 @@ class Row:
     loss: float
     risk_ratio: float | None
     risk_ratio_ci95: Interval | None
+    mac_rate_pairs_ci95: Interval
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -115,12 +125,13 @@ def _row(plan: Plan, outcomes: Outcomes, medians: Medians, snmac: Medians | None
         scenario=cell.scenario, definition=cell.definition, gnss=cell.gnss, solver=cell.solver,
         dynamics=cell.dynamics, runs=len(outcomes.run), flights=outcomes.flights, arrived=outcomes.arrived,
         unfinished=outcomes.unfinished, macs=outcomes.macs, mac_rate=outcomes.macs / outcomes.flights,
-        mac_rate_ci95=collided_share(outcomes.macs, outcomes.flights), median_s=median_s,
+        mac_rate_ci95=clopper_pearson(outcomes.macs, outcomes.flights), median_s=median_s,
         median_ci95=medians.interval, max_time_s=float(times.max()) if times.size else None, ratio_to_snmac=ratio,
         min_separation_m=_finite(float(outcomes.distance_m.min())),
         min_margin_m=_finite(float(outcomes.margin_m.min())),
         infeasible_share=int(outcomes.infeasible.sum()) / max(int(outcomes.decisions.sum()), 1),
         sigma_m=cell.sigma_m, interval_s=cell.interval_s, loss=cell.loss, risk_ratio=risk, risk_ratio_ci95=risk_ci95,
+        mac_rate_pairs_ci95=collided_share(outcomes.macs, outcomes.flights),
     )  # fmt: skip
 
 

@@ -142,7 +142,7 @@ def _needed(columns: dict[str, list[str]], gap: int) -> int:
 
 
 def _share(row: Row) -> str:
-    low, high = (100.0 * share for share in row.mac_rate_ci95)
+    low, high = (100.0 * share for share in row.mac_rate_pairs_ci95)
     return f"{100.0 * row.mac_rate:.2f} ({low:.2f}-{high:.2f})" if row.macs else f"below {high:.2g}"
 
 

@@ -26,7 +26,7 @@ def flown(definition, median_s, macs=0, snmac_s=7.0, **world):
     })  # fmt: skip
     row = {
         **asdict(cell), "runs": RUNS, "flights": 80, "unfinished": 0,
-        "macs": macs, "mac_rate": macs / 80, "mac_rate_ci95": collided_share(macs, 80),
+        "macs": macs, "mac_rate": macs / 80, "mac_rate_pairs_ci95": collided_share(macs, 80),
         "median_s": median_s, "median_ci95": (median_s, median_s), "ratio_to_snmac": median_s / snmac_s,
     }  # fmt: skip
     return FlownCell(row, Flights(time_s, collided, bootstrap_medians(time_s.ravel(), run, RUNS, 1)), 1)

@@ -67,5 +67,5 @@ def test_bars_of_settings_stand_beside_each_other_and_within_the_panel():
     below = figure.axes[1]
     bars = [tuple(segment[:, 0]) for bar in below.collections for segment in bar.get_segments()]
     assert len(set(bars)) == 4
-    most = max(100.0 * row["mac_rate_ci95"][1] for row in rows)
+    most = max(100.0 * row["mac_rate_pairs_ci95"][1] for row in rows)
     assert below.get_ylim()[1] >= most

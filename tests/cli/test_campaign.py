@@ -20,6 +20,7 @@ import pytest
 from click.testing import CliRunner
 
 from ridlink import decode
+from ridlink.campaign.statistics import clopper_pearson
 from ridlink.cli import cli, main
 
 pyarrow = pytest.importorskip("pyarrow", reason="shards need the extra 'export'")
@@ -29,6 +30,7 @@ KEYS = [
     "scenario", "definition", "gnss", "solver", "dynamics", "runs", "flights", "arrived", "unfinished", "macs",
     "mac_rate", "mac_rate_ci95", "median_s", "median_ci95", "max_time_s", "ratio_to_snmac", "min_separation_m",
     "min_margin_m", "infeasible_share", "sigma_m", "interval_s", "loss", "risk_ratio", "risk_ratio_ci95",
+    "mac_rate_pairs_ci95",
 ]  # fmt: skip
 
 CAMPAIGN = ["--preset", "paper", "--scenario", "circle8", "--runs", "200"]
@@ -145,7 +147,10 @@ def test_rows_have_the_keys_that_are_promised_and_the_orders_of_the_paper(whole:
         assert list(row) == KEYS
         assert (row["gnss"], row["solver"], row["dynamics"]) == ("white-radial", "rotation", "ideal")
         assert row["arrived"] + row["unfinished"] + row["macs"] == row["flights"] == 1600
-        assert row["mac_rate_ci95"][0] <= row["mac_rate"] == row["macs"] / 1600 <= row["mac_rate_ci95"][1]
+        assert row["mac_rate"] == row["macs"] / 1600
+        assert row["mac_rate_ci95"] == list(clopper_pearson(row["macs"], 1600))
+        (low, high), (lower, higher) = row["mac_rate_ci95"], row["mac_rate_pairs_ci95"]
+        assert lower <= low <= row["mac_rate"] <= high <= higher
         assert row["median_ci95"][0] <= row["median_s"] <= row["median_ci95"][1] < row["max_time_s"]
         assert (row["min_margin_m"] < 0.0) == (row["macs"] > 0)
     assert rows["snmac"]["ratio_to_snmac"] == 1.0
