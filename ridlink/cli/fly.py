@@ -147,7 +147,7 @@ class _Flight:
         self._process: Process | None = None
         self._began_s = time.monotonic()
         self.outcome, self.reason = "", ""
-        self._up = self._arrived = self._landed = False
+        self._ordered = self._up = self._arrived = self._landed = False
 
     def say(self, text: str) -> None:
         """One line of progress."""
@@ -182,7 +182,7 @@ class _Flight:
             except TakenError:
                 raise
             except FlightError:
-                if self._up and self._land and not self._landed:
+                if self._ordered and self._land and not self._landed and await conductor.is_armed():
                     await conductor.land()
                     self._landed = True
                 raise
@@ -199,6 +199,7 @@ class _Flight:
         if stop.is_set():
             self._stopped_on_the_ground()
             return
+        self._ordered = True
         await conductor.take_off(self._height_m)
         self._up = True
         self.outcome = "done"
@@ -243,6 +244,7 @@ class _Flight:
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "ridlink", "avoid", *options,
             stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C of the terminal is not for it: it flies until it is ended from here
         )  # fmt: skip
         self.say(f"started: ridlink avoid {shlex.join(options)}")
 

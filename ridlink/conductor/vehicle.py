@@ -144,6 +144,10 @@ class Conductor:
                     await self._action.set_takeoff_altitude(usual_m)
         self._say(f"at {height_m:g} m")
 
+    async def is_armed(self) -> bool:
+        """Whether it is armed, as its heartbeat says."""
+        return bool(await self._telemetry.armed())
+
     async def _climb(self, height_m: float) -> None:
         enough_m = height_m - max(0.5, 0.05 * height_m)
 

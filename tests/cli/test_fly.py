@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import importlib.util
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -164,6 +165,37 @@ def test_whoever_has_read_enough_of_its_lines_ends_no_flight() -> None:
         assert process.stderr is not None
         said = (await process.stderr.read()).decode()
         assert await process.wait() == 0 and "landed and disarmed" in said
+
+    fly(built_in("circle8", 1), act, sigma_m=0.0, **ANY_PORT)
+
+
+@needs_mavsdk
+@pytest.mark.parametrize("cause", ["Ctrl-C", "daemon killed"])
+def test_what_ends_the_climb_leaves_nobody_up_there(cause: str) -> None:
+    """A terminal gives Ctrl-C to all that it runs: the daemon ended first, which was no reason to land."""
+
+    async def act(server: FleetServer) -> None:
+        arguments = ["--vehicle", vehicle_of(server), "--takeoff", "6", "--land"]
+        daemon = " ".join(daemon_options(server, FAR))
+        process = await asyncio.create_subprocess_exec(
+            *fly_command(*arguments, "--daemon", daemon), stdout=PIPE, stderr=PIPE, start_new_session=True
+        )
+        assert process.stdout is not None
+        async for line in process.stdout:
+            if json.loads(line)["text"].startswith("armed, climbing"):
+                break
+        while not server.world.in_air[0]:
+            await asyncio.sleep(0.02)
+        if cause == "Ctrl-C":
+            os.killpg(process.pid, signal.SIGINT)
+        else:
+            children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True)
+            os.kill(int(children.stdout), signal.SIGKILL)
+        output, said = await process.communicate()
+        final = json.loads(output.splitlines()[-1])
+        assert process.returncode == 1, said
+        assert final["outcome"] == ("stopped" if cause == "Ctrl-C" else "failed") and final["landed"], said
+        assert not server.autopilots[0].pilot.armed
 
     fly(built_in("circle8", 1), act, sigma_m=0.0, **ANY_PORT)
 
