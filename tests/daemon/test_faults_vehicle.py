@@ -89,6 +89,16 @@ def test_i3_what_cannot_hover_is_not_steered_and_that_is_said(autopilot: int, mo
     run(test)
 
 
+def test_a_vehicle_that_calls_itself_generic_is_steered() -> None:
+    async def test() -> None:
+        emulated = Emulated()
+        emulated.mav_type = 0
+        async with running(emulated=emulated) as flight:
+            await flight.vehicle.until(lambda: any(setpoint.vx > 0.5 for setpoint in flight.vehicle.setpoints()))
+
+    run(test)
+
+
 @pytest.mark.parametrize(("mav_type", "asked"), [(1, set()), (2, {(176, GUIDED)})], ids=["plane", "copter"])
 def test_i3_a_guard_leaves_a_pilots_mode_alone_that_a_copter_would_fly_by_itself(
     mav_type: int, asked: set[tuple[int, int]]
