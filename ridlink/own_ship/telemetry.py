@@ -36,8 +36,8 @@ PX4_OFFBOARD_MAIN_MODE = 6
 ARMED_FLAG = 128
 MULTIROTORS = frozenset((0, 2, 3, 4, 13, 14, 15, 29, 35, 43))
 """MAV_TYPE of what can stop and hover: multirotors and helicopters, and generic (0), as a PX4 calls itself whose frame
-sets no type: one with wings does. Numbers of modes are an ArduPilot Copter's as well: what is GUIDED (4) to it, is ACRO to
-a Plane and HOLD to a Rover, and AUTO (3) is TRAINING, flown by a pilot."""
+sets no type: one with wings does. Numbers of modes are an ArduPilot Copter's as well: what is GUIDED (4) to it, is ACRO
+to a Plane and HOLD to a Rover, and AUTO (3) is TRAINING, flown by a pilot."""
 LANDED_ON_GROUND, LANDED_TAKEOFF = 1, 3
 """MAV_LANDED_STATE."""
 
