@@ -27,6 +27,7 @@ from ridlink.scenario import Event, Scenario, VehicleSpec, built_in
 from sitl_sim.autopilot.modes import Mode
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.server import FleetServer
+from tests.links.test_links import turn
 from tests.sitl_sim.test_server import ANY_PORT, fly, fly_both_autopilots, run
 
 needs_mavsdk = pytest.mark.skipif(
@@ -185,7 +186,7 @@ def test_what_ends_the_climb_leaves_nobody_up_there(cause: str) -> None:
             if json.loads(line)["text"].startswith("armed, climbing"):
                 break
         while not server.world.in_air[0]:
-            await asyncio.sleep(0.02)
+            await turn()
         if cause == "Ctrl-C":
             os.killpg(process.pid, signal.SIGINT)
         else:

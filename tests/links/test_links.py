@@ -448,7 +448,7 @@ def test_a_server_that_has_gone_when_the_connection_stands_is_tried_again(caplog
                 accepted, _ = await loop.sock_accept(server)
                 with accepted:
                     while not link.send(b"hello"):
-                        await asyncio.sleep(0.01)
+                        await turn()
                     assert await loop.sock_recv(accepted, 5) == b"hello"
             link.close()
 

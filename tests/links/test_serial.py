@@ -79,7 +79,7 @@ def test_f24_a_device_that_is_unplugged_is_opened_again(tmp_path: Path, monkeypa
         with plugged(tmp_path / "ttyACM0") as device:
             async with asyncio.timeout(5.0):
                 while not link.send(heartbeat(3)):
-                    await asyncio.sleep(0)
+                    await turn()
             assert await device.count(1) == [heartbeat(3)]
             os.write(device.end, heartbeat(4))
             assert await inbox.count(2) == [heartbeat(0), heartbeat(4)]  # half of a frame waits for no other half
@@ -117,7 +117,7 @@ def test_f24_what_comes_too_late_is_not_sent_and_what_is_sent_is_whole(tmp_path:
             assert await device.count(len(sent)) == sent
             async with asyncio.timeout(5.0):
                 while not link.send(heartbeat(7)):
-                    await asyncio.sleep(0)
+                    await turn()
             assert await device.count(1) == [heartbeat(7)]
             link.close()
 

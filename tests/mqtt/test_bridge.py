@@ -28,6 +28,7 @@ from ridlink.mqtt import BrokerUrl, Publisher, PublisherSettings, Topics
 from ridlink.mqtt.bridge import Bridge, BrokerError
 from ridlink.mqtt.outbox import Outgoing
 from ridlink.observer import Sky
+from tests.links.test_links import turn
 from tests.observer.flights import Flyer, frames
 
 TOPICS = Topics("here")
@@ -250,7 +251,7 @@ def test_i7_what_is_refused_of_the_feed_and_of_the_link_shows_among_the_events()
             await client.publish("sensors/a", b"garbage")
             bridge._heard(b"garbage", None)
             while not bridge.feed.counters:
-                await asyncio.sleep(0.01)
+                await turn()
             assert bridge.events() == {"refused": 1, "feed_not_json": 1}
 
     run(body)
