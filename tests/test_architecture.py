@@ -101,6 +101,12 @@ SANS_IO = (
 )
 """Rooms on the line: nobody there opens a socket, reads a clock, starts a thread or draws an unseeded number."""
 
+WALLS_WITHIN = {
+    "ridlink.links.signing_clock": ("ridlink.links.link", "ridlink.links.opening"),
+    "ridlink.links.signing_options": ("ridlink.links.link", "ridlink.links.opening"),
+}
+"""What a module of a room does not know of it: a clock of signatures no link."""
+
 FORBIDDEN_ON_THE_LINE = {"socket", "asyncio", "time", "datetime", "random", "threading", "select", "subprocess"}
 
 
@@ -171,6 +177,13 @@ def test_the_line_is_free_of_clocks_and_sockets(path: Path) -> None:
     if room(name, SANS_IO) is None:
         return
     found = {imported.split(".")[0] for imported, _ in imports(path)} & FORBIDDEN_ON_THE_LINE
+    assert not found, f"{name} imports {sorted(found)}"
+
+
+@pytest.mark.parametrize("name", WALLS_WITHIN)
+def test_stories_that_were_told_apart_stay_apart(name: str) -> None:
+    path = ROOT / (name.replace(".", "/") + ".py")
+    found = {imported for imported, _ in imports(path)} & set(WALLS_WITHIN[name])
     assert not found, f"{name} imports {sorted(found)}"
 
 

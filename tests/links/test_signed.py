@@ -15,13 +15,14 @@ import pytest
 
 from ridlink.errors import ConfigError, LinkError
 from ridlink.links import LinkUrl, Scheme, SigningOptions, open_signed_link, parse_link_url
-from ridlink.links.signed import SAVED_EVERY_S, SignedLink, open_signing, read_key, save_signing
+from ridlink.links.signed import SignedLink
+from ridlink.links.signing_clock import SAVED_EVERY_S, open_signing
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.signing import EPOCH_UTC_S, UNITS_PER_S, Signing
 from tests.daemon.emulated import PATIENCE_S
+from tests.links.conftest import KEY
 
-KEY = bytes(range(32))
 UTC_S = EPOCH_UTC_S + 400_000_000.0
 ANY = parse_link_url("udpin:127.0.0.1:0")
 
@@ -37,14 +38,6 @@ for _ in range(2):
     print(heard.get_signed(), heard.get_link_id())
 """
 """A program of its own: which dialect and version pymavlink speaks is one choice a process."""
-
-
-@pytest.fixture
-def key_file(tmp_path: Path) -> Path:
-    path = tmp_path / "key"
-    path.write_bytes(KEY)
-    path.chmod(0o600)
-    return path
 
 
 class Ear:
@@ -71,11 +64,8 @@ async def opened(ear: Ear, key_file: Path, url: LinkUrl = ANY, **options: object
 
 def killed(link: SignedLink) -> None:
     """End a link without a word to the file, as kill -9 does."""
-    assert link._inner is not None and link._timer is not None
-    link._timer.cancel()
-    link._inner.close()
-    link._closed = True
-    os.close(link._claim)
+    link.clock.release()
+    link.close()
 
 
 def signed(encoder: Encoder, signing: Signing, utc_s: float = UTC_S) -> bytes:
@@ -119,7 +109,7 @@ def test_f23_what_is_not_signed_or_signed_wrongly_is_counted_and_changes_nothing
             first = signed(encoder, good)
             unsigned, forged = encoder.encode("HEARTBEAT", type=2), signed(encoder, Signing(bytes(32)))
             far_ahead = signed(encoder, Signing(KEY, link_id=2), UTC_S + 3600.0)
-            before = link._signing.timestamp
+            before = link.clock.signing.timestamp
             for datagram in (unsigned, forged, far_ahead, first, first, b"noise" + signed(encoder, good)):
                 peer.send(datagram)
             await ear.until(lambda: len(ear.heard) == (2 if required else 3))
@@ -128,7 +118,7 @@ def test_f23_what_is_not_signed_or_signed_wrongly_is_counted_and_changes_nothing
                 assert ear.heard[0] == first and b"noise" not in ear.heard[1]
                 causes |= {"unsigned": 1, "garbage": 1}
             assert dict(link.counters) == causes
-            assert link._signing.timestamp <= max(before, int(400_000_000 * UNITS_PER_S) + 10)
+            assert link.clock.signing.timestamp <= max(before, int(400_000_000 * UNITS_PER_S) + 10)
         link.close()
 
     asyncio.run(test())
@@ -202,19 +192,6 @@ def test_f23_a_crash_uses_no_timestamp_twice_behind_a_peer_whose_clock_is_ahead(
     asyncio.run(test())
 
 
-def test_f23_who_crashes_again_and_again_still_hears_a_vehicle_for_the_first_time(key_file: Path) -> None:
-    async def live(utc_s: float) -> None:
-        link = await open_signed_link(ANY, Ear(), SigningOptions(key_file, required=True), utc=lambda: utc_s)
-        assert not link.send(Encoder(1, 196).encode("HEARTBEAT"))  # signed, though nobody is there
-        killed(link)
-
-    for life in range(40):
-        asyncio.run(live(UTC_S + life))
-    (frame,) = parse_datagram(signed(Encoder(7, 1), Signing(KEY), UTC_S + 40.0), CRC_EXTRAS)
-    assert isinstance(frame, Frame)
-    assert open_signing(SigningOptions(key_file)).refusal(frame, UTC_S + 40.0) is None
-
-
 def test_a_clock_belongs_to_one_program_at_a_time(key_file: Path, tmp_path: Path) -> None:
     async def test() -> None:
         first = await opened(Ear(), key_file)
@@ -233,60 +210,3 @@ def test_a_clock_belongs_to_one_program_at_a_time(key_file: Path, tmp_path: Path
         (await opened(Ear(), key_file)).close()
 
     asyncio.run(test())
-
-
-def test_f34_a_key_is_taken_from_its_owners_file_alone(key_file: Path) -> None:
-    assert read_key(key_file) == KEY
-    key_file.write_text(KEY.hex() + "\n")
-    assert read_key(key_file) == KEY
-    for mode in (0o644, 0o640, 0o660, 0o604):
-        key_file.chmod(mode)
-        with pytest.raises(ConfigError, match=r"mode 0600; chmod 600"):
-            read_key(key_file)
-    key_file.chmod(0o600)
-    for content in (b"", b"short", KEY + b"x", b"zz" * 32):
-        key_file.write_bytes(content)
-        with pytest.raises(ConfigError, match="64 hexadecimal digits"):
-            read_key(key_file)
-
-
-@pytest.mark.parametrize(
-    "content",
-    [b"", b"{}", b'{"timestamp":-1,"streams":[]}', b'{"timestamp":1,"streams":[[1]]}', b'{"timestamp":1,"\xfd":[]}'],
-)
-def test_a_damaged_clock_is_said_and_not_begun_anew(key_file: Path, content: bytes) -> None:
-    options = SigningOptions(key_file)
-    options.state.write_bytes(content)
-    with pytest.raises(ConfigError, match=r"key\.state"):
-        open_signing(options)
-
-
-def test_the_clock_is_put_into_place_whole(tmp_path: Path) -> None:
-    path = tmp_path / "state"
-    save_signing(path, b"one")
-    save_signing(path, b"two")
-    assert path.read_bytes() == b"two" and os.listdir(tmp_path) == ["state"]
-    with pytest.raises(OSError):
-        save_signing(tmp_path / "no" / "state", b"three")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "mode", "code", "says"),
-    [
-        (["--signing-key", "{key}"], 0o644, 2, "chmod 600"),
-        (["--signing-key", "{key}.gone"], 0o600, 3, "No such file"),
-        (["--require-signature"], 0o600, 2, "give signing-key"),
-    ],
-)
-@pytest.mark.parametrize("command", [["avoid", "--standby"], ["broadcast"]])
-def test_a_key_that_cannot_be_used_is_one_line(
-    key_file: Path, command: list[str], arguments: list[str], mode: int, code: int, says: str
-) -> None:
-    key_file.chmod(mode)
-    options = [argument.format(key=key_file) for argument in arguments]
-    done = subprocess.run(
-        [sys.executable, "-m", "ridlink", *command, "--vehicle", "udpin:127.0.0.1:0", *options],
-        capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
-    assert (done.returncode, done.stdout) == (code, "")
-    assert says in done.stderr and done.stderr.count("\n") == 1

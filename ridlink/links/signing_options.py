@@ -1,0 +1,82 @@
+"""How a link is signed, as a configuration says, and the key that it names."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+from ridlink.errors import ConfigError
+from ridlink.mavlink.signing import KEY_LENGTH
+
+
+@dataclass(frozen=True, slots=True)
+class SigningOptions:
+    """How a link is signed.
+
+    Args:
+        key_file: 32 bytes, or 64 hexadecimal digits, in a file that only its owner can read.
+        required: Refuse what is not signed.
+        link_id: Of our own signatures; every link that one component speaks on has its own.
+        state_file: Where the clock is kept; None: beside the key, with `.state` after its name.
+    """
+
+    key_file: Path
+    required: bool = False
+    link_id: int = 0
+    state_file: Path | None = None
+
+    @classmethod
+    def of(
+        cls,
+        signing_key: str | None,
+        require_signature: bool | None = None,
+        signing_link_id: int | None = None,
+        signing_state: str | None = None,
+    ) -> SigningOptions | None:
+        """As the keys of a configuration say; None: not signed at all.
+
+        Raises:
+            ConfigError: If they do not go together.
+        """
+        if signing_key is None:
+            if require_signature or signing_state is not None or signing_link_id is not None:
+                raise ConfigError("require-signature, signing-link-id and signing-state need a key: give signing-key")
+            return None
+        link_id = signing_link_id or 0
+        if not 0 <= link_id <= 255:
+            raise ConfigError(f"signing-link-id must be between 0 and 255, got {link_id}")
+        state = None if signing_state is None else Path(signing_state)
+        return cls(Path(signing_key), bool(require_signature), link_id, state)
+
+    @property
+    def state(self) -> Path:
+        """Where the clock is kept."""
+        return self.key_file.with_name(self.key_file.name + ".state") if self.state_file is None else self.state_file
+
+
+def read_key(path: Path) -> bytes:
+    """The key in a file.
+
+    Raises:
+        ConfigError: If others can read it, or it is no key.
+        OSError: If it cannot be read.
+    """
+    with path.open("rb") as file:
+        status = os.fstat(file.fileno())  # of what is read, not of what the name led to a moment ago
+        if not stat.S_ISREG(status.st_mode) or stat.S_IMODE(status.st_mode) not in (0o600, 0o400):
+            raise ConfigError(f"{path}: a signing key must be a file of mode 0600; chmod 600 {path}")
+        if status.st_uid not in (os.geteuid(), 0):
+            raise ConfigError(f"{path}: a signing key must belong to who uses it; chown it")
+        content = file.read(4 * KEY_LENGTH)
+    if len(content) == KEY_LENGTH:
+        return content
+    with contextlib.suppress(ValueError):
+        if len(key := bytes.fromhex(content.decode("ascii", "replace").strip())) == KEY_LENGTH:
+            return key
+    raise ConfigError(
+        f"{path}: a signing key has {KEY_LENGTH} bytes or {2 * KEY_LENGTH} hexadecimal digits; make one with "
+        f"(umask 077; head -c {KEY_LENGTH} /dev/urandom > {path})"
+    )
