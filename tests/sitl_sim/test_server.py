@@ -22,6 +22,7 @@ from sitl_sim.autopilot import Start
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.server import FleetServer
 from sitl_sim.world import VehicleState
+from tests.links.test_links import turn
 
 CLIENT = Path(__file__).with_name("mavutil_client.py")
 PATIENCE_S = 10.0
@@ -316,14 +317,9 @@ def test_before_a_holding_fleet_is_handed_over_nothing_is_judged_and_nothing_goe
     """A daemon that is new to the machine compiles for so long that the faults of the flight came before it."""
     spec = VehicleSpec((0.0, 0.0, -50.0), (2.0, 0.0, -50.0))
     event = Event(1.0, 1, "gnss-outage", {"duration_s": 0.0})
-    config = FleetConfig(start=Start.HOLDING, sigma_m=0.0, speedup=0.0, **ANY_PORT)
-    server = FleetServer(Scenario("late", 60.0, (spec,), events=(event,)), config)
 
-    async def act() -> None:
-        await server.start()
-        stop = asyncio.Event()
-        running = asyncio.create_task(server.run(stop))
-        await asyncio.sleep(0)
+    async def act(server: FleetServer) -> None:
+        await turn()  # the fleet runs
         server.advance(5.0)
         world = server.world
         assert world.mission_time_s == 0.0 and world.fix_type[0] == 3
@@ -333,11 +329,8 @@ def test_before_a_holding_fleet_is_handed_over_nothing_is_judged_and_nothing_goe
         assert world.arrived.all() and world.fix_type[0] == 3
         server.advance(0.2)
         assert world.fix_type[0] != 3
-        stop.set()
-        await running
-        await server.close()
 
-    asyncio.run(act())
+    fly(Scenario("late", 60.0, (spec,), events=(event,)), act, start=Start.HOLDING, sigma_m=0.0, speedup=0.0)
 
 
 # --- ports ------------------------------------------------------------------------------------------------------------
