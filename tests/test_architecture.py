@@ -104,8 +104,9 @@ SANS_IO = (
 WALLS_WITHIN = {
     "ridlink.links.signing_clock": ("ridlink.links.link", "ridlink.links.opening"),
     "ridlink.links.signing_options": ("ridlink.links.link", "ridlink.links.opening"),
+    "ridlink.separation.distributions": ("ridlink.separation.sums",),
 }
-"""What a module of a room does not know of it: a clock of signatures no link."""
+"""What a module of a room does not know of it: a clock of signatures no link, a part of a distance no sum."""
 
 FORBIDDEN_ON_THE_LINE = {"socket", "asyncio", "time", "datetime", "random", "threading", "select", "subprocess"}
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from ridlink.separation.distributions import Distribution, HalfNormalSum, Normal, Sum, Triangular, TruncatedNormal
+from ridlink.separation.distributions import Distribution, Normal, Triangular, TruncatedNormal
 from ridlink.separation.reference import CATEGORIES, MAX_AIRFRAME_M, MIN_AIRFRAME_M, Category
+from ridlink.separation.sums import HalfNormalSum, Sum
 
 TEXT, PRINTED, EXACT = "text", "printed density", "exact"
 

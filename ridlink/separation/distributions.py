@@ -1,15 +1,13 @@
-"""Distributions of the parts of a separation distance, and of their sum.
+"""Distributions of the parts of a separation distance; of what they add up to, see `sums`.
 
-Source: paper, Eq. 4 and 10 to 12 and section IV. Each has `pdf`, `cdf`, `quantile`, `mean`, `sd` and `sample`, over
+Source: paper, Eq. 4, 10 and 11 and section IV. Each has `pdf`, `cdf`, `quantile`, `mean`, `sd` and `sample`, over
 arrays, in the unit of its parameters: metres for distances, metres a second for speeds. What has a closed form uses it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -21,9 +19,6 @@ FloatArray = NDArray[np.float64]
 
 ROOT_TWO = math.sqrt(2.0)
 DENSITY_AT_ZERO = 1.0 / math.sqrt(2.0 * math.pi)
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
-_BISECTIONS = 60
-"""Each halves the error: enough for every bit of a double."""
 
 
 class Distribution(Protocol):
@@ -50,17 +45,12 @@ class Distribution(Protocol):
         """Independent draws of a shape."""
 
 
-def _bisected(cdf: Callable[[FloatArray], FloatArray], p: FloatArray, low: float, high: float) -> FloatArray:
-    """Where a distribution function between two ends reaches p."""
-    below, above = np.full(p.shape, low), np.full(p.shape, high)
-    for _ in range(_BISECTIONS):
-        middle = (below + above) / 2.0
-        short = cdf(middle) < p
-        below, above = np.where(short, middle, below), np.where(short, above, middle)
-    return np.asarray((below + above) / 2.0)
+def check_parameter(name: str, value: float, *, positive: bool = True) -> None:
+    """Refuse a parameter of a distribution that is not finite or, unless it may be so, not positive.
 
-
-def _checked(name: str, value: float, *, positive: bool = True) -> None:
+    Raises:
+        ValueError: With its name and value.
+    """
     if not math.isfinite(value) or (positive and value <= 0.0):
         raise ValueError(f"{name} must be {'positive and ' if positive else ''}finite, got {value:g}")
 
@@ -136,8 +126,8 @@ class Normal:
     sigma: float
 
     def __post_init__(self) -> None:
-        _checked("mu", self.mu, positive=False)
-        _checked("sigma", self.sigma)
+        check_parameter("mu", self.mu, positive=False)
+        check_parameter("sigma", self.sigma)
 
     @property
     def mean(self) -> float:
@@ -182,8 +172,8 @@ class TruncatedNormal:
     high: float
 
     def __post_init__(self) -> None:
-        _checked("mu", self.mu, positive=False)
-        _checked("sigma", self.sigma)
+        check_parameter("mu", self.mu, positive=False)
+        check_parameter("sigma", self.sigma)
         if not self.low < self.high:
             raise ValueError(f"limits must differ, got {self.low:g} and {self.high:g}")
         if not self._mass > 1e-6:
@@ -254,7 +244,7 @@ class HalfNormal:
     sigma: float
 
     def __post_init__(self) -> None:
-        _checked("sigma", self.sigma)
+        check_parameter("sigma", self.sigma)
 
     @property
     def mean(self) -> float:
@@ -276,134 +266,3 @@ class HalfNormal:
 
     def sample(self, generator: np.random.Generator, size: int | tuple[int, ...] = ()) -> FloatArray:
         return np.asarray(np.abs(generator.normal(0.0, self.sigma, size)))
-
-
-@dataclass(frozen=True, slots=True)
-class HalfNormalSum:
-    """Sum of two independent half-normal errors, `eps_i + eps_j` of Eq. 12.
-
-    Args:
-        sigma_i: Standard deviation of the one.
-        sigma_j: Standard deviation of the other.
-
-    Raises:
-        ValueError: If one of them is not positive and finite.
-    """
-
-    sigma_i: float
-    sigma_j: float
-
-    def __post_init__(self) -> None:
-        _checked("sigma_i", self.sigma_i)
-        _checked("sigma_j", self.sigma_j)
-
-    @property
-    def _pair(self) -> float:
-        return math.hypot(self.sigma_i, self.sigma_j)
-
-    @property
-    def mean(self) -> float:
-        return (self.sigma_i + self.sigma_j) * math.sqrt(2.0 / math.pi)
-
-    @property
-    def sd(self) -> float:
-        return self._pair * math.sqrt(1.0 - 2.0 / math.pi)
-
-    def pdf(self, x: ArrayLike) -> FloatArray:
-        """Eq. 12 as printed."""
-        value = np.maximum(np.asarray(x, dtype=np.float64), 0.0)
-        scaled = value / (ROOT_TWO * self._pair)
-        ratio = self.sigma_i / self.sigma_j
-        both = erf(ratio * scaled) + erf(scaled / ratio)
-        return np.asarray(2.0 * DENSITY_AT_ZERO / self._pair * np.exp(-(scaled**2)) * both)
-
-    def cdf(self, x: ArrayLike) -> FloatArray:
-        """Probability of at most `x`: `erf(x / 2 sigma)^2` for equal sigmas, otherwise one integral.
-
-        It goes over the smaller error, `f(y) F(x - y)`: the other's distribution function is smoother than its density.
-        """
-        value = np.maximum(np.asarray(x, dtype=np.float64), 0.0)
-        small, large = (HalfNormal(sigma) for sigma in sorted((self.sigma_i, self.sigma_j)))
-        if small == large:
-            return np.asarray(erf(value / (2.0 * self.sigma_i)) ** 2)
-        half = np.minimum(value, 9.0 * small.sigma)[..., None] / 2.0
-        y = half * (_NODES + 1.0)
-        return np.asarray(np.clip((half * small.pdf(y) * large.cdf(value[..., None] - y)) @ _WEIGHTS, 0.0, 1.0))
-
-    def quantile(self, probability: ArrayLike) -> FloatArray:
-        p = checked_probability(probability)
-        if self.sigma_i == self.sigma_j:
-            return HalfNormal(ROOT_TWO * self.sigma_i).quantile(np.sqrt(p))
-        found = _bisected(self.cdf, p, 0.0, 10.0 * (self.sigma_i + self.sigma_j))
-        return np.where(p == 1.0, np.inf, found)
-
-    def sample(self, generator: np.random.Generator, size: int | tuple[int, ...] = ()) -> FloatArray:
-        return HalfNormal(self.sigma_i).sample(generator, size) + HalfNormal(self.sigma_j).sample(generator, size)
-
-
-@dataclass(frozen=True)
-class Sum:
-    """Sum of independent parts, tabulated once by convolution.
-
-    The radius of a uNMAC is such a sum: half of both airframes, both errors, what both fly between two reports. Nobody
-    has a closed form for it; the table is good to some millionths of probability, to some hundred-thousandths where one
-    part begins with a jump and the others are hundreds of times narrower.
-
-    Args:
-        parts: What is added up.
-
-    Raises:
-        ValueError: If there are none.
-    """
-
-    parts: tuple[Distribution, ...]
-
-    CELLS = 2048
-    TAIL = 1e-10
-
-    def __post_init__(self) -> None:
-        if not self.parts:
-            raise ValueError("a sum needs parts")
-
-    @property
-    def mean(self) -> float:
-        return math.fsum(part.mean for part in self.parts)
-
-    @property
-    def sd(self) -> float:
-        return math.sqrt(math.fsum(part.sd**2 for part in self.parts))
-
-    @cached_property
-    def _table(self) -> tuple[FloatArray, FloatArray]:
-        """Values, one cell apart, and the probability of at most each."""
-        spans = [part.quantile([self.TAIL, 1.0 - self.TAIL]).tolist() for part in self.parts]
-        cell = max(high - low for low, high in spans) / self.CELLS
-        counts = [math.ceil((high - low) / cell) for low, high in spans]
-        # Cells begin where the widest part does, for its density may begin with a jump, and lie centred on the others.
-        firsts = [(low + high - cell * count) / 2.0 for (low, high), count in zip(spans, counts, strict=True)]
-        length = sum(counts)
-        transform = np.ones(length // 2 + 1, dtype=np.complex128)
-        for part, first, count in zip(self.parts, firsts, counts, strict=True):
-            mass = np.diff(part.cdf(first + cell * np.arange(count + 1)))
-            transform *= np.fft.rfft(mass, length)
-        total = np.maximum(np.fft.irfft(transform, length), 0.0)
-        reached = np.concatenate(([0.0], np.cumsum(total)))
-        begin = math.fsum(firsts) + cell * (len(self.parts) - 1) / 2.0  # the mass of a cell stands for its middle
-        values: FloatArray = begin + cell * np.arange(len(reached), dtype=np.float64)
-        return values, reached / reached[-1]
-
-    def pdf(self, x: ArrayLike) -> FloatArray:
-        values, reached = self._table
-        middle, cell = (values[1:] + values[:-1]) / 2.0, values[1] - values[0]
-        density = np.diff(reached) / cell
-        return np.asarray(np.interp(np.asarray(x, dtype=np.float64), middle, density, left=0.0, right=0.0))
-
-    def cdf(self, x: ArrayLike) -> FloatArray:
-        return np.asarray(np.interp(np.asarray(x, dtype=np.float64), *self._table))
-
-    def quantile(self, probability: ArrayLike) -> FloatArray:
-        values, reached = self._table
-        return np.asarray(np.interp(checked_probability(probability), reached, values))
-
-    def sample(self, generator: np.random.Generator, size: int | tuple[int, ...] = ()) -> FloatArray:
-        return np.asarray(sum(part.sample(generator, size) for part in self.parts))
