@@ -6,6 +6,7 @@ An OPEN_DRONE_ID_MESSAGE_PACK is a message, and so is each of its members, which
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from ridlink.captures.records import Origin, Record, TracedRecord
 from ridlink.mavlink.codec import MESSAGES, MESSAGES_BY_NAME, Message, decode_payload
 from ridlink.mavlink.frames import Frame
 from ridlink.remote_id.astm import decode_message
+from ridlink.remote_id.astm_pack import Member
 from ridlink.remote_id.bridge import pack_members, sender_of
 from ridlink.remote_id.convert import MESSAGE_PACK, from_mavlink, to_mavlink
 from ridlink.remote_id.messages import RemoteIdMessage
@@ -29,7 +31,8 @@ class MessageRecord(NamedTuple):
 
     ``message`` is ``None`` where the dialect does not know the id, ``remote_id`` where the message is not about Remote
     ID. ``time_us`` is microseconds since 1970 (UTC) or ``None``. ``origin`` says how it came, where that is more than
-    a frame in a file; of a member of a message pack ``frame`` is that of the pack.
+    a frame in a file; of a member of a message pack ``frame`` is that of the pack. ``refused`` are the fields that were
+    out of range, as ``MESSAGE.field``, and of a message pack the members that were not taken.
     """
 
     time_us: int | None
@@ -38,6 +41,7 @@ class MessageRecord(NamedTuple):
     remote_id: RemoteIdMessage | None
     offset: int
     origin: Origin | None = None
+    refused: tuple[str, ...] = ()
 
     @property
     def is_broadcast(self) -> bool:
@@ -60,13 +64,9 @@ class MessageRecord(NamedTuple):
         return self.frame.sysid, self.frame.compid
 
 
-def decode_records(records: Iterable[Record], field_rejects: FieldRejects | None = None) -> Iterator[MessageRecord]:
-    """Messages of records.
-
-    Args:
-        records: Records, as of `open_capture`.
-        field_rejects: Counts Remote ID fields that are out of range.
-    """
+def decode_records(records: Iterable[Record]) -> Iterator[MessageRecord]:
+    """Messages of records, as of `open_capture`."""
+    refused: FieldRejects = Counter()
     for record in records:
         time_us, frame, offset = record
         origin = record.origin if isinstance(record, TracedRecord) else None
@@ -76,28 +76,38 @@ def decode_records(records: Iterable[Record], field_rejects: FieldRejects | None
             continue
         message = Message(spec.name, spec.msgid, decode_payload(spec, frame.payload))
         if origin is not None and origin.data is not None:
-            remote_id = decode_message(origin.data, field_rejects, id_or_mac=id_of(origin.mac))
-            yield MessageRecord(time_us, frame, message, remote_id, offset, origin)
+            said = decode_message(origin.data, refused, id_or_mac=id_of(origin.mac))
+            yield MessageRecord(time_us, frame, message, said, offset, origin, _taken(refused))
         elif spec.name == MESSAGE_PACK:
-            yield MessageRecord(time_us, frame, message, None, offset, origin)
-            yield from _members(record, message, origin, field_rejects)
+            members = pack_members(message, refused)
+            yield MessageRecord(time_us, frame, message, None, offset, origin, _taken(refused))
+            yield from _members(record, message, members, origin)
         else:
-            yield MessageRecord(time_us, frame, message, from_mavlink(message, field_rejects), offset, origin)
+            remote_id = from_mavlink(message, refused)
+            yield MessageRecord(time_us, frame, message, remote_id, offset, origin, _taken(refused))
 
 
-def _members(
-    pack: Record, message: Message, origin: Origin | None, field_rejects: FieldRejects | None
-) -> Iterator[MessageRecord]:
+def _members(pack: Record, message: Message, members: list[Member], origin: Origin | None) -> Iterator[MessageRecord]:
     """The members of an OPEN_DRONE_ID_MESSAGE_PACK, each as if it had come alone."""
     transport = origin.transport if origin is not None else None
-    for member in pack_members(message, field_rejects):
-        remote_id = decode_message(member.data, field_rejects, id_or_mac=sender_of(message))
+    refused: FieldRejects = Counter()
+    for member in members:
+        remote_id = decode_message(member.data, refused, id_or_mac=sender_of(message))
         name, fields = to_mavlink(remote_id)
         single = Message(name, MESSAGES_BY_NAME[name].msgid, fields)
         yield MessageRecord(
             pack.time_us, pack.frame, single, remote_id, pack.offset,
-            Origin(transport, index=member.index, data=member.data),
+            Origin(transport, index=member.index, data=member.data), _taken(refused),
         )  # fmt: skip
+
+
+def _taken(refused: FieldRejects) -> tuple[str, ...]:
+    """What one message was refused, which is then forgotten."""
+    if not refused:
+        return ()
+    names = tuple(refused.elements())
+    refused.clear()
+    return names
 
 
 def read_messages(path: str | os.PathLike[str], kind: str = "auto") -> Iterator[MessageRecord]:

@@ -72,7 +72,7 @@ class Statistics:
         first_us, last_us: Earliest and latest time.
         captures: What was read, with its damage.
         unread: Files that were no captures.
-        fields: Remote ID fields that were out of range.
+        fields: Remote ID fields of these messages that were out of range.
     """
 
     types: Counter[str] = field(default_factory=Counter)
@@ -101,6 +101,7 @@ class Statistics:
             if source is None:
                 source = self.sources[record.source] = SourceCount()
             source.see(record.frame.seq)
+        self.fields.update(record.refused)
         if record.time_us is not None:
             self.span(record.time_us, record.time_us)
 

@@ -146,7 +146,7 @@ class _Lines:
         from ridlink.captures.export.framed import framed_line
 
         self.statistics.captures.append(capture)
-        for record in decode_records(capture, self.statistics.fields):
+        for record in decode_records(capture):
             self.progress.tick(capture)
             if not self._selection.takes(record):
                 continue

@@ -198,7 +198,7 @@ def _captures(
                 yield from reader
                 continue
             statistics.captures.append(capture)
-            chosen = (record for record in decode_records(capture, statistics.fields) if selection.takes(record))
+            chosen = (record for record in decode_records(capture) if selection.takes(record))
             while records := list(itertools.islice(chosen, RECORDS_AT_ONCE)):
                 yield records
 

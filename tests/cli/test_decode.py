@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ridlink.captures import open_capture
-from ridlink.cli import progress
+from ridlink.cli import decode_export, progress
 from ridlink.cli.decode import decode
 from ridlink.mavlink.codec import Encoder
 from tests.captures.conftest import START_US, flight, tlog_bytes
@@ -146,6 +146,44 @@ def test_fields_out_of_range_are_counted(tmp_path: Path) -> None:
         "OPEN_DRONE_ID_LOCATION.direction": 1, "OPEN_DRONE_ID_LOCATION.speed_horizontal": 1
     }  # fmt: skip
     assert "field out of range" in run(path, "--stats").stdout
+
+
+@pytest.mark.parametrize("large", [10**12, 0], ids=["by message", "in blocks"])
+@pytest.mark.parametrize(
+    ("options", "found"),
+    [
+        ([], {"LOCATION.direction": 4, "MESSAGE_PACK.unknown_message_type": 2}),
+        (["--source-system", "2"], {"LOCATION.direction": 2, "MESSAGE_PACK.unknown_message_type": 1}),
+        (["--until", f"{START_US + 1}e-6"], {"LOCATION.direction": 1}),
+        (["--types", "*LOCATION"], {"LOCATION.direction": 4}),
+        (["--types", "*PACK"], {"MESSAGE_PACK.unknown_message_type": 2}),
+        (["--types", "HEARTBEAT"], {}),
+    ],
+)  # fmt: skip
+def test_fields_of_what_is_not_selected_are_not_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, large: int, options: list[str], found: dict[str, int]
+) -> None:
+    """Of two systems a LOCATION with a direction of 400 degrees, one such in a pack, and a member of no known type."""
+    monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+    members = bytes((0x12, 0b10, 200)) + bytes(22) + bytes((0x72,)) + bytes(24)
+    records = []
+    for sysid in (1, 2):
+        encoder = Encoder(sysid, 1)
+        frames = [
+            encoder.encode("OPEN_DRONE_ID_LOCATION", direction=40000),
+            encoder.encode(
+                "OPEN_DRONE_ID_MESSAGE_PACK",
+                single_message_size=25,
+                msg_pack_size=2,
+                messages=members.ljust(225, b"\0"),
+            ),
+            encoder.encode("HEARTBEAT"),
+        ]
+        records += [(START_US + len(records) + place, frame) for place, frame in enumerate(frames)]
+    path = tmp_path / "odd.tlog"
+    path.write_bytes(tlog_bytes(records))
+    (statistics,) = lines(run(path, "--stats", "-f", "jsonl", *options))
+    assert statistics["fields_out_of_range"] == {f"OPEN_DRONE_ID_{name}": count for name, count in found.items()}
 
 
 def test_damage_is_reported_and_under_strict_is_exit_code_4(log: Path) -> None:

@@ -31,19 +31,19 @@ _Met = tuple[int, Counter[Any], Hashable, int]
 
 
 def count_block(statistics: Statistics, block: Block, selection: Selection) -> None:
-    """Take the messages of a block that are selected; of fields out of range those of all, as `decode_records` does."""
+    """Take the messages of a block that are selected."""
     keep = chosen_frames(block, selection)
     counted = np.zeros(block.count, np.bool_)
     met: list[_Met] = []
     for slot, _ in block.present():
         layout, entries = layouts()[slot], block.entries(slot)
-        if layout.name in HAVE_RANGES:
-            met += _fields_met(statistics, layout, entries, block.columns(slot))
         if selection.names is not None and layout.name not in selection.names:
             continue
-        if keep is not None:
-            entries = entries[keep[entries]]
+        kept = slice(None) if keep is None else keep[entries]
+        entries = entries[kept]
         if len(entries):
+            if layout.name in HAVE_RANGES:
+                met += _fields_met(statistics, layout, entries, block.columns(slot)[kept])
             counted[entries] = True
             met.append((int(entries[0]), statistics.types, layout.name, len(entries)))
             if layout.spec is not None:
@@ -76,21 +76,26 @@ def _unknown_met(statistics: Statistics, block: Block, counted: np.ndarray) -> I
 
 
 def _members_met(statistics: Statistics, block: Block, selection: Selection, keep: np.ndarray | None) -> Iterator[_Met]:
-    """Members of message packs; the packs themselves are frames like others."""
+    """Members of message packs, and those that were not taken; the packs themselves are frames like others."""
     slot = slot_of()[MESSAGE_PACK]
     entries, rows = block.entries(slot), block.columns(slot)
     columns = (rows[name].tolist() for name in ("single_message_size", "msg_pack_size"))
     for entry, size, count, messages in zip(entries.tolist(), *columns, rows["messages"], strict=True):
-        fields: Counter[str] = Counter()
+        if keep is not None and not keep[entry]:
+            continue
+        untaken: Counter[str] = Counter()
         pack = {"single_message_size": size, "msg_pack_size": count, "messages": messages.tobytes()}
-        for member in pack_members(Message(MESSAGE_PACK, MESSAGES_BY_NAME[MESSAGE_PACK].msgid, pack), fields):
+        members = pack_members(Message(MESSAGE_PACK, MESSAGES_BY_NAME[MESSAGE_PACK].msgid, pack), untaken)
+        if selection.names is None or MESSAGE_PACK in selection.names:
+            for refusal in untaken.elements():
+                yield entry, statistics.fields, refusal, 1
+        for member in members:
             name, refused = _member(member.data)
-            fields.update(refused)
-            if (keep is None or keep[entry]) and (selection.names is None or name in selection.names):
+            if selection.names is None or name in selection.names:
                 statistics.ids[name] = MESSAGES_BY_NAME[name].msgid
                 yield entry, statistics.types, name, 1
-        for name, refusals in fields.items():
-            yield entry, statistics.fields, name, refusals
+                for field in refused:
+                    yield entry, statistics.fields, field, 1
 
 
 @lru_cache(maxsize=4096)
