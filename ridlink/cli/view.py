@@ -87,20 +87,20 @@ async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: t
 
     from ridlink.links import Scheme, open_link
     from ridlink.view.kernels import load_kernels
-    from ridlink.view.live import Feed, watch_link
+    from ridlink.view.live import Receiver, watch_link
     from ridlink.view.server import ViewServer
 
     stop = stopped_by_signals(asyncio.get_running_loop())
-    feed = Feed(show)
-    server = ViewServer(show, host, port, names=names, health=feed.health)
+    receiver = Receiver(show)
+    server = ViewServer(show, host, port, names=names, health=receiver.health)
     await server.start()
     loading: asyncio.Task[None] | None = None
     try:
-        link = None if url is None else await open_link(url, feed.hear)
+        link = None if url is None else await open_link(url, receiver.hear)
         announce(server.url, opens, " (Ctrl-C ends)")
         loading = asyncio.create_task(load_kernels(show))
         if link is not None:
-            await watch_link(link, feed, server, stop, calls=url is not None and url.scheme is Scheme.UDPOUT)
+            await watch_link(link, receiver, server, stop, calls=url is not None and url.scheme is Scheme.UDPOUT)
         else:
             await stop.wait()
     finally:

@@ -22,7 +22,7 @@ Truth = Callable[[Sky], Mapping[str, Pair]]
 """Where vehicles truly are, by the names that they have in a sky."""
 
 
-class Feed:
+class Receiver:
     """Fills a show with what is heard.
 
     Args:
@@ -82,17 +82,17 @@ class Feed:
             await asyncio.sleep(max(0.0, step * STEP_S - (time.monotonic() - self._begun_s)))
 
 
-async def watch_link(link: Link, feed: Feed, server: ViewServer, stop: asyncio.Event, *, calls: bool) -> None:
+async def watch_link(link: Link, receiver: Receiver, server: ViewServer, stop: asyncio.Event, *, calls: bool) -> None:
     """Show what a link carries until told to stop, and close it.
 
     Args:
-        link: It fills the feed.
-        feed: What fills the show.
+        link: Heard by the receiver.
+        receiver: What fills the show.
         server: Who serves the show.
         stop: Told to stop.
         calls: Whether to send heartbeats: so the air is subscribed to.
     """
-    running = asyncio.create_task(feed.run(server))
+    running = asyncio.create_task(receiver.run(server))
     stopping = asyncio.create_task(stop.wait())
     encoder = ground_station()
     try:

@@ -11,7 +11,7 @@ from ridlink.observer import Sky
 from ridlink.remote_id.text import display_text
 from ridlink.separation.definitions import Definition
 from ridlink.view.kernels import load_kernels
-from ridlink.view.live import Feed
+from ridlink.view.live import Receiver
 from ridlink.view.scenery import Pair, Scenery
 from ridlink.view.server import DEFAULT_PORT, ViewServer
 from ridlink.view.show import Show
@@ -33,7 +33,7 @@ class Page:
     def __init__(self, on_ready: Callable[[], None]) -> None:
         self._on_ready: Callable[[], None] | None = on_ready
         self._show = Show(Scenery("the flight is being prepared", "demo", live=True, truth=True))
-        self._feed: Feed | None = None
+        self._receiver: Receiver | None = None
         self._running: asyncio.Task[None] | None = None
         self.server = ViewServer(self._show, HOST, 0, health=self._health)
 
@@ -90,14 +90,14 @@ class Page:
         )
         self._show.definition = definition
         self._show.restart(scenery)
-        self._feed = Feed(self._show, sky=Sky(origin=fleet.home), truth=truth)
-        self._running = asyncio.create_task(self._feed.run(self.server))
+        self._receiver = Receiver(self._show, sky=Sky(origin=fleet.home), truth=truth)
+        self._running = asyncio.create_task(self._receiver.run(self.server))
         await load_kernels(self._show)
 
     def hear(self, data: bytes) -> None:
         """A datagram of the air."""
-        if self._feed is not None:
-            self._feed.hear(data)
+        if self._receiver is not None:
+            self._receiver.hear(data)
 
     async def end(self) -> None:
         """The flight is over; what was seen of it stays."""
@@ -114,7 +114,7 @@ class Page:
         await self.server.close()
 
     def _health(self) -> Mapping[str, object]:
-        return self._feed.health() if self._feed is not None and self._running is not None else {}
+        return self._receiver.health() if self._receiver is not None and self._running is not None else {}
 
 
 def _pair(place: Sequence[float]) -> Pair:
