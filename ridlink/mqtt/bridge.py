@@ -22,13 +22,16 @@ from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.ground_station import HEARTBEAT_EVERY_S, ground_station, heartbeat
 from ridlink.mqtt.broker_url import BrokerUrl
-from ridlink.mqtt.feed import Feed
+from ridlink.mqtt.feed import LONGEST_PAYLOAD, Feed
 from ridlink.mqtt.outbox import Outbox
 from ridlink.mqtt.publisher import OFFLINE, STEP_S, Publisher
 from ridlink.mqtt.topics import Topics
 
 try:
     import aiomqtt
+    from aiomqtt import ProtocolVersion
+    from paho.mqtt.packettypes import PacketTypes
+    from paho.mqtt.properties import Properties
 except ImportError as error:
     raise MissingExtraError("mqtt", "publishing on a broker") from error
 
@@ -48,6 +51,16 @@ REFUSED = 128
 
 LOST = "Disconnected during message iteration"
 """What the library says when the broker is gone."""
+
+NO_ANSWER = "Operation timed out"
+"""What it says when a broker takes the connection and says nothing."""
+
+UNSUPPORTED_VERSION = 132
+"""What a broker that speaks MQTT 3.1.1 alone answers to MQTT 5, in the words of the latter."""
+
+LONGEST_PACKET = 2 * LONGEST_PAYLOAD
+"""Of the feed, as the broker is asked with MQTT 5: a payload, its topic and its properties. The library would collect
+up to 256 MB before anybody could refuse it."""
 
 LIBRARY_LOG = logging.getLogger("ridlink.mqtt.library")
 """What the library says to itself; what a user should know comes as an error and is told once."""
@@ -113,6 +126,7 @@ class Bridge:
         self._tell = on_event
         self._waiting = asyncio.Event()
         self._has_been_connected = False
+        self._asks_for_short_packets = feed_topic is not None
 
     async def run(self, stop: asyncio.Event) -> None:
         """Publish until told to stop.
@@ -185,6 +199,10 @@ class Bridge:
                     await self._converse(client)
             except (aiomqtt.MqttError, OSError, UnicodeError) as error:  # the last one for a name that can be none
                 reason = _reason(error)
+                if self._asks_for_short_packets and not self._has_been_connected and _speaks_older(error):
+                    self._asks_for_short_packets = False
+                    self._tell(f"{self._broker}: speaks no MQTT 5, and cannot be asked to keep long payloads back")
+                    continue
                 if not self._has_been_connected and (
                     _is_final(error) or time.monotonic() - begun_s > FIRST_CONNECTION_S
                 ):
@@ -205,9 +223,15 @@ class Bridge:
                 context = ssl.create_default_context(cafile=self._ca_file)
             except (OSError, ssl.SSLError) as error:
                 raise BrokerError(f"{self._ca_file}: no certificates: {_reason(error)}") from error
+        properties = None
+        if self._asks_for_short_packets:
+            properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+            properties.MaximumPacketSize = LONGEST_PACKET
         return aiomqtt.Client(
             self._broker.host,
             self._broker.port,
+            protocol=ProtocolVersion.V311 if properties is None else ProtocolVersion.V5,
+            properties=properties,
             username=self._broker.user,
             password=self._password,
             will=aiomqtt.Will(self._topics.availability, OFFLINE, 1, True),
@@ -301,6 +325,12 @@ def _is_final(error: Exception) -> bool:
             return True
         cause = cause.__cause__ or cause.__context__
     return isinstance(error, aiomqtt.MqttCodeError) and "not authori" in str(error).lower()
+
+
+def _speaks_older(error: Exception) -> bool:
+    """A broker that knows no MQTT 5 says so, or waits for more of what it takes for MQTT 3.1.1."""
+    code = error.rc if isinstance(error, aiomqtt.MqttCodeError) else None
+    return getattr(code, "value", code) == UNSUPPORTED_VERSION or str(error) == NO_ANSWER
 
 
 def _reason(error: BaseException) -> str:

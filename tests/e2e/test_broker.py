@@ -22,9 +22,11 @@ pytest.importorskip("aiomqtt", reason="needs ridlink[mqtt]")
 
 import aiomqtt
 
+from ridlink.links import parse_link_url
 from ridlink.mqtt import Topics
 from tests.cli.test_sim import ANY_PORT
-from tests.mqtt.test_bridge import a_listener, free_port
+from tests.links.test_links import turn
+from tests.mqtt.test_bridge import a_bridge, a_listener, free_port, run
 
 TOPICS = Topics("field")
 VEHICLES = 8
@@ -75,6 +77,24 @@ def everybody(times: int, since_s: float = 0.0) -> Callable[[list[tuple[str, byt
         return len(counts) == VEHICLES and min(counts.values()) >= times
 
     return heard
+
+
+def test_what_is_too_long_of_a_feed_never_leaves_the_broker() -> None:
+    async def body() -> None:
+        port, relay = free_port(), parse_link_url("udpout:127.0.0.1:9")
+        with program("mosquitto", "-p", str(port)) as broker:
+            said(broker, LISTENS)
+            async with (
+                a_bridge(port, feed_topic="sensors/+", relay=relay) as (bridge, _),
+                aiomqtt.Client("127.0.0.1", port) as client,
+            ):
+                await client.publish("sensors/a", bytes(8_000_000))
+                await client.publish("sensors/a", b'{"id": "x", "lat": 47.0, "lon": 8.0}')
+                while not bridge.feed.counters["aircraft"]:
+                    await turn()
+                assert bridge.feed.counters == {"aircraft": 1}
+
+    run(body)
 
 
 async def scene(life: ExitStack) -> None:

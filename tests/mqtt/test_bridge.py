@@ -105,6 +105,12 @@ async def a_listener(port: int) -> AsyncIterator[Heard]:
         await asyncio.gather(task, return_exceptions=True)
 
 
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The broker in this process answers nothing to MQTT 5, in which bridges with a feed ask first."""
+    monkeypatch.setattr("ridlink.mqtt.bridge.ANSWER_S", 1.0)
+
+
 @contextlib.asynccontextmanager
 async def a_bridge(port: int, **options: Any) -> AsyncIterator[tuple[Bridge, Publisher]]:
     publisher = Publisher(PublisherSettings(TOPICS, rate_hz=10.0))
@@ -174,6 +180,7 @@ class Silent:
     def __init__(self, dies_of: bytes = b"/encounter/") -> None:
         self.dies_of = dies_of
         self.connections = 0
+        self.versions: list[int] = []
         self.told_again = asyncio.Event()
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -182,7 +189,8 @@ class Silent:
             while True:
                 kind, body = await self._packet(reader)
                 if kind >> 4 == 1:  # CONNECT
-                    writer.write(b"\x20\x02\x00\x00")
+                    self.versions.append(body[6])
+                    writer.write(b"\x20\x02\x00\x00" if body[6] == 4 else b"\x20\x02\x00\x01")
                 elif kind & 0xF6 == 0x32:  # PUBLISH, QoS 1
                     length = int.from_bytes(body[:2], "big")
                     if self.dies_of in body[2 : 2 + length]:
@@ -230,16 +238,19 @@ def test_f30_a_broker_that_dies_of_the_greeting_is_tried_again_at_once(monkeypat
 
 def test_a_feed_that_the_broker_refuses_is_one_line() -> None:
     async def body() -> None:
-        server = await asyncio.start_server(Silent().serve, "127.0.0.1", 0)
+        silent = Silent()
+        server = await asyncio.start_server(silent.serve, "127.0.0.1", 0)
         relay = parse_link_url("udpout:127.0.0.1:9")
         async with server:
             with pytest.raises(BrokerError, match=r"mqtt://127\.0\.0\.1:\d+: the feed 'sensors/#' is refused"):
                 async with a_bridge(server.sockets[0].getsockname()[1], feed_topic="sensors/#", relay=relay):
                     pass
+        assert silent.versions == [5, 4], "it was asked to keep long packets back, in words that it does not know"
 
     run(body)
 
 
+@pytest.mark.usefixtures("impatient")
 def test_i7_what_is_refused_of_the_feed_and_of_the_link_shows_among_the_events() -> None:
     async def body() -> None:
         port, relay = free_port(), parse_link_url("udpout:127.0.0.1:9")
@@ -257,6 +268,7 @@ def test_i7_what_is_refused_of_the_feed_and_of_the_link_shows_among_the_events()
     run(body)
 
 
+@pytest.mark.usefixtures("impatient")
 def test_the_feed_of_another_tool_becomes_remote_id_on_a_link() -> None:
     async def body() -> None:
         port, relayed = free_port(), asyncio.Queue[bytes]()
