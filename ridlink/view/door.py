@@ -35,8 +35,8 @@ class Door:
         protocol: Makes the protocol of a new connection; it may hand the connection on to another one.
 
     Attributes:
-        counters: Connections that were ``turned_away`` because there were too many, ``not_accepted`` because there were
-            no sockets left.
+        counters: Connections that ``made_room`` for a newcomer because there were too many, that were ``turned_away``
+            because nobody else could, ``not_accepted`` because there were no sockets left.
     """
 
     def __init__(self, protocol: Callable[[], asyncio.Protocol]) -> None:
@@ -56,12 +56,25 @@ class Door:
                 self.counters["not_accepted"] += 1
                 await asyncio.sleep(OUT_OF_SOCKETS_S)
                 continue
-            if len(self.inside) < MOST_CONNECTIONS:
+            if len(self.inside) < MOST_CONNECTIONS or self._make_room():
                 await loop.connect_accepted_socket(lambda: _Visitor(self, self._protocol()), connection)
             else:
                 self.counters["turned_away"] += 1
                 connection.close()
             await asyncio.sleep(NEWCOMER_EVERY_S)
+
+    def _make_room(self) -> bool:
+        """End the connection that was answered longest ago, or came and never was; pages stay. False if all are pages.
+
+        A browser asks as soon as it is let in, so that its connection is among the last to go.
+        """
+        visitor = min((one for one in self.inside if one.is_visit), key=lambda one: one.answered_s, default=None)
+        if visitor is None:
+            return False
+        self.counters["made_room"] += 1
+        self.inside.discard(visitor)
+        visitor.end_visit()
+        return True
 
     def turn_after(self, spent_s: float) -> float:
         """When somebody whose words took so long may be read again [s], on the clock of `time.monotonic`."""
@@ -70,19 +83,29 @@ class Door:
 
 
 class _Visitor(asyncio.BufferedProtocol):
-    """One connection, between the socket and the protocol that speaks on it."""
+    """One connection, between the socket and the protocol that speaks on it.
+
+    Attributes:
+        answered_s: When something was last said to it, or it came, on the clock of `time.monotonic`.
+    """
 
     def __init__(self, door: Door, protocol: asyncio.Protocol) -> None:
         self._door, self._protocol = door, protocol
         self._first = protocol
         self._buffer = bytearray(READ_BYTES)
         self._holds: set[str] = set()
+        self.answered_s = time.monotonic()
+
+    @property
+    def is_visit(self) -> bool:
+        """It has not become a WebSocket."""
+        return self._protocol is self._first
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         self._transport, self._loop = transport, asyncio.get_running_loop()
         self._door.inside.add(self)
-        self._visit = self._loop.call_later(VISIT_S, self._end_visit)
+        self._visit = self._loop.call_later(VISIT_S, self.end_visit)
         self._turn: asyncio.TimerHandle | None = None
         self._protocol.connection_made(_Transport(transport, self))  # type: ignore[arg-type]
 
@@ -127,8 +150,9 @@ class _Visitor(asyncio.BufferedProtocol):
         if not self._holds:
             self._transport.resume_reading()
 
-    def _end_visit(self) -> None:
-        if self._protocol is not self._first:
+    def end_visit(self) -> None:
+        """End it, unless it has become a WebSocket."""
+        if not self.is_visit:
             return
         if self._transport.get_write_buffer_size():
             self._transport.abort()  # an answer that nobody reads would keep it open
@@ -144,6 +168,10 @@ class _Transport:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._transport, name)
+
+    def write(self, data: bytes) -> None:
+        self._visitor.answered_s = time.monotonic()
+        self._transport.write(data)
 
     def pause_reading(self) -> None:
         self._visitor.hold("protocol")

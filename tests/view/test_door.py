@@ -107,30 +107,46 @@ def test_f31_who_asks_for_nothing_is_let_go(monkeypatch: pytest.MonkeyPatch) -> 
     run(body)
 
 
-def test_f31_a_crowd_is_turned_away_until_somebody_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doors, "MOST_CONNECTIONS", 3)
+HEALTHZ = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
+
+
+async def a_visit(stack: contextlib.AsyncExitStack, port: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    stack.callback(writer.close)
+    return reader, writer
+
+
+def test_f31_who_idles_longest_makes_room_for_a_newcomer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doors, "MOST_CONNECTIONS", 4)
 
     async def body() -> None:
         async with serving(a_show()) as server, a_page(server) as page, contextlib.AsyncExitStack() as stack:
             port = port_of(server.url)
-            crowd = []
-            for _ in range(5):
-                reader, writer = await asyncio.open_connection("127.0.0.1", port)
-                stack.callback(writer.close)
-                crowd.append((reader, writer))
-            for reader, _ in crowd[2:]:
-                with contextlib.suppress(ConnectionResetError):
-                    assert await asyncio.wait_for(reader.read(), PATIENCE_S) == b""
-            assert (await heard(page, "health"))["rejects"]["turned_away"] == 3
-            crowd[0][1].close()
-            answer = b""
-            while not answer:
-                reader, writer = await asyncio.open_connection("127.0.0.1", port)
-                writer.write(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
-                with contextlib.suppress(ConnectionResetError):
-                    answer = await asyncio.wait_for(reader.read(), PATIENCE_S)
-                writer.close()
-            assert answer.endswith(b"ok\n")
+            idle, trickling, asking = [await a_visit(stack, port) for _ in range(3)]
+            trickling[1].write(b"GET / HT")
+            asking[1].write(HEALTHZ)
+            await asyncio.wait_for(asking[0].readuntil(b"ok\n"), PATIENCE_S)
+            for goes in (idle, trickling):  # in the order in which they came
+                newcomer = await a_visit(stack, port)
+                newcomer[1].write(HEALTHZ)
+                await asyncio.wait_for(newcomer[0].readuntil(b"ok\n"), PATIENCE_S)
+                assert await asyncio.wait_for(goes[0].read(), PATIENCE_S) == b""
+                asking[1].write(HEALTHZ)
+                await asyncio.wait_for(asking[0].readuntil(b"ok\n"), PATIENCE_S)
+            assert (await heard(page, "health"))["rejects"] == {"made_room": 2}, "a page never does"
+
+    run(body)
+
+
+def test_f31_where_all_are_pages_a_newcomer_is_turned_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doors, "MOST_CONNECTIONS", 1)
+
+    async def body() -> None:
+        async with serving(a_show()) as server, a_page(server) as page, contextlib.AsyncExitStack() as stack:
+            reader, _ = await a_visit(stack, port_of(server.url))
+            with contextlib.suppress(ConnectionResetError):
+                assert await asyncio.wait_for(reader.read(), PATIENCE_S) == b""
+            assert (await heard(page, "health"))["rejects"] == {"turned_away": 1}
 
     run(body)
 
