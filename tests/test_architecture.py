@@ -105,8 +105,11 @@ WALLS_WITHIN = {
     "ridlink.links.signing_clock": ("ridlink.links.link", "ridlink.links.opening"),
     "ridlink.links.signing_options": ("ridlink.links.link", "ridlink.links.opening"),
     "ridlink.separation.distributions": ("ridlink.separation.sums",),
+    "sitl_sim.autopilot.pilot": tuple(f"sitl_sim.autopilot.{part}" for part in ("link", "peers", "streams", "answers")),
+    "sitl_sim.autopilot.peers": tuple(f"sitl_sim.autopilot.{part}" for part in ("pilot", "orders", "answers")),
 }
-"""What a module of a room does not know of it: a clock of signatures no link, a part of a distance no sum."""
+"""What a module of a room does not know of it: a clock of signatures no link, a part of a distance no sum, who flies
+none of those whom he is told by, and who serves them nothing of the flight."""
 
 FORBIDDEN_ON_THE_LINE = {"socket", "asyncio", "time", "datetime", "random", "threading", "select", "subprocess"}
 

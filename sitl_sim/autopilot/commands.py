@@ -11,12 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
-from ridlink.geodesy import Geodetic, ned_from_geodetic
+from ridlink.geodesy import ned_from_geodetic
 from ridlink.mavlink.codec import Message
+from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.mission_items import UNUSED_INT
-from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM, Flavour, Mode, px4_custom_mode
+from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM, Mode, px4_custom_mode
 from sitl_sim.autopilot.orders import Orders
-from sitl_sim.autopilot.parameters import Parameters
 from sitl_sim.autopilot.pilot import Pilot
 from sitl_sim.autopilot.results import Result
 from sitl_sim.autopilot.setpoints import ALTITUDE_FRAMES, HEIGHT_FRAMES
@@ -84,28 +84,16 @@ def _given(value: float) -> float | None:
 
 
 class Commands:
-    """Commands of one vehicle. What concerns messages and their rates is the business of `Autopilot`.
+    """Commands of one vehicle. What concerns messages and their rates is the business of `Streams`.
 
     Args:
+        board: Whose habits it has, and how its modes are numbered.
         pilot: Who carries them out.
         orders: What it can be told.
-        flavour: How modes are numbered.
-        parameters: Its parameters.
-        scenario_home: Origin of the scenario's coordinates.
-        own_home: Where the vehicle took off.
     """
 
-    def __init__(
-        self,
-        pilot: Pilot,
-        orders: Orders,
-        flavour: Flavour,
-        parameters: Parameters,
-        scenario_home: Geodetic,
-        own_home: Geodetic,
-    ) -> None:
-        self._pilot, self._orders, self._flavour, self._parameters = pilot, orders, flavour, parameters
-        self._scenario_home, self._own_home = scenario_home, own_home
+    def __init__(self, board: Board, pilot: Pilot, orders: Orders) -> None:
+        self._board, self._pilot, self._orders = board, pilot, orders
         self._actions: dict[int, Callable[[Command, float], Result]] = {
             MavCommand.NAV_LOITER_UNLIMITED: lambda _, now_s: orders.set_mode(Mode.HOLD, now_s),
             MavCommand.NAV_RETURN_TO_LAUNCH: lambda _, now_s: orders.set_mode(Mode.RETURN, now_s),
@@ -120,7 +108,7 @@ class Commands:
             MavCommand.INJECT_FAILURE: self._inject_failure,
             MavCommand.COMPONENT_ARM_DISARM: lambda command, now_s: orders.arm(command[1] is not None, now_s),
         }
-        if not flavour.is_px4:
+        if not board.is_px4:
             self._actions[MavCommand.CONDITION_YAW] = self._turn
 
     def execute(self, command: Command, now_s: float) -> Result:
@@ -134,8 +122,8 @@ class Commands:
         number, sub = command[2] or 0.0, command[3] or 0.0
         if not (0 <= number < 256 and 0 <= sub < 256):
             return self._orders.refuse("mode refused: there is none of this number", Result.DENIED)
-        custom = px4_custom_mode(int(number), int(sub)) if self._flavour.is_px4 else int(number)
-        mode = self._flavour.mode_of(custom)
+        custom = px4_custom_mode(int(number), int(sub)) if self._board.is_px4 else int(number)
+        mode = self._board.flavour.mode_of(custom)
         if mode is None:
             return self._orders.refuse(f"mode refused: there is no {int(number)}/{int(sub)}", Result.DENIED)
         return self._orders.set_mode(mode, now_s)
@@ -148,10 +136,10 @@ class Commands:
 
     def _take_off(self, command: Command, now_s: float) -> Result:
         altitude_m = command.altitude_m
-        if self._flavour.is_px4:
+        if self._board.is_px4:
             # above mean sea level; without one, or with one below, PX4 climbs to its own default
-            usual_m = self._parameters["MIS_TAKEOFF_ALT"]
-            height_m = usual_m if altitude_m is None else altitude_m - self._own_home.altitude_m
+            usual_m = self._board.parameters["MIS_TAKEOFF_ALT"]
+            height_m = usual_m if altitude_m is None else altitude_m - self._board.own_home.altitude_m
             return self._orders.take_off(height_m if height_m > 0.0 else usual_m)
         if altitude_m is None or altitude_m <= 0.0:
             return self._orders.refuse("take-off refused: no height")
@@ -164,7 +152,7 @@ class Commands:
 
     def _reposition(self, command: Command, now_s: float) -> Result:
         changes_mode = int(command[2] or 0) & REPOSITION_CHANGES_MODE
-        suited = Mode.HOLD if self._flavour.is_px4 else Mode.OFFBOARD
+        suited = Mode.HOLD if self._board.is_px4 else Mode.OFFBOARD
         if not changes_mode and self._pilot.mode is not suited:
             return self._orders.refuse("reposition refused: another mode", Result.DENIED)
         if command.frame not in (*ALTITUDE_FRAMES, *HEIGHT_FRAMES):
@@ -175,10 +163,10 @@ class Commands:
         if latitude is not None and longitude is not None:
             if abs(latitude) > 90.0 or abs(longitude) > 180.0:
                 return self._orders.refuse("reposition refused: no place on Earth", Result.DENIED)
-            home = self._scenario_home
+            home = self._board.scenario_home
             target[:2] = ned_from_geodetic(latitude, longitude, home.altitude_m, home)[:2].tolist()
         if command.altitude_m is not None:
-            above = 0.0 if command.frame in HEIGHT_FRAMES else self._own_home.altitude_m
+            above = 0.0 if command.frame in HEIGHT_FRAMES else self._board.own_home.altitude_m
             target[2] = above - command.altitude_m
         speed = command[1]
         result = self._orders.go_to((target[0], target[1], target[2]), speed if speed and speed > 0.0 else None)
@@ -190,7 +178,7 @@ class Commands:
         """Continue (1) goes on with the mission, pause (0) holds."""
         if command[1] is not None:
             return self._orders.set_mode(Mode.MISSION, now_s)
-        return self._orders.set_mode(Mode.HOLD if self._flavour.is_px4 else Mode.BRAKE, now_s)
+        return self._orders.set_mode(Mode.HOLD if self._board.is_px4 else Mode.BRAKE, now_s)
 
     def _set_mission_current(self, command: Command, now_s: float) -> Result:
         seq = command[1] or 0.0

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum
 
-from ridlink.geodesy import Geodetic, ned_from_geodetic
+from ridlink.geodesy import ned_from_geodetic
+from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.guidance import Climb, Descend, GoTo, Guidance, Nose, SteeringEstimate, Velocity
 from sitl_sim.autopilot.mission_items import NAVIGATION, Item, MissionItem
-from sitl_sim.autopilot.parameters import Parameters
 from sitl_sim.autopilot.speeds import Speeds
 
 AT_ONCE = 64
@@ -37,13 +37,11 @@ class MissionFlight:
     """The mission of one vehicle.
 
     Args:
-        px4: ArduPilot's item 0 is home, and it begins with item 1. An item 0 that is no placeholder for home is flown
-            here: a real one would lose it, and MAVSDK's mission plugin with it its first waypoint.
-        parameters: For the height of a take-off that the mission does not have.
+        board: Whose habits it has. ArduPilot's item 0 is home, and it begins with item 1. An item 0 that is no
+            placeholder for home is flown here: a real one would lose it, and MAVSDK's mission plugin with it its first
+            waypoint.
         speeds: Its speeds; DO_CHANGE_SPEED changes them.
         nose: Its heading.
-        scenario_home: Origin of the coordinates.
-        own_home: Where it took off, with the altitude from which heights count.
 
     Attributes:
         plan: Its items.
@@ -52,18 +50,8 @@ class MissionFlight:
         is_flown: Whether the mode is MISSION.
     """
 
-    def __init__(
-        self,
-        *,
-        px4: bool,
-        parameters: Parameters,
-        speeds: Speeds,
-        nose: Nose,
-        scenario_home: Geodetic,
-        own_home: Geodetic,
-    ) -> None:
-        self._px4, self._parameters, self._speeds, self._nose = px4, parameters, speeds, nose
-        self._scenario_home, self._own_home = scenario_home, own_home
+    def __init__(self, board: Board, speeds: Speeds, nose: Nose) -> None:
+        self._board, self._speeds, self._nose = board, speeds, nose
         self.plan: tuple[MissionItem, ...] = ()
         self.current = 0
         self.reached: list[int] = []
@@ -94,7 +82,7 @@ class MissionFlight:
 
     def load(self, items: Sequence[MissionItem]) -> None:
         """Fly these from the first on."""
-        begins_with_home = bool(items) and not self._px4 and _is_home(items[0])
+        begins_with_home = bool(items) and not self._board.is_px4 and _is_home(items[0])
         if begins_with_home:
             items = [self._home_item(), *items[1:]]
         self._first = int(begins_with_home)
@@ -102,7 +90,7 @@ class MissionFlight:
         self._rewind()
 
     def _home_item(self) -> MissionItem:
-        home = self._own_home
+        home = self._board.own_home
         x, y = round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7)
         return MissionItem(Item.WAYPOINT, 0, (0.0, 0.0, 0.0, 0.0), x, y, home.altitude_m)
 
@@ -211,10 +199,10 @@ class MissionFlight:
         if grounded and item.command == Item.LAND:
             return Descend()
         if grounded:  # as PX4 does: first straight up to the height of the waypoint
-            return Climb(max(self._height_m(item), self._parameters["MIS_TAKEOFF_ALT"]), self._speeds.takeoff_mps)
+            return Climb(max(self._height_m(item), self._board.parameters["MIS_TAKEOFF_ALT"]), self._speeds.takeoff_mps)
         if item.command == Item.LAND and item.latitude_longitude_deg is None:
             return Descend()
-        if self._px4 and (yaw := item.parameter(4)) is not None:
+        if self._board.is_px4 and (yaw := item.parameter(4)) is not None:
             self._nose.turn_degrees(yaw)
         height_m = -estimate.down_m if item.command == Item.LAND else self._height_m(item)
         north, east = self._place(item, estimate)
@@ -248,13 +236,14 @@ class MissionFlight:
         return now_s >= self._until_s
 
     def _height_m(self, item: MissionItem) -> float:
-        return item.z - (self._own_home.altitude_m if item.is_above_sea else 0.0)
+        return item.z - (self._board.own_home.altitude_m if item.is_above_sea else 0.0)
 
     def _place(self, item: MissionItem, estimate: SteeringEstimate) -> tuple[float, float]:
         where = item.latitude_longitude_deg
         if where is None:
             return estimate.north_m, estimate.east_m
-        north, east, _ = ned_from_geodetic(*where, self._scenario_home.altitude_m, self._scenario_home).tolist()
+        home = self._board.scenario_home
+        north, east, _ = ned_from_geodetic(*where, home.altitude_m, home).tolist()
         return north, east
 
 

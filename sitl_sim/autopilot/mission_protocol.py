@@ -14,10 +14,11 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 
 from ridlink.mavlink.codec import Message
+from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.mission_flight import MissionFlight
 from sitl_sim.autopilot.mission_items import MAX_ITEMS, MissionItem, read_item
 from sitl_sim.autopilot.parameters import Reply
-from sitl_sim.autopilot.results import MissionResult, Say, Severity
+from sitl_sim.autopilot.results import MissionResult, Severity
 
 MISSION, FENCE, RALLY, ALL = 0, 1, 2, 255
 """MAV_MISSION_TYPE."""
@@ -44,13 +45,12 @@ class MissionProtocol:
     """One vehicle's side.
 
     Args:
+        board: PX4 asks again for the item that it wants; ArduPilot refuses the one that it did not ask for.
         flight: Keeps the mission and flies it.
-        px4: PX4 asks again for the item that it wants; ArduPilot refuses the one that it did not ask for.
-        say: For refusals.
     """
 
-    def __init__(self, flight: MissionFlight, *, px4: bool, say: Say) -> None:
-        self._flight, self._px4, self._say = flight, px4, say
+    def __init__(self, board: Board, flight: MissionFlight) -> None:
+        self._board, self._flight = board, flight
         self._upload: _Upload | None = None
 
     def receive(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> list[Reply]:
@@ -77,7 +77,7 @@ class MissionProtocol:
                 return self._clear(message, sender)
             case "MISSION_SET_CURRENT":
                 if not self._flight.set_current(message.seq):
-                    self._say(Severity.WARNING, f"mission: there is no item {message.seq}")
+                    self._board.say(Severity.WARNING, f"mission: there is no item {message.seq}")
                 return [("MISSION_CURRENT", self._flight.current_fields())]
             case "MISSION_WRITE_PARTIAL_LIST":
                 return [self._refused(sender, MissionResult.UNSUPPORTED, message.mission_type)]
@@ -122,7 +122,7 @@ class MissionProtocol:
             return [self._refused(sender, MissionResult.ERROR, message.mission_type)]
         wanted = len(upload.items)
         if message.seq != wanted:
-            if self._px4 or message.seq < wanted:  # an item that came twice is no error
+            if self._board.is_px4 or message.seq < wanted:  # an item that came twice is no error
                 return [self._request(upload)]
             return [self._refused(sender, MissionResult.INVALID_SEQUENCE)]
         item = read_item(message, upload.count)
@@ -165,7 +165,7 @@ class MissionProtocol:
         return "MISSION_ACK", _to(sender) | {"type": int(MissionResult.ACCEPTED), "mission_type": kind}
 
     def _refused(self, sender: Sender, why: MissionResult, kind: int = MISSION) -> Reply:
-        self._say(Severity.WARNING, f"mission refused: {why.name.lower().replace('_', ' ')}")
+        self._board.say(Severity.WARNING, f"mission refused: {why.name.lower().replace('_', ' ')}")
         return "MISSION_ACK", _to(sender) | {"type": int(why), "mission_type": kind}
 
 

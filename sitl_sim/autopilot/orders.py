@@ -5,13 +5,13 @@ Every refusal comes with a STATUSTEXT that says why. Every order may come twice.
 
 from __future__ import annotations
 
+from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.failsafes import FIX_3D
 from sitl_sim.autopilot.guidance import Climb, Velocity
-from sitl_sim.autopilot.modes import Flavour, Mode
+from sitl_sim.autopilot.modes import Mode
 from sitl_sim.autopilot.navigation import Vector
-from sitl_sim.autopilot.parameters import Parameters
 from sitl_sim.autopilot.pilot import Pilot
-from sitl_sim.autopilot.results import Result, Say, Severity
+from sitl_sim.autopilot.results import Result, Severity
 from sitl_sim.world import VehicleState
 
 _NEEDS_POSITION = (Mode.POSITION, Mode.HOLD, Mode.TAKEOFF, Mode.MISSION, Mode.RETURN, Mode.OFFBOARD, Mode.BRAKE)
@@ -21,25 +21,21 @@ class Orders:
     """Orders to one vehicle.
 
     Args:
+        board: Whose habits it has. A vehicle that is not cooperative flies its own mission and takes no orders.
         pilot: Who carries them out.
-        flavour: Whose habits it has.
-        parameters: Its parameters.
-        cooperative: One that is not flies its own mission and takes no orders.
-        say: Called with what STATUSTEXT is to carry.
     """
 
-    def __init__(self, pilot: Pilot, flavour: Flavour, parameters: Parameters, cooperative: bool, say: Say) -> None:
-        self._pilot, self._flavour, self._parameters = pilot, flavour, parameters
-        self._cooperative, self._say = cooperative, say
+    def __init__(self, board: Board, pilot: Pilot) -> None:
+        self._board, self._pilot = board, pilot
 
     def refuse(self, why: str, result: Result | None = None) -> Result:
         """Say why; by default the result that this autopilot gives at a wrong moment."""
-        self._say(Severity.WARNING, why)
-        return Result(self._flavour.refused) if result is None else result
+        self._board.say(Severity.WARNING, why)
+        return Result(self._board.flavour.refused) if result is None else result
 
     def _unavailable(self) -> Result | None:
         """Why nothing can be commanded now, whatever it is."""
-        if not self._cooperative:
+        if not self._board.spec.cooperative:
             return self.refuse("refused: flies its own mission")
         if self._pilot.navigation.state is VehicleState.LANDING:
             return self.refuse("refused: has arrived and lands")
@@ -58,7 +54,7 @@ class Orders:
             case Mode.OFFBOARD:
                 return self._enter_offboard(now_s)
             case Mode.TAKEOFF:
-                return self.take_off(self._parameters["MIS_TAKEOFF_ALT"])
+                return self.take_off(self._board.parameters["MIS_TAKEOFF_ALT"])
             case Mode.LAND:
                 return self.land()
             case Mode.RETURN:
@@ -75,7 +71,7 @@ class Orders:
         if pilot.mode is Mode.OFFBOARD:
             return Result.ACCEPTED
         standing = not (pilot.navigation.in_air or pilot.armed)
-        if self._flavour.is_px4 and not standing and not pilot.has_stream(now_s):
+        if self._board.is_px4 and not standing and not pilot.has_stream(now_s):
             return self.refuse("offboard refused: no setpoints")
         pilot.enter_offboard()
         return Result.ACCEPTED
@@ -87,7 +83,7 @@ class Orders:
         if pilot.mode is Mode.MISSION:
             return Result.ACCEPTED
         grounded = pilot.navigation.state is VehicleState.GROUNDED
-        if not self._flavour.is_px4 and grounded and not pilot.mission.begins_with_takeoff:
+        if not self._board.is_px4 and grounded and not pilot.mission.begins_with_takeoff:
             return self.refuse("mission refused: Missing Takeoff Cmd")
         pilot.enter(Mode.MISSION, Velocity())
         pilot.mission_started = False
@@ -96,7 +92,7 @@ class Orders:
 
     def start_mission(self, now_s: float) -> Result:
         """MAV_CMD_MISSION_START: PX4 arms for it; ArduPilot wants to be armed, and leaves the ground with it only."""
-        if not (self._flavour.is_px4 or self._pilot.armed):
+        if not (self._board.is_px4 or self._pilot.armed):
             return self.refuse("mission refused: not armed")
         result = self.set_mode(Mode.MISSION, now_s)
         if result is Result.ACCEPTED and not self._pilot.armed:
@@ -117,13 +113,13 @@ class Orders:
             return self.refuse("disarming refused: in the air")
         if wanted and pilot.navigation.fix_type < FIX_3D:
             return self.refuse("arming refused: no position")
-        if wanted and self._flavour.is_px4 and pilot.mode is Mode.OFFBOARD and not pilot.has_stream(now_s):
+        if wanted and self._board.is_px4 and pilot.mode is Mode.OFFBOARD and not pilot.has_stream(now_s):
             return self.refuse("arming refused: no offboard signal")
-        if wanted and not self._flavour.is_px4 and pilot.mode is Mode.MISSION:
+        if wanted and not self._board.is_px4 and pilot.mode is Mode.MISSION:
             return self.refuse("arming refused: AUTO mode not armable")
         pilot.armed = wanted
         if wanted and pilot.mode in (Mode.LAND, Mode.RETURN):
-            pilot.mode = self._flavour.ground_mode
+            pilot.mode = self._board.flavour.ground_mode
         return Result.ACCEPTED
 
     def take_off(self, height_m: float) -> Result:
@@ -133,18 +129,18 @@ class Orders:
         pilot = self._pilot
         if not pilot.armed:
             return self.refuse("take-off refused: not armed")
-        if not self._flavour.is_px4 and pilot.mode is not Mode.OFFBOARD:
+        if not self._board.is_px4 and pilot.mode is not Mode.OFFBOARD:
             return self.refuse("take-off refused: not in GUIDED")
         if pilot.navigation.state is VehicleState.GROUNDED:
             pilot.lift_off()
         if not (isinstance(pilot.guidance, Climb) and pilot.guidance.height_m == height_m):
             climb = Climb(height_m, pilot.speeds.takeoff_mps)
-            pilot.enter(Mode.TAKEOFF if self._flavour.is_px4 else Mode.OFFBOARD, climb)
+            pilot.enter(Mode.TAKEOFF if self._board.is_px4 else Mode.OFFBOARD, climb)
         return Result.ACCEPTED
 
     def land(self) -> Result:
         """Come down here."""
-        if self._cooperative and self._pilot.navigation.state is VehicleState.LANDING:
+        if self._board.spec.cooperative and self._pilot.navigation.state is VehicleState.LANDING:
             return Result.ACCEPTED
         if (refusal := self._unavailable()) is not None:
             return refusal
@@ -160,5 +156,5 @@ class Orders:
             return self.refuse("reposition refused: not in the air")
         if not pilot.failsafes.has_position:
             return self.refuse("reposition refused: no position")
-        pilot.enter(Mode.HOLD if self._flavour.is_px4 else Mode.OFFBOARD, pilot.speeds.way_to(target_ned_m, speed_mps))
+        pilot.enter(Mode.HOLD if self._board.is_px4 else Mode.OFFBOARD, pilot.speeds.way_to(target_ned_m, speed_mps))
         return Result.ACCEPTED

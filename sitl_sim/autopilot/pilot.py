@@ -14,9 +14,8 @@ from __future__ import annotations
 import math
 from enum import StrEnum
 
-from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import Message
-from ridlink.scenario import VehicleSpec
+from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.failsafes import Failsafe, Failsafes
 from sitl_sim.autopilot.failures import failure_event
 from sitl_sim.autopilot.guidance import (
@@ -31,10 +30,9 @@ from sitl_sim.autopilot.guidance import (
     Velocity,
 )
 from sitl_sim.autopilot.mission_flight import End, MissionFlight
-from sitl_sim.autopilot.modes import Flavour, Mode
+from sitl_sim.autopilot.modes import Mode
 from sitl_sim.autopilot.navigation import Navigation, Vector
-from sitl_sim.autopilot.parameters import Parameters
-from sitl_sim.autopilot.results import Say, Severity
+from sitl_sim.autopilot.results import Severity
 from sitl_sim.autopilot.setpoints import Here, RefusedSetpoint, Setpoint, decode_setpoint, guidance_of
 from sitl_sim.autopilot.speeds import Speeds
 from sitl_sim.world import VehicleState, World
@@ -75,15 +73,10 @@ class Pilot:
     """The flight logic of one vehicle.
 
     Args:
+        board: Whose habits it has, and its parameters; time-outs and speeds are read from them.
         world: Where it flies.
-        index: Its row there.
-        spec: Its part of the scenario.
-        flavour: Whose habits it has.
-        parameters: Its parameters; time-outs and speeds are read from them.
         navigation: Its navigation solution at the start.
-        scenario_home, own_home: Origin of the scenario's coordinates, and the ground below the start.
         start: How it begins.
-        say: Called with what STATUSTEXT is to carry.
 
     Attributes:
         mode, armed: As HEARTBEAT tells them.
@@ -97,33 +90,14 @@ class Pilot:
         failsafes: What it does by itself.
     """
 
-    def __init__(
-        self,
-        world: World,
-        index: int,
-        spec: VehicleSpec,
-        flavour: Flavour,
-        parameters: Parameters,
-        navigation: Navigation,
-        scenario_home: Geodetic,
-        own_home: Geodetic,
-        start: Start,
-        say: Say,
-    ) -> None:
-        self._world, self._index, self._spec = world, index, spec
-        self._flavour, self._parameters, self._say, self._own_home = flavour, parameters, say, own_home
+    def __init__(self, board: Board, world: World, navigation: Navigation, start: Start) -> None:
+        spec, flavour, parameters = board.spec, board.flavour, board.parameters
+        self._board, self._world, self._index = board, world, board.system_id - 1
         self.origin_ned_m: Vector = (spec.start_ned_m[0], spec.start_ned_m[1], 0.0)
         self.estimate = SteeringEstimate(self.origin_ned_m if start is Start.GROUND else spec.start_ned_m)
         self.nose = Nose(follows=not flavour.is_px4)
         self.speeds = Speeds(flavour, parameters)
-        self.mission = MissionFlight(
-            px4=flavour.is_px4,
-            parameters=parameters,
-            speeds=self.speeds,
-            nose=self.nose,
-            scenario_home=scenario_home,
-            own_home=own_home,
-        )
+        self.mission = MissionFlight(board, self.speeds, self.nose)
         self.failsafes = Failsafes(flavour, parameters, navigation.time_s)
         self.navigation = navigation
         self.armed = start is not Start.GROUND
@@ -194,7 +168,7 @@ class Pilot:
     def has_stream(self, now_s: float, within_s: float | None = None) -> bool:
         """Whether a setpoint has come so lately; by default, as PX4 wants it."""
         if within_s is None:
-            within_s = self._parameters["COM_OF_LOSS_T"]
+            within_s = self._board.parameters["COM_OF_LOSS_T"]
         return self._setpoint_at_s is not None and now_s - self._setpoint_at_s <= within_s
 
     # --- time ---------------------------------------------------------------------------------------------------------
@@ -206,7 +180,7 @@ class Pilot:
         self.estimate.update(navigation, dt_s)
         self._follow_world()
         failsafe = self.failsafes.watch(navigation, self.mode, now_s)
-        if not self._spec.cooperative:
+        if not self._board.spec.cooperative:
             self._fly_own_mission()
         elif failsafe is not None and navigation.state is VehicleState.AIRBORNE:
             self._fail(failsafe)
@@ -214,9 +188,9 @@ class Pilot:
             self._watch_stream(now_s)
         elif self.mode is Mode.MISSION:
             self._fly_mission(now_s)
-        elif not self._flavour.is_px4 and self.mode in _STICK_MODES and navigation.in_air:
+        elif not self._board.is_px4 and self.mode in _STICK_MODES and navigation.in_air:
             self._follow_stick(now_s)
-        self.mission.is_flown = self.mode is Mode.MISSION and self._spec.cooperative
+        self.mission.is_flown = self.mode is Mode.MISSION and self._board.spec.cooperative
         self._advance_manoeuvre()
         self._command()
         if navigation.in_air:
@@ -231,7 +205,7 @@ class Pilot:
         state = self.navigation.state
         if state is VehicleState.GROUNDED and not self._world.arrived[self._index] and self.armed:
             self.lift_off()
-            self.guidance = Climb(-self._spec.start_ned_m[2], self.speeds.climb_mps)
+            self.guidance = Climb(-self._board.spec.start_ned_m[2], self.speeds.climb_mps)
         elif state is VehicleState.AIRBORNE and self._sets_out and isinstance(self.guidance, Velocity):
             self._world.fly_straight(self._index)
             self.guidance = None
@@ -257,15 +231,15 @@ class Pilot:
 
     def _fly_mission(self, now_s: float) -> None:
         grounded = self.navigation.state is VehicleState.GROUNDED
-        if grounded and not (self.armed and (self._flavour.is_px4 or self.mission_started)):
-            if not self.armed and self._flavour.is_px4 and self.mission.is_complete:
-                self.mode = self._flavour.ground_mode
+        if grounded and not (self.armed and (self._board.is_px4 or self.mission_started)):
+            if not self.armed and self._board.is_px4 and self.mission.is_complete:
+                self.mode = self._board.flavour.ground_mode
             return
         match self.mission.step(self.estimate, now_s, grounded=grounded):
             case End.RETURN:
                 self.fly_home()
-            case End.FINISHED if self._flavour.is_px4:
-                self._say(Severity.INFO, "Mission finished, loitering")
+            case End.FINISHED if self._board.is_px4:
+                self._board.say(Severity.INFO, "Mission finished, loitering")
                 self.enter(Mode.HOLD, Velocity())
             case End.FINISHED:
                 self.guidance = Velocity()
@@ -279,7 +253,7 @@ class Pilot:
         self.guidance = Velocity() if centred else Velocity((0.0, 0.0, STICK_DOWN_MPS))
 
     def _fail(self, failsafe: Failsafe) -> None:
-        self._say(Severity.CRITICAL, failsafe.text)
+        self._board.say(Severity.CRITICAL, failsafe.text)
         match failsafe.mode:
             case Mode.RETURN:
                 self.fly_home()
@@ -294,12 +268,12 @@ class Pilot:
     def _watch_stream(self, now_s: float) -> None:
         if not self._steered:
             return
-        if self._flavour.is_px4:
+        if self._board.is_px4:
             if not self.has_stream(now_s):
                 self._fail(self.failsafes.setpoints_lost())
             return
         flies_on = isinstance(self.guidance, Velocity | Accelerate)
-        if flies_on and not self.has_stream(now_s, self._parameters["GUID_TIMEOUT"]):
+        if flies_on and not self.has_stream(now_s, self._board.parameters["GUID_TIMEOUT"]):
             self.guidance = Velocity()
             self._steered = False
 
@@ -317,7 +291,7 @@ class Pilot:
                 self.guidance = Descend(guidance.target_ned_m[:2])
         elif isinstance(guidance, Velocity) and self.navigation.state is VehicleState.GROUNDED:
             asks_to_climb = -guidance.velocity_ned_mps[2] > LIFT_OFF_MPS
-            if self._flavour.is_px4 and self.armed and self.mode is Mode.OFFBOARD and asks_to_climb:
+            if self._board.is_px4 and self.armed and self.mode is Mode.OFFBOARD and asks_to_climb:
                 self.lift_off()
 
     # --- setpoints ----------------------------------------------------------------------------------------------------
@@ -328,11 +302,11 @@ class Pilot:
         One that cannot be taken is ignored by PX4, which then misses its stream; ArduPilot stops.
         """
         try:
-            setpoint = decode_setpoint(message, Here(self.local_position_ned_m, self.yaw_rad, self._own_home))
+            setpoint = decode_setpoint(message, Here(self.local_position_ned_m, self.yaw_rad, self._board.own_home))
         except RefusedSetpoint as refusal:
             if self.mode is Mode.OFFBOARD:
-                self._say(Severity.CRITICAL if self._flavour.is_px4 else Severity.WARNING, str(refusal))
-                if not self._flavour.is_px4 and self.navigation.in_air:
+                self._board.say(Severity.CRITICAL if self._board.is_px4 else Severity.WARNING, str(refusal))
+                if not self._board.is_px4 and self.navigation.in_air:
                     self.guidance = Velocity()
             return
         self._now_s = max(self._now_s, now_s)
@@ -343,12 +317,10 @@ class Pilot:
             self._obey(setpoint)
 
     def _obey(self, setpoint: Setpoint) -> None:
-        if not (self._flavour.is_px4 or self.navigation.in_air):
+        if not (self._board.is_px4 or self.navigation.in_air):
             return  # ArduPilot takes off by command only
         self._steered = True
-        self.guidance = guidance_of(
-            setpoint, self.speeds, self.origin_ned_m, self.command_ned_mps, self._flavour.is_px4
-        )
+        self.guidance = guidance_of(setpoint, self.speeds, self.origin_ned_m, self.command_ned_mps, self._board.is_px4)
         if setpoint.yaw_rad is not None:
             self.nose.turn_to(setpoint.yaw_rad)
         elif setpoint.yaw_rate_radps is not None:
@@ -373,7 +345,7 @@ class Pilot:
     def enter_offboard(self) -> None:
         """Obey setpoints, at once where there is a fresh one."""
         self.enter(Mode.OFFBOARD, Velocity())
-        if self._flavour.is_px4 and self._setpoint is not None and self.has_stream(self._now_s):
+        if self._board.is_px4 and self._setpoint is not None and self.has_stream(self._now_s):
             self._obey(self._setpoint)
 
     def lift_off(self) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from ridlink.mavlink.codec import MESSAGES, Message
+from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.commands import Command, MavCommand
 from sitl_sim.autopilot.link import Link
-from sitl_sim.autopilot.modes import Flavour
 from sitl_sim.autopilot.parameters import Reply
 from sitl_sim.autopilot.rates import LEGACY_STREAMS, default_intervals
-from sitl_sim.autopilot.results import Result, Say, Severity
+from sitl_sim.autopilot.results import Result, Severity
 from sitl_sim.autopilot.telemetry import Telemetry
 
 _PHASE_STEP = 0.6180339887
@@ -30,15 +30,14 @@ class Streams:
     """The rates of one vehicle's links.
 
     Args:
+        board: Streams of different vehicles fall into different moments. PX4 accepts any message for a stream and sends
+            nothing; ArduPilot refuses what it does not have.
         telemetry: What can be sent.
-        system_id: Streams of different vehicles fall into different moments.
-        flavour: PX4 accepts any message for a stream and sends nothing; ArduPilot refuses what it does not have.
-        say: For refusals.
     """
 
-    def __init__(self, telemetry: Telemetry, system_id: int, flavour: Flavour, say: Say) -> None:
-        self._telemetry, self._system_id, self._px4, self._say = telemetry, system_id, flavour.is_px4, say
-        self._default_interval_s = default_intervals(flavour)
+    def __init__(self, board: Board, telemetry: Telemetry) -> None:
+        self._board, self._telemetry = board, telemetry
+        self._default_interval_s = default_intervals(board.flavour)
 
     def begin(self, link: Link, now_s: float) -> None:
         """The usual rates, on a fresh link."""
@@ -71,9 +70,9 @@ class Streams:
     def _set_interval(self, command: Command, link: Link, now_s: float) -> Result:
         name, interval_us = self._name(command[1]), command[2]
         if name is None:
-            if self._px4:
+            if self._board.is_px4:
                 return Result.ACCEPTED  # as PX4 answers, although nothing will come
-            self._say(Severity.WARNING, "message interval refused: unknown message")
+            self._board.say(Severity.WARNING, "message interval refused: unknown message")
             return Result.DENIED
         if interval_us is None:
             interval_s = self._default_interval_s.get(name, math.inf)
@@ -83,7 +82,7 @@ class Streams:
         return Result.ACCEPTED
 
     def _stream(self, link: Link, name: str, interval_s: float, now_s: float) -> None:
-        phase = (self._system_id * _PHASE_STEP) % 1.0 * min(interval_s, 0.1) if math.isfinite(interval_s) else 0.0
+        phase = (self._board.system_id * _PHASE_STEP) % 1.0 * min(interval_s, 0.1) if math.isfinite(interval_s) else 0.0
         link.stream(name, interval_s, now_s + phase)
 
     def _name(self, msgid: float | None) -> str | None:

@@ -11,11 +11,12 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ridlink.geodesy import Geodetic, geodetic_from_ned
+from ridlink.geodesy import geodetic_from_ned
 from ridlink.units import cmps_from_mps, dege7_from_deg, mm_from_m
 from sitl_sim.autopilot.attitude import attitude_rad, quaternion
+from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.failsafes import FIX_3D, tells_position
-from sitl_sim.autopilot.modes import MODE_FLAG_ARMED, Flavour
+from sitl_sim.autopilot.modes import MODE_FLAG_ARMED
 from sitl_sim.autopilot.own_remote_id import basic_id_fields, location_fields, system_fields
 from sitl_sim.autopilot.pilot import Pilot
 from sitl_sim.autopilot.rates import default_intervals, on_request
@@ -48,23 +49,19 @@ class Telemetry:
     """Fields of every message that one vehicle can send.
 
     Args:
+        board: Whose habits it has.
         pilot: The vehicle.
-        flavour: Whose habits it has.
-        system_id: For AUTOPILOT_VERSION.
-        home: Where it took off.
         utc_clock: Seconds since 1970.
 
     Attributes:
         home: Where the vehicle took off.
     """
 
-    def __init__(
-        self, pilot: Pilot, flavour: Flavour, system_id: int, home: Geodetic, utc_clock: Callable[[], float]
-    ) -> None:
-        self._pilot, self._flavour, self._system_id, self._utc_clock = pilot, flavour, system_id, utc_clock
-        self.home = home
+    def __init__(self, board: Board, pilot: Pilot, utc_clock: Callable[[], float]) -> None:
+        self._board, self._pilot, self._utc_clock = board, pilot, utc_clock
+        self.home = board.own_home
         self._last_h_acc_mm = 0
-        names = (*default_intervals(flavour), *on_request(flavour))
+        names = (*default_intervals(board.flavour), *on_request(board.flavour))
         self._builders: dict[str, Callable[[], Fields]] = {name: getattr(self, f"_{name.lower()}") for name in names}
 
     def __contains__(self, name: str) -> bool:
@@ -74,7 +71,7 @@ class Telemetry:
         """Whether a message is sent now, where it is due."""
         if name != "LOCAL_POSITION_NED":
             return True
-        return tells_position(self._flavour.is_px4, self._pilot.failsafes.without_fix_s)
+        return tells_position(self._board.is_px4, self._pilot.failsafes.without_fix_s)
 
     def fields(self, name: str) -> Fields:
         """Fields of one message now."""
@@ -93,9 +90,9 @@ class Telemetry:
         status = _CRITICAL if pilot.failsafe else _ACTIVE if pilot.armed else _STANDBY
         return {
             "type": _MAV_TYPE_QUADROTOR,
-            "autopilot": self._flavour.autopilot,
-            "base_mode": self._flavour.base_mode | (MODE_FLAG_ARMED if pilot.armed else 0),
-            "custom_mode": self._flavour.custom_modes[pilot.mode],
+            "autopilot": self._board.flavour.autopilot,
+            "base_mode": self._board.flavour.base_mode | (MODE_FLAG_ARMED if pilot.armed else 0),
+            "custom_mode": self._board.flavour.custom_modes[pilot.mode],
             "system_status": status,
             "mavlink_version": 3,
         }
@@ -106,7 +103,7 @@ class Telemetry:
         return {
             "onboard_control_sensors_present": _SENSORS,
             "onboard_control_sensors_enabled": _SENSORS,
-            "onboard_control_sensors_health": healthy | (0 if self._flavour.is_px4 else _GEOFENCE),
+            "onboard_control_sensors_health": healthy | (0 if self._board.is_px4 else _GEOFENCE),
             "load": 150,
             "voltage_battery": round(navigation.battery_v * 1e3),
             "current_battery": _centiamperes(navigation.battery_a),
@@ -137,7 +134,7 @@ class Telemetry:
         h_acc_mm = _up_mm(navigation.h_acc_m)
         if has_fix:
             self._last_h_acc_mm = h_acc_mm
-        if self._flavour.is_px4:
+        if self._board.is_px4:
             fix_type, time_us, eph = navigation.fix_type, 0, 70
             h_acc_mm = h_acc_mm if has_fix else _LOST_H_ACC_MM
         else:
@@ -315,15 +312,15 @@ class Telemetry:
         return system_fields(self.home)
 
     def _open_drone_id_basic_id(self) -> Fields:
-        return basic_id_fields(self._system_id)
+        return basic_id_fields(self._board.system_id)
 
     def _autopilot_version(self) -> Fields:
         return {
-            "capabilities": self._flavour.capabilities,
+            "capabilities": self._board.flavour.capabilities,
             "flight_sw_version": VERSION,
             "middleware_sw_version": VERSION,
             "os_sw_version": VERSION,
-            "uid": self._system_id,
+            "uid": self._board.system_id,
         }
 
 

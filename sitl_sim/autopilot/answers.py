@@ -1,0 +1,187 @@
+"""What comes of each message that a vehicle takes, and the answers to whoever sent it: one method a message."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ridlink.mavlink.codec import Message, message_spec
+from ridlink.mavlink.frames import Frame
+from sitl_sim.autopilot.board import Board
+from sitl_sim.autopilot.commands import Commands, MavCommand, read_command
+from sitl_sim.autopilot.files import refuse_file_transfer
+from sitl_sim.autopilot.link import Link
+from sitl_sim.autopilot.mission_protocol import MissionProtocol
+from sitl_sim.autopilot.orders import Orders
+from sitl_sim.autopilot.parameters import ParameterProtocol, Reply
+from sitl_sim.autopilot.peers import MAX_PASSED_ON
+from sitl_sim.autopilot.pilot import Pilot
+from sitl_sim.autopilot.results import Result, Severity
+from sitl_sim.autopilot.status_texts import StatusTexts
+from sitl_sim.autopilot.streams import Streams
+
+AVOIDANCE_COMPONENT = 196
+"""MAV_COMP_ID_OBSTACLE_AVOIDANCE: an avoidance daemon."""
+
+MAV_TYPE_GCS = 6
+
+THROTTLE_MIDDLE_US = (1400, 1600)
+THROTTLE_MIDDLE = (400, 600)
+"""Stick positions of RC_CHANNELS_OVERRIDE and MANUAL_CONTROL that keep the height."""
+
+_MISSION_MESSAGES = (
+    "COUNT", "ITEM_INT", "ITEM", "REQUEST_LIST", "REQUEST_INT", "REQUEST", "CLEAR_ALL", "SET_CURRENT",
+    "WRITE_PARTIAL_LIST", "ACK",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """A message, the frame that it came in, the link of its sender, and when [s, monotonic]."""
+
+    message: Message
+    frame: Frame
+    link: Link
+    now_s: float
+
+
+class Answers:
+    """The answers of one vehicle.
+
+    Args:
+        board: Whose habits it has.
+        pilot: Its flight logic.
+        missions: The protocol of its missions.
+        streams: Whose rates can be asked for.
+        texts: What it says.
+
+    Attributes:
+        daemon_heard_s: When an avoidance daemon of this vehicle was heard.
+    """
+
+    def __init__(
+        self, board: Board, pilot: Pilot, missions: MissionProtocol, streams: Streams, texts: StatusTexts
+    ) -> None:
+        self._board, self._pilot = board, pilot
+        self._missions, self._streams, self._texts = missions, streams, texts
+        self._orders = Orders(board, pilot)
+        self._commands = Commands(board, pilot, self._orders)
+        parameters = ParameterProtocol(board.parameters, px4=board.is_px4, say=board.say)
+        self.daemon_heard_s = -math.inf
+        self._repeated: list[bytes] = []
+        handlers: dict[str, Callable[[Heard], list[Reply]]] = {
+            "HEARTBEAT": self._heartbeat,
+            "PING": self._ping,
+            "TIMESYNC": self._timesync,
+            "SET_MODE": self._set_mode,
+            "COMMAND_LONG": self._command,
+            "COMMAND_INT": self._command,
+            "SET_POSITION_TARGET_LOCAL_NED": self._setpoint,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._setpoint,
+            "RC_CHANNELS_OVERRIDE": self._rc_override,
+            "MANUAL_CONTROL": self._manual_control,
+            "ADSB_VEHICLE": self._adsb_vehicle,
+            "PARAM_REQUEST_LIST": lambda heard: parameters.everything(heard.message),
+            "PARAM_REQUEST_READ": lambda heard: parameters.read(heard.message),
+            "PARAM_SET": lambda heard: parameters.set(heard.message),
+            "REQUEST_DATA_STREAM": self._request_data_stream,
+            "FILE_TRANSFER_PROTOCOL": self._file_transfer,
+            **{f"MISSION_{name}": self._mission for name in _MISSION_MESSAGES},
+        }
+        self._handlers = {message_spec(name).msgid: handler for name, handler in handlers.items()}
+
+    def __contains__(self, msgid: int) -> bool:
+        """Whether anything comes of a message with this id."""
+        return msgid in self._handlers
+
+    def to(self, heard: Heard) -> list[Reply]:
+        """Do what a message wants; the answers.
+
+        Raises:
+            KeyError: If nothing comes of it.
+        """
+        return self._handlers[heard.frame.msgid](heard)
+
+    def repeated(self) -> list[bytes]:
+        """Payloads of ADSB_VEHICLE that are to be given out again, once."""
+        repeated, self._repeated = self._repeated, []
+        return repeated
+
+    # --- one a message ------------------------------------------------------------------------------------------------
+
+    def _heartbeat(self, heard: Heard) -> list[Reply]:
+        if (heard.frame.sysid, heard.frame.compid) == (self._board.system_id, AVOIDANCE_COMPONENT):
+            self.daemon_heard_s = heard.now_s
+        if heard.message.type == MAV_TYPE_GCS:
+            self._pilot.failsafes.note_ground_station(heard.now_s)
+        return []
+
+    def _ping(self, heard: Heard) -> list[Reply]:
+        message = heard.message
+        if message.target_system or message.target_component:
+            return []  # an answer to somebody
+        return [("PING", {"time_usec": message.time_usec, "seq": message.seq, **_to(heard.frame)})]
+
+    def _file_transfer(self, heard: Heard) -> list[Reply]:
+        return refuse_file_transfer(heard.message, heard.frame.sysid, heard.frame.compid)
+
+    def _timesync(self, heard: Heard) -> list[Reply]:
+        if heard.message.tc1:
+            return []
+        boot_ns = round(self._pilot.navigation.time_s * 1e9)
+        return [("TIMESYNC", {"tc1": max(boot_ns, 1), "ts1": heard.message.ts1})]
+
+    def _setpoint(self, heard: Heard) -> list[Reply]:
+        self._pilot.take_setpoint(heard.message, heard.now_s)
+        return []
+
+    def _rc_override(self, heard: Heard) -> list[Reply]:
+        low, high = THROTTLE_MIDDLE_US
+        if heard.message.chan3_raw not in (0, 0xFFFF):
+            self._pilot.note_throttle(centred=low <= heard.message.chan3_raw <= high, now_s=heard.now_s)
+        return []
+
+    def _manual_control(self, heard: Heard) -> list[Reply]:
+        low, high = THROTTLE_MIDDLE
+        self._pilot.note_throttle(centred=low <= heard.message.z <= high, now_s=heard.now_s)
+        return []
+
+    def _adsb_vehicle(self, heard: Heard) -> list[Reply]:
+        """PX4 gives foreign traffic out again as its own."""
+        if self._board.is_px4 and len(self._repeated) < MAX_PASSED_ON:
+            self._repeated.append(heard.frame.payload)
+        return []
+
+    def _set_mode(self, heard: Heard) -> list[Reply]:
+        mode = self._board.flavour.mode_of(heard.message.custom_mode)
+        if mode is None:
+            self._orders.refuse(f"mode refused: there is no {heard.message.custom_mode}")
+        else:
+            self._orders.set_mode(mode, heard.now_s)
+        return []
+
+    def _mission(self, heard: Heard) -> list[Reply]:
+        sender = heard.frame.sysid, heard.frame.compid
+        return self._missions.receive(heard.message, sender, heard.link.address, heard.now_s)
+
+    def _request_data_stream(self, heard: Heard) -> list[Reply]:
+        self._streams.legacy(heard.message, heard.link, heard.now_s)
+        return []
+
+    def _command(self, heard: Heard) -> list[Reply]:
+        command = read_command(heard.message)
+        said = self._texts.said
+        answered = self._streams.command(command, heard.link, heard.now_s)
+        result, asked_for = answered or (self._commands.execute(command, heard.now_s), [])
+        if result is not Result.ACCEPTED and self._texts.said == said:
+            self._texts.say(Severity.WARNING, f"command {command.number}: {result.name.lower().replace('_', ' ')}")
+        results = [result]
+        if self._board.is_px4 and command.number == MavCommand.DO_SET_MODE and result is not Result.DENIED:
+            results.insert(0, Result.ACCEPTED)  # PX4 acknowledges twice, the first time whatever comes of it
+        acknowledgement = {"command": command.number, **_to(heard.frame)}
+        return [*(("COMMAND_ACK", acknowledgement | {"result": int(each)}) for each in results), *asked_for]
+
+
+def _to(frame: Frame) -> dict[str, object]:
+    return {"target_system": frame.sysid, "target_component": frame.compid}

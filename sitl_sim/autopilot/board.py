@@ -1,0 +1,39 @@
+"""The flight controller of one vehicle: what every part of its autopilot has to know of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ridlink.geodesy import Geodetic
+from ridlink.scenario import VehicleSpec
+from sitl_sim.autopilot.modes import Flavour
+from sitl_sim.autopilot.parameters import Parameters
+from sitl_sim.autopilot.results import Say
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """One vehicle's; only the values of its parameters change in flight.
+
+    Args:
+        system_id: Of the vehicle.
+        spec: Its part of the scenario.
+        flavour: Whose habits it has.
+        parameters: Its parameters.
+        scenario_home: Origin of the scenario's coordinates.
+        own_home: The ground below its start, from which its heights count.
+        say: Called with what STATUSTEXT is to carry.
+    """
+
+    system_id: int
+    spec: VehicleSpec
+    flavour: Flavour
+    parameters: Parameters
+    scenario_home: Geodetic
+    own_home: Geodetic
+    say: Say
+
+    @property
+    def is_px4(self) -> bool:
+        """Whether it behaves like PX4, not like ArduPilot."""
+        return self.flavour.is_px4

@@ -1,0 +1,44 @@
+"""STATUSTEXT for everybody, until the next tick sends it; the same text at most once a second."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from sitl_sim.autopilot.parameters import Reply
+from sitl_sim.autopilot.results import Severity
+
+REPEAT_S = 1.0
+MAX_WAITING = 16
+MAX_LENGTH = 50
+"""Bytes of text that one message carries."""
+
+
+class StatusTexts:
+    """What one vehicle says.
+
+    Attributes:
+        now_s: Monotonic time; its owner sets it as time passes.
+        said: How often something was to be said, with what was held back.
+    """
+
+    def __init__(self) -> None:
+        self.now_s = -math.inf
+        self.said = 0
+        self._waiting: deque[tuple[Severity, str]] = deque(maxlen=MAX_WAITING)
+        self._said_s: dict[str, float] = {}
+
+    def say(self, severity: Severity, text: str) -> None:
+        """Say this with the next tick, unless it was said within a second."""
+        self.said += 1
+        if self.now_s - self._said_s.get(text, -math.inf) >= REPEAT_S:
+            self._said_s = {old: at for old, at in self._said_s.items() if self.now_s - at < REPEAT_S}
+            if len(self._said_s) < MAX_WAITING:
+                self._said_s[text] = self.now_s
+                self._waiting.append((severity, text))
+
+    def taken(self) -> list[Reply]:
+        """What waits, and no longer does."""
+        texts = [(int(severity), text[:MAX_LENGTH]) for severity, text in self._waiting]
+        self._waiting.clear()
+        return [("STATUSTEXT", {"severity": severity, "text": text}) for severity, text in texts]
