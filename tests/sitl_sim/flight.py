@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import pytest
 
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
@@ -24,6 +27,14 @@ PX4_MISSION, PX4_RETURN, PX4_ALTITUDE = 0x04040000, 0x05040000, 0x00020000
 GUIDED = 4
 
 VELOCITY_ONLY = 0x0DC7
+
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
+ARM, TAKEOFF, LAND, RETURN, SET_MODE, REPOSITION = 400, 22, 21, 20, 176, 192
+SET_INTERVAL, REQUEST = 511, 512
+NAN = math.nan
+
+both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+"""Under either autopilot."""
 
 
 def one_vehicle(**details: Any) -> Scenario:
@@ -143,3 +154,18 @@ class Flight:
     @property
     def height_m(self) -> float:
         return -float(self.world.position_ned_m[0, 2])
+
+
+def offboard(flight: Flight) -> int:
+    """Bring a vehicle into OFFBOARD or GUIDED, as a client of either autopilot does."""
+    if flight.flavour == "ardupilot":
+        return flight.set_mode(GUIDED)
+    flight.setpoint(0.0, 0.0, 0.0)
+    return flight.set_mode(6)
+
+
+def airborne(flavour: str, **details: Any) -> Flight:
+    flight = Flight(flavour, Start.HOLDING, scenario=one_vehicle(**details))
+    flight.advance(0.1)
+    assert offboard(flight) == ACCEPTED
+    return flight

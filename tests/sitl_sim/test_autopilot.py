@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 import struct
-from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -13,49 +10,37 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.mavlink.codec import MESSAGES, Encoder, message_spec
+from ridlink.mavlink.codec import MESSAGES, message_spec
 from ridlink.mavlink.frames import encode_frame
-from sitl_sim.autopilot import FLAVOURS, Start
-from sitl_sim.autopilot.rates import default_intervals
+from sitl_sim.autopilot import Start
 from sitl_sim.world import VehicleState
 from tests.sitl_sim.flight import (
-    COMPANION,
+    ACCEPTED,
+    ARM,
+    DENIED,
+    FAILED,
     GROUND_STATION,
     GUIDED,
     HOME,
+    LAND,
+    NAN,
     PX4_HOLD,
     PX4_LAND,
-    PX4_OFFBOARD,
-    PX4_RETURN,
     PX4_TAKEOFF,
+    REPOSITION,
+    RETURN,
+    SET_MODE,
     START_NED_M,
+    TAKEOFF,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
     UTC_S,
     Flight,
+    airborne,
+    both,
+    offboard,
     one_vehicle,
 )
-
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
-ARM, TAKEOFF, LAND, RETURN, SET_MODE, REPOSITION = 400, 22, 21, 20, 176, 192
-SET_INTERVAL, REQUEST = 511, 512
-NAN = math.nan
-
-both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
-
-
-def offboard(flight: Flight) -> int:
-    """Bring a vehicle into OFFBOARD or GUIDED, as a client of either autopilot does."""
-    if flight.flavour == "ardupilot":
-        return flight.set_mode(GUIDED)
-    flight.setpoint(0.0, 0.0, 0.0)
-    return flight.set_mode(6)
-
-
-def airborne(flavour: str, **details: Any) -> Flight:
-    flight = Flight(flavour, Start.HOLDING, scenario=one_vehicle(**details))
-    flight.advance(0.1)
-    assert offboard(flight) == ACCEPTED
-    return flight
-
 
 # --- heartbeat, modes, arming -----------------------------------------------------------------------------------------
 
@@ -136,149 +121,6 @@ def test_arming_twice_is_as_good_as_once_and_nobody_disarms_in_the_air(flavour: 
     assert flying.command(ARM, 0, 21196) == (TEMPORARILY_REJECTED if flavour == "px4" else FAILED)
     flying.advance(0.1)
     assert flying.armed
-
-
-# --- telemetry --------------------------------------------------------------------------------------------------------
-
-
-@both
-def test_streams_of_a_fresh_link_have_their_default_rates(flavour: str) -> None:
-    flight = Flight(flavour)
-    intervals = default_intervals(FLAVOURS[flavour])
-    flight.advance(10.0)
-    counted = Counter(message.name for _, message in flight.heard[COMPANION])
-    assert dict(counted) == pytest.approx({name: 10.0 / interval_s for name, interval_s in intervals.items()}, abs=1)
-
-
-def test_ardupilot_has_no_estimator_status() -> None:
-    flight = Flight("ardupilot")
-    flight.advance(3.0)
-    assert not flight.messages("ESTIMATOR_STATUS")
-
-
-def test_telemetry_tells_the_navigation_solution_and_never_the_truth() -> None:
-    flight = Flight(start=Start.AIRBORNE, scenario=one_vehicle(sigma_m=10.0))
-    flight.advance(1.0)
-    local, truth = flight.last("LOCAL_POSITION_NED"), flight.world.position_ned_m[0]
-    told = np.array([local.x + START_NED_M[0], local.y, local.z])
-    assert told == pytest.approx(flight.world.reported_position_ned_m[0], abs=0.05)
-    assert np.linalg.norm(told - truth) > 1.0
-    globally = flight.last("GLOBAL_POSITION_INT")
-    north_m = (globally.lat / 1e7 - HOME.latitude_deg) * 111_180.0
-    assert north_m == pytest.approx(told[0], abs=1.0)
-    assert globally.relative_alt / 1e3 == pytest.approx(-told[2], abs=0.2)
-
-
-@pytest.mark.parametrize(("sigma_m", "h_acc", "v_acc", "vel_acc"), [(3.5, 3500, 5250, 100), (0.0, 1, 1, 1)])
-def test_receiver_tells_its_accuracy_in_millimetres(sigma_m: float, h_acc: int, v_acc: int, vel_acc: int) -> None:
-    flight = Flight(start=Start.AIRBORNE, scenario=one_vehicle(sigma_m=sigma_m))
-    flight.advance(0.5)
-    gps = flight.last("GPS_RAW_INT")
-    assert (gps.h_acc, gps.v_acc, gps.vel_acc, gps.fix_type) == (h_acc, v_acc, vel_acc, 3)
-    assert gps.alt_ellipsoid == gps.alt
-    assert flight.last("ESTIMATOR_STATUS").pos_horiz_accuracy == pytest.approx(0.32 * h_acc / 1e3)
-
-
-@both
-def test_losing_the_fix_shows_as_it_does_on_the_real_autopilot(flavour: str) -> None:
-    flight = Flight(flavour, Start.AIRBORNE, scenario=one_vehicle(sigma_m=0.3))
-    flight.advance(1.0)
-    flight.world.receivers.set_outage(0, True)
-    flight.advance(7.0)
-    gps = flight.last("GPS_RAW_INT")
-    if flavour == "ardupilot":
-        assert (gps.fix_type, gps.h_acc) == (1, 300)  # it goes on telling the accuracy that it had
-        return
-    assert (gps.fix_type, gps.h_acc) == (0, 100_000)
-    estimator = flight.last("ESTIMATOR_STATUS")
-    assert not estimator.flags & 16
-    assert estimator.pos_horiz_accuracy > 1.0
-
-
-@both
-def test_heartbeat_and_health_are_what_mavsdk_asks_for(flavour: str) -> None:
-    flight = Flight(flavour)
-    flight.advance(1.0)
-    status = flight.last("SYS_STATUS")
-    needed = 0x1 | 0x2 | 0x4 | 0x20 | 0x10000000
-    assert status.onboard_control_sensors_health & needed == needed
-    fence = status.onboard_control_sensors_health & 0x100000  # without it MAVProxy says "fence breach"
-    assert bool(fence) == (flavour == "ardupilot") and not status.onboard_control_sensors_present & 0x100000
-    home = flight.last("HOME_POSITION")
-    assert home.altitude == pytest.approx(HOME.altitude_m * 1e3, abs=10)
-    position = flight.last("GLOBAL_POSITION_INT")
-    assert (home.latitude, home.longitude) == pytest.approx((position.lat, position.lon), abs=2)
-
-
-def test_attitude_leans_into_the_acceleration_and_the_quaternion_agrees() -> None:
-    flight = airborne("px4")
-    flight.fly(0.5, 0.0, 5.0, 0.0)
-    attitude, quaternion = flight.last("ATTITUDE"), flight.last("ATTITUDE_QUATERNION")
-    assert attitude.roll > 0.1 and abs(attitude.pitch) < 0.01  # accelerating east with the nose to the north
-    w, x, y, z = quaternion.q1, quaternion.q2, quaternion.q3, quaternion.q4
-    assert math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)) == pytest.approx(attitude.roll, abs=1e-3)
-
-
-def test_intervals_are_set_and_stopped_and_reset_for_one_link_only() -> None:
-    flight = Flight()
-    flight.advance(0.5)
-    flight.send("HEARTBEAT", type=6)
-    assert flight.command(SET_INTERVAL, 49, 1_000_000) == ACCEPTED
-    assert flight.command(SET_INTERVAL, 33, 20_000) == ACCEPTED
-    assert flight.command(SET_INTERVAL, 32, -1) == ACCEPTED
-    assert flight.command(SET_INTERVAL, 331, 500_000) == ACCEPTED
-    flight.heard.clear()
-    flight.advance(2.0)
-    rates = Counter(message.name for _, message in flight.heard[GROUND_STATION])
-    others = Counter(message.name for _, message in flight.heard[COMPANION])
-    assert rates["GLOBAL_POSITION_INT"] == pytest.approx(100, abs=2)
-    assert (rates["LOCAL_POSITION_NED"], rates["ODOMETRY"], rates["GPS_GLOBAL_ORIGIN"]) == (0, 4, 2)
-    assert others["GLOBAL_POSITION_INT"] == others["LOCAL_POSITION_NED"] == 20 and others["ODOMETRY"] == 2
-    assert flight.command(SET_INTERVAL, 33, NAN) == ACCEPTED
-    assert flight.command(SET_INTERVAL, 32, 0) == ACCEPTED
-    flight.heard.clear()
-    flight.advance(2.0)
-    rates = Counter(message.name for _, message in flight.heard[GROUND_STATION])
-    assert rates["GLOBAL_POSITION_INT"] == rates["LOCAL_POSITION_NED"] == 20
-
-
-def test_message_that_cannot_be_streamed_is_answered_as_the_autopilot_does() -> None:
-    assert Flight("px4").command(SET_INTERVAL, 105, 100_000) == ACCEPTED
-    ardupilot = Flight("ardupilot")
-    ardupilot.advance(0.1)
-    assert ardupilot.command(SET_INTERVAL, 230, 100_000) == DENIED
-    ardupilot.advance(0.1)
-    assert any("message interval" in text for text in ardupilot.texts)
-
-
-@pytest.mark.parametrize(
-    ("number", "parameter", "name"),
-    [
-        (REQUEST, 148, "AUTOPILOT_VERSION"),
-        (REQUEST, 242, "HOME_POSITION"),
-        (410, 0, "HOME_POSITION"),
-        (520, 1, "AUTOPILOT_VERSION"),
-        (REQUEST, 49, "GPS_GLOBAL_ORIGIN"),
-    ],
-)
-def test_messages_are_sent_when_asked_for(number: int, parameter: float, name: str) -> None:
-    flight = Flight()
-    answers = flight.send("COMMAND_LONG", target_system=1, command=number, param1=parameter)
-    assert [answer.name for answer in answers] == ["COMMAND_ACK", name]
-    assert answers[0].result == ACCEPTED
-
-
-def test_legacy_stream_request_sets_rates_of_a_group() -> None:
-    flight = Flight("ardupilot")
-    flight.advance(0.1)
-    flight.send("REQUEST_DATA_STREAM", target_system=1, req_stream_id=6, req_message_rate=4, start_stop=1)
-    flight.send("REQUEST_DATA_STREAM", target_system=1, req_stream_id=10, req_message_rate=4, start_stop=0)
-    flight.advance(0.2)
-    flight.heard.clear()
-    flight.advance(5.0)
-    assert len(flight.messages("GLOBAL_POSITION_INT", GROUND_STATION)) == pytest.approx(20, abs=1)
-    assert not flight.messages("ATTITUDE", GROUND_STATION)
-    assert len(flight.messages("ATTITUDE")) == 50
 
 
 # --- commands ---------------------------------------------------------------------------------------------------------
@@ -431,167 +273,6 @@ def test_return_comes_home_and_lands(flavour: str) -> None:
     assert not flight.armed
 
 
-# --- setpoints --------------------------------------------------------------------------------------------------------
-
-
-@both
-@pytest.mark.parametrize(
-    ("mask", "frame"),
-    [(0x0DC7, 1), (0x09C7, 1), (0x05C7, 1), (0x0FC7, 1), (0x0C07, 1), (0x0DC7, 7), (0x0FC7, 8), (0x05C7, 9)],
-)
-def test_every_clients_velocity_mask_moves_the_vehicle_alike(flavour: str, mask: int, frame: int) -> None:
-    flight = airborne(flavour)
-    flight.fly(3.0, 4.0, 0.0, 0.0, mask=mask, frame=frame)
-    assert flight.velocity == pytest.approx([4.0, 0.0, 0.0], abs=1.0)
-    target = flight.last("POSITION_TARGET_LOCAL_NED")
-    assert (target.vx, target.vy, target.vz) == pytest.approx((4.0, 0.0, 0.0), abs=1e-5)
-
-
-def test_body_frames_turn_with_the_nose() -> None:
-    flight = airborne("px4")
-    flight.fly(3.0, 0.0, 0.0, 0.0, mask=0x09C7, yaw=math.pi / 2.0)
-    assert flight.last("GLOBAL_POSITION_INT").hdg == 9000
-    flight.fly(4.0, 3.0, 0.0, 0.0, frame=8)
-    assert flight.velocity == pytest.approx([0.0, 3.0, 0.0], abs=0.8)
-
-
-def test_ardupilot_turns_its_nose_into_the_flight_and_px4_does_not() -> None:
-    headings = {}
-    for flavour in ("px4", "ardupilot"):
-        flight = airborne(flavour)
-        flight.fly(4.0, 0.0, 4.0, 0.0)
-        headings[flavour] = flight.last("GLOBAL_POSITION_INT").hdg
-    assert headings == {"px4": 0, "ardupilot": 9000}
-
-
-@both
-@pytest.mark.parametrize("axis", [0x008, 0x010, 0x020])
-def test_ignoring_one_velocity_axis_stops_the_vehicle(flavour: str, axis: int) -> None:
-    flight = airborne(flavour)
-    flight.fly(2.0, 4.0, 2.0, 0.0)
-    flight.fly(6.0, 4.0, 2.0, 0.0, mask=0x0DC7 | axis)
-    assert math.hypot(*flight.velocity[:2]) < 0.6
-
-
-@both
-def test_what_is_not_finite_is_not_taken_and_said_so(flavour: str) -> None:
-    flight = airborne(flavour)
-    flight.fly(3.0, 4.0, 0.0, 0.0)
-    flight.setpoint(0.0, NAN, 0.0)
-    flight.setpoint(math.inf, 0.0, 0.0)
-    flight.setpoint(3e38, 3e38, 0.0, frame=8)
-    flight.advance(0.1)
-    kept = 4.0 if flavour == "px4" else 0.0  # ArduPilot stops
-    assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(kept)
-    assert sum("not finite" in text for text in flight.texts) == 1  # the same text once a second
-
-
-def test_unknown_frames_are_refused_in_words() -> None:
-    flight = airborne("px4")
-    flight.setpoint(1.0, 0.0, 0.0, frame=12)
-    flight.advance(0.1)
-    assert any("frame 12" in text for text in flight.texts)
-
-
-@both
-def test_setpoints_outside_their_mode_are_dropped_without_a_word(flavour: str) -> None:
-    flight = Flight(flavour, Start.HOLDING)
-    flight.fly(2.0, 5.0, 0.0, 0.0)
-    flight.setpoint(NAN, 0.0, 0.0)
-    flight.advance(0.1)
-    assert flight.velocity == [0.0, 0.0, 0.0]
-    assert flight.texts == []
-
-
-@both
-def test_position_setpoints_are_flown_to(flavour: str) -> None:
-    flight = airborne(flavour)
-    flight.fly(20.0, mask=0x0DF8, x=10.0, y=-5.0, z=-48.0)
-    assert flight.world.position_ned_m[0] == pytest.approx((START_NED_M[0] + 10.0, -5.0, -48.0), abs=1.0)
-
-
-def test_setpoints_of_ardupilot_may_name_another_component_and_those_of_px4_may_not() -> None:
-    for flavour, moved in (("ardupilot", True), ("px4", False)):
-        flight = Flight(flavour, Start.AIRBORNE)
-        fields: dict[str, Any] = {"coordinate_frame": 1, "type_mask": 0x0DC7, "vx": 3.0}
-        flight.send("SET_POSITION_TARGET_LOCAL_NED", target_system=1, target_component=195, **fields)
-        flight.send("SET_POSITION_TARGET_LOCAL_NED", target_system=2, target_component=1, **fields)
-        flight.advance(2.0)
-        assert (flight.velocity[0] > 0.5) is moved
-
-
-# --- silence ----------------------------------------------------------------------------------------------------------
-
-
-def test_px4_refuses_offboard_without_a_stream() -> None:
-    flight = Flight(start=Start.HOLDING)
-    flight.advance(0.1)
-    assert flight.set_mode(6) == TEMPORARILY_REJECTED
-    flight.setpoint(1.0, 0.0, 0.0)
-    flight.advance(1.5)
-    assert flight.set_mode(6) == TEMPORARILY_REJECTED  # too old
-    flight.setpoint(1.0, 0.0, 0.0)
-    assert flight.set_mode(6) == ACCEPTED
-
-
-def test_px4_returns_after_a_second_of_silence_and_takes_the_stream_up_again() -> None:
-    flight = airborne("px4")
-    flight.fly(6.0, 5.0, 0.0, 0.0)
-    flight.advance(0.8)
-    assert flight.mode == PX4_OFFBOARD
-    flight.advance(0.4)
-    assert flight.mode == PX4_RETURN and flight.last("HEARTBEAT").system_status == 5
-    assert "Failsafe activated: no offboard signal, return" in flight.texts
-    flight.advance(4.0)
-    assert flight.velocity[0] < -2.0  # back to where it came from, whoever may be there
-    flight.fly(0.2, 5.0, 0.0, 0.0)
-    assert flight.mode == PX4_OFFBOARD
-
-
-def test_px4_does_not_return_to_offboard_once_somebody_chose_a_mode() -> None:
-    flight = airborne("px4")
-    flight.fly(1.0, 5.0, 0.0, 0.0)
-    flight.advance(1.2)
-    assert flight.set_mode(4, 3) == ACCEPTED
-    flight.fly(1.0, 5.0, 0.0, 0.0)
-    assert flight.mode == PX4_HOLD
-
-
-def test_ardupilot_flies_blind_for_three_seconds_and_brakes() -> None:
-    flight = airborne("ardupilot")
-    flight.fly(5.0, 5.0, 0.0, 0.0)
-    flight.advance(2.8)
-    assert flight.velocity[0] == pytest.approx(5.0, abs=0.2)
-    flight.advance(4.0)
-    assert abs(flight.velocity[0]) < 0.3
-    assert flight.mode == GUIDED
-
-
-@both
-def test_an_airborne_start_waits_for_its_first_setpoint_as_long_as_it_takes(flavour: str) -> None:
-    flight = Flight(flavour, Start.AIRBORNE)
-    flight.advance(20.0)
-    assert flight.armed and flight.mode == (PX4_OFFBOARD if flavour == "px4" else GUIDED)
-    assert flight.world.position_ned_m[0] == pytest.approx(START_NED_M)
-    flight.fly(3.0, 0.0, 3.0, 0.0)
-    assert flight.velocity[1] > 1.5
-
-
-def test_daemon_is_heard_by_its_heartbeat_and_its_setpoints() -> None:
-    flight = Flight(start=Start.AIRBORNE)
-    daemon = Encoder(1, 196)
-    flight.fly(0.5, 1.0, 0.0, 0.0)
-    assert not flight.autopilot.is_avoiding  # somebody steers, but no daemon
-    flight.send("HEARTBEAT", sender=daemon, type=18, autopilot=8)
-    flight.fly(0.5, 1.0, 0.0, 0.0)
-    assert flight.autopilot.is_avoiding
-    flight.fly(3.0, 1.0, 0.0, 0.0)
-    assert not flight.autopilot.is_avoiding  # its heartbeat has stopped
-    flight.send("HEARTBEAT", sender=daemon, type=18, autopilot=8)
-    flight.advance(1.2)
-    assert not flight.autopilot.is_avoiding  # its setpoints have
-
-
 # --- the world has its say --------------------------------------------------------------------------------------------
 
 
@@ -701,46 +382,6 @@ def test_file_transfer_is_refused_at_once_so_that_nobody_waits_for_it(flavour: s
     assert ask(terminate) == (8, 3, 128, 0, terminate, 0)
     answer_of_somebody = bytes([0, 0, 0, 128])
     assert flight.send("FILE_TRANSFER_PROTOCOL", target_system=1, payload=answer_of_somebody) == []
-
-
-def test_four_others_are_served_beside_the_companion_until_they_fall_silent() -> None:
-    flight = Flight()
-    flight.advance(0.1)
-    others = [("127.0.0.1", 50000 + k) for k in range(5)]
-    for address in others:
-        answer = flight.send("PING", address=address, seq=1)
-        assert answer[0].name == "PING"  # the fifth is answered, but gets no streams
-    flight.advance(1.0)
-    assert [len(flight.messages("HEARTBEAT", address)) for address in [COMPANION, *others]] == [2, 1, 1, 1, 1, 0]
-    flight.advance(5.0)
-    flight.send("HEARTBEAT", address=others[0], type=6)
-    flight.advance(6.0)
-    flight.heard.clear()
-    flight.advance(1.0)
-    assert set(flight.heard) == {COMPANION, others[0]}
-    flight.send("HEARTBEAT", address=others[4], type=6)
-    flight.advance(1.0)
-    assert flight.messages("HEARTBEAT", others[4])
-
-
-def test_sequence_numbers_of_a_link_have_no_gaps() -> None:
-    flight = Flight()
-    flight.advance(0.1)
-    flight.send("HEARTBEAT", type=6)
-    seen: list[int] = []
-    for _ in range(100):
-        flight.now_s += 0.02
-        flight.world.step(0.02)
-        for datagram, address in flight.autopilot.tick(flight.now_s) + flight.autopilot.receive(
-            flight.client.encode("PING", seq=1), GROUND_STATION, flight.now_s
-        ):
-            if address == GROUND_STATION:
-                at = 0
-                while at < len(datagram):
-                    seen.append(datagram[at + 4])
-                    at += 12 + datagram[at + 1]
-    assert len(seen) > 150
-    assert all((one + 1) % 256 == other for one, other in itertools.pairwise(seen))
 
 
 # --- what no client would send ----------------------------------------------------------------------------------------

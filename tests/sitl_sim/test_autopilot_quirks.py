@@ -11,30 +11,34 @@ from typing import Any
 import pytest
 
 from ridlink.geodesy import geodetic_from_ned
-from ridlink.mavlink.codec import Encoder, decode_message
+from ridlink.mavlink.codec import Encoder
 from sitl_sim.autopilot import FLAVOURS, Start
 from sitl_sim.autopilot.parameters import Parameters
 from tests.sitl_sim.flight import (
-    COMPANION,
+    ACCEPTED,
+    ARM,
+    DENIED,
+    FAILED,
     GROUND_STATION,
     GUIDED,
     HOME,
+    NAN,
     PX4_ALTITUDE,
     PX4_HOLD,
     PX4_LAND,
     PX4_OFFBOARD,
     PX4_RETURN,
+    SET_MODE,
     START_NED_M,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
     Flight,
+    both,
     one_vehicle,
 )
 
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
-ARM, TAKEOFF, SET_MODE, CONDITION_YAW, LOITER = 400, 22, 176, 115, 17
+CONDITION_YAW, LOITER = 115, 17
 ARDUPILOT_LOITER, ARDUPILOT_RETURN, ARDUPILOT_LAND = 5, 6, 9
-NAN = math.nan
-
-both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 
 
 def flying(flavour: str, **details: Any) -> Flight:
@@ -272,47 +276,6 @@ def test_losing_the_ground_station_matters_only_where_it_is_set_up(flavour: str,
 
 
 # --- links ------------------------------------------------------------------------------------------------------------
-
-
-@both
-def test_words_of_others_are_passed_on_untouched_and_what_is_for_the_autopilot_is_not(flavour: str) -> None:
-    flight = Flight(flavour)
-    flight.advance(0.1)
-    other, foreign = ("127.0.0.1", 50001), Encoder(42, 1)
-    flight.send("HEARTBEAT", address=other, type=6)
-    flight.advance(0.1)
-    flight.passed_on.clear()
-    sent = [
-        foreign.encode("HEARTBEAT", type=2, autopilot=12),
-        foreign.encode("OPEN_DRONE_ID_LOCATION", latitude=473977420),
-        foreign.encode("COMMAND_LONG", target_system=1, target_component=196, command=192),
-    ]
-    alone = [foreign.encode("PING", seq=1), foreign.encode("PARAM_REQUEST_LIST", target_system=1, target_component=1)]
-    for datagram in (*sent, *alone):
-        flight.autopilot.receive(datagram, GROUND_STATION, flight.now_s)
-    flight.advance(0.02)
-    for address in (COMPANION, other):
-        assert [frame.raw for to, frame in flight.passed_on if to == address] == sent
-    assert not [frame for to, frame in flight.passed_on if to == GROUND_STATION]
-
-
-@pytest.mark.parametrize(("flavour", "repeats"), [("px4", 1), ("ardupilot", 0)])
-def test_px4_gives_foreign_traffic_out_again_as_its_own(flavour: str, repeats: int) -> None:
-    flight = Flight(flavour)
-    flight.advance(0.1)
-    flight.send("ADSB_VEHICLE", sender=Encoder(42, 1), ICAO_address=7, callsign="GHOST")
-    flight.advance(0.02)
-    assert len(flight.messages("ADSB_VEHICLE", GROUND_STATION)) == repeats  # also to whoever sent it
-    assert [decode_message(frame).ICAO_address for _, frame in flight.passed_on] == [7]
-
-
-def test_a_flood_is_not_passed_on() -> None:
-    flight = Flight()
-    flight.advance(0.1)
-    for _ in range(5):
-        flight.autopilot.receive(Encoder(42, 1).encode("HEARTBEAT") * 60, GROUND_STATION, flight.now_s)
-    flight.advance(0.02)
-    assert len(flight.passed_on) == 64 and flight.autopilot.counters["not_passed_on"] == 236
 
 
 @pytest.mark.parametrize(("flavour", "count"), [("px4", 3), ("ardupilot", 0)])
