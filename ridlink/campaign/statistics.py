@@ -165,7 +165,8 @@ def risk_ratio(
     """Share in a collision by that of a reference flown on the same runs, with its interval.
 
     The interval is that of the resampled runs. Where nobody collided every resampled ratio is zero and says nothing:
-    there the upper end is the bound of the one share by the lower bound of the other, which is on the safe side.
+    there the upper end is the bound of the one share by the lower bound of the other, which is on the safe side; None
+    where that is zero.
 
     Args:
         collided: Who collided, shape (runs, vehicles).
@@ -179,8 +180,8 @@ def risk_ratio(
         return None, None
     ratio = float(collided.mean() / reference.mean())
     if not collided.any():
-        high = collided_share(0, collided.size)[1] / collided_share(int(reference.sum()), reference.size)[0]
-        return ratio, (0.0, high)
+        least = collided_share(int(reference.sum()), reference.size)[0]
+        return ratio, (0.0, collided_share(0, collided.size)[1] / least) if least else None
     totals, others = (bootstrap_totals(each.sum(axis=1), seed) for each in (collided, reference))
     with np.errstate(divide="ignore", invalid="ignore"):
         return ratio, percentile_interval(totals / others)

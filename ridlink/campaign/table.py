@@ -7,14 +7,13 @@ that was not flown.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from ridlink.campaign.cell import BASELINE
-from ridlink.campaign.plan import Plan
+from ridlink.campaign.cell import BASELINE, Cell
 from ridlink.campaign.statistics import (
     Flights,
     Interval,
@@ -91,16 +90,20 @@ class Row:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-def table_rows(cells: Sequence[tuple[Plan, Outcomes]]) -> list[Row]:
-    """Rows of all cells, in their order."""
-    medians = {plan.cell: flights_of(outcomes, plan.seed).medians for plan, outcomes in cells}
-    flown = {plan.cell: outcomes for plan, outcomes in cells}
-    rows = []
-    for plan, outcomes in cells:
-        snmac = medians.get(plan.cell.under(Definition.SNMAC))
-        nobody = flown.get(plan.cell.under(BASELINE))
-        rows.append(_row(plan, outcomes, medians[plan.cell], snmac, nobody))
-    return rows
+def table_rows(cells: Mapping[Cell, Outcomes], seed: int) -> list[tuple[Row, Flights]]:
+    """Rows of all cells of a campaign, in their order, each with the flights behind it.
+
+    Args:
+        cells: What happened in each.
+        seed: Of the campaign.
+    """
+    flights = {cell: flights_of(outcomes, seed) for cell, outcomes in cells.items()}
+    medians = {cell: each.medians for cell, each in flights.items()}
+    found = []
+    for cell, outcomes in cells.items():
+        snmac, nobody = medians.get(cell.under(Definition.SNMAC)), cells.get(cell.under(BASELINE))
+        found.append((_row(cell, outcomes, medians[cell], snmac, nobody, seed), flights[cell]))
+    return found
 
 
 def flights_of(outcomes: Outcomes, seed: int) -> Flights:
@@ -112,25 +115,26 @@ def flights_of(outcomes: Outcomes, seed: int) -> Flights:
     return Flights(time_s, outcomes.collided, medians)
 
 
-def _row(plan: Plan, outcomes: Outcomes, medians: Medians, snmac: Medians | None, nobody: Outcomes | None) -> Row:
-    times, cell = outcomes.mission_s, plan.cell
+def _row(
+    cell: Cell, outcomes: Outcomes, medians: Medians, snmac: Medians | None, nobody: Outcomes | None, seed: int
+) -> Row:  # fmt: skip
+    times = outcomes.mission_s
     median_s = _finite(medians.median)
     ratio = None
     if median_s is not None and snmac is not None and _finite(snmac.median):
         ratio = median_s / snmac.median
     risk, risk_ci95 = (None, None)
-    if nobody is not None and not plan.nobody_avoids:
-        risk, risk_ci95 = risk_ratio(outcomes.collided, nobody.collided, plan.seed)
+    if nobody is not None and cell.definition != BASELINE:
+        risk, risk_ci95 = risk_ratio(outcomes.collided, nobody.collided, seed)
     return Row(
-        scenario=cell.scenario, definition=cell.definition, gnss=cell.gnss, solver=cell.solver,
-        dynamics=cell.dynamics, runs=len(outcomes.run), flights=outcomes.flights, arrived=outcomes.arrived,
+        **asdict(cell), runs=len(outcomes.run), flights=outcomes.flights, arrived=outcomes.arrived,
         unfinished=outcomes.unfinished, macs=outcomes.macs, mac_rate=outcomes.macs / outcomes.flights,
         mac_rate_ci95=clopper_pearson(outcomes.macs, outcomes.flights), median_s=median_s,
         median_ci95=medians.interval, max_time_s=float(times.max()) if times.size else None, ratio_to_snmac=ratio,
         min_separation_m=_finite(float(outcomes.distance_m.min())),
         min_margin_m=_finite(float(outcomes.margin_m.min())),
         infeasible_share=int(outcomes.infeasible.sum()) / max(int(outcomes.decisions.sum()), 1),
-        sigma_m=cell.sigma_m, interval_s=cell.interval_s, loss=cell.loss, risk_ratio=risk, risk_ratio_ci95=risk_ci95,
+        risk_ratio=risk, risk_ratio_ci95=risk_ci95,
         mac_rate_pairs_ci95=collided_share(outcomes.macs, outcomes.flights),
     )  # fmt: skip
 

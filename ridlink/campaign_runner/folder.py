@@ -12,9 +12,9 @@ from __future__ import annotations
 import errno
 import fcntl
 import json
+import math
 import os
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -123,7 +123,7 @@ class CampaignFolder:
             unfinished(self._writing).unlink(missing_ok=True)
 
     def _shard(self, plan: Plan, first: int) -> Path:
-        return self.path / "shards" / _folder_of(plan.cell) / f"runs-{first:06d}.parquet"
+        return self.path / "shards" / cell_folder(plan.cell) / shard_name(first)
 
     def _write(self, target: Path, data: bytes) -> None:
         self._writing = target
@@ -148,7 +148,7 @@ def _check_same(path: Path, configuration: dict[str, Any], resume: bool) -> None
     if not resume:
         raise ConfigError(f"{path}: holds a campaign already; go on with it by --resume, or name a new folder")
     try:
-        found = _object_in(path / CONFIGURATION)
+        found = object_in(path / CONFIGURATION)
     except CaptureError as error:
         raise ConfigError(str(error)) from error
     wanted = json.loads(json.dumps(configuration))
@@ -165,73 +165,24 @@ def _difference(key: str, there: object, here: object) -> str:
         if name not in there or name not in here:
             return f"{key} has {name} {'here' if name in here else 'there'} only"
         key, there, here = f"{key}.{name}", there[name], here[name]
-    return f"{key} is {_short(there)} there and {_short(here)} here"
+    return f"{key} is {shortened(there)} there and {shortened(here)} here"
 
 
-def _short(value: object) -> str:
+def shortened(value: object) -> str:
+    """A value as JSON, no longer than 60 characters."""
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def read_campaign(path: Path) -> tuple[dict[str, Any], list[tuple[dict[str, Any], Outcomes]]]:
-    """Configuration of a complete campaign, and its rows with the outcomes behind them.
-
-    Raises:
-        CaptureError: If it is not complete, or damaged.
-        MissingExtraError: If pyarrow is not installed.
-        OSError: If a file cannot be read.
-    """
-    arrow()
-    if not (path / CONFIGURATION).exists():
-        raise CaptureError(f"{path}: holds no campaign")
-    if not (path / ROWS).exists():
-        raise CaptureError(f"{path}: is not complete; {GO_ON}")
-    configuration = _object_in(path / CONFIGURATION)
-    try:
-        rows = _object_in(path / ROWS)["rows"]
-        cells = [(row, _flown(path, row, configuration)) for row in rows]
-    except (KeyError, TypeError) as error:
-        raise CaptureError(f"{path}: is damaged: {CONFIGURATION} and {ROWS} are not those of a campaign") from error
-    known = {_folder_of(Cell.of_row(row)) for row in rows}
-    if not known or not known >= {file.parent.name for file in (path / "shards").glob("*/*.parquet")}:
-        raise CaptureError(f"{path / ROWS}: lacks cells that were flown; {GO_ON}")
-    return configuration, cells
-
-
-def _flown(path: Path, row: dict[str, Any], configuration: dict[str, Any]) -> Outcomes:
-    """The outcomes behind a row."""
-    cell = Cell.of_row(row)
-    duration_s = configuration["scenario"][cell.scenario]["duration_s"]
-    parts = []
-    for file in sorted((path / "shards" / _folder_of(cell)).glob("*.parquet")):
-        try:
-            shard = read_shard(file, duration_s)
-        except CaptureError as error:
-            raise CaptureError(f"{error}; {GO_ON}") from error
-        for name, wanted in names_of(cell, configuration["seed"]).items():
-            if shard.names[name] != wanted:
-                raise CaptureError(f"{file}: is of another campaign: its {name} is not {wanted}")
-        parts.append(shard.outcomes)
-    runs = sum(len(part.run) for part in parts)
-    if runs != row["runs"]:
-        raise CaptureError(f"{path}: has {runs} runs of {_folder_of(cell)} instead of {row['runs']}; {GO_ON}")
-    with suppress(ValueError):  # not all of as many vehicles
-        outcomes = Outcomes.joined(parts)
-        counted = {name: getattr(outcomes, name) for name in ("flights", "arrived", "unfinished", "macs")}
-        if outcomes.run.tolist() == list(range(runs)) and all(row[name] == n for name, n in counted.items()):
-            return outcomes
-    raise CaptureError(f"{path / ROWS}: does not fit the shards of {_folder_of(cell)}; {GO_ON}")
-
-
-def _object_in(file: Path) -> dict[str, Any]:
+def object_in(file: Path) -> dict[str, Any]:
     """What a JSON file of a campaign holds.
 
     Raises:
-        CaptureError: If it is not a JSON object.
+        CaptureError: If it is not a JSON object, or holds a number that is not finite.
         OSError: If it cannot be read.
     """
     try:
-        found = json.loads(file.read_text("utf-8"))
+        found = json.loads(file.read_text("utf-8"), parse_float=_finite, parse_constant=_finite)
     except (ValueError, RecursionError) as error:
         raise CaptureError(f"{file}: is damaged: {error}") from error
     if not isinstance(found, dict):
@@ -239,7 +190,19 @@ def _object_in(file: Path) -> dict[str, Any]:
     return found
 
 
-def _folder_of(cell: Cell) -> str:
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text} is not a finite number")
+    return number
+
+
+def shard_name(first: int) -> str:
+    """Name of the shard that begins with this run."""
+    return f"runs-{first:06d}.parquet"
+
+
+def cell_folder(cell: Cell) -> str:
     """Name of the folder of a cell: what it always has, and what of it is unusual."""
     # The name of a scene is the only part that may hold any character.
     parts = [quote(cell.scenario, safe=""), cell.definition, cell.gnss, cell.solver]

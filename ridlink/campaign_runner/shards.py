@@ -84,11 +84,21 @@ def read_shard(file: Path, duration_s: float) -> Shard:
         table = parquet.read_table(io.BytesIO(data), page_checksum_verification=True)
         names = {name: _only(table[name].to_pylist()) for name in NAMES}
         columns = {name: _column(table[name].to_pylist(), *kind) for name, kind in COLUMNS.items()}
-        if columns["arrival_s"].shape != columns["collided"].shape:
-            raise ValueError("vehicles that arrived and that collided are not the same")
+        if not _can_be(columns):
+            raise ValueError("columns do not hold what flights bring forth")
     except (pa.ArrowException, OSError, LookupError, TypeError, ValueError, OverflowError) as error:
         raise CaptureError(f"{file}: is damaged") from error
     return Shard(names, Outcomes(duration_s=duration_s, **columns))
+
+
+def _can_be(columns: dict[str, NDArray[Any]]) -> bool:
+    """Whether they are those of flights: who collides does not arrive, and nothing but a margin is below zero."""
+    arrived, collided = np.isfinite(columns["arrival_s"]), columns["collided"]
+    if arrived.shape != collided.shape or np.any(arrived & collided):
+        return False
+    if np.any(columns["infeasible"] > columns["decisions"]):
+        return False
+    return all(np.all(values >= 0) for name, values in columns.items() if name != "margin_m")
 
 
 def _only(values: list[Any]) -> Any:

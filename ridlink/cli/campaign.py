@@ -197,7 +197,8 @@ def _fly_all(
                     if part is None:
                         raise OSError(0, "a shard that was written cannot be read", str(output))
                     parts[task.plan].append(part)
-                rows = table_rows([(plan, Outcomes.joined(part)) for plan, part in zip(plans, parts, strict=True)])
+                cells = {plan.cell: Outcomes.joined(part) for plan, part in zip(plans, parts, strict=True)}
+                rows = [row for row, _ in table_rows(cells, choice.conditions.seed)]
                 folder.write_rows([row.as_dict() for row in rows])
         except WorkerLostError as error:
             return _ended(str(error), kept, len(tasks), EXIT_INTERNAL)
@@ -241,7 +242,8 @@ def _fly_one(plans: list[Plan], number: int, log: Path | None, as_json: bool) ->
                 end = f"arrived after {each['arrival_s']:.1f} s"
             which = " ".join(str(each[name]) for name in ("scenario", "definition", "gnss", "solver"))
             click.echo(f"{which} run {number} vehicle {each['vehicle']}: {end}")
-    show_rows(table_rows(cells), steps, wall_s, as_json, {"run": number, "vehicles": vehicles})
+    rows = [row for row, _ in table_rows({plan.cell: outcomes for plan, outcomes in cells}, plans[0].seed)]
+    show_rows(rows, steps, wall_s, as_json, {"run": number, "vehicles": vehicles})
     return EXIT_DONE
 
 

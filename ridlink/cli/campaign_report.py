@@ -19,19 +19,16 @@ def report(folder: Path) -> None:
     paper's Candidates, run by run; the page asks for nothing outside of itself. report.md holds the tables for
     documents. The pictures are PNG and SVG (extra: ridlink[plot]).
     """
-    from ridlink.analysis.campaign import FlownCell, is_the_papers, judge_cells
+    from ridlink.analysis.campaign import is_the_papers, judge_cells
     from ridlink.analysis.campaign_figures import draw_campaign
     from ridlink.analysis.campaign_markdown import markdown_report
     from ridlink.analysis.campaign_page import report_page
     from ridlink.analysis.campaign_pairs_page import dominance_table, pairs_table, pooled_table
     from ridlink.analysis.pairs import against_lossless, against_points, dominance, pooled
-    from ridlink.campaign.table import flights_of
-    from ridlink.campaign_runner.folder import read_campaign
+    from ridlink.campaign_runner.reading import read_campaign
     from ridlink.files import write_whole
 
-    configuration, read = read_campaign(folder)
-    seed = configuration["seed"]
-    flown = [FlownCell(row, flights_of(outcomes, seed), seed) for row, outcomes in read]
+    configuration, flown = read_campaign(folder)
     as_printed = is_the_papers(configuration)
     judged = judge_cells(flown, as_printed=as_printed)
     points, lossless, together = against_points(flown), against_lossless(flown), pooled(flown)

@@ -127,6 +127,9 @@ def test_what_has_no_end_has_no_interval():
     some[0, :2] = True
     assert risk_ratio(some, some, 1) == (1.0, None)
     assert risk_ratio(np.roll(some, 1, axis=0), some, 1) == (1.0, None)
+    one = np.zeros((100, 8), bool)
+    one[0, 0] = True
+    assert risk_ratio(np.zeros_like(one), one, 1) == (0.0, None), "no pair collided in the reference"
     assert percentile_interval(np.append(np.ones(900), np.full(100, np.inf))) is None
     assert percentile_interval(np.append(np.ones(990), np.full(10, np.inf))) == (1.0, 1.0)
     assert percentile_interval(np.append(np.ones(940), np.full(60, np.nan))) is None
