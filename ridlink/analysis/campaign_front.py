@@ -10,8 +10,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FormatStrFormatter, LogLocator
 
 from ridlink.analysis.campaign import DEFINITION_NAMES, setting_words
 from ridlink.analysis.figures import GREY, new_figure, plain_numbers
@@ -30,6 +28,13 @@ from ridlink.analysis.panels import (
     title_of,
 )
 from ridlink.campaign.cell import USUAL
+from ridlink.errors import MissingExtraError
+
+try:
+    from matplotlib.lines import Line2D
+    from matplotlib.ticker import FormatStrFormatter, LogLocator
+except ImportError as error:
+    raise MissingExtraError("plot", "drawing figures") from error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

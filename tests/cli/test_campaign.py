@@ -607,14 +607,20 @@ def test_a_report_needs_a_complete_campaign(whole: Path, tmp_path: Path) -> None
     assert "is not complete; go on with it by 'ridlink campaign run --resume'" in refusal(folder)
 
 
-def test_without_pyarrow_one_line_says_how_to_get_it(tmp_path: Path) -> None:
-    code = (
-        "import sys; sys.modules['pyarrow'] = None; sys.argv = ['ridlink', 'campaign', 'run', '-o', sys.argv[1]]; "
-        "from ridlink.cli import main; main()"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "x")], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2
-    assert done.stderr.splitlines() == ["ridlink: Parquet needs the extra 'export': pip install 'ridlink[export]'"]
+@pytest.mark.parametrize(
+    ("library", "arguments", "told"),
+    [
+        ("pyarrow", ["run", "-o"], "Parquet needs the extra 'export': pip install 'ridlink[export]'"),
+        ("matplotlib", ["report"], "drawing figures needs the extra 'plot': pip install 'ridlink[plot]'"),
+    ],
+)
+def test_without_its_library_one_line_says_how_to_get_it(
+    library: str, arguments: list[str], told: str, tmp_path: Path
+) -> None:
+    code = f"import sys; sys.modules[{library!r}] = None; from ridlink.cli import main; main()"
+    command = [sys.executable, "-c", code, "campaign", *arguments, str(tmp_path / "x")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr.splitlines()) == (2, [f"ridlink: {told}"])
     assert not (tmp_path / "x").exists()
 
 
