@@ -1,8 +1,7 @@
 """The fleet on the network: one UDP socket a vehicle, one for the air, and real time.
 
-Everything that decides lies elsewhere and knows neither sockets nor clocks: `World`, `Autopilot`, `Broadcaster`, `Air`.
-Here the world is stepped 50 times a second, datagrams are carried to and fro, and whatever fails is counted and logged
-without taking the fleet along.
+Everything that decides lies in `Fleet` and knows neither sockets nor clocks. Here the world is stepped 50 times a
+second, datagrams are carried to and fro, and whatever fails is counted and logged without taking the fleet along.
 
 All sockets are on loopback. Vehicle i listens on 14580 + i - 1 and sends its telemetry to 14540 + i - 1, as PX4's own
 simulations do; the air is 14650.
@@ -18,21 +17,16 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from ridlink.errors import LinkError
 from ridlink.links import Link, open_link
 from ridlink.scenario import Scenario
 from sitl_sim.air_socket import Address, AirSocket
-from sitl_sim.autopilot import Autopilot, FleetNavigation, Outgoing, Start
-from sitl_sim.broadcast import Broadcaster
+from sitl_sim.autopilot import Outgoing
 from sitl_sim.clock import FleetClock
-from sitl_sim.display import TrafficDisplay
-from sitl_sim.draws import Stream, vehicle_generator
+from sitl_sim.fleet import Fleet
 from sitl_sim.fleet_config import HOST, FleetConfig, FleetPorts
-from sitl_sim.radio import Air
 from sitl_sim.vehicle import TICK_S
-from sitl_sim.world import FloatArray, VehicleState, World
+from sitl_sim.world import FloatArray, World
 
 MAX_CATCH_UP_S = 0.25
 """Longest time flown in one go after a stall; for what is beyond, the vehicles stood still."""
@@ -59,12 +53,16 @@ class FleetServer:
         utc_clock: Seconds since 1970.
         pair_radius: uNMAC radii that the referee counts violations of; the world's default unless given.
 
+    Raises:
+        ConfigError: If the scenario cannot be flown like this, or ports overlap.
+
     Attributes:
         world: The truth; for referees, logs and pages, never for anything that steers.
         autopilots: The vehicles' MAVLink faces, in the order of system ids.
         air: The broadcast medium.
+        home: Where the scenario's origin lies.
+        clock: The fleet's time.
         counters: Events by cause: tick, slipped_ms, error.
-        mission_begun: Whether mission time counts.
     """
 
     def __init__(
@@ -77,45 +75,13 @@ class FleetServer:
     ) -> None:
         self.config = config = config or FleetConfig()
         self.scenario = scenario
-        autopilots = config.autopilots_of(scenario)
-        config.check_ports(len(scenario.vehicles))
-        self.world = World(
-            scenario,
-            seed=config.seed,
-            autopilot=autopilots,
-            gnss=config.gnss,
-            sigma_m=config.sigma_m,
-            airborne=config.start is not Start.GROUND,
-            begins=config.start is Start.AIRBORNE,
-            arrival="leave" if config.autopilot == "ideal" else "land",
-            gnss_common_share=config.gnss_common_share,
-            gnss_time_constant_s=config.gnss_time_constant_s,
-            airframe=config.airframe,
-            pair_radius=pair_radius,
-        )
-        self.home = config.home_of(scenario)
         self.clock = FleetClock(time.monotonic, utc_clock, config.speedup)
-        utc_clock = self.clock.utc_s
-        self._display = TrafficDisplay()
-        self._display_link: Link | None = None
-        self.air = Air(config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=self.home)
-        self._navigation = FleetNavigation(self.world, self.home)
-        self.autopilots = [
-            Autopilot(
-                self.world,
-                index,
-                self._navigation,
-                flavour=autopilots[index],
-                utc_clock=utc_clock,
-                start=config.start,
-                companion=(HOST, config.companion_port + index) if config.companion_port else None,
-            )
-            for index in range(len(scenario.vehicles))
-        ]
-        self._broadcasters = [self._broadcaster(autopilot, utc_clock) for autopilot in self.autopilots]
+        self._fleet = fleet = Fleet(scenario, config, self.clock.utc_s, pair_radius)
+        config.check_ports(len(scenario.vehicles))
+        self.world, self.home, self.autopilots, self.air = fleet.world, fleet.home, fleet.autopilots, fleet.air
         self.counters: Counter[str] = Counter()
-        self.mission_begun = False
         self._vehicle_links: list[Link] = []
+        self._display_link: Link | None = None
         self._air_socket = AirSocket(
             self.air,
             self.clock,
@@ -124,23 +90,11 @@ class FleetServer:
             note_failure=self._note_failure,
         )
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._tick_handle: asyncio.TimerHandle | None = None
+        self._tick_handle: asyncio.Handle | None = None
         self._flown_until_s = 0.0
         self._expired_s = 0.0
         self._logged_s = -math.inf
         self._unlogged = 0
-
-    def _broadcaster(self, autopilot: Autopilot, utc_clock: Callable[[], float]) -> Broadcaster:
-        generator = vehicle_generator(self.config.seed, Stream.PHASE, autopilot.system_id - 1)
-        spec = self.scenario.vehicles[autopilot.system_id - 1]
-        return Broadcaster(
-            autopilot.system_id,
-            spec,
-            autopilot.telemetry.home,
-            interval_s=max(spec.interval_s or self.scenario.interval_s, self.air.technology.period_s),
-            utc_clock=utc_clock,
-            phase=float(generator.random()),
-        )
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
@@ -177,10 +131,10 @@ class FleetServer:
         if self._loop is None:
             raise RuntimeError("the fleet has not been started")
         self._flown_until_s = self.clock.now_s()
-        if self.config.start is Start.AIRBORNE or not any(v.cooperative for v in self.scenario.vehicles):
+        if self._fleet.begins_by_itself:
             self.begin_mission()
         if not self.clock.is_lockstep:
-            self._tick_handle = self._loop.call_soon(self._on_tick)  # type: ignore[assignment]
+            self._tick_handle = self._loop.call_soon(self._on_tick)
             self._air_socket.run()
         try:
             await stop.wait()
@@ -198,16 +152,18 @@ class FleetServer:
         if self._display_link is not None:
             self._display_link.close()
 
+    @property
+    def mission_begun(self) -> bool:
+        """Whether mission time counts."""
+        return self._fleet.mission_begun
+
     def begin_mission(self) -> None:
         """Mission time counts from now, and those who avoid nobody set out.
 
         An airborne fleet begins with `run`. One from the ground begins when all cooperative vehicles obey setpoints in
         the air. A holding one begins when its owner says so.
         """
-        self.mission_begun = True
-        self.world.begin_mission()
-        for autopilot in self.autopilots:
-            autopilot.pilot.begin_mission()
+        self._fleet.begin_mission()
 
     # --- time ---------------------------------------------------------------------------------------------------------
 
@@ -216,8 +172,7 @@ class FleetServer:
         now_s = self.clock.now_s()
         try:
             self._fly(now_s)
-            self._navigation.refresh()
-            self.air.listeners.place_vehicles(self.world.position_ned_m, self.world.on_air)
+            self._fleet.look()
         except Exception:
             self._note_failure("tick")
         self._serve(0, now_s)
@@ -229,7 +184,7 @@ class FleetServer:
         after = first + VEHICLES_AT_ONCE
         self._serve_some(range(first, min(after, len(self.autopilots))), now_s)
         if after < len(self.autopilots):
-            self._tick_handle = self._loop.call_soon(self._serve, after, now_s)  # type: ignore[assignment]
+            self._tick_handle = self._loop.call_soon(self._serve, after, now_s)
             return
         try:
             self._end_tick(now_s)
@@ -244,8 +199,7 @@ class FleetServer:
             autopilot = self.autopilots[index]
             try:
                 self._send(index, autopilot.tick(now_s))
-                if self.config.remote_id:
-                    self._broadcast(index, autopilot, now_s)
+                self._fleet.broadcast(index, now_s)
             except Exception:
                 self._note_failure(f"vehicle {autopilot.system_id}")
 
@@ -261,8 +215,7 @@ class FleetServer:
             self.clock.advance(TICK_S)
             now_s = self.clock.now_s()
             self._fly(now_s)
-            self._navigation.refresh()
-            self.air.listeners.place_vehicles(self.world.position_ned_m, self.world.on_air)
+            self._fleet.look()
             self._serve_some(range(len(self.autopilots)), now_s)
             self._end_tick(now_s)
 
@@ -280,30 +233,15 @@ class FleetServer:
             self.world.step(TICK_S)
 
     def _end_tick(self, now_s: float) -> None:
-        if not self.mission_begun and self.config.start is Start.GROUND:
-            self._watch_for_mission(now_s)
+        if self._fleet.is_taken_over(now_s):
+            self.begin_mission()
         if now_s - self._expired_s >= 1.0:
             self._expired_s = now_s
             self._air_socket.refresh(now_s)
             if self._display_link is not None:
-                for frame in self._display.frames([self._navigation[k] for k in range(len(self.autopilots))]):
+                for frame in self._fleet.display_frames():
                     self._display_link.send(frame)
         self._air_socket.deliver()
-
-    def _broadcast(self, index: int, autopilot: Autopilot, now_s: float) -> None:
-        spec = self.scenario.vehicles[index]
-        if spec.silent or not self.world.radio_on[index]:
-            return
-        # a ghost is not there: its signal comes from wherever its transmitter is
-        sent_from = (spec.transmitter_ned_m or self.world.position_ned_m[index]) if spec.ghost else None
-        command = autopilot.pilot.command_ned_mps if autopilot.is_avoiding else None
-        for datagram in self._broadcasters[index].tick(self._navigation[index], command, now_s):
-            self.air.broadcast(autopilot.system_id, sent_from, datagram, now_s)
-
-    def _watch_for_mission(self, now_s: float) -> None:
-        cooperative = [a for a, v in zip(self.autopilots, self.scenario.vehicles, strict=True) if v.cooperative]
-        if cooperative and all(autopilot.pilot.is_steered(now_s) for autopilot in cooperative):
-            self.begin_mission()
 
     # --- bytes --------------------------------------------------------------------------------------------------------
 
@@ -339,27 +277,7 @@ class FleetServer:
 
     def snapshot(self) -> dict[str, Any]:
         """Plain values for JSON: time, and for every vehicle mode, arming, state and true position."""
-        states = self.world.state.tolist()
-        positions = (np.round(self.world.position_ned_m, 2) + 0.0).tolist()  # no "-0.0"
-        velocities = (np.round(self.world.velocity_ned_mps, 2) + 0.0).tolist()
-        return {
-            "time_s": round(self.world.time_s, 2),
-            "mission_time_s": round(self.world.mission_time_s, 2) if self.mission_begun else None,
-            "vehicles": [
-                {
-                    "system_id": autopilot.system_id,
-                    "mode": str(autopilot.pilot.mode),
-                    "armed": autopilot.pilot.armed,
-                    "state": VehicleState(state).name.lower(),
-                    "avoiding": autopilot.is_avoiding,
-                    "position_ned_m": position,
-                    "velocity_ned_mps": velocity,
-                }
-                for autopilot, state, position, velocity in zip(
-                    self.autopilots, states, positions, velocities, strict=True
-                )
-            ],
-        }
+        return self._fleet.snapshot()
 
 
 async def _listen(port: int, handler: Callable[[bytes, Address], None]) -> Link:

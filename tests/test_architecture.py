@@ -98,6 +98,8 @@ SANS_IO = (
     "sitl_sim.chance",
     "sitl_sim.autopilot",
     "sitl_sim.broadcast",
+    "sitl_sim.fleet",
+    "sitl_sim.fleet_config",
 )
 """Rooms on the line: nobody there opens a socket, reads a clock, starts a thread or draws an unseeded number."""
 
@@ -105,11 +107,12 @@ WALLS_WITHIN = {
     "ridlink.links.signing_clock": ("ridlink.links.link", "ridlink.links.opening"),
     "ridlink.links.signing_options": ("ridlink.links.link", "ridlink.links.opening"),
     "ridlink.separation.distributions": ("ridlink.separation.sums",),
+    "sitl_sim.fleet": ("ridlink.links", "sitl_sim.air_socket", "sitl_sim.clock", "sitl_sim.server"),
     "sitl_sim.autopilot.pilot": tuple(f"sitl_sim.autopilot.{part}" for part in ("link", "peers", "streams", "answers")),
     "sitl_sim.autopilot.peers": tuple(f"sitl_sim.autopilot.{part}" for part in ("pilot", "orders", "answers")),
 }
-"""What a module of a room does not know of it: a clock of signatures no link, a part of a distance no sum, who flies
-none of those whom he is told by, and who serves them nothing of the flight."""
+"""What a module of a room does not know of it: a clock of signatures no link, a part of a distance no sum, a fleet no
+network, who flies none of those whom he is told by, and who serves them nothing of the flight."""
 
 FORBIDDEN_ON_THE_LINE = {"socket", "asyncio", "time", "datetime", "random", "threading", "select", "subprocess"}
 

@@ -17,12 +17,10 @@ import pytest
 from ridlink.errors import ConfigError, LinkError
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
-from ridlink.scenario import Event, Scenario, VehicleSpec, built_in
+from ridlink.scenario import Scenario, VehicleSpec, built_in
 from sitl_sim.autopilot import Start
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.server import FleetServer
-from sitl_sim.world import VehicleState
-from tests.links.test_links import turn
 
 CLIENT = Path(__file__).with_name("mavutil_client.py")
 PATIENCE_S = 10.0
@@ -245,16 +243,6 @@ def test_vehicles_outside_the_emulator_take_part_in_an_air_of_their_own() -> Non
     assert server.ports.vehicles == ()
 
 
-def test_without_remote_id_the_air_is_left_to_the_daemons() -> None:
-    async def act(server: FleetServer) -> None:
-        await Client.open(server.ports.air)
-        vehicle = await Client.open(server.ports.vehicles[0])
-        await vehicle.until(lambda heard: [m for _, m in heard if m.name == "GLOBAL_POSITION_INT"][5:])
-
-    server = fly(two_apart(100.0), act, start=Start.AIRBORNE, remote_id=False)
-    assert server.air.counters["broadcast"] == 0
-
-
 def test_slow_technologies_slow_the_updates_down() -> None:
     async def act(server: FleetServer) -> None:
         observer = await Client.open(server.ports.air)
@@ -311,26 +299,6 @@ def test_holding_fleet_waits_for_its_owner_and_then_even_the_uncooperative_set_o
         ),
     )
     fly(scenario, act, start=Start.HOLDING, autopilot="ideal")
-
-
-def test_before_a_holding_fleet_is_handed_over_nothing_is_judged_and_nothing_goes_wrong() -> None:
-    """A daemon that is new to the machine compiles for so long that the faults of the flight came before it."""
-    spec = VehicleSpec((0.0, 0.0, -50.0), (2.0, 0.0, -50.0))
-    event = Event(1.0, 1, "gnss-outage", {"duration_s": 0.0})
-
-    async def act(server: FleetServer) -> None:
-        await turn()  # the fleet runs
-        server.advance(5.0)
-        world = server.world
-        assert world.mission_time_s == 0.0 and world.fix_type[0] == 3
-        assert not world.arrived.any() and world.state[0] == VehicleState.AIRBORNE
-        server.begin_mission()
-        server.advance(0.9)
-        assert world.arrived.all() and world.fix_type[0] == 3
-        server.advance(0.2)
-        assert world.fix_type[0] != 3
-
-    fly(Scenario("late", 60.0, (spec,), events=(event,)), act, start=Start.HOLDING, sigma_m=0.0, speedup=0.0)
 
 
 # --- ports ------------------------------------------------------------------------------------------------------------
