@@ -18,6 +18,12 @@ from ridlink.mavlink.codec import MESSAGES_BY_NAME, Message, MessageSpec
 from ridlink.remote_id.messages import MAVLINK_NAMES, RemoteIdMessage
 from ridlink.remote_id.text import display_text
 
+TIME_WIDTH, SOURCE_WIDTH, NUMBER_WIDTH, NAME_WIDTH = 27, 7, 3, 27
+"""Characters that the first cells of a row have at least."""
+
+DIGITS = 10
+"""Of a number in a row."""
+
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _encode = msgspec.json.Encoder().encode
 
@@ -134,21 +140,23 @@ def table_line(record: MessageRecord) -> bytes:
         name = f"{UNKNOWN} {frame.msgid}"
         text = f"payload={frame.payload.hex()}"
     else:
-        text = " ".join(f"{field}={_cell(value)}" for field, value in fields_of(record).items())
+        text = " ".join(f"{field}={cell(value)}" for field, value in fields_of(record).items())
     source, number = f"{frame.sysid}/{frame.compid}", str(frame.seq)
     if record.is_broadcast and origin is not None:
         source = origin.mac.hex(":") or "-"
         number = "-" if origin.counter is None else str(origin.counter)
-    return f"{clock_time(record.time_us):<27} {source:>7} {number:>3}  {name:<27} {text}\n".encode()
+    came = f"{clock_time(record.time_us):<{TIME_WIDTH}} {source:>{SOURCE_WIDTH}} {number:>{NUMBER_WIDTH}}"
+    return f"{came}  {name:<{NAME_WIDTH}} {text}\n".encode()
 
 
-def _cell(value: Any) -> str:
+def cell(value: Any) -> str:
+    """A value as rows show it, ``-`` for unknown."""
     if value is None or value != value:
         return "-"
     if isinstance(value, float):
-        return f"{value:.10g}"
+        return f"{value:.{DIGITS}g}"
     if isinstance(value, str):
         return f'"{value}"'
     if isinstance(value, list | tuple):
-        return f"[{','.join(_cell(single) for single in value)}]"
+        return f"[{','.join(cell(single) for single in value)}]"
     return str(value)

@@ -129,9 +129,9 @@ class _Lines:
     ) -> None:
         from ridlink.captures.lines import json_line, table_line
 
-        self.large_files_as_blocks = output_format == "jsonl" or stats
         self.statistics = statistics
         self.progress = Progress(out is not sys.stdout.buffer or stats or not sys.stdout.isatty())
+        self._format = output_format
         self._line_of = json_line if output_format == "jsonl" else table_line
         self._selection = selection
         self._frames = frames
@@ -161,12 +161,12 @@ class _Lines:
         self.flush()
 
     def write_blocks(self, reader: BlockReader) -> None:
-        """The JSON lines of a large file, or its counts."""
+        """The lines of a large file, or its counts."""
+        from ridlink.captures.export.block_lines import BlockLines
         from ridlink.captures.export.counting import count_block
-        from ridlink.captures.export.jsonl import BlockLines
 
         self.statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
-        lines = BlockLines(self._selection, frames=self._frames)
+        lines = BlockLines(self._selection, self._format, frames=self._frames)
         for block in reader:
             if self._stats:
                 count_block(self.statistics, block, self._selection)
@@ -187,7 +187,7 @@ def _decode_files(files: tuple[str, ...], kind: str, lines: _Lines) -> None:
 
     for path in files:
         with decode_export.others_go_on(files, lines.statistics):
-            reader = decode_export.large_reader(path, kind) if lines.large_files_as_blocks else None
+            reader = decode_export.large_reader(path, kind)
             if reader is not None:
                 lines.write_blocks(reader)
                 continue

@@ -1,4 +1,4 @@
-"""What ``ridlink decode`` does for formats other than lines and statistics, and for lines of large files."""
+"""What ``ridlink decode`` does for formats other than lines and statistics, and for large files."""
 
 from __future__ import annotations
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import importlib
 import json
+import math
 import os
 import struct
 import subprocess
@@ -21,14 +22,14 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from ridlink.captures import decode_records, open_capture
+from ridlink.captures.export.block_lines import BlockLines
 from ridlink.captures.export.fields import Fields, fields_of_block, fields_of_records
 from ridlink.captures.export.framed import framed_line
 from ridlink.captures.export.geo import cut_at_antimeridian
 from ridlink.captures.export.join import COLUMNS, MAX_SENDERS, Joiner, join
-from ridlink.captures.export.jsonl import BlockLines
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.fast.blocks import BlockReader
-from ridlink.captures.lines import json_line
+from ridlink.captures.lines import json_line, table_line
 from ridlink.cli import decode_export
 from ridlink.cli.decode import decode
 from ridlink.mavlink.codec import MESSAGES, MESSAGES_BY_NAME, Encoder
@@ -50,15 +51,18 @@ def run(*arguments: str | Path) -> Result:
     return CliRunner().invoke(decode, [str(argument) for argument in arguments], standalone_mode=False)
 
 
-def one_by_one(path: Path, selection: Selection, frames: bool = False) -> bytes:
-    """JSON lines as the reader of records gives them."""
+FORMS = {"jsonl": json_line, "table": table_line, "jsonl with frames": lambda one: framed_line(json_line(one), one)}
+
+
+def one_by_one(path: Path, selection: Selection, form: str) -> bytes:
+    """Lines as the reader of records gives them."""
     with open_capture(path) as capture:
         chosen = [record for record in decode_records(capture) if selection.takes(record)]
-    return b"".join(framed_line(json_line(record), record) if frames else json_line(record) for record in chosen)
+    return b"".join(map(FORMS[form], chosen))
 
 
-def by_blocks(path: Path, selection: Selection, frames: bool = False) -> bytes:
-    lines = BlockLines(selection, frames=frames)
+def by_blocks(path: Path, selection: Selection, form: str) -> bytes:
+    lines = BlockLines(selection, form.split()[0], frames=form.endswith("frames"))
     return b"".join(bytes(lines.of(block)) for block in BlockReader(path, block_length=4096))
 
 
@@ -93,7 +97,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> None:
     for kind in ("tlog", "mavlink"):
         path = tmp_path_factory.mktemp("compiled") / f"f.{kind}"
         path.write_bytes(tlog_bytes(flight(3)) if kind == "tlog" else b"".join(frame for _, frame in flight(3)))
-        assert by_blocks(path, Selection())
+        assert by_blocks(path, Selection(), "jsonl")
 
 
 @pytest.fixture
@@ -133,7 +137,8 @@ def any_frame(draw: st.DrawFn) -> bytes:
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     frames=st.lists(any_frame(), min_size=1, max_size=12),
-    first_us=st.sampled_from([START_US, 0, 999_999, 10**15 - 5, 2**62]),
+    first_us=st.sampled_from([START_US, 0, 999_999, 10**15 - 5, 253_402_300_800_000_000 - 3, 2**62]),
+    kind=st.sampled_from(["tlog", "mavlink"]),
     selection=st.builds(
         Selection,
         names=st.none() | st.frozensets(st.sampled_from([*ABOUT_REMOTE_ID, "UNKNOWN"]), max_size=5),
@@ -141,14 +146,23 @@ def any_frame(draw: st.DrawFn) -> bytes:
         since_us=st.none() | st.sampled_from([START_US + 2, 0]),
         until_us=st.none() | st.sampled_from([START_US + 4, 2**63]),
     ),
-    with_frames=st.booleans(),
+    form=st.sampled_from(list(FORMS)),
 )
 def test_lines_from_columns_are_those_of_the_writer(
-    tmp_path: Path, frames: list[bytes], first_us: int, selection: Selection, with_frames: bool
+    tmp_path: Path, frames: list[bytes], first_us: int, kind: str, selection: Selection, form: str
 ) -> None:
-    path = tmp_path / "any.tlog"
-    path.write_bytes(tlog_bytes([(first_us + index, frame) for index, frame in enumerate(frames)]))
-    assert by_blocks(path, selection, with_frames) == one_by_one(path, selection, with_frames)
+    path = tmp_path / f"any.{kind}"
+    timed = tlog_bytes([(first_us + index, frame) for index, frame in enumerate(frames)])
+    path.write_bytes(timed if kind == "tlog" else b"".join(frames))
+    assert by_blocks(path, selection, form) == one_by_one(path, selection, form)
+
+
+def near_ten_digits(digits: int, exponent: int, steps: int) -> float:
+    """A number in the middle between two of ten digits, or so many of the least steps beside it."""
+    value = float(f"{digits}5e{exponent - 11}")
+    for _ in range(abs(steps)):
+        value = math.nextafter(value, math.copysign(math.inf, steps))
+    return value
 
 
 BITS_32, BITS_64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
@@ -156,6 +170,7 @@ DOUBLES = st.one_of(
     st.floats(),
     st.integers(-(10**16), 10**16).map(lambda scaled: scaled / 1e7),
     st.sampled_from([-0.0, 1e-7, 9.9e-6, 1e-5, 1e8, 1e15, 1e16, 2.0**53, 123456789.1234567, 0.1 + 0.2, 5e-324]),
+    st.builds(near_ten_digits, st.integers(1, 10**10), st.integers(-6, 12), st.integers(-3, 3)),
 ).map(lambda value: int.from_bytes(struct.pack("<d", value), "little"))
 
 
@@ -164,9 +179,10 @@ DOUBLES = st.one_of(
     floats=st.lists(st.tuples(*[BITS_32 | st.floats(width=32).map(float_bits)] * 3), min_size=1, max_size=5),
     doubles=st.lists(DOUBLES, min_size=16, max_size=16),
     large=st.lists(st.one_of(BITS_64, st.sampled_from([0, 2**62 - 1, 2**62, 2**63 - 1, 2**63, 2**64 - 1]))),
+    form=st.sampled_from(["jsonl", "table"]),
 )
 def test_numbers_of_every_size_are_written_alike(
-    tmp_path: Path, floats: list[tuple[int, int, int]], doubles: list[int], large: list[int]
+    tmp_path: Path, floats: list[tuple[int, int, int]], doubles: list[int], large: list[int], form: str
 ) -> None:
     """All bit patterns, signalling NaNs too: from integers on the wire, and from floats of 32 and 64 bits."""
     attitudes = [bytes(4) + struct.pack("<3I", *bits) for bits in floats]
@@ -180,18 +196,21 @@ def test_numbers_of_every_size_are_written_alike(
     ]
     path = tmp_path / "numbers.tlog"
     path.write_bytes(tlog_bytes([(START_US + index, frame) for index, frame in enumerate(frames)]))
-    assert by_blocks(path, Selection()) == one_by_one(path, Selection())
+    assert by_blocks(path, Selection(), form) == one_by_one(path, Selection(), form)
 
 
 @needs_compiler
-@pytest.mark.parametrize("options", [[], ["--types", "OPEN_*,HEARTBEAT"], ["--source-system", "2"], ["--frames"]])
+@pytest.mark.parametrize(
+    "options",
+    [[], ["--types", "OPEN_*,HEARTBEAT"], ["--source-system", "2"], ["-f", "jsonl"], ["-f", "jsonl", "--frames"]],
+)
 def test_lines_of_a_real_recording_are_the_same(monkeypatch: pytest.MonkeyPatch, options: list[str]) -> None:
     if not REAL.exists():
         pytest.skip("the recording of real autopilots is not part of the project")
     outputs = []
     for large in (10**12, 0):
         monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
-        done = run(REAL, "-f", "jsonl", *options)
+        done = run(REAL, *options)
         assert done.return_value == 0
         outputs.append(done.stdout_bytes)
     assert outputs[0] == outputs[1]

@@ -213,12 +213,12 @@ def test_without_a_compiler_the_results_are_the_same(tmp_path: Path) -> None:
     (tmp_path / "f.mavlink").write_bytes(b"".join(frame for _, frame in flight(40)) + b"\xfd\x00" + bytes(data))
     script = (
         "import hashlib,sys\nfrom ridlink.captures.columns import decode\n"
-        "from ridlink.captures.export.jsonl import BlockLines\n"
+        "from ridlink.captures.export.block_lines import BlockLines\n"
         "from ridlink.captures.export.selection import Selection\n"
         "from ridlink.captures.fast.blocks import BlockReader\n"
         "for path in sys.argv[1:]:\n"
-        "    lines = BlockLines(Selection(), frames=True)\n"
-        "    print(b''.join(bytes(lines.of(block)) for block in BlockReader(path)).decode())\n"
+        "    for lines in (BlockLines(Selection(), frames=True), BlockLines(Selection(), 'table')):\n"
+        "        print(b''.join(bytes(lines.of(block)) for block in BlockReader(path)).decode())\n"
         "    columns = decode(path)\n"
         "    print(columns.rejects, columns.sources, [(k, len(v), hashlib.sha256(v).hexdigest()) "
         "for k, v in columns.items()])"
@@ -229,7 +229,9 @@ def test_without_a_compiler_the_results_are_the_same(tmp_path: Path) -> None:
         for more in ({}, {"NUMBA_DISABLE_JIT": "1"})
     ]
     assert outputs[0] == outputs[1]
-    assert "OPEN_DRONE_ID_LOCATION" in outputs[0] and "bad_checksum" in outputs[0]
+    assert (
+        "OPEN_DRONE_ID_LOCATION" in outputs[0] and " latitude_deg=47.4 " in outputs[0] and "bad_checksum" in outputs[0]
+    )
 
 
 @needs_compiler

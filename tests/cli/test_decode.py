@@ -333,6 +333,25 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
     assert process.returncode == 0
 
 
+@pytest.mark.parametrize("leaves", [True, False])
+def test_a_reader_that_goes_away_and_an_interrupt_end_the_rows_of_a_large_file(tmp_path: Path, leaves: bool) -> None:
+    path = tmp_path / "large.tlog"
+    path.write_bytes(20 * tlog_bytes(flight(3000)))
+    assert path.stat().st_size > decode_export.LARGE_BYTES
+    with subprocess.Popen(
+        [sys.executable, "-m", "ridlink", "decode", str(path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        assert b" HEARTBEAT " in process.stdout.readline()
+        if leaves:
+            process.stdout.close()
+        else:
+            process.send_signal(signal.SIGINT)  # while it waits for us to read on
+        said = process.stderr.read().splitlines()
+        assert [line for line in said if line and b" compiling " not in line] == []
+    assert process.returncode == (0 if leaves else 130)
+
+
 def test_an_interrupt_ends_it_without_a_traceback() -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "ridlink", "decode", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,

@@ -20,9 +20,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ridlink.captures import Capture, CaptureKind, columns, decode_records
+from ridlink.captures.export.block_lines import BlockLines
 from ridlink.captures.export.framed import framed_line
 from ridlink.captures.export.from_lines import frame_of_line
-from ridlink.captures.export.jsonl import BlockLines
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.lines import json_line, table_line

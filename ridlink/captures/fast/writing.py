@@ -5,6 +5,8 @@ A line is a chain of literals with a cell after each but the last. A cell is one
     WHOLE    the number
     TIME     microseconds, written as seconds with all six decimals
     DECIMAL  ten-millionths, written with as many decimals as it has, and at least one
+    SIGNIFICANT
+             digits, and in the lowest four bits how many of them are decimals; written without zeros at the end
     TEXT     the place of a text in the table of texts
 
 A cell of any but WHOLE that is ``FIRST_TEXT`` or more stands for the text at ``cell - FIRST_TEXT``: so a column of
@@ -24,9 +26,10 @@ from ridlink.compiled import kernel_decorator
 
 kernel = kernel_decorator([Path(__file__)])
 
-WHOLE, TIME, DECIMAL, TEXT = range(4)
+WHOLE, TIME, DECIMAL, SIGNIFICANT, TEXT = range(5)
 FIRST_TEXT = 1 << 62
 DECIMALS = 7
+DECIMALS_BITS = 4
 LONGEST_NUMBER = 24
 """Characters that a cell takes at most, if it is no text."""
 
@@ -100,17 +103,24 @@ def write_lines(
             if kind == WHOLE:
                 at = write_whole(value, out, at)
                 continue
-            decimals = 6 if kind == TIME else DECIMALS
-            scale = np.uint64(1_000_000 if kind == TIME else 10_000_000)
+            if kind == TIME:
+                decimals = least = 6
+            elif kind == DECIMAL:
+                decimals, least = DECIMALS, 1
+            else:
+                decimals, least = cell & (1 << DECIMALS_BITS) - 1, 0
+                value >>= np.uint64(DECIMALS_BITS)
+            while decimals > least and value % _TEN == 0:
+                value //= _TEN
+                decimals -= 1
+            scale = np.uint64(1)
+            for _ in range(decimals):
+                scale *= _TEN
             whole = value // scale
             at = write_whole(whole, out, at)
-            out[at] = ord(".")
-            fraction = value - whole * scale
-            if kind == DECIMAL:
-                while decimals > 1 and fraction % _TEN == 0:
-                    fraction //= _TEN
-                    decimals -= 1
-            at = write_digits(fraction, out, at + 1, decimals)
+            if decimals > 0:
+                out[at] = ord(".")
+                at = write_digits(value - whole * scale, out, at + 1, decimals)
         at = copy(literals, literal_bounds[columns], literal_bounds[columns + 1], out, at)
         ends[entries[row]] = at
     return at
