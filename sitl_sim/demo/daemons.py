@@ -173,7 +173,7 @@ class Daemons:
                 raise LinkError(f"the daemon of vehicle {vehicles} ended in flight ({how})")
 
     async def stop(self) -> list[dict[str, Any]]:
-        """Stop them gently; their summaries."""
+        """Stop them gently; their summaries. May be called twice, and before they have started."""
         for process in self._processes:
             if process.returncode is None:
                 process.send_signal(signal.SIGTERM)

@@ -6,9 +6,10 @@ import asyncio
 import os
 import tempfile
 from collections.abc import Sequence
+from contextlib import AsyncExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -49,8 +50,8 @@ def scenario_of(options: DemoOptions) -> Scenario:
     return scenario if options.interval_s is None else replace(scenario, interval_s=options.interval_s)
 
 
-class Onlooker(Protocol):
-    """Who looks on while a flight lasts."""
+class Onlooker:
+    """Who looks on while a flight lasts: as it stands, nobody."""
 
     def ready(self) -> None:
         """The fleet has its ports: nothing stands in the way of the flight."""
@@ -74,24 +75,24 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         OSError: If the scenario cannot be read or the log not be written.
     """
     scenario = scenario_of(options)
+    title = _title(options, scenario)
+    onlooker = onlooker or Onlooker()
     server = FleetServer(scenario, options.fleet, pair_radius=pair_radius_under(options.definition, options.eta))
-    recorder: Recorder | None = None
-    daemons: Daemons | None = None
-    station: GroundStation | None = None
     conductors: Conductors | None = None
-    landed = asyncio.Event()
-    flying: asyncio.Task[None] | None = None
-    summaries: list[dict[str, Any]] = []
-    try:
+    async with AsyncExitStack() as ends:  # what has begun last ends first
         await _open(server)
         log = _log_path(options, scenario)
         recorder = Recorder(log, overwrite=True)
-        if onlooker is not None:
-            onlooker.ready()
+        ends.push_async_callback(_end_recording, recorder, log, screen)
+        ends.push_async_callback(server.close)
+        onlooker.ready()
+        landed = asyncio.Event()
         flying = asyncio.create_task(server.run(landed))
+        ends.push_async_callback(_end_flight, landed, flying)
+        ends.push_async_callback(onlooker.end)
         ports = server.ports
-        heard = {} if onlooker is None else {"hear_air": onlooker.hear}
-        station = GroundStation(ports.vehicles, ports.air, recorder.receive, **heard)
+        station = GroundStation(ports.vehicles, ports.air, recorder.receive, onlooker.hear)
+        ends.push_async_callback(station.close)
         await station.open()
         assigned = assignments(
             scenario,
@@ -103,13 +104,14 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
             vertical=options.vertical,
         )
         await _warm(screen, options.solver, options.processes, len(assigned))
-        if onlooker is not None:
-            await onlooker.begin(server, _title(options, scenario), options.definition)
+        await onlooker.begin(server, title, options.definition)
+        daemons = Daemons(assigned, each_its_own=options.processes)
+        ends.push_async_callback(daemons.stop)
         if options.from_ground and assigned:
             conductors = _conductors(scenario, assigned, ports.vehicles, screen)
+            ends.push_async_callback(conductors.close)
             screen.say(f"{len(assigned)} vehicles arm and climb, each with its conductor ...")
             await conductors.take_off()
-        daemons = Daemons(assigned, each_its_own=options.processes)
         await daemons.start()
         if conductors is not None:
             await conductors.hand_over()
@@ -118,36 +120,30 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         if not server.mission_begun:  # by those who are handed over, or where nobody cooperates
             server.begin_mission()
         slipped_ms = server.counters["slipped_ms"]
-        await _watch(server, daemons, screen, _title(options, scenario), flying)
+        await _watch(server, daemons, screen, title, flying)
         slipped_ms = server.counters["slipped_ms"] - slipped_ms
         if conductors is not None and server.world.arrived.all():
             screen.say("All have arrived, and land ...")
             await conductors.wait_landed()
         summaries = await daemons.stop()
-        daemons = None
-    finally:
-        if conductors is not None:
-            await conductors.close()
-        if daemons is not None:
-            await daemons.stop()
-        if station is not None:
-            await station.close()
-        if onlooker is not None:
-            await onlooker.end()
-        landed.set()
-        if flying is not None:
-            await asyncio.gather(flying, return_exceptions=True)
-        await server.close()
-        if recorder is not None:
-            await asyncio.to_thread(recorder.close)
-            if recorder.error is not None:
-                screen.complain(f"{log}: the recording ended early: {recorder.error.strerror}")
-            elif recorder.dropped:
-                screen.complain(f"{log}: {recorder.dropped:,} datagrams came faster than they could be written")
     return {
         **_result(options, server, summaries, log, None if conductors is None else len(conductors.landed)),
         "stood_still_ms": slipped_ms,
     }
+
+
+async def _end_recording(recorder: Recorder, log: Path, screen: Screen) -> None:
+    """Write what waits, and complain of what is not there."""
+    await asyncio.to_thread(recorder.close)
+    if recorder.error is not None:
+        screen.complain(f"{log}: the recording ended early: {recorder.error.strerror}")
+    elif recorder.dropped:
+        screen.complain(f"{log}: {recorder.dropped:,} datagrams came faster than they could be written")
+
+
+async def _end_flight(landed: asyncio.Event, flying: asyncio.Task[None]) -> None:
+    landed.set()
+    await asyncio.gather(flying, return_exceptions=True)
 
 
 def _conductors(scenario: Scenario, assigned: Sequence[Assignment], ports: Sequence[int], screen: Screen) -> Conductors:

@@ -32,12 +32,10 @@ class GroundStation:
         vehicle_ports: UDP port of each vehicle on loopback, in order of their system ids from 1.
         air_port: UDP port of the air.
         hear: Called with every datagram that arrives, for the log.
-        hear_air: Called with those of the air, if somebody looks on.
+        hear_air: Called with those of the air as well, for whoever looks on.
     """
 
-    def __init__(
-        self, vehicle_ports: Sequence[int], air_port: int, hear: Hear, hear_air: Hear = lambda data: None
-    ) -> None:
+    def __init__(self, vehicle_ports: Sequence[int], air_port: int, hear: Hear, hear_air: Hear) -> None:
         self._vehicle_ports = vehicle_ports
         self._air_port = air_port
         self._hear = hear

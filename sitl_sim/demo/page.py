@@ -16,11 +16,12 @@ from ridlink.view.scenery import Pair, Scenery
 from ridlink.view.server import DEFAULT_PORT, ViewServer
 from ridlink.view.show import Show
 from sitl_sim.broadcast import uas_id_of
+from sitl_sim.demo.flight import Onlooker
 from sitl_sim.fleet_config import HOST
 from sitl_sim.server import FleetServer
 
 
-class Page:
+class Page(Onlooker):
     """Shows one flight after the other.
 
     Args:
