@@ -107,7 +107,7 @@ class Climber:
         decider: Decider,
         identity: Identity,
     ) -> list[Cylinder]:
-        radius = decider.discs(own, own.speed_mps, everybody).radius_m + everybody.widening_m
+        radius = decider.discs.against(own, own.speed_mps, everybody).radius_m + everybody.widening_m
         velocity = everybody.velocity_ned_mps[:, :2]
         now = everybody.position_ned_m[:, :2] + velocity * everybody.age_s[:, None]
         relative = velocity - np.asarray(own.velocity_ned_mps[:2])

@@ -14,15 +14,13 @@ from numpy.typing import NDArray
 from ridlink.avoidance.priority import RightOfWay
 from ridlink.avoidance.progress import ProgressWatch
 from ridlink.avoidance.solver import new_solver
-from ridlink.avoidance.turning import buffer_growth
 from ridlink.avoidance.types import OwnShip, SolverKind, Status, Traffic
 from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import Conflict, DecisionRecord
-from ridlink.engine.detection import Reaction, needed_range
+from ridlink.engine.discs import OwnDiscs
 from ridlink.engine.identity import Identity, places
 from ridlink.engine.static_obstacles import StaticObstacles
 from ridlink.geodesy import ned_from_geodetic
-from ridlink.separation.definitions import Discs, Reported, bounded_speed, separation_discs
 from ridlink.separation.reference import REPORT_INTERVAL_S
 from ridlink.setpoint import Velocity
 from ridlink.traffic.encounter import Encounters, encounters
@@ -34,9 +32,6 @@ FloatArray = NDArray[np.float64]
 VERTICAL_GAIN_PER_S = 0.5
 """Climb towards the goal altitude per metre missing: braking from 2 m/s then takes the 1 m/s^2 that autopilots have."""
 
-LONGEST_INTERVAL_S = 1.0
-"""Standard Remote ID; who is heard less often than that coasts, and its disc grows for it."""
-
 
 class Decider:
     """Sees who is in conflict, and chooses the velocity; remembers what belongs to one leg of the flight.
@@ -45,6 +40,7 @@ class Decider:
         config: As the engine has it.
 
     Attributes:
+        discs: Those of own-ship against others.
         solver: Chooses the horizontal velocity.
         infeasible: Decisions that had no admissible velocity.
         straight_ne_mps: Velocity straight to the goal at the speed that the last decision wanted, shape (2,).
@@ -54,6 +50,7 @@ class Decider:
 
     def __init__(self, config: EngineConfig) -> None:
         self.config = config
+        self.discs = OwnDiscs(config)
         self.solver = new_solver(config.solver, config.solver_settings)
         self.infeasible = 0
         self.straight_ne_mps = np.zeros(2)
@@ -68,61 +65,9 @@ class Decider:
         self._watch, self._right_of_way = ProgressWatch(), RightOfWay()
         self._route_side = 0
 
-    def discs(self, own: OwnState, own_speed_mps: float, snapshot: Snapshot) -> Discs:
-        """Discs of own-ship against everybody of a snapshot, at an own speed [m/s]."""
-        others = Reported(snapshot.airframe_m, snapshot.error_bound_m, snapshot.accuracy_bound_m, snapshot.speed_mps)
-        # As measured, not as announced: lost reports are time without one.
-        interval_s = np.clip(snapshot.interval_s, REPORT_INTERVAL_S, LONGEST_INTERVAL_S)
-        return self._discs(own, own_speed_mps, others, interval_s)
-
-    def _discs(self, own: OwnState, own_speed_mps: float, others: Reported, interval_s: FloatArray) -> Discs:
-        config = self.config
-        return separation_discs(
-            config.definition,
-            Reported(config.airframe_m, own.error_bound_m, own.error_bound_m, own_speed_mps),
-            others,
-            interval_s=interval_s,
-            eta=config.eta,
-            neighbours=len(interval_s),
-            bound=config.chance_bound,
-        )
-
-    def needed_range_m(self, own: OwnState, snapshot: Snapshot, reaction: Reaction) -> float:
-        """From how far the most demanding neighbour of a snapshot must be heard at cruise speed [m]; 0 without any."""
-        discs = self.discs(own, self.config.cruise_mps, snapshot)
-        return self._needed_m(discs, snapshot.speed_mps, snapshot.avoiding, snapshot.interval_s, reaction)
-
-    def stranger_range_m(self, own: OwnState, reaction: Reaction) -> float:
-        """The same for one that says nothing of itself, avoids nobody and is heard once a second [m]."""
-        unknown, once_a_second = np.full(1, math.nan), np.ones(1)
-        discs = self._discs(own, self.config.cruise_mps, Reported(), once_a_second)
-        return self._needed_m(discs, unknown, np.zeros(1, np.bool_), once_a_second, reaction)
-
-    def _needed_m(
-        self,
-        discs: Discs,
-        speed_mps: FloatArray,
-        avoiding: NDArray[np.bool_],
-        interval_s: FloatArray,
-        reaction: Reaction,
-    ) -> float:
-        config, disc_m = self.config, discs.radius_m
-        if config.solver is SolverKind.HALFPLANE:
-            growth = buffer_growth(config.cruise_mps, config.halfplane.response_time_s)
-            disc_m = disc_m + growth * config.halfplane.buffer_share * discs.error_sum_m
-        needed_m = needed_range(
-            disc_m,
-            bounded_speed(speed_mps),
-            avoiding,
-            speed_mps=config.cruise_mps,
-            reaction=reaction,
-            interval_s=interval_s,
-        )
-        return float(np.max(needed_m, initial=0.0))
-
     def traffic(self, own: OwnState, snapshot: Snapshot) -> tuple[Traffic, Encounters]:
         """Discs and velocities for the solver, and what happens if everybody flies on."""
-        discs = self.discs(own, own.speed_mps, snapshot)
+        discs = self.discs.against(own, own.speed_mps, snapshot)
         radius = discs.radius_m + snapshot.widening_m
         position, velocity = snapshot.position_ned_m[:, :2], snapshot.velocity_ned_mps[:, :2]
         traffic = Traffic(
@@ -169,22 +114,20 @@ class Decider:
         last: Velocity,
         snapshot: Snapshot,
         traffic: Traffic,
-        now_s: float,
         identity: Identity,
     ) -> DecisionRecord:
         """The record with the velocity to fly.
 
         Args:
-            record: What is known of this step.
+            record: What is known of this step, and its time.
             goal: Where to go.
             own: Own state.
             last: Velocity sent last.
             snapshot: Who counts.
             traffic: The same for the solver.
-            now_s: Monotonic time.
             identity: Own system id and identity in Remote ID.
         """
-        config = self.config
+        config, now_s = self.config, record.time_s
         here = own.position
         if self._kept_altitude_m is None:
             self._kept_altitude_m = here.altitude_m

@@ -100,7 +100,7 @@ class Steering:
             record = replace(record, recovering=self._recovery.recovering(now_s))
             if stream is not Stream.DECISION or goal is None:
                 return replace(record, commanded_ned_mps=commanded)
-            record = self.decider.decide(record, goal, own, last, snapshot, traffic, now_s, identity)
+            record = self.decider.decide(record, goal, own, last, snapshot, traffic, identity)
             record = self._slowed(record, last, since_last_s)
             if self._climber is None:
                 return record
@@ -146,9 +146,9 @@ class Steering:
             telemetry, lock = self._telemetry, self._telemetry.lock
             self._detection_watch.hear(self._picture.tracks, telemetry.armed and telemetry.ready, now_s)
             reaction = reaction_of(lock.autopilot if lock else None, self._config.limits.acceleration_mps2)
-            stranger_m = self.decider.stranger_range_m(own, reaction)
+            stranger_m = self.decider.discs.stranger_range_m(own, reaction)
             near = np.hypot(*snapshot.position_ned_m[:, :2].T) <= stranger_m
             self._detection_watch.near(snapshot.tracks[k] for k in np.flatnonzero(near))
-            needed_m = self.decider.needed_range_m(own, snapshot, reaction) if len(snapshot) else stranger_m
+            needed_m = self.decider.discs.needed_range_m(own, snapshot, reaction) if len(snapshot) else stranger_m
             self._detection = self._detection_watch.judge(needed_m, len(snapshot) > 0)
         return self._detection

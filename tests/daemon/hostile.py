@@ -66,7 +66,7 @@ class Hostile:
         loop_s, snapshot = self.engine._last_step_s, self.snapshot()
         own = self.engine.telemetry.state(loop_s or 0.0)
         assert own is not None
-        return self.engine.steering.decider.discs(own, 0.0, snapshot).radius_m
+        return self.engine.steering.decider.discs.against(own, 0.0, snapshot).radius_m
 
 
 def v1_frame() -> bytes:

@@ -1,0 +1,88 @@
+"""The discs that own-ship keeps, and from how far somebody must be heard so that they can be kept.
+
+Metres, m/s, seconds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ridlink.avoidance.turning import buffer_growth
+from ridlink.avoidance.types import SolverKind
+from ridlink.engine.config import EngineConfig
+from ridlink.engine.detection import Reaction, needed_range
+from ridlink.separation.definitions import Discs, Reported, bounded_speed, separation_discs
+from ridlink.separation.reference import REPORT_INTERVAL_S
+from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.snapshot import Snapshot
+
+FloatArray = NDArray[np.float64]
+
+LONGEST_INTERVAL_S = 1.0
+"""Standard Remote ID; who is heard less often than that coasts, and its disc grows for it."""
+
+
+class OwnDiscs:
+    """Discs of own-ship against others under one definition.
+
+    Args:
+        config: As the engine has it.
+    """
+
+    def __init__(self, config: EngineConfig) -> None:
+        self._config = config
+
+    def against(self, own: OwnState, own_speed_mps: float, snapshot: Snapshot) -> Discs:
+        """Discs against everybody of a snapshot, n of them, at an own speed [m/s]."""
+        others = Reported(snapshot.airframe_m, snapshot.error_bound_m, snapshot.accuracy_bound_m, snapshot.speed_mps)
+        # As measured, not as announced: lost reports are time without one.
+        interval_s = np.clip(snapshot.interval_s, REPORT_INTERVAL_S, LONGEST_INTERVAL_S)
+        return self._discs(own, own_speed_mps, others, interval_s)
+
+    def needed_range_m(self, own: OwnState, snapshot: Snapshot, reaction: Reaction) -> float:
+        """From how far the most demanding neighbour of a snapshot must be heard at cruise speed [m]; 0 without any."""
+        discs = self.against(own, self._config.cruise_mps, snapshot)
+        return self._needed_m(discs, snapshot.speed_mps, snapshot.avoiding, snapshot.interval_s, reaction)
+
+    def stranger_range_m(self, own: OwnState, reaction: Reaction) -> float:
+        """The same for one that says nothing of itself, avoids nobody and is heard once a second [m]."""
+        unknown, once_a_second = np.full(1, math.nan), np.ones(1)
+        discs = self._discs(own, self._config.cruise_mps, Reported(), once_a_second)
+        return self._needed_m(discs, unknown, np.zeros(1, np.bool_), once_a_second, reaction)
+
+    def _discs(self, own: OwnState, own_speed_mps: float, others: Reported, interval_s: FloatArray) -> Discs:
+        config = self._config
+        return separation_discs(
+            config.definition,
+            Reported(config.airframe_m, own.error_bound_m, own.error_bound_m, own_speed_mps),
+            others,
+            interval_s=interval_s,
+            eta=config.eta,
+            neighbours=len(interval_s),
+            bound=config.chance_bound,
+        )
+
+    def _needed_m(
+        self,
+        discs: Discs,
+        speed_mps: FloatArray,
+        avoiding: NDArray[np.bool_],
+        interval_s: FloatArray,
+        reaction: Reaction,
+    ) -> float:
+        config, disc_m = self._config, discs.radius_m
+        if config.solver is SolverKind.HALFPLANE:
+            growth = buffer_growth(config.cruise_mps, config.halfplane.response_time_s)
+            disc_m = disc_m + growth * config.halfplane.buffer_share * discs.error_sum_m
+        needed_m = needed_range(
+            disc_m,
+            bounded_speed(speed_mps),
+            avoiding,
+            speed_mps=config.cruise_mps,
+            reaction=reaction,
+            interval_s=interval_s,
+        )
+        return float(np.max(needed_m, initial=0.0))
