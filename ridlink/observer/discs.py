@@ -10,9 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ridlink.observer.scene import FloatArray, Scene
+from ridlink.observer.scene import FloatArray, Places, Scene
 from ridlink.separation.chance import DEFAULT_ETA
-from ridlink.separation.definitions import Definition, separation_discs
+from ridlink.separation.definitions import (
+    Definition,
+    Reported,
+    bounded_airframe,
+    bounded_error,
+    bounded_speed,
+    separation_discs,
+)
 
 
 def pair_discs(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> FloatArray:
@@ -26,16 +33,53 @@ def pair_discs(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA
     Returns:
         Symmetric, shape (n, n); the diagonal means nothing.
     """
+    everybody = np.arange(len(scene))
+    return discs_at(scene, everybody[:, None], everybody, definition, eta=eta)
+
+
+def discs_at(
+    scene: Scene, first: Places, second: Places, definition: Definition, *, eta: float = DEFAULT_ETA
+) -> FloatArray:
+    """Radii of the discs of some pairs [m].
+
+    Args:
+        scene: Everybody.
+        first, second: Places of the two of each pair; they broadcast against each other.
+        definition: Which fields count.
+        eta: Of ``chance`` only.
+
+    Returns:
+        The broadcast shape.
+    """
     interval = np.minimum(scene.interval_s, 1.0)
-    discs = separation_discs(
+    return separation_discs(
         definition,
-        scene.reported[:, None],
-        scene.reported,
-        interval_s=np.maximum(interval[:, None], interval),
+        scene.reported[first],
+        scene.reported[second],
+        interval_s=np.maximum(interval[first], interval[second]),
         eta=eta,
         neighbours=max(1, len(scene) - 1),
+    ).radius_m
+
+
+def largest_disc(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> float:
+    """No disc of a pair is larger [m]: that of two who have the largest of everything that is reported.
+
+    Args:
+        scene: Everybody, somebody at the least.
+        definition: Which fields count.
+        eta: Of ``chance`` only.
+    """
+    worst = Reported(
+        bounded_airframe(scene.airframe_m).max(),
+        bounded_error(scene.error_bound_m).max(),
+        bounded_error(scene.accuracy_bound_m).max(),
+        bounded_speed(scene.speed_mps).max(),
     )
-    return discs.radius_m
+    interval = min(float(scene.interval_s.max()), 1.0)
+    neighbours = max(1, len(scene) - 1)
+    discs = separation_discs(definition, worst, worst, interval_s=interval, eta=eta, neighbours=neighbours)
+    return float(discs.radius_m)
 
 
 def rings(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> FloatArray:

@@ -15,13 +15,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from ridlink.observer.discs import pair_discs
-from ridlink.observer.pairs import Pairs, pairs_of
+from ridlink.observer.discs import discs_at
+from ridlink.observer.pairs import Pairs, pairs_at, pairs_of
 from ridlink.observer.scene import FloatArray, Scene
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, bounded_airframe
 
-HORIZON_S = 30.0
 CLOSES_AFTER_S = 3.0
 ABANDONED_AFTER_S = 60.0
 """A pair that still comes nearer so long after its way was clear, as in a slow overtaking, is no encounter any more."""
@@ -140,11 +139,7 @@ class EncounterLog:
         index = self._index
         changes: list[tuple[Phase, Encounter]] = []
         pairs = pairs_of(scene, self.definition, eta=self._eta) if pairs is None else pairs
-        radius = {
-            definition: pair_discs(scene, definition, eta=self._eta) for definition in self._definitions[1:]
-        } | {self.definition: pairs.radius_m}  # fmt: skip
-        apart, entry = pairs.apart, pairs.entry_s
-        for i, j in self._alerts(entry):
+        for i, j in self._alerts(pairs):
             key = _ordered(scene.numbers[i], scene.numbers[j])
             if key not in self.open:
                 self.open[key] = self._opened(key, scene, index)
@@ -154,14 +149,15 @@ class EncounterLog:
             surplus = len(self.open) - self._most
             for key in heapq.nsmallest(surplus, self.open, key=lambda key: self.open[key].last_alert_s):
                 changes.append((Phase.CLOSE, self._closed(key)))
+        present = self._present(scene, index)
         for key, encounter in list(self.open.items()):
-            if key[0] in index and key[1] in index:
+            if key in present:
                 i, j = index[key[0]], index[key[1]]
                 encounter.pair = scene.names[i], scene.names[j]
-                encounter.entry_in_s = float(entry[i, j])
+                encounter.entry_in_s, apart, *radius = present[key]
                 was = None if before is None else (index_before.get(key[0]), index_before.get(key[1]))
-                encounter.required_m = {kind: float(radius[kind][i, j]) for kind in radius}
-                self._follow(encounter, scene, before, (i, j), was, apart=bool(apart[i, j]))
+                encounter.required_m = dict(zip(self._definitions, radius, strict=True))
+                self._follow(encounter, scene, before, (i, j), was, apart=bool(apart))
                 clear_s = scene.time_s - encounter.last_alert_s
                 if _closing(scene, i, j):
                     encounter.last_closing_s = scene.time_s
@@ -177,13 +173,23 @@ class EncounterLog:
             changes.append((Phase.CLOSE, self._closed(key)))
         return changes
 
-    def _alerts(self, entry_s: FloatArray) -> Iterator[tuple[int, int]]:
+    def _alerts(self, pairs: Pairs) -> Iterator[tuple[int, int]]:
         """Pairs that are inside their discs, or would enter them within the horizon."""
-        first, second = np.nonzero(np.triu(entry_s <= HORIZON_S, 1))
-        if self._most is not None and len(first) > self._most:
-            soonest = np.argsort(entry_s[first, second], kind="stable")[: self._most]
+        first, second = pairs.first, pairs.second
+        if self._most is not None and len(pairs) > self._most:
+            soonest = np.argsort(pairs.entry_s, kind="stable")[: self._most]
             first, second = first[soonest], second[soonest]
-        return zip(first, second, strict=True)
+        return zip(first.tolist(), second.tolist(), strict=True)
+
+    def _present(self, scene: Scene, index: dict[int, int]) -> dict[tuple[int, int], list[float]]:
+        """Of the open pairs that are both here: time until the disc is entered, whether they are apart, radii of the
+        discs under every definition."""
+        keys = [key for key in self.open if key[0] in index and key[1] in index]
+        first, second = np.array([(index[one], index[other]) for one, other in keys], np.intp).reshape(-1, 2).T
+        pairs = pairs_at(scene, first, second, self.definition, eta=self._eta)
+        radii = [discs_at(scene, first, second, definition, eta=self._eta) for definition in self._definitions[1:]]
+        facts = np.column_stack([pairs.entry_s, pairs.apart, pairs.radius_m, *radii])
+        return dict(zip(keys, facts.tolist(), strict=True))
 
     def close(self) -> Iterator[Encounter]:
         """Close what is still open; the end of a recording."""

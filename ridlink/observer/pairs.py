@@ -1,55 +1,187 @@
-"""All pairs of a scene under one definition: how far apart, how far they must be, when that will be broken."""
+"""Pairs of a scene under one definition: who comes too near whom, and when; who is nearest to the disc of each."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from ridlink.observer.discs import pair_discs
-from ridlink.observer.scene import CONSIDERED_M, BoolArray, FloatArray, Scene
+from ridlink.observer.discs import discs_at, largest_disc
+from ridlink.observer.near import meeting, within
+from ridlink.observer.scene import CONSIDERED_M, BoolArray, FloatArray, Places, Scene
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
+
+HORIZON_S = 30.0
+NOBODY: Places = np.empty(0, np.intp)
+FEW = 100
+"""Of so many each looks at all others."""
+
+FURTHER = 4.0
+"""Of more, whoever has found nobody near looks so many times as far."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """The pairs of n vehicles. What stands on the diagonals means nothing.
+    """Some pairs of a scene, k of them.
 
     Attributes:
-        radius_m: Radii of their discs, shape (n, n).
-        distance_m: Distances between centres, shape (n, n).
-        entry_s: Time until the disc is entered if both fly on: 0 inside, infinite if never, shape (n, n).
-        apart: Those that are known to fly at safely different heights, shape (n, n).
+        first, second: Places of the two, shape (k,).
+        radius_m: Radii of their discs, shape (k,).
+        distance_m: Distances between centres, shape (k,).
+        entry_s: Time until the disc is entered if both fly on: 0 inside, infinite if never, or where they are apart or
+            further than 2 km from each other, shape (k,).
+        apart: Those that are known to fly at safely different heights, shape (k,).
     """
 
+    first: Places
+    second: Places
     radius_m: FloatArray
     distance_m: FloatArray
     entry_s: FloatArray
     apart: BoolArray
 
-    def least_margin(self) -> tuple[int, int] | None:
-        """The pair with the least distance over the radius of its disc; None if no pair counts."""
-        count = len(self.distance_m)
-        if count < 2:
-            return None
-        excluded = self.apart | (self.distance_m > CONSIDERED_M)
-        margin = np.where(excluded, np.inf, self.distance_m - self.radius_m)
-        np.fill_diagonal(margin, np.inf)
-        least = int(np.argmin(margin))
-        first, second = divmod(least, count)
-        return (first, second) if np.isfinite(margin[first, second]) else None
+    def __len__(self) -> int:
+        return len(self.first)
+
+    def only(self, which: BoolArray) -> Pairs:
+        """Those of which this is true, shape (k,)."""
+        return Pairs(
+            self.first[which],
+            self.second[which],
+            self.radius_m[which],
+            self.distance_m[which],
+            self.entry_s[which],
+            self.apart[which],
+        )
 
 
-def pairs_of(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> Pairs:
-    """The pairs of a scene.
+@dataclass(frozen=True, slots=True, eq=False)
+class Nearest:
+    """For each of n vehicles, the one that is nearest to the disc of the two.
+
+    Attributes:
+        who: Its place, -1 if there is nobody, shape (n,).
+        distance_m, radius_m: Of the pair; infinite and 0 if there is nobody, shape (n,).
+    """
+
+    who: Places
+    distance_m: FloatArray
+    radius_m: FloatArray
+
+
+def pairs_of(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA, horizon_s: float = HORIZON_S) -> Pairs:
+    """The pairs of a scene that are inside their discs, or will be soon if both fly on.
 
     Args:
         scene: Everybody.
         definition: What sizes the discs.
         eta: Of ``chance`` only.
+        horizon_s: What is soon.
+
+    Returns:
+        Each pair once, the lower place first, in the order of places.
     """
-    return _pairs(scene, pair_discs(scene, definition, eta=eta))
+    if not len(scene):
+        return pairs_at(scene, NOBODY, NOBODY, definition, eta=eta)
+    largest = 1.001 * largest_disc(scene, definition, eta=eta)
+    first, second = meeting(scene.position_ne_m, scene.velocity_ne_mps, largest, horizon_s)
+    pairs = pairs_at(scene, first, second, definition, eta=eta)
+    return pairs.only(pairs.entry_s <= horizon_s)
+
+
+def pairs_at(scene: Scene, first: Places, second: Places, definition: Definition, *, eta: float = DEFAULT_ETA) -> Pairs:
+    """These pairs of a scene.
+
+    Args:
+        scene: Everybody.
+        first, second: Places of the two of each pair, shape (k,).
+        definition: What sizes the discs.
+        eta: Of ``chance`` only.
+    """
+    radius, apart = discs_at(scene, first, second, definition, eta=eta), scene.apart_at(first, second)
+    north, east = (scene.position_ne_m[second] - scene.position_ne_m[first]).T
+    distance_square = north * north + east * east
+    distance = np.sqrt(distance_square)
+    entry = _entry(distance_square - radius * radius, *_closing(scene, first, second))
+    entry[distance < radius] = 0.0
+    entry[apart | (distance > CONSIDERED_M)] = np.inf
+    return Pairs(first, second, radius, distance, entry, apart)
+
+
+def least_margin(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> Pairs:
+    """The pair with the least distance over the radius of its disc, of those within 2 km that are not apart.
+
+    Args:
+        scene: Everybody.
+        definition: What sizes the discs.
+        eta: Of ``chance`` only.
+
+    Returns:
+        One pair, or none.
+    """
+    for surely_m, pairs in _further_and_further(scene, definition, eta, CONSIDERED_M):
+        margin = pairs.distance_m - pairs.radius_m
+        if len(pairs) and margin.min() <= surely_m:
+            return pairs.only(np.arange(len(pairs)) == margin.argmin())
+    return pairs_at(scene, NOBODY, NOBODY, definition, eta=eta)
+
+
+def nearest_of(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> Nearest:
+    """For each vehicle the one that is nearest to the disc of the two, of those that do not fly at other heights.
+
+    Args:
+        scene: Everybody, n of them.
+        definition: What sizes the discs.
+        eta: Of ``chance`` only.
+    """
+    count = len(scene)
+    found = Nearest(np.full(count, -1, np.intp), np.full(count, np.inf), np.zeros(count))
+    looks = np.ones(count, np.bool_)
+    for surely_m, pairs in _further_and_further(scene, definition, eta, np.inf, looks):
+        own, other = np.concatenate([pairs.second, pairs.first]), np.concatenate([pairs.first, pairs.second])
+        distance, radius = np.tile(pairs.distance_m, 2), np.tile(pairs.radius_m, 2)
+        chosen = np.argsort(distance - radius, kind="stable")[::-1]  # the least margin is written last
+        chosen = chosen[looks[own[chosen]]]
+        places = own[chosen]
+        found.who[places], found.distance_m[places], found.radius_m[places] = (
+            other[chosen],
+            distance[chosen],
+            radius[chosen],
+        )
+        looks &= found.distance_m - found.radius_m > surely_m
+    return found
+
+
+def _further_and_further(
+    scene: Scene, definition: Definition, eta: float, farthest_m: float, looks: BoolArray | None = None
+) -> Iterator[tuple[float, Pairs]]:
+    """Pairs within a reach that grows until it is the farthest, or nobody looks any more.
+
+    Args:
+        scene: Everybody, n of them.
+        definition, eta: What sizes the discs.
+        farthest_m: No pair counts that is further apart.
+        looks: Whose pairs are wanted, all if not given, shape (n,); may become fewer meanwhile.
+
+    Yields:
+        The margin up to which no pair is missing, and pairs that are not apart.
+    """
+    if len(scene) < 2:
+        return
+    looks = np.ones(len(scene), np.bool_) if looks is None else looks
+    largest = largest_disc(scene, definition, eta=eta)
+    farthest_m = min(farthest_m, 1.001 * float(np.hypot(*np.ptp(scene.position_ne_m, axis=0))))
+    reach = 2.0 * largest if len(scene) > FEW else farthest_m
+    while looks.any():
+        reach, is_all = min(reach, farthest_m), reach >= farthest_m
+        first, second = within(scene.position_ne_m, np.where(looks, reach / (1.0 + looks.all()), 0.0))
+        pairs = pairs_at(scene, first, second, definition, eta=eta)
+        yield np.inf if is_all else reach - largest, pairs.only(~pairs.apart & (pairs.distance_m <= reach))
+        if is_all:
+            return
+        reach *= FURTHER
 
 
 def closing_times(scene: Scene, radius_m: FloatArray) -> FloatArray:
@@ -62,17 +194,32 @@ def closing_times(scene: Scene, radius_m: FloatArray) -> FloatArray:
     Returns:
         0 inside, infinite if never or at safely different heights, shape (n, n).
     """
-    return _pairs(scene, radius_m).entry_s
-
-
-def _pairs(scene: Scene, radius_m: FloatArray) -> Pairs:
     gaps = scene.gaps()
     entry = np.full(radius_m.shape, np.inf)
     beyond = gaps.distance_square_m2.take(gaps.nearing) - radius_m.take(gaps.nearing) ** 2
-    root = gaps.closing * gaps.closing - gaps.square * beyond
-    enters = np.flatnonzero((beyond >= 0.0) & (root > 0.0) & (gaps.square > 1e-12))
-    # (closing - sqrt(root)) / square, in the form that does not cancel.
-    entry.put(gaps.nearing.take(enters), beyond.take(enters) / (gaps.closing.take(enters) + np.sqrt(root.take(enters))))
-    entry = np.minimum(entry, entry.T)
+    entry.put(gaps.nearing, _entry(beyond, gaps.closing, gaps.square))
+    entry = np.asarray(np.minimum(entry, entry.T))
     entry[gaps.counted & (gaps.distance_m < radius_m)] = 0.0
-    return Pairs(radius_m, gaps.distance_m, entry, scene.apart())
+    return entry
+
+
+def _closing(scene: Scene, first: Places, second: Places) -> tuple[FloatArray, FloatArray]:
+    """Offset times relative velocity, positive where they come nearer [m2/s], and its square [m2/s2]; shape (k,)."""
+    north, east = (scene.position_ne_m[second] - scene.position_ne_m[first]).T
+    v_north, v_east = (scene.velocity_ne_mps[second] - scene.velocity_ne_mps[first]).T
+    return np.asarray(-(north * v_north + east * v_east)), v_north * v_north + v_east * v_east
+
+
+def _entry(beyond: FloatArray, closing: FloatArray, square: FloatArray) -> FloatArray:
+    """When a disc is entered from outside [s], infinite if never; shape (k,).
+
+    Args:
+        beyond: Square of the distance less that of the radius [m2], shape (k,).
+        closing, square: As of `_closing`.
+    """
+    entry = np.full(beyond.shape, np.inf)
+    root = closing * closing - square * beyond
+    enters = np.flatnonzero((closing > 0.0) & (beyond >= 0.0) & (root > 0.0) & (square > 1e-12))
+    # (closing - sqrt(root)) / square, in the form that does not cancel.
+    entry[enters] = beyond[enters] / (closing[enters] + np.sqrt(root[enters]))
+    return entry

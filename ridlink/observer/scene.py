@@ -12,6 +12,8 @@ from ridlink.traffic.altitude import RESERVE_M, known_apart, vertical_bound
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+Places = NDArray[np.intp]
+"""Of vehicles in a scene."""
 
 VERTICAL_HORIZON_S = 8.0
 CONSIDERED_M = 2000.0
@@ -144,12 +146,28 @@ class Scene:
         )
 
     def _known_apart(self) -> BoolArray:
-        above = self.altitude_m[None, :] - self.altitude_m[:, None]
+        apart = np.zeros((len(self), len(self)), np.bool_)
+        i, j = np.nonzero(self.altitude_m - self.altitude_m[:, None] > RESERVE_M)  # each pair once
+        apart[i, j] = apart[j, i] = self.apart_at(i, j)
+        return apart
+
+    def apart_at(self, first: Places, second: Places) -> BoolArray:
+        """Which of these pairs are known to fly at safely different heights.
+
+        Args:
+            first, second: Places of the two of each pair, shape (k,).
+
+        Returns:
+            Shape (k,).
+        """
+        above = self.altitude_m[second] - self.altitude_m[first]
         apart = np.zeros(above.shape, np.bool_)
-        i, j = np.nonzero(above > RESERVE_M)  # each pair once; no bound is below its reserve
-        if not len(i):
+        far = np.flatnonzero(np.abs(above) > RESERVE_M)  # no bound is below its reserve
+        if not len(far):
             return apart
-        above = above[i, j]
+        upwards = above[far] > 0.0
+        i, j = np.where(upwards, first[far], second[far]), np.where(upwards, second[far], first[far])
+        above = np.abs(above[far])
         error, height, climb = self.vertical_error_m, self.airframe_height_m, self.climb_mps
         bound = vertical_bound(
             above,
@@ -159,5 +177,5 @@ class Scene:
             age_s=np.maximum(self.age_s[i], self.age_s[j]),
             horizon_s=VERTICAL_HORIZON_S,
         )
-        apart[i, j] = apart[j, i] = known_apart(above, bound)
+        apart[far] = known_apart(above, bound)
         return apart

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from ridlink.observer.discs import rings
 from ridlink.observer.known import Aircraft
-from ridlink.observer.pairs import Pairs, pairs_of
+from ridlink.observer.pairs import Nearest, nearest_of
 from ridlink.observer.scene import Scene
 from ridlink.observer.sky import Sky
 from ridlink.separation.chance import DEFAULT_ETA
@@ -29,7 +27,7 @@ def aircraft_states(
         eta: Of ``chance`` only.
     """
     outer = rings(scene, definition, eta=eta)[:, 2]
-    nearest = nearest_neighbours(scene, pairs_of(scene, definition, eta=eta))
+    nearest = nearest_neighbours(scene, nearest_of(scene, definition, eta=eta))
     at = {number: index for index, number in enumerate(scene.numbers)}
     return [
         aircraft_state(one, scene.time_s, utc_s)
@@ -83,22 +81,22 @@ def aircraft_state(one: Aircraft, now_s: float, utc_s: float) -> dict[str, Any]:
     }
 
 
-def nearest_neighbours(scene: Scene, pairs: Pairs) -> list[dict[str, Any] | None]:
+def nearest_neighbours(scene: Scene, nearest: Nearest) -> list[dict[str, Any] | None]:
     """For each, who is nearest to its disc: name, distance and margin [m]; None if nobody flies at its height.
 
     Args:
         scene: Everybody.
-        pairs: Its pairs.
+        nearest: Who that is.
     """
-    if len(scene) < 2:
-        return [None] * len(scene)
-    margin = np.where(pairs.apart, np.inf, pairs.distance_m - pairs.radius_m)
-    np.fill_diagonal(margin, np.inf)
+    figures = zip(
+        nearest.who.tolist(),
+        nearest.distance_m.tolist(),
+        (nearest.distance_m - nearest.radius_m).tolist(),
+        strict=True,
+    )
     return [
-        None
-        if not np.isfinite(margin[i, j])
-        else {"uas": scene.names[j], "distance_m": rounded(pairs.distance_m[i, j]), "margin_m": rounded(margin[i, j])}
-        for i, j in enumerate(margin.argmin(axis=1))
+        None if who < 0 else {"uas": scene.names[who], "distance_m": rounded(distance), "margin_m": rounded(margin)}
+        for who, distance, margin in figures
     ]
 
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from html import escape
 from typing import Any
 
-from ridlink.observer.encounters import HORIZON_S
+from ridlink.observer.pairs import HORIZON_S
 from ridlink.review.pictures import distance, plan, style_of
 from ridlink.review.report import Closest, Met
 from ridlink.separation.definitions import Definition

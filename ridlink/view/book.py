@@ -19,8 +19,8 @@ GONE_AFTER_S = 2.0
 CROWD, IN_A_CROWD = 100, 5
 """With more vehicles than that, encounters are followed from each fifth instant to the next, straight in between."""
 
-Seen = Callable[[Instant], tuple[Scene, Pairs]]
-"""An instant as a scene with its pairs."""
+Seen = Callable[[Instant], tuple[Scene, Pairs, Pairs]]
+"""An instant as a scene with its pairs that are or will be too near, and the one with the least margin."""
 
 
 class Book:
@@ -61,9 +61,8 @@ class Book:
             self._least.extend([np.nan] * (2 * (history.first - self._next)))
             self._next = history.first
         moment = history.at(self._next)
-        scene, pairs = self._seen(moment)
-        least = pairs.least_margin()
-        self._least.extend((np.nan, np.nan) if least is None else (pairs.distance_m[least], pairs.radius_m[least]))
+        scene, pairs, nearest = self._seen(moment)
+        self._least.extend((nearest.distance_m[0], nearest.radius_m[0]) if len(nearest) else (np.nan, np.nan))
         self._next += 1
         surplus = history.first - self._first
         if 4 * surplus > len(self._least) // 2:

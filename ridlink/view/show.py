@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 from ridlink.geodesy import Geodetic
-from ridlink.observer import Pairs, Scene, pairs_of
+from ridlink.observer import Pairs, Scene, least_margin, pairs_of
 from ridlink.separation.definitions import Definition
 from ridlink.view import wire
 from ridlink.view.book import Book
@@ -100,7 +100,13 @@ class Show:
         """The history under a definition; somebody must let it read."""
         if definition not in self._books:
             self._books[definition] = Book(
-                definition, self.history, lambda moment: (self._scene(moment), self._pairs(moment, definition))
+                definition,
+                self.history,
+                lambda moment: (
+                    self._scene(moment),
+                    self._pairs(moment, definition),
+                    self._nearest(moment, definition),
+                ),
             )
         return self._books[definition]
 
@@ -128,7 +134,8 @@ class Show:
         moment = self.history.at(number)
 
         def text() -> bytes:
-            return wire.instant(moment, self._scene(moment), self._pairs(moment, definition), definition, live=live)
+            pairs, nearest = self._pairs(moment, definition), self._nearest(moment, definition)
+            return wire.instant(moment, self._scene(moment), pairs, nearest, definition, live=live)
 
         return self._text((number, definition, live), text)
 
@@ -139,7 +146,7 @@ class Show:
             return NOTHING
 
         def text() -> bytes:
-            return space.of(name, self._scene(moment), self._pairs(moment, definition), definition, self.scenery)
+            return space.of(name, self._scene(moment), definition, self.scenery)
 
         return self._text((number, definition, "space", name), text)
 
@@ -147,7 +154,10 @@ class Show:
         return self._once(moment, "scene", moment.scene)
 
     def _pairs(self, moment: Instant, definition: Definition) -> Pairs:
-        return self._once(moment, definition, lambda: pairs_of(self._scene(moment), definition))
+        return self._once(moment, ("pairs", definition), lambda: pairs_of(self._scene(moment), definition))
+
+    def _nearest(self, moment: Instant, definition: Definition) -> Pairs:
+        return self._once(moment, ("nearest", definition), lambda: least_margin(self._scene(moment), definition))
 
     def _once(self, moment: Instant, what: Hashable, work_out: Callable[[], Value]) -> Value:
         """Kept while the same instant is looked at."""

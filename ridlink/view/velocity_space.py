@@ -16,7 +16,8 @@ import numpy as np
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.solver import HalfplaneSolver
 from ridlink.avoidance.types import OwnShip, Traffic
-from ridlink.observer import Pairs, Scene
+from ridlink.observer import Pairs, Scene, pairs_at
+from ridlink.observer.scene import CONSIDERED_M
 from ridlink.separation.definitions import Definition, bounded_airframe, bounded_error, separation_discs
 from ridlink.separation.reference import REPORT_INTERVAL_S
 from ridlink.setpoint import VelocityLimits
@@ -35,20 +36,22 @@ class VelocitySpace:
         self._limits = VelocityLimits()
         self._obstacles: tuple[Scenery | None, Obstacles] = None, NO_OBSTACLES
 
-    def of(self, name: str, scene: Scene, pairs: Pairs, definition: Definition, scenery: Scenery) -> bytes:
+    def of(self, name: str, scene: Scene, definition: Definition, scenery: Scenery) -> bytes:
         """The velocity space of a vehicle as JSON; ``null`` if it is not in the air.
 
         Args:
             name: Which one.
             scene: Everybody.
-            pairs: Its pairs.
             definition: What sizes the discs.
             scenery: Goals, cruises and obstacles, where they are known.
         """
         if name not in scene.names:
             return NOTHING
         own = scene.names.index(name)
-        others = np.flatnonzero(~pairs.apart[own] & (np.arange(len(scene)) != own) & (pairs.distance_m[own] < 2000.0))
+        everybody = np.arange(len(scene))
+        pairs = pairs_at(scene, np.full(len(scene), own), everybody, definition)
+        pairs = pairs.only(~pairs.apart & (everybody != own) & (pairs.distance_m < CONSIDERED_M))
+        others = pairs.second
         velocity, command = scene.velocity_ne_mps[own], scene.command_ne_mps[own]
         chosen = velocity if np.isnan(command).any() else command
         goal = scenery.goals.get(name)
@@ -63,7 +66,7 @@ class VelocitySpace:
         )
         decision = self._solver.solve(
             ship,
-            self._traffic(own, others, scene, pairs, definition),
+            self._traffic(own, scene, pairs, definition),
             goal_ne_m=goal,
             preferred_ne_mps=chosen if goal is None else None,
             cruise_mps=cruise,
@@ -94,9 +97,8 @@ class VelocitySpace:
             self._obstacles = scenery, Obstacles.from_polygons([np.array(one) for one in scenery.obstacles])
         return self._obstacles[1]
 
-    def _traffic(
-        self, own: int, others: np.ndarray[Any, Any], scene: Scene, pairs: Pairs, definition: Definition
-    ) -> Traffic:
+    def _traffic(self, own: int, scene: Scene, pairs: Pairs, definition: Definition) -> Traffic:
+        others = pairs.second
         discs = separation_discs(
             definition, scene.reported[own], scene.reported[others], neighbours=max(1, len(scene) - 1)
         )
@@ -107,7 +109,7 @@ class VelocitySpace:
             velocity_ne_mps=velocity,
             command_ne_mps=scene.command_ne_mps[others],
             age_s=age,
-            radius_m=pairs.radius_m[own, others],
+            radius_m=pairs.radius_m,
             error_sum_m=discs.error_sum_m,
             reciprocal=scene.avoiding[others],
             memory=np.zeros(len(others), np.int8),

@@ -20,9 +20,6 @@ from ridlink.view.scenery import Scenery
 
 VERSION = 1
 STEP_S = 0.1
-HORIZON_S = 30.0
-"""A pair that would enter its disc within this time is shown."""
-
 MOST_PAIRS = 200
 NOT_AVOIDING, STALE = 1, 2
 STALE_S = 1.0
@@ -62,13 +59,16 @@ def hello(scenery: Scenery, definition: Definition, extent_s: tuple[float, float
     )
 
 
-def instant(moment: Instant, scene: Scene, pairs: Pairs, definition: Definition, *, live: bool) -> bytes:
+def instant(
+    moment: Instant, scene: Scene, pairs: Pairs, nearest: Pairs, definition: Definition, *, live: bool
+) -> bytes:
     """The body of an instant, from its time to its nearest pair: a JSON object without its braces.
 
     Args:
         moment: The instant.
         scene: The same as a scene.
-        pairs: The pairs of the scene under that definition.
+        pairs: The pairs of the scene under that definition that are inside their discs, or soon will be.
+        nearest: The pair with the least margin under that definition, or none.
         definition: What sizes the discs.
         live: It is the newest one of a source that goes on.
     """
@@ -88,26 +88,16 @@ def instant(moment: Instant, scene: Scene, pairs: Pairs, definition: Definition,
             "live": live,
             "vehicles": vehicles,
             "pairs": _pair_rows(pairs),
-            "nearest": nearest(pairs),
+            "nearest": [*nearest.distance_m.round(2).tolist(), *nearest.radius_m.round(2).tolist()] or None,
         }
     )[1:-1]
 
 
-def nearest(pairs: Pairs) -> list[float] | None:
-    """Distance and radius of the disc of the pair with the least margin [m]."""
-    least = pairs.least_margin()
-    if least is None:
-        return None
-    return [round(float(pairs.distance_m[least]), 2), round(float(pairs.radius_m[least]), 2)]
-
-
 def _pair_rows(pairs: Pairs) -> list[list[float | None]]:
-    first, second = np.nonzero(np.triu(pairs.entry_s <= HORIZON_S, 1))
-    distance, radius = pairs.distance_m[first, second], pairs.radius_m[first, second]
-    chosen = np.argsort(distance - radius, kind="stable")[:MOST_PAIRS]
-    first, second, distance, radius = first[chosen], second[chosen], distance[chosen], radius[chosen]
-    figures = np.round(np.column_stack([distance, radius, pairs.entry_s[first, second]]), 2).tolist()
-    return [[i, j, *row] for i, j, row in zip(first.tolist(), second.tolist(), figures, strict=True)]
+    chosen = np.argsort(pairs.distance_m - pairs.radius_m, kind="stable")[:MOST_PAIRS]
+    figures = np.round(np.column_stack([pairs.distance_m, pairs.radius_m, pairs.entry_s])[chosen], 2).tolist()
+    places = zip(pairs.first[chosen].tolist(), pairs.second[chosen].tolist(), figures, strict=True)
+    return [[i, j, *row] for i, j, row in places]
 
 
 def pushed(body: bytes, selected: bytes, extent_s: tuple[float, float]) -> bytes:

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.observer import Scene, Sky, closing_times, pair_discs, pairs_of
+from ridlink.observer import (
+    Scene,
+    Sky,
+    closing_times,
+    least_margin,
+    nearest_of,
+    pair_discs,
+    pairs_at,
+    pairs_of,
+)
+from ridlink.observer import pairs as under_test
+from ridlink.observer.scene import CONSIDERED_M
 from ridlink.separation.definitions import Definition
 from ridlink.traffic.altitude import known_apart, vertical_bound
 from tests.observer.flights import HOME, Flyer, frames
@@ -28,22 +41,82 @@ def scene_of(flyers: list[Flyer]) -> Scene:
 @given(st.lists(st.tuples(metres, metres, speeds, speeds), min_size=2, max_size=5, unique_by=lambda one: one[:2]))
 def test_whoever_flies_on_until_then_stands_on_the_edge_of_the_disc(places: list[tuple[float, ...]]) -> None:
     scene = scene_of([Flyer(k + 1, place[:2], place[2:]) for k, place in enumerate(places)])  # type: ignore[arg-type]
-    pairs = pairs_of(scene, Definition.CANDIDATE2)
-    assert np.array_equal(pairs.entry_s, closing_times(scene, pair_discs(scene, Definition.CANDIDATE2)))
-    for i in range(len(scene)):
-        for j in range(i):
-            offset = scene.position_ne_m[j] - scene.position_ne_m[i]
-            relative = scene.velocity_ne_mps[j] - scene.velocity_ne_mps[i]
-            assert np.isclose(pairs.distance_m[i, j], np.hypot(*offset))
-            entry_s = pairs.entry_s[i, j]
-            if 0.0 < entry_s < np.inf:
-                then = np.hypot(*(offset + entry_s * relative))
-                assert np.isclose(then, pairs.radius_m[i, j], rtol=1e-4), "on the edge when it says so"
-            elif entry_s == 0.0:
-                assert pairs.distance_m[i, j] < pairs.radius_m[i, j]
-            else:
-                along = np.linspace(0.0, 300.0, 3001)[:, None] * relative + offset
-                assert np.hypot(*along.T).min() > pairs.radius_m[i, j] - 1e-6, "never"
+    first, second = np.triu_indices(len(scene), 1)
+    pairs = pairs_at(scene, first, second, Definition.CANDIDATE2)
+    for i, j, distance, radius, entry_s in zip(
+        first, second, pairs.distance_m, pairs.radius_m, pairs.entry_s, strict=True
+    ):
+        offset = scene.position_ne_m[j] - scene.position_ne_m[i]
+        relative = scene.velocity_ne_mps[j] - scene.velocity_ne_mps[i]
+        assert np.isclose(distance, np.hypot(*offset))
+        if 0.0 < entry_s < np.inf:
+            then = np.hypot(*(offset + entry_s * relative))
+            assert np.isclose(then, radius, rtol=1e-4), "on the edge when it says so"
+        elif entry_s == 0.0:
+            assert distance < radius
+        else:
+            along = np.linspace(0.0, 300.0, 3001)[:, None] * relative + offset
+            assert np.hypot(*along.T).min() > radius - 1e-6, "never"
+
+
+def a_crowd(seed: int, count: int, side_m: float) -> Scene:
+    """Some of them stand, some at one place, some are unknown in part or boast."""
+    draws = np.random.default_rng(seed)
+
+    def some(values: Any, share: float, instead: float) -> Any:
+        return np.where(draws.random(count) < share, instead, values)
+
+    velocity = draws.uniform(-20.0, 20.0, (count, 2)) * (draws.random((count, 1)) < 0.8)
+    place = draws.uniform(-side_m / 2.0, side_m / 2.0, (count, 2))
+    place[draws.random(count) < 0.1] = side_m / 3.0
+    return Scene(
+        time_s=0.0,
+        numbers=tuple(range(count)),
+        names=tuple(map(str, range(count))),
+        position_ne_m=place,
+        velocity_ne_mps=velocity,
+        speed_mps=some(np.hypot(*velocity.T), 0.1, np.nan),
+        airframe_m=some(draws.uniform(0.1, 8.0, count), 0.2, np.nan),
+        error_bound_m=some(some(draws.uniform(0.0, 20.0, count), 0.2, np.nan), 0.05, 500.0),
+        accuracy_bound_m=some(draws.uniform(1.0, 30.0, count), 0.2, np.nan),
+        interval_s=draws.uniform(0.05, 3.0, count),
+        age_s=draws.uniform(0.0, 2.0, count),
+        altitude_m=some(draws.uniform(0.0, 120.0, count), 0.2, np.nan),
+        climb_mps=draws.uniform(-3.0, 3.0, count),
+        vertical_error_m=some(draws.uniform(0.0, 10.0, count), 0.2, np.nan),
+        airframe_height_m=draws.uniform(0.1, 1.0, count),
+        command_ne_mps=np.full((count, 2), np.nan),
+        avoiding=np.ones(count, np.bool_),
+    )
+
+
+@pytest.mark.parametrize("definition", Definition)
+@pytest.mark.parametrize("side_m", [100.0, 1000.0, 6000.0, 50_000.0])
+def test_nobody_is_missed_by_not_looking_at_all_pairs(
+    monkeypatch: pytest.MonkeyPatch, definition: Definition, side_m: float
+) -> None:
+    monkeypatch.setattr(under_test, "FEW", 1)
+    for seed, count in enumerate((1, 2, 3, 31, 32, 33, 150)):
+        scene = a_crowd(seed, count, side_m)
+        radius, apart = pair_discs(scene, definition), scene.apart()
+        entry, distance = closing_times(scene, radius), scene.gaps().distance_m
+        pairs = pairs_of(scene, definition)
+        first, second = np.nonzero(np.triu(entry <= under_test.HORIZON_S, 1))
+        assert np.array_equal(pairs.first, first) and np.array_equal(pairs.second, second)
+        assert np.allclose(pairs.entry_s, entry[first, second], rtol=1e-9)
+        assert np.allclose(pairs.distance_m, distance[first, second]) and not pairs.apart.any()
+        assert np.allclose(pairs.radius_m, radius[first, second], rtol=1e-12)
+
+        margin = np.where(apart | np.eye(count, dtype=np.bool_), np.inf, distance - radius)
+        nearest = nearest_of(scene, definition)
+        alone = ~np.isfinite(margin.min(axis=1))
+        assert np.array_equal(nearest.who < 0, alone)
+        assert np.allclose((nearest.distance_m - nearest.radius_m)[~alone], margin.min(axis=1)[~alone])
+
+        margin[distance > CONSIDERED_M] = np.inf
+        least = least_margin(scene, definition)
+        assert len(least) == np.isfinite(margin).any()
+        assert np.allclose(least.distance_m - least.radius_m, margin.min())
 
 
 heights = st.one_of(st.just(np.nan), st.floats(400.0, 480.0))
@@ -74,11 +147,12 @@ def test_a_pair_is_apart_as_one_of_the_two_would_find_it_alone(told: list[tuple[
 def test_the_pair_in_most_danger_is_not_always_the_nearest_one() -> None:
     large, near = Flyer(2, (0.0, 80.0), (0.0, 0.0), error_m=60.0), Flyer(3, (0.0, -60.0), (0.0, 0.0), error_m=1.0)
     scene = scene_of([Flyer(1, (0.0, 0.0), (0.0, 0.0), error_m=1.0), large, near])
-    least = pairs_of(scene, Definition.CANDIDATE2).least_margin()
-    assert least is not None and {scene.names[k] for k in least} == {"1/1", "2/1"}
+    least = least_margin(scene, Definition.CANDIDATE2)
+    assert {scene.names[k] for k in (least.first[0], least.second[0])} == {"1/1", "2/1"}
 
 
 def test_nobody_and_those_at_other_heights_make_no_pair() -> None:
-    assert pairs_of(Sky().at(0.0), Definition.CANDIDATE2).least_margin() is None
+    assert not len(least_margin(Sky().at(0.0), Definition.CANDIDATE2))
+    assert not len(pairs_of(Sky().at(0.0), Definition.CANDIDATE2))
     above = scene_of([Flyer(1, (0.0, 0.0), (0.0, 0.0)), Flyer(2, (5.0, 0.0), (0.0, 0.0), altitude_m=900.0)])
-    assert pairs_of(above, Definition.CANDIDATE2).least_margin() is None
+    assert not len(least_margin(above, Definition.CANDIDATE2)) and not len(pairs_of(above, Definition.CANDIDATE2))
