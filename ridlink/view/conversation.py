@@ -62,7 +62,7 @@ class Conversation:
         self._mistakes = 0
         self._waiting: dict[str, bytes] = {}
         self._answers: dict[str, Iterator[bytes]] = {}
-        self._instant_due = False
+        self._instant_due = self._others_turn = False
         self._encounters_due = True
         self._told_changes = -1
         self._greeted = -1
@@ -117,16 +117,17 @@ class Conversation:
         """What is to be sent next; empty where work was done but nothing is to be sent yet, None if nothing waits."""
         show = self._show
         if self._greeted != show.greetings:
+            if self._greeted >= 0:  # what was asked about another source
+                self._answers.clear()
             self._greeted = show.greetings
-            self._answers.clear()
             self._told_changes = -1
             self._instant_due = self._encounters_due = True
             return show.hello()
         if self._waiting:
             return self._waiting.pop(next(iter(self._waiting)))
-        if self._instant_due:
-            self._instant_due = False
-            return show.latest(self.definition, self.selected) or b""
+        if self._instant_due and not self._others_turn:
+            return self._instant()
+        self._others_turn = False
         if self._encounters_due:
             self._encounters_due = False
             book = show.book(self.definition)
@@ -141,7 +142,12 @@ class Conversation:
                     return part
                 del self._answers[kind]
                 return b""
-        return None
+        return self._instant() if self._instant_due else None
+
+    def _instant(self) -> bytes:
+        """The newest instant; whatever else is due comes next, however fast instants follow on each other."""
+        self._instant_due, self._others_turn = False, True
+        return self._show.latest(self.definition, self.selected) or b""
 
     def _at(self, time_s: float, request: int | str | None) -> Iterator[bytes]:
         number = self._show.history.find(time_s)

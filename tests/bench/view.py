@@ -22,7 +22,7 @@ from ridlink.separation.definitions import Definition
 from tests.observer.flights import Flyer, frames
 
 SECONDS = 20.0
-CASES = ((8, 1, 1), (250, 1, 1), (250, 8, 1), (250, 2, 2), (250, 6, 6))
+CASES = ((8, 1, 1), (250, 1, 1), (250, 8, 1), (250, 2, 2), (250, 6, 6), (1000, 1, 1), (2000, 1, 1))
 """Vehicles, pages, definitions that these look at."""
 
 REPEATED_S = 2.0
@@ -90,9 +90,10 @@ async def measure(vehicles: int, pages: int, definitions: int) -> dict[str, Any]
 def spoken(vehicles: int) -> list[list[bytes]]:
     """Datagrams of each tenth of a second, over and over."""
     generator = np.random.default_rng(1)
-    place, velocity = generator.uniform(-1000.0, 1000.0, (vehicles, 2)), generator.uniform(-10.0, 10.0, (vehicles, 2))
+    half_m = 1000.0 * max(1.0, (vehicles / 250) ** 0.5)  # more than 250 are no more crowded
+    place, velocity = generator.uniform(-half_m, half_m, (vehicles, 2)), generator.uniform(-10.0, 10.0, (vehicles, 2))
     flyers = [
-        Flyer(k % 250 + 1, tuple(place[k].tolist()), tuple(velocity[k].tolist()), b"ID%04d" % k)
+        Flyer(k % 250 + 1, tuple(place[k].tolist()), tuple(velocity[k].tolist()), b"ID%04d" % k, compid=k // 250 + 1)
         for k in range(vehicles)
     ]
     steps: list[list[bytes]] = [[] for _ in range(round(10 * REPEATED_S))]
