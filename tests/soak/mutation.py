@@ -31,7 +31,7 @@ SURVIVORS = Path(__file__).with_name("survivors.toml")
 FROM_OUTSIDE = ("numpy", "numba", "hypothesis", "hypothesis.strategies", "pytest", "msgspec", "pymap3d", "fastcrc")
 
 TRAFFIC = ["tests/traffic"]
-OWN_SHIP = ["tests/test_own_ship_rules.py", "tests/test_own_ship.py"]
+OWN_SHIP = ["tests/own_ship/test_rules.py", "tests/own_ship/test_telemetry.py"]
 REMOTE_ID = ["tests/remote_id/test_convert.py", "tests/remote_id/test_quantities.py"]
 BOTH_WIRES = [
     *REMOTE_ID,
@@ -51,10 +51,10 @@ MUTATED = {
     "ridlink/traffic/doubt.py": TRAFFIC,
     "ridlink/traffic/flood.py": TRAFFIC,
     "ridlink/traffic/track.py": TRAFFIC,
-    "ridlink/engine/guard.py": ["tests/test_guard_rules.py"],
-    "ridlink/engine/intake.py": ["tests/test_intake.py"],
-    "ridlink/engine/recovery.py": ["tests/test_recovery.py"],
-    "ridlink/engine/takeoff.py": ["tests/test_takeoff.py"],
+    "ridlink/engine/guard.py": ["tests/engine/test_guard_rules.py"],
+    "ridlink/engine/intake.py": ["tests/engine/test_intake.py"],
+    "ridlink/engine/recovery.py": ["tests/engine/test_recovery.py"],
+    "ridlink/engine/takeoff.py": ["tests/engine/test_takeoff.py"],
     "ridlink/mavlink/frames.py": ["tests/mavlink/test_frames.py"],
     "ridlink/mavlink/signing.py": ["tests/mavlink/test_signing.py"],
     "ridlink/remote_id/convert.py": REMOTE_ID,

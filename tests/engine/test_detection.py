@@ -22,6 +22,8 @@ from ridlink.own_ship import ARDUPILOT, PX4
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.separation.definitions import Definition, Reported, separation_discs
 from ridlink.traffic.track import Track, new_track
+from tests.daemon.emulated import Emulated
+from tests.engine.flight import STEP_S, Flight, config
 
 
 def head_on_m(speed_mps: float, sigma_m: float, reciprocal: bool) -> float:
@@ -214,3 +216,43 @@ def test_judgement_has_hysteresis_and_warnings_have_a_pause(watch: DetectionWatc
     said = [watch.warning(short, float(now)) for now in range(30, 120)]
     assert np.flatnonzero(said).tolist() == [0, 60]
     assert all(len(text) <= 50 for text in said)
+
+
+def neighbours_ahead(flight: Flight, sysids: tuple[int, ...], distance_m: float, north_mps: float) -> None:
+    """Let others be heard from now on, from a distance ahead on both sides of the way."""
+    north = float(flight.vehicle.position[0]) + distance_m
+    for k, sysid in enumerate(sysids):
+        other = Emulated(sysid, ned_m=(north, 10.0 * (k - 1), -50.0))
+        other.velocity = np.array([north_mps, 0.0, 0.0])
+        flight.others.append(lambda now_s, other=other: other.remote_id(now_s) + (other.advance(STEP_S) or b""))  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(("heard_from_m", "north_mps", "short"), [(30.0, 10.0, True), (400.0, -10.0, False)])
+def test_an_air_that_gives_too_little_is_said_once(heard_from_m: float, north_mps: float, short: bool) -> None:
+    flight = Flight(settings=config(2000.0))
+    flight.step(150)
+    before = flight.outputs[-1].decision.detection
+    assert before is not None and before.given_m is None and before.needed_m > 350.0  # whoever says nothing of itself
+    neighbours_ahead(flight, (5, 6, 7), heard_from_m, north_mps)
+    flight.step(200)
+    detection = flight.outputs[-1].decision.detection
+    assert detection is not None and detection.given_m is not None
+    assert (detection.given_m < detection.needed_m) == detection.short == short
+    texts = [text for output in flight.outputs for text in output.warnings]
+    assert [message.text.rstrip(b"\0").decode() for message in flight.heard("STATUSTEXT")] == texts
+    assert len(texts) == short
+
+
+@pytest.mark.parametrize(("distance_m", "north_mps"), [(1e7, 0.0), (2000.0, -50.0), (800.0, 0.0)])
+def test_ghosts_that_are_told_of_from_far_away_do_not_silence_that_others_are_heard_late(
+    distance_m: float, north_mps: float
+) -> None:
+    flight = Flight(settings=config(2000.0))
+    flight.step(150)
+    for first in range(20, 29, 3):
+        neighbours_ahead(flight, (first, first + 1, first + 2), distance_m, north_mps)
+    flight.step(20)
+    neighbours_ahead(flight, (5, 6, 7), 30.0, 10.0)
+    flight.step(20)
+    detection = flight.outputs[-1].decision.detection
+    assert detection is not None and detection.short and detection.given_m is not None and detection.given_m < 100.0

@@ -1,0 +1,93 @@
+"""What the engine tells of itself, to whom and how often."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ridlink.engine import Engine
+from ridlink.failsafe import State
+from ridlink.mavlink.codec import Encoder, Message
+from tests.daemon.emulated import Emulated
+from tests.daemon.invariants import messages
+from tests.engine.flight import STEP_S, Flight, config, intruder
+
+
+class Stubborn(Emulated):
+    """Flies on as it does, whatever it is told: its conflicts last."""
+
+    def hear(self, data: bytes) -> list[Message]:
+        found = self.observer.watch(data)
+        self.heard += found
+        return found
+
+
+def test_conflicts_are_announced_once_a_second_and_status_tells_the_rest() -> None:
+    flight = Flight(Stubborn(ned_m=(-100.0, 0.0, -50.0)), config(200.0))
+    flight.vehicle.velocity = np.array((5.0, 0.0, 0.0))
+    other = intruder(-20.0, 0.0, (-10.0, 0.0, 0.0))
+    flight.others.append(lambda now_s: other.remote_id(now_s) + (other.advance(STEP_S) or b""))
+    flight.step(60)
+    collisions = flight.heard("COLLISION")
+    assert 2 <= len(collisions) <= 6
+    assert {message.id for message in collisions} == {9}
+    assert {message.src for message in collisions} == {1}
+    assert all(message.horizontal_minimum_delta < 60.0 for message in collisions)
+    statuses = flight.heard("RIDLINK_STATUS")
+    assert len(statuses) == 6
+    assert {message.tracks for message in statuses[1:]} == {1}
+    assert any(message.conflicts == 1 for message in statuses)
+    assert any(message.binding_systems[0] == 9 for message in statuses)
+    assert all(message.state == State.ENGAGED for message in statuses[1:])
+    assert any(message.nearest_margin < 10_000 for message in statuses)
+
+
+def test_relayed_traffic_in_conflict_is_named_by_a_checksum_of_its_id() -> None:
+    flight = Flight(Emulated(ned_m=(-100.0, 0.0, -50.0)), config(200.0))
+    other = intruder(-40.0, 0.0, (-10.0, 0.0, 0.0))
+    receiver = Encoder(1, 236)
+
+    def relay(now_s: float) -> bytes:
+        other.encoder = receiver
+        flight.engine.receive_vehicle(other.remote_id(now_s, id_or_mac=b"FA-07"), now_s, source="autopilot")
+        return b""
+
+    flight.others.append(relay)
+    flight.step(10)
+    assert len(flight.engine.picture) == 1
+    assert flight.heard("COLLISION")[0].id > 255
+
+
+def test_heartbeats_go_to_the_vehicle_and_to_the_air() -> None:
+    flight = Flight(Emulated(7))
+    flight.step(30)
+    (beat, *_) = beats = flight.heard("HEARTBEAT")
+    assert len(beats) == 3
+    assert (beat.type, beat.autopilot) == (18, 8)
+    to_air = [frame for output in flight.outputs for frame in output.to_air]
+    assert len(to_air) == 3
+    assert (to_air[-1][5], to_air[-1][6]) == (7, 196)
+
+
+def test_before_an_autopilot_is_heard_the_air_is_left_alone() -> None:
+    engine = Engine(config())
+    output = engine.step(0.0)
+    assert output.to_air == []
+    assert [message.name for message in messages(b"".join(output.to_vehicle))] == ["HEARTBEAT"]
+    pinned = Engine(config(vehicle_sysid=12))
+    assert len(pinned.step(0.0).to_air) == 1
+
+
+def test_messages_are_requested_from_an_ardupilot_that_sends_none() -> None:
+    flight = Flight(Emulated(autopilot=3))
+    flight.telling = False
+    for _ in range(25):
+        flight.engine.receive_vehicle(flight.vehicle.heartbeat(), flight.now_s, source="autopilot")
+        flight.step()
+    requests = flight.heard("COMMAND_LONG")
+    assert [message.param1 for message in requests] == [33, 24, 85, 193, 245] * 3
+    assert {(message.command, message.target_system, message.target_component) for message in requests} == {(511, 1, 1)}
+    flight.telling = True
+    flight.vehicle.heard.clear()
+    flight.step(20)
+    assert flight.heard("COMMAND_LONG") == []
+    assert flight.engine.rung.state is State.ENGAGED
