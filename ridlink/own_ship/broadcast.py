@@ -123,7 +123,7 @@ class Broadcast:
 
     def __init__(self, settings: BroadcastSettings) -> None:
         self.settings = settings
-        self._dynamic_due = Periodic(INTERVAL_S)
+        self._dynamic_due = Periodic(INTERVAL_S, early_s=INTERVAL_S / 2.0)  # steps are as late as they are woken
         module = settings.form is Form.MODULE
         self._static_due = Periodic(MODULE_INTERVAL_S if module else STATIC_INTERVAL_S)
 
