@@ -14,10 +14,10 @@ from sitl_sim.autopilot.files import refuse_file_transfer
 from sitl_sim.autopilot.link import Link
 from sitl_sim.autopilot.mission_protocol import MissionProtocol
 from sitl_sim.autopilot.orders import Orders
-from sitl_sim.autopilot.parameters import ParameterProtocol, Reply
+from sitl_sim.autopilot.parameter_protocol import ParameterProtocol
 from sitl_sim.autopilot.peers import MAX_PASSED_ON
 from sitl_sim.autopilot.pilot import Pilot
-from sitl_sim.autopilot.results import Result, Severity
+from sitl_sim.autopilot.results import Reply, Result, Severity
 from sitl_sim.autopilot.status_texts import StatusTexts
 from sitl_sim.autopilot.streams import Streams
 
@@ -67,7 +67,7 @@ class Answers:
         self._missions, self._streams, self._texts = missions, streams, texts
         self._orders = Orders(board, pilot)
         self._commands = Commands(board, pilot, self._orders)
-        parameters = ParameterProtocol(board.parameters, px4=board.is_px4, say=board.say)
+        parameters = ParameterProtocol(board)
         self.daemon_heard_s = -math.inf
         self._repeated: list[bytes] = []
         handlers: dict[str, Callable[[Heard], list[Reply]]] = {

@@ -22,9 +22,10 @@ from sitl_sim.autopilot.link import Address, Link, packed
 from sitl_sim.autopilot.mission_protocol import MissionProtocol
 from sitl_sim.autopilot.modes import FLAVOURS
 from sitl_sim.autopilot.navigation import FleetNavigation
-from sitl_sim.autopilot.parameters import Parameters, Reply
+from sitl_sim.autopilot.parameters import Parameters
 from sitl_sim.autopilot.peers import AUTOPILOT_COMPONENT, Peers
 from sitl_sim.autopilot.pilot import Pilot, Start
+from sitl_sim.autopilot.results import Reply
 from sitl_sim.autopilot.status_texts import StatusTexts
 from sitl_sim.autopilot.streams import Streams
 from sitl_sim.autopilot.telemetry import Telemetry

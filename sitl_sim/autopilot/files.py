@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 
 from ridlink.mavlink.codec import Message
-from sitl_sim.autopilot.parameters import Reply
+from sitl_sim.autopilot.results import Reply
 
 _HEADER = struct.Struct("<HBBBBBBI")
 """Sequence, session, opcode, size, requested opcode, burst complete, padding, offset."""

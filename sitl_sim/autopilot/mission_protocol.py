@@ -17,8 +17,7 @@ from ridlink.mavlink.codec import Message
 from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.mission_flight import MissionFlight
 from sitl_sim.autopilot.mission_items import MAX_ITEMS, MissionItem, read_item
-from sitl_sim.autopilot.parameters import Reply
-from sitl_sim.autopilot.results import MissionResult, Severity
+from sitl_sim.autopilot.results import MissionResult, Reply, Severity
 
 MISSION, FENCE, RALLY, ALL = 0, 1, 2, 255
 """MAV_MISSION_TYPE."""

@@ -2,7 +2,7 @@
 
 PX4 puts the bits of an integer into the float of PARAM_VALUE, ArduPilot casts it; clients choose by the autopilot field
 of HEARTBEAT. PX4 takes a PARAM_SET of the right type only, ArduPilot does not look at the type. A value outside the
-range of its parameter is refused by both, with a STATUSTEXT and the value that stays.
+range of its parameter is refused by both.
 
 ``docs/emulator.md`` lists them all; a test holds it to that.
 """
@@ -13,15 +13,10 @@ import math
 import struct
 from dataclasses import dataclass
 
-from ridlink.mavlink.codec import Message
 from sitl_sim.autopilot.modes import Flavour
-from sitl_sim.autopilot.results import Say, Severity
 
 INT32 = 6
 REAL32 = 9
-
-Reply = tuple[str, dict[str, object]]
-"""Name and fields of a message to send back."""
 
 
 @dataclass(slots=True)
@@ -91,7 +86,7 @@ class Parameters:
         """Index of a parameter by name, or by index where that is not negative."""
         if index >= 0:
             return index if index < len(self._parameters) else None
-        return self._index.get(_text(param_id))
+        return self._index.get(parameter_name(param_id))
 
     def set(self, index: int, wire_value: float, kind: int) -> str | None:
         """Take the value of a PARAM_SET; None, or why it is refused."""
@@ -129,47 +124,6 @@ class Parameters:
         return float(math.trunc(value)) if abs(value) < 2**31 else math.nan
 
 
-class ParameterProtocol:
-    """Answers to PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
-
-    Args:
-        parameters: Whose.
-        px4: PX4 says in words what it does not have, ArduPilot says nothing.
-        say: For refusals.
-    """
-
-    def __init__(self, parameters: Parameters, *, px4: bool, say: Say) -> None:
-        self._parameters, self._px4, self._say = parameters, px4, say
-
-    def everything(self, message: Message) -> list[Reply]:
-        """All of them."""
-        return [self._value(index) for index in range(len(self._parameters))]
-
-    def read(self, message: Message) -> list[Reply]:
-        """One, by name or by index."""
-        index = self._parameters.find(message.param_id, message.param_index)
-        return self._unknown(message.param_id, message.param_index) if index is None else [self._value(index)]
-
-    def set(self, message: Message) -> list[Reply]:
-        """The value that holds from now on, be it the new or the old one."""
-        index = self._parameters.find(message.param_id)
-        if index is None:
-            return self._unknown(message.param_id, -1)
-        complaint = self._parameters.set(index, message.param_value, message.param_type)
-        if complaint is not None:
-            self._say(Severity.WARNING, f"parameter refused: {complaint}")
-        return [self._value(index)]
-
-    def _value(self, index: int) -> Reply:
-        return "PARAM_VALUE", self._parameters.fields(index)
-
-    def _unknown(self, param_id: bytes, index: int) -> list[Reply]:
-        if self._px4:
-            what = _text(param_id) if index < 0 else f"index {index}"
-            self._say(Severity.WARNING, f"unknown parameter: {what}")
-        return []
-
-
-def _text(param_id: bytes) -> str:
-    """Its printable characters; the name of a parameter is ASCII."""
+def parameter_name(param_id: bytes) -> str:
+    """The name in a message: its printable characters, for the name of a parameter is ASCII."""
     return "".join(c for c in param_id.split(b"\x00")[0].decode("ascii", "replace") if " " < c < "\x7f")

@@ -1,9 +1,12 @@
-"""What an autopilot answers with: MAV_RESULT, MAV_MISSION_RESULT, MAV_SEVERITY."""
+"""What an autopilot answers with: messages, MAV_RESULT, MAV_MISSION_RESULT, MAV_SEVERITY."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
+
+Reply = tuple[str, dict[str, object]]
+"""Name and fields of a message to send back."""
 
 
 class Result(IntEnum):

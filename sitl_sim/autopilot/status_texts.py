@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from sitl_sim.autopilot.parameters import Reply
-from sitl_sim.autopilot.results import Severity
+from sitl_sim.autopilot.results import Reply, Severity
 
 REPEAT_S = 1.0
 MAX_WAITING = 16

@@ -8,9 +8,8 @@ from ridlink.mavlink.codec import MESSAGES, Message
 from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.commands import Command, MavCommand
 from sitl_sim.autopilot.link import Link
-from sitl_sim.autopilot.parameters import Reply
 from sitl_sim.autopilot.rates import LEGACY_STREAMS, default_intervals
-from sitl_sim.autopilot.results import Result, Severity
+from sitl_sim.autopilot.results import Reply, Result, Severity
 from sitl_sim.autopilot.telemetry import Telemetry
 
 _PHASE_STEP = 0.6180339887

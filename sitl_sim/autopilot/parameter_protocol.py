@@ -1,0 +1,52 @@
+"""The parameter protocol of MAVLink: all of them, one, and another value for one. Sans-IO.
+
+What is refused is answered with a STATUSTEXT and the value that stays.
+
+Source: https://mavlink.io/en/services/parameter.html
+"""
+
+from __future__ import annotations
+
+from ridlink.mavlink.codec import Message
+from sitl_sim.autopilot.board import Board
+from sitl_sim.autopilot.parameters import parameter_name
+from sitl_sim.autopilot.results import Reply, Severity
+
+
+class ParameterProtocol:
+    """Answers to PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
+
+    Args:
+        board: Whose parameters. PX4 says in words what it does not have, ArduPilot says nothing.
+    """
+
+    def __init__(self, board: Board) -> None:
+        self._board, self._parameters = board, board.parameters
+
+    def everything(self, message: Message) -> list[Reply]:
+        """All of them."""
+        return [self._value(index) for index in range(len(self._parameters))]
+
+    def read(self, message: Message) -> list[Reply]:
+        """One, by name or by index."""
+        index = self._parameters.find(message.param_id, message.param_index)
+        return self._unknown(message.param_id, message.param_index) if index is None else [self._value(index)]
+
+    def set(self, message: Message) -> list[Reply]:
+        """The value that holds from now on, be it the new or the old one."""
+        index = self._parameters.find(message.param_id)
+        if index is None:
+            return self._unknown(message.param_id, -1)
+        complaint = self._parameters.set(index, message.param_value, message.param_type)
+        if complaint is not None:
+            self._board.say(Severity.WARNING, f"parameter refused: {complaint}")
+        return [self._value(index)]
+
+    def _value(self, index: int) -> Reply:
+        return "PARAM_VALUE", self._parameters.fields(index)
+
+    def _unknown(self, param_id: bytes, index: int) -> list[Reply]:
+        if self._board.is_px4:
+            what = parameter_name(param_id) if index < 0 else f"index {index}"
+            self._board.say(Severity.WARNING, f"unknown parameter: {what}")
+        return []
