@@ -21,11 +21,12 @@ from ridlink.daemon.input_log import FromAir, FromVehicle, InputLog
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.summary import Spread, Summary
 from ridlink.daemon.telling import Telling
+from ridlink.daemon.vehicle_link import open_vehicle_link
 from ridlink.daemon.warming import warm_up_unless
 from ridlink.daemon.watchdog import Watchdog
 from ridlink.engine import Engine, StepOutput
 from ridlink.errors import RidlinkError
-from ridlink.links import Address, Link, open_link, open_signed_link
+from ridlink.links import Address, Link, open_link
 from ridlink.mavlink.signing import SignatureCause
 from ridlink.metrics import AVOID_METRICS, MetricsServer
 from ridlink.own_ship.requests import steers
@@ -101,7 +102,7 @@ class AvoidDaemon:
         # The links first: a PX4 in OFFBOARD that lost us waits a second for zero velocity, the kernels take longer.
         warm = asyncio.create_task(warm_up_unless(stop, self.config.engine.solver))
         try:
-            self._vehicle = await self._open_vehicle()
+            self._vehicle = await open_vehicle_link(self.config.vehicle, self._from_vehicle, self.config.signing)
             self._air = await open_link(self.config.remote_id, self._from_air)
             if self.config.broadcast_to is not None:
                 self._transmitter = await open_link(self.config.broadcast_to, lambda _, __: None)
@@ -131,12 +132,6 @@ class AvoidDaemon:
         if self.engine.fatal:
             raise DecisionError(f"decisions failed: {self.engine.last_error}; the vehicle was told to stop")
         return self.summary()
-
-    async def _open_vehicle(self) -> Link:
-        signing = self.config.signing
-        if signing is None:
-            return await open_link(self.config.vehicle, self._from_vehicle)
-        return await open_signed_link(self.config.vehicle, self._from_vehicle, signing)
 
     @property
     def metrics_port(self) -> int | None:

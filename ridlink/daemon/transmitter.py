@@ -14,6 +14,7 @@ from typing import Any
 
 from ridlink.daemon.events import Events, EventSink
 from ridlink.daemon.steady_utc import SteadyUtc
+from ridlink.daemon.vehicle_link import open_vehicle_link
 from ridlink.engine.intake import VEHICLE_IDS, Intake
 from ridlink.links import (
     Address,
@@ -21,7 +22,6 @@ from ridlink.links import (
     LinkUrl,
     SigningOptions,
     open_link,
-    open_signed_link,
     refuse_to_speak_to_oneself,
 )
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
@@ -101,11 +101,7 @@ class Transmitter:
             LinkError: If a link cannot be opened.
         """
         try:
-            signing = self.config.signing
-            if signing is None:
-                self._vehicle = await open_link(self.config.vehicle, self._from_vehicle)
-            else:
-                self._vehicle = await open_signed_link(self.config.vehicle, self._from_vehicle, signing)
+            self._vehicle = await open_vehicle_link(self.config.vehicle, self._from_vehicle, self.config.signing)
             self._to = await open_link(self.config.to, self._from_module)
             self.vehicle_address = self._vehicle.local_address
             self.ready.set()

@@ -108,7 +108,8 @@ class Judgement(Tally):
             "least_warning_s": round(self.warning_s, 1) if math.isfinite(self.warning_s) else None,
         }
 
-    def _fold(self, keys: Iterable[Pair]) -> None:
+    def fold(self, keys: Iterable[Pair]) -> None:
+        """Add up what was said of pairs that are no longer open."""
         for key in keys:
             self.add(self.open.pop(key))
 
@@ -155,7 +156,7 @@ class WhatIf:
     def end(self) -> None:
         """The recording is over."""
         for judgement in self.judgements:
-            judgement._fold(list(judgement.open))
+            judgement.fold(list(judgement.open))
         self._begin()
 
     def _new_macs(self, scene: Scene, approach: Approach) -> set[tuple[int, int]]:
@@ -213,7 +214,7 @@ class WhatIf:
         for judgement in self.judgements:
             for key in [key for key in judgement.open if not scene.merged.isdisjoint(key)]:
                 del judgement.open[key]
-            judgement._fold([key for key, one in judgement.open.items() if scene.time_s - one.seen_s > FOLDED_AFTER_S])
+            judgement.fold([key for key, one in judgement.open.items() if scene.time_s - one.seen_s > FOLDED_AFTER_S])
         self._collided = {
             key: last_s for key, last_s in self._collided.items() if scene.time_s - last_s <= CLOSES_AFTER_S
         }

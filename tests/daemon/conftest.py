@@ -11,8 +11,10 @@ from typing import Any
 
 import pytest
 
+from ridlink.daemon import service
 from ridlink.daemon.service import AvoidDaemon
-from ridlink.links import Address, Link
+from ridlink.daemon.vehicle_link import open_vehicle_link
+from ridlink.links import Address, Link, LinkUrl, SigningOptions
 from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from tests.daemon.invariants import ASKED, GUARDING, LEAST_BETWEEN_WORDS_S, Observer
@@ -74,13 +76,17 @@ class Watched:
 def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Watched]]:
     """Observers of all daemons of this test; it fails if one of them saw an invariant broken."""
     observers: list[Watched] = []
-    open_vehicle, from_vehicle = AvoidDaemon._open_vehicle, AvoidDaemon._from_vehicle
-    by_daemon: dict[int, Watched] = {}
 
-    async def opened(daemon: AvoidDaemon) -> Link:
-        eyes = by_daemon[id(daemon)] = Watched(daemon)
+    async def opened(url: LinkUrl, on_datagram: Any, signing: SigningOptions | None) -> Link:
+        daemon = on_datagram.__self__
+        eyes = Watched(daemon)
         observers.append(eyes)
-        link = await open_vehicle(daemon)
+
+        def heard(data: bytes, address: Address) -> None:
+            eyes.hears(data)
+            on_datagram(data, address)
+
+        link = await open_vehicle_link(url, heard, signing)
         send, emit = link.send, daemon._events.emit
 
         def observed(data: bytes, address: Address | None = None) -> bool:
@@ -95,12 +101,7 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Watched]]:
         monkeypatch.setattr(daemon._events, "emit", told)
         return link
 
-    def heard(daemon: AvoidDaemon, data: bytes, address: Address) -> None:
-        by_daemon[id(daemon)].hears(data)
-        from_vehicle(daemon, data, address)
-
-    monkeypatch.setattr(AvoidDaemon, "_open_vehicle", opened)
-    monkeypatch.setattr(AvoidDaemon, "_from_vehicle", heard)
+    monkeypatch.setattr(service, "open_vehicle_link", opened)
     yield observers
     for eyes in observers:
         assert not eyes.failures, eyes.failures[0]
