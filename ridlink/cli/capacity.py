@@ -12,6 +12,7 @@ from ridlink.cli.campaign_options import BASELINE, DEFINITIONS, Figures, Names, 
 
 if TYPE_CHECKING:
     from ridlink.analysis.capacity import Capacity
+    from ridlink.campaign.statistics import Interval
 
 CATEGORIES = ("1", "2", "3", "4")
 
@@ -69,7 +70,8 @@ def capacity(
     from rich.console import Console
     from rich.progress import track
 
-    from ridlink.analysis.capacity import Airspace, capacities
+    from ridlink.analysis.capacity import FEW, Airspace, capacities
+    from ridlink.campaign.statistics import LEAST_RUNS
     from ridlink.errors import ConfigError
     from ridlink.separation.definitions import Definition
 
@@ -91,10 +93,13 @@ def capacity(
         )  # fmt: skip
     except ValueError as error:
         raise ConfigError(str(error)) from error
+    note = FEW if worlds < LEAST_RUNS else None
     if as_json:
-        click.echo(json.dumps({"rows": [row.as_dict() for row in rows], "worlds": worlds, "seed": seed}))
+        click.echo(json.dumps({"rows": [row.as_dict() for row in rows], "worlds": worlds, "seed": seed, "note": note}))
         return
     _show(rows)
+    if note:
+        click.echo(note)
 
 
 def _show(rows: list[Capacity]) -> None:
@@ -115,10 +120,7 @@ def _show(rows: list[Capacity]) -> None:
         "radius m": [f"{row['radius_m']:.1f}" for row in told],
         "99.7 %": [f"{row['radius_quantile_m']:.1f}" for row in told],
         "conflicts/h": [f"{row['conflicts_per_flight_hour']:.3g}" for row in told],
-        "simulated (95 %)": [
-            f"{row['simulated_per_flight_hour']:.3g} ({low:.3g}-{high:.3g})"
-            for row in told for low, high in [row["simulated_ci95"]]
-        ],
+        "simulated (95 %)": [_simulated(row["simulated_per_flight_hour"], row["simulated_ci95"]) for row in told],
         "per km2 h": [f"{row['conflicts_per_km2_hour']:.3g}" for row in told],
         "MACs/h": [f"{row['macs_per_flight_hour_unavoided']:.2g}" for row in told],
         "capacity/km2": [f"{row['capacity_per_km2']:.3g}" for row in told],
@@ -130,6 +132,10 @@ def _show(rows: list[Capacity]) -> None:
     for first, *others in lines:
         right = (f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True))
         click.echo(f"{first:<{widths[0]}}  " + "  ".join(right))
+
+
+def _simulated(rate: float, interval: Interval | None) -> str:
+    return f"{rate:.3g}" + (f" ({interval[0]:.3g}-{interval[1]:.3g})" if interval else "")
 
 
 def _counted(number: float, what: str) -> str:

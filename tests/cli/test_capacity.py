@@ -35,6 +35,18 @@ def test_rows_hold_formula_and_simulation_side_by_side() -> None:
     assert "capacity/km2" in table[1]
 
 
+def test_of_few_worlds_there_is_no_interval_and_the_output_says_why() -> None:
+    few = ["capacity", "--definition", "candidate2", "--worlds", "2"]
+    document = json.loads(CliRunner().invoke(cli, [*few, "--json"]).stdout)
+    why = "of fewer than 6 worlds no interval says how far a simulated figure can be trusted"
+    assert (document["rows"][0]["simulated_ci95"], document["note"]) == (None, why)
+    _, heads, row, note = CliRunner().invoke(cli, few).stdout.splitlines()
+    assert note == why
+    shown = row[: heads.index("(95 %)") + len("(95 %)")].split()[-1]
+    assert shown == f"{document['rows'][0]['simulated_per_flight_hour']:.3g}"
+    assert json.loads(CliRunner().invoke(cli, [*few[:-1], "6", "--json"]).stdout)["note"] is None
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -65,7 +77,7 @@ def test_a_terminal_is_told_how_far_long_work_is_and_the_table_stays_clean() -> 
     os.set_blocking(reading, False)
     with open(reading, "rb", buffering=0) as terminal, open(writing, "wb", buffering=0) as stderr:
         done = subprocess.run(
-            [sys.executable, "-m", "ridlink", "capacity", "--sigma", "3.5,10", "--worlds", "2"],
+            [sys.executable, "-m", "ridlink", "capacity", "--sigma", "3.5,10", "--worlds", "6"],
             stdout=subprocess.PIPE, stderr=stderr, env=os.environ | {"TERM": "xterm"}, check=True,
         )  # fmt: skip
         assert b"simulating" in (terminal.read(4096) or b"")
