@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ridlink.scenario import Event, Scenario, Wind
+from ridlink.words import counted
 from sitl_sim.faults import Faults, Machinery
 from sitl_sim.gnss import CORRELATION_TIME_S, ErrorModel, GnssReceivers
 from sitl_sim.pair_radius import eq8_pair_radius
@@ -106,7 +107,7 @@ class World:
         count = len(vehicles)
         autopilots = [autopilot] * count if isinstance(autopilot, str) else list(autopilot)
         if len(autopilots) != count:
-            raise ValueError(f"{len(autopilots)} autopilots for {count} vehicles")
+            raise ValueError(f"{counted(len(autopilots), 'autopilot')} for {counted(count, 'vehicle')}")
         position = np.array([vehicle.start_ned_m for vehicle in vehicles]).reshape(count, 3)
         self.is_ghost: BoolArray = np.array([vehicle.ghost for vehicle in vehicles], dtype=np.bool_)
         if not airborne:

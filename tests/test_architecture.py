@@ -22,6 +22,7 @@ LAYERS = {
     "ridlink.scenario": 0,
     "ridlink.technologies": 0,
     "ridlink.periodic": 0,
+    "ridlink.words": 0,
     "ridlink.mavlink": 1,
     "ridlink.remote_id": 2,
     "ridlink.traffic": 2,

@@ -10,6 +10,7 @@ from pathlib import Path
 from ridlink.analysis.campaign import DEFINITION_NAMES, TOLERANCE, Judged, JudgedCell, Verdict
 from ridlink.campaign.cell import world_words
 from ridlink.campaign.statistics import Difference
+from ridlink.words import counted
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 76rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a }
@@ -44,9 +45,9 @@ def report_page(title: str, cells: Sequence[JudgedCell], tables: Sequence[str], 
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         '<meta name="viewport" content="width=device-width">'
         f"<style>{STYLE}</style></head><body><h1>{escape(title)}</h1>",
-        f"<p>{flights:,} flights. Intervals hold with 95 %: Clopper-Pearson for shares, a bootstrap over whole runs, "
-        "six or more, for times, differences and ratios; differences and ratios compare the same runs under both "
-        "definitions. "
+        f"<p>{counted(flights, 'flight')}. Intervals hold with 95 %: Clopper-Pearson for shares, a bootstrap over "
+        "whole runs, six or more, for times, differences and ratios; differences and ratios compare the same runs "
+        "under both definitions. "
         "Vehicles collide two at a time: of collisions there are half as many as of collided flights, and intervals "
         "of their share are those of pairs. Times are those of flights without a collision.</p>",
     ]

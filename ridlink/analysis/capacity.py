@@ -28,6 +28,7 @@ from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, Reported, separation_discs
 from ridlink.separation.distributions import TruncatedNormal
 from ridlink.separation.reference import CATEGORIES, MAX_AIRFRAME_M, MIN_AIRFRAME_M
+from ridlink.words import counted
 
 FloatArray = NDArray[np.float64]
 
@@ -297,8 +298,8 @@ def capacities(
         gas = gas_model(airspace)
         if density_per_km2 > gas.packed_per_km2:
             raise ValueError(
-                f"{density_per_km2:g} vehicles in a square kilometre do not fit {gas.radius_m:.1f} m apart "
-                f"({airspace.definition}): at most {gas.packed_per_km2:.3g} do"
+                f"a square kilometre has no room for {counted(density_per_km2, 'vehicle', 'g')} "
+                f"{gas.radius_m:.1f} m apart ({airspace.definition}): at most {gas.packed_per_km2:.3g} fit"
             )
         simulated = simulate_gas(airspace, density_per_km2, np.random.default_rng(seed), worlds)
         yield Capacity(airspace, density_per_km2, gas, simulated, bearable)

@@ -33,6 +33,7 @@ from ridlink.captures.export.tables import arrow
 from ridlink.checked_toml import finite_number
 from ridlink.errors import CaptureError
 from ridlink.separation.definitions import Definition
+from ridlink.words import counted
 
 KNOWN = {
     "definition": (*Definition, BASELINE), "gnss": tuple(ErrorModel), "solver": SOLVERS, "dynamics": tuple(Dynamics),
@@ -145,7 +146,7 @@ def _flown(path: Path, cell: Cell, configuration: dict[str, Any]) -> Outcomes:
         parts.append(shard.outcomes)
     runs = sum(len(part.run) for part in parts)
     if runs != configuration["runs"]:
-        raise CaptureError(f"{folder}: has {runs} runs instead of {configuration['runs']}; {GO_ON}")
+        raise CaptureError(f"{folder}: has {counted(runs, 'run')} instead of {configuration['runs']}; {GO_ON}")
     try:
         outcomes = Outcomes.joined(parts)
     except ValueError as error:

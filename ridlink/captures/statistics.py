@@ -11,6 +11,7 @@ import msgspec
 from ridlink.captures.lines import clock_time, exact_seconds
 from ridlink.captures.messages import UNKNOWN, MessageRecord
 from ridlink.captures.reader import Capture
+from ridlink.words import counted
 
 SEQUENCE_NUMBERS = 256
 LEAP = SEQUENCE_NUMBERS // 4
@@ -173,7 +174,7 @@ class Statistics:
         types.sort(key=lambda row: row[2], reverse=True)
         kinds = [f"{capture.name} ({capture.kind}, {capture.position:,} bytes)" for capture in self.captures]
         blocks = [
-            "\n".join([*kinds, f"{self.messages:,} messages, {span}"]),
+            "\n".join([*kinds, f"{counted(self.messages, 'message')}, {span}"]),
             _table(
                 ("message", "id", "count", "per s"),
                 [

@@ -17,6 +17,7 @@ from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
 from ridlink.cli.options import NAME, signing_options
 from ridlink.cli.printing import Printer
 from ridlink.cli.signals import ending_signals
+from ridlink.words import counted
 
 if TYPE_CHECKING:
     from ridlink.daemon.config import DaemonConfig
@@ -245,7 +246,7 @@ def _replay(path: str, as_json: bool) -> int:
         verdict = (
             "as flown" if same else f"flown was {flown}" if flown else "the log does not reach the end of the flight"
         )
-        click.echo(f"{decisions.steps} decisions, {decisions.digest}: {verdict}")
+        click.echo(f"{counted(decisions.steps, 'decision', 'd')}, {decisions.digest}: {verdict}")
     return EXIT_DONE if same or not flown else EXIT_NEGATIVE
 
 
@@ -326,16 +327,17 @@ class _HumanPrinter(_Printer):
     def final(self, summary: Summary) -> None:
         decision, gap = summary.decision_ms, summary.setpoint_gap_ms
         gaps = f" (gap p99 {gap['p99']:.0f} ms, max {gap['max']:.0f} ms)" if summary.setpoints > 1 else ""
+        setpoints = counted(summary.setpoints, "setpoint", "d") if summary.setpoints else "no setpoints"
         self.put(
-            f"{self._clear}{summary.setpoints or 'no'} setpoints{gaps}, {summary.reports_received} reports, "
+            f"{self._clear}{setpoints}{gaps}, {counted(summary.reports_received, 'report', 'd')}, "
             f"decisions p99 {decision['p99']:.1f} ms, "
-            f"{summary.infeasible_steps} steps without an admissible velocity\n",
+            f"{counted(summary.infeasible_steps, 'step', 'd')} without an admissible velocity\n",
             error=True,
         )
 
 
 def _status_line(facts: dict[str, Any]) -> str:
-    parts = [facts["state"], f"{facts['tracks']} tracks"]
+    parts = [facts["state"], counted(facts["tracks"], "track")]
     if facts["conflicts"]:
         parts.append(f"{facts['conflicts']} in conflict")
     if facts["nearest_margin_m"] is not None:

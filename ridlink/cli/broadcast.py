@@ -11,6 +11,7 @@ from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import signing_options
 from ridlink.cli.printing import Printer
 from ridlink.cli.signals import stopped_by_signals
+from ridlink.words import counted
 
 
 @click.command(short_help="Transmit a vehicle's Remote ID, made of what its autopilot reports.")
@@ -102,7 +103,7 @@ def broadcast(
 
     try:
         final = asyncio.run(run())
-        printer.put((json.dumps(final) if as_json else f"{final['sent']:,} datagrams sent") + "\n")
+        printer.put((json.dumps(final) if as_json else counted(final["sent"], "datagram") + " sent") + "\n")
     finally:
         printer.close()
     return EXIT_DONE

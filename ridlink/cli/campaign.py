@@ -27,6 +27,7 @@ from ridlink.cli.campaign_report import report
 from ridlink.cli.campaign_show import progress_shown, say_if_compiling, say_left_off, show_rows
 from ridlink.cli.options import PATH
 from ridlink.cli.signals import removed_by_signals
+from ridlink.words import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -165,7 +166,7 @@ def _fly_all(
 
     plans = choice.plans()
     with ExitStack() as stack:
-        who, cluster = f"{jobs} processes", None
+        who, cluster = counted(jobs, "process", more="processes"), None
         if scheduler is not None:
             who, cluster = f"workers of {scheduler}", stack.enter_context(closing(Cluster(scheduler)))
         configuration = choice.configuration(plans, runs)
@@ -215,7 +216,7 @@ def _ended(why: str, kept: int, all_of_them: int, code: int) -> int:
 
 
 def _left_off(kept: int, all_of_them: int) -> str:
-    return f"{kept} of {all_of_them} shards are kept, --resume goes on from there"
+    return f"{kept} of {counted(all_of_them, 'shard')} kept, --resume goes on from there"
 
 
 def _fly_one(plans: list[Plan], number: int, log: Path | None, as_json: bool) -> int:

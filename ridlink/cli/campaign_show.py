@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ridlink.words import counted
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
@@ -41,9 +43,9 @@ def progress_shown(total: int, kept: int, who: str) -> Iterator[Callable[[int], 
 
     console = Console(stderr=True)
     if not console.is_terminal:
-        click.echo(f"campaign: {total} shards, {kept} kept from before, {who}", err=True)
+        click.echo(f"campaign: {counted(total, 'shard')}, {kept} kept from before, {who}", err=True)
         yield lambda _: None
-        click.echo(f"campaign: {total} shards done", err=True)
+        click.echo(f"campaign: {counted(total, 'shard')} done", err=True)
         return
     columns = (
         TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TextColumn("shards"),
@@ -86,7 +88,7 @@ def show_rows(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: d
         columns, gap = _fitting(_columns([row for row in rows if _group(row) == group]), width)
         table = Table(
             box=None, header_style="bold", pad_edge=False, padding=(0, gap, 0, 0),
-            title=f"{group}, {rows[0].runs} runs", title_justify="left",
+            title=f"{group}, {counted(rows[0].runs, 'run')}", title_justify="left",
         )  # fmt: skip
         for head in columns:
             table.add_column(head, justify="left" if head in NAMES else "right", no_wrap=True)
@@ -94,7 +96,7 @@ def show_rows(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: d
             table.add_row(*cells)
         Console(width=_needed(columns, gap), markup=False, emoji=False).print(table)
         click.echo()
-    click.echo(f"{steps:,} decisions in {wall_s:.1f} s")
+    click.echo(f"{counted(steps, 'decision')} in {wall_s:.1f} s")
 
 
 def _group(row: Row) -> str:

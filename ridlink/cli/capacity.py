@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli.campaign_options import BASELINE, DEFINITIONS, Figures, Names, Within
+from ridlink.words import counted
 
 if TYPE_CHECKING:
     from ridlink.analysis.capacity import Capacity
@@ -105,7 +106,7 @@ def capacity(
 def _show(rows: list[Capacity]) -> None:
     """A table; what is the same in all rows stands above it."""
     columns: dict[str, list[str]] = {"definition": [str(row.airspace.definition) for row in rows]}
-    above = [f"{_counted(rows[0].density_per_km2, 'drone')} per km2 at one height"]
+    above = [f"{counted(rows[0].density_per_km2, 'drone', 'g')} per km2 at one height"]
     for name, head, words in (
         ("category", "category", "category {:g}"), ("sigma_m", "sigma m", "sigma {:g} m"),
         ("interval_s", "every s", "every {:g} s"),
@@ -126,7 +127,7 @@ def _show(rows: list[Capacity]) -> None:
         "capacity/km2": [f"{row['capacity_per_km2']:.3g}" for row in told],
         "packed/km2": [f"{row['packed_per_km2']:.0f}" for row in told],
     }  # fmt: skip
-    click.echo(f"{', '.join(above)}; capacity: {_counted(rows[0].bearable, 'conflict')}/h each")
+    click.echo(f"{', '.join(above)}; capacity: {counted(rows[0].bearable, 'conflict', 'g')}/h each")
     lines = [list(columns), *map(list, zip(*columns.values(), strict=True))]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for first, *others in lines:
@@ -136,7 +137,3 @@ def _show(rows: list[Capacity]) -> None:
 
 def _simulated(rate: float, interval: Interval | None) -> str:
     return f"{rate:.3g}" + (f" ({interval[0]:.3g}-{interval[1]:.3g})" if interval else "")
-
-
-def _counted(number: float, what: str) -> str:
-    return f"{number:g} {what}{'' if number == 1.0 else 's'}"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
+from ridlink.words import counted
 
 if TYPE_CHECKING:
     from ridlink.doctor import Finding
@@ -58,7 +59,7 @@ def doctor(vehicle: str | None, rid: str | None, as_json: bool) -> int:
         click.echo(msgspec.json.encode({"fit": fit, "findings": [finding.as_dict() for finding in findings]}))
     else:
         verdict = "fit to fly emulated vehicles" if vehicle is None else "fit to fly"
-        click.echo(f"{verdict if fit else 'not fit to fly'}; {warnings} warning{'' if warnings == 1 else 's'}")
+        click.echo(f"{verdict if fit else 'not fit to fly'}; {counted(warnings, 'warning')}")
     return EXIT_DONE if fit else EXIT_NEGATIVE
 
 

@@ -12,6 +12,7 @@ import click
 
 from ridlink.cli import EXIT_DONE, EXIT_REJECTS
 from ridlink.cli.output import whole_output
+from ridlink.words import counted
 
 if TYPE_CHECKING:
     from ridlink.captures.export.from_lines import TimedFrame
@@ -78,10 +79,10 @@ def encode(file: str, output: str, to: str, strict: bool) -> int:
             what = f"has no line that can be encoded; {first}" if refused else "is empty"
             raise CaptureError(f"{display_name(file)} {what}")
     if timeless:
-        click.echo(f"ridlink: {file}: {timeless:,} lines without a time got the one before", err=True)
+        click.echo(f"ridlink: {file}: {counted(timeless, 'line')} without a time got the one before", err=True)
     if refused:
-        click.echo(f"ridlink: {file}: {refused:,} of {number:,} lines not encoded; {first}", err=True)
-    click.echo(f"{output}: {written:,} frames", err=output == "-")
+        click.echo(f"ridlink: {file}: {refused:,} of {counted(number, 'line')} not encoded; {first}", err=True)
+    click.echo(f"{output}: {counted(written, 'frame')}", err=output == "-")
     return EXIT_REJECTS if strict and refused else EXIT_DONE
 
 

@@ -11,6 +11,7 @@ import click
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import above_zero
 from ridlink.cli.signals import stopped_by_signals
+from ridlink.words import counted
 
 if TYPE_CHECKING:
     from ridlink.impair import Impairment, Proxy
@@ -123,7 +124,7 @@ async def _carry(
             if sys.stderr.isatty():
                 there, back = proxy.totals()
                 sys.stderr.write(
-                    f"\r{proxy.speakers} speakers, there {there['passed']:,} of {there['received']:,}, "
+                    f"\r{counted(proxy.speakers, 'speaker')}, there {there['passed']:,} of {there['received']:,}, "
                     f"back {back['passed']:,} of {back['received']:,}\x1b[K"
                 )
                 sys.stderr.flush()

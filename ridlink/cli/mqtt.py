@@ -13,6 +13,7 @@ from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import NAME, PATH, definition_of
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.errors import ConfigError
+from ridlink.words import counted
 
 if TYPE_CHECKING:
     from ridlink.metrics import MetricsServer
@@ -118,10 +119,9 @@ def mqtt(
 
     bridge = asyncio.run(run())
     waited = bridge.outbox.replaced + bridge.outbox.dropped
-    click.echo(
-        f"{topics.root}: {bridge.counters['published']:,} messages, {bridge.counters['connections']} connections, "
-        f"{waited:,} overtaken by newer ones"
-    )
+    published = counted(bridge.counters["published"], "message")
+    connections = counted(bridge.counters["connections"], "connection")
+    click.echo(f"{topics.root}: {published}, {connections}, {waited:,} overtaken by newer ones")
     return EXIT_DONE
 
 

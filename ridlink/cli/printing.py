@@ -12,6 +12,8 @@ import sys
 import threading
 from typing import TextIO, cast
 
+from ridlink.words import counted
+
 QUEUED_LINES, QUEUED_CHARACTERS = 1000, 4_000_000
 """A line of a fleet of hundreds is tens of kilobytes."""
 
@@ -58,7 +60,7 @@ class Printer:
         if output.problem:
             said = f"ridlink: standard output: {output.problem}; the lines from there on are lost\n"
         if unread:
-            said += f"ridlink: left out {unread} line{'' if unread == 1 else 's'} that nobody read\n"
+            said += f"ridlink: left out {counted(unread, 'line', 'd')} that nobody read\n"
         stream = errors.stream
         if said and stream is not None and select.select([], [stream], [], 0.0)[1]:  # else nobody reads this either
             with contextlib.suppress(OSError):

@@ -6,6 +6,8 @@ import sys
 import time
 from typing import Protocol
 
+from ridlink.words import counted
+
 PROGRESS_AFTER_S = 1.0
 PROGRESS_EVERY_S = 0.2
 
@@ -41,7 +43,7 @@ class Progress:
         self._next_s = time.monotonic() + PROGRESS_EVERY_S
         self._shown = True
         share = f"{capture.position / capture.size:4.0%}  " if capture.size else ""
-        sys.stderr.write(f"\r{share}{self._records:,} messages\x1b[K")
+        sys.stderr.write(f"\r{share}{counted(self._records, 'message')}\x1b[K")
         sys.stderr.flush()
 
     def clear(self) -> None:

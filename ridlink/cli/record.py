@@ -14,6 +14,7 @@ import click
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import above_zero
 from ridlink.cli.signals import stopped_by_signals
+from ridlink.words import counted
 
 if TYPE_CHECKING:
     import asyncio
@@ -99,7 +100,7 @@ async def _until(
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stop.wait(), min(TICK_S, max(0.0, ends_s - loop.time())))
         if on_terminal:
-            sys.stderr.write(f"\r{recorder.messages:,} messages, {loop.time() - started_s:.0f} s\x1b[K")
+            sys.stderr.write(f"\r{counted(recorder.messages, 'message')}, {loop.time() - started_s:.0f} s\x1b[K")
             sys.stderr.flush()
     if on_terminal:
         sys.stderr.write("\r\x1b[K")
@@ -127,8 +128,8 @@ def _report(path: str, recorder: Recorder, duration_s: float, as_json: bool) -> 
     if recorder.rejects:
         click.echo(f"ridlink: not frames: {recorder.rejects}", err=True)
     if recorder.dropped:
-        click.echo(f"ridlink: {recorder.dropped:,} datagrams came faster than they could be written", err=True)
+        click.echo(f"ridlink: {counted(recorder.dropped, 'datagram')} came faster than they could be written", err=True)
     click.echo(
-        f"{path}: {recorder.messages:,} messages of {len(recorder.types)} types from "
-        f"{len(recorder.sources)} sources, {recorder.bytes_written:,} bytes, {duration_s:.1f} s"
+        f"{path}: {counted(recorder.messages, 'message')} of {counted(len(recorder.types), 'type')} from "
+        f"{counted(len(recorder.sources), 'source')}, {recorder.bytes_written:,} bytes, {duration_s:.1f} s"
     )

@@ -13,6 +13,7 @@ from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import above_zero, capture_kind, wanted_names
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.errors import CaptureError
+from ridlink.words import counted
 
 if TYPE_CHECKING:
     from ridlink.captures import Capture, Record
@@ -78,8 +79,8 @@ def replay(file: str, url: str, kind: str, speed: float, rate: float, types: str
     wanted = wanted_names(types)
     sent, refused, took_s = asyncio.run(_replay(file, kind, url, speed, rate, wanted, loop))
     if refused:
-        click.echo(f"ridlink: {refused:,} messages the network did not take", err=True)
-    click.echo(f"{url}: {sent:,} messages in {took_s:.1f} s")
+        click.echo(f"ridlink: {counted(refused, 'message')} the network did not take", err=True)
+    click.echo(f"{url}: {counted(sent, 'message')} in {took_s:.1f} s")
     return EXIT_DONE
 
 
@@ -196,7 +197,7 @@ class _Player:
         now_s = self._running.time()
         if now_s - self._shown_s >= PROGRESS_EVERY_S:
             self._shown_s = now_s
-            sys.stderr.write(f"\r{self.sent:,} messages, {now_s - self.started_s:.0f} s\x1b[K")
+            sys.stderr.write(f"\r{counted(self.sent, 'message')}, {now_s - self.started_s:.0f} s\x1b[K")
             sys.stderr.flush()
 
     def clear_progress(self) -> None:

@@ -14,6 +14,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Cause, Frame, parse_datagram
 from ridlink.mavlink.ground_station import HEARTBEAT_EVERY_S, MAV_AUTOPILOT_INVALID, ground_station, heartbeat
 from ridlink.own_ship import ARDUPILOT, AUTOPILOT_COMPONENT, FIX_3D, PX4
+from ridlink.words import counted
 
 LISTEN_S = 4.0
 ASKED_EVERY_S = 0.3
@@ -129,7 +130,7 @@ def _vehicle(url: LinkUrl, heard: Listened, for_s: float) -> Iterator[Finding]:
     if not heard.autopilots:
         what = f"no heartbeat of an autopilot within {for_s:g} s"
         if heard.counts or heard.rejects:
-            what += f" ({heard.counts.total()} other messages, {heard.rejects} damaged)"
+            what += f" ({counted(heard.counts.total(), 'other message')}, {heard.rejects} damaged)"
         yield Finding("autopilot", Verdict.FAILURE, what, f"{url}: {_where_to_look(url)}")
         return
     sysid, autopilot = next(iter(heard.autopilots.items()))
@@ -171,7 +172,7 @@ def _state(heard: Listened, autopilot: int) -> Iterator[Finding]:
         yield Finding(
             "GNSS",
             Verdict.OK if good else Verdict.FAILURE,
-            f"fix type {gps.fix_type}, {gps.satellites_visible} satellites{accuracy}",
+            f"fix type {gps.fix_type}, {counted(gps.satellites_visible, 'satellite')}{accuracy}",
             "" if good else "wait for a 3-D fix: without it the daemon does not engage",
         )
     if "GLOBAL_POSITION_INT" in heard.latest:
@@ -196,8 +197,9 @@ async def examine_air(url: LinkUrl, for_s: float = LISTEN_S) -> list[Finding]:
     located = heard.senders.get("OPEN_DRONE_ID_LOCATION", set())
     extended = heard.senders.get("RIDLINK_SEPARATION", set())
     if not located:
-        what = f"no OPEN_DRONE_ID_LOCATION within {for_s:g} s ({heard.counts.total()} other messages)"
+        what = f"no OPEN_DRONE_ID_LOCATION within {for_s:g} s ({counted(heard.counts.total(), 'other message')})"
         return [Finding("air", Verdict.WARNING, what, f"{url}: is a receiver, or the emulated air, there?")]
     rate_hz = heard.counts["OPEN_DRONE_ID_LOCATION"] / len(located) / for_s
-    text = f"{len(located)} senders, {rate_hz:.1f} positions a second each, {len(extended)} with RIDLINK_SEPARATION"
+    senders = counted(len(located), "sender")
+    text = f"{senders}, {rate_hz:.1f} positions a second each, {len(extended)} with RIDLINK_SEPARATION"
     return [Finding("air", Verdict.OK, text)]

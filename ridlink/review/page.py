@@ -12,6 +12,7 @@ from ridlink.observer.pairs import HORIZON_S
 from ridlink.review.pictures import distance, plan, style_of
 from ridlink.review.report import Closest, Met
 from ridlink.separation.definitions import Definition
+from ridlink.words import counted
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
@@ -105,7 +106,7 @@ def summary_line(summary: Summary) -> str:
         return "no Remote ID was heard"
     text = (
         f"{_clock(summary.begun_s)} to {_clock(summary.ended_s)} UTC: {summary.aircraft:,} aircraft, "
-        f"{summary.encounters:,} encounters under {summary.definition}"
+        f"{counted(summary.encounters, 'encounter')} under {summary.definition}"
     )
     if summary.closest is None:
         return text

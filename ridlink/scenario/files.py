@@ -25,6 +25,7 @@ from ridlink.scenario.model import (
     Wind,
 )
 from ridlink.scenario.vehicle_keys import read_vehicle_keys
+from ridlink.words import counted
 
 
 def resolve_scenario(name_or_path: str, count: int | None = None, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Scenario:
@@ -49,7 +50,7 @@ def resolve_scenario(name_or_path: str, count: int | None = None, *, speed_mps: 
     if count is None:
         return scenario
     if not 0 <= count <= len(scenario.vehicles):
-        raise ConfigError(f"{name_or_path}: has {len(scenario.vehicles)} vehicles, not {count}")
+        raise ConfigError(f"{name_or_path}: has {counted(len(scenario.vehicles), 'vehicle')}, not {count}")
     return replace(scenario, vehicles=scenario.vehicles[:count])
 
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from ridlink.scenario import BUILT_IN, EVENTS, Scenario, VehicleSpec
 from ridlink.technologies import TECHNOLOGIES
+from ridlink.words import counted
 from sitl_sim.cli.options import ACCURACY_CLASSES
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.vehicle import AIRFRAMES, MEASURED, load_airframe
@@ -40,7 +41,7 @@ def scenario_text(scenario: Scenario, config: FleetConfig) -> str:
     wind = scenario.wind
     speed_mps = math.hypot(*wind.velocity_ne_mps)
     lines = [
-        f"{scenario.name}: {len(scenario.vehicles)} vehicles, at most {scenario.duration_s:g} s, "
+        f"{scenario.name}: {counted(len(scenario.vehicles), 'vehicle')}, at most {scenario.duration_s:g} s, "
         f"Remote ID every {scenario.interval_s:g} s",
         f"home {home.latitude_deg:.6f}, {home.longitude_deg:.6f}, {home.altitude_m:g} m; autopilot {config.autopilot}; "
         f"gnss {config.gnss}; technology {config.technology}; seed {config.seed}",
@@ -72,7 +73,7 @@ def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig, autopilot: str) -> 
     text += f"; {vehicle.airframe or config.airframe or MEASURED[autopilot]}"
     habits = {
         f"{vehicle.autopilot}": vehicle.autopilot is not None,
-        f"{len(way) - 2} points on its way": bool(vehicle.route_ned_m),
+        counted(len(way) - 2, "point") + " on its way": bool(vehicle.route_ned_m),
         "avoids nobody": not vehicle.cooperative,
         "stock Remote ID": not vehicle.extended,
         "silent": vehicle.silent,

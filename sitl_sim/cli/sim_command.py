@@ -8,6 +8,7 @@ import click
 
 from ridlink.cli.printing import PAGING_S, Printer
 from ridlink.cli.signals import end_by_interrupts, stopped_by_signals
+from ridlink.words import counted
 from sitl_sim.cli.options import Finite, fleet_config, fleet_options
 
 if TYPE_CHECKING:
@@ -241,7 +242,7 @@ def _read_faults(server: FleetServer, printer: Printer) -> None:
 
 def _greeting(server: FleetServer) -> str:
     ports, config, vehicles = server.ports, server.config, len(server.autopilots)
-    text = f"ridlink sim: {server.scenario.name}, {vehicles} vehicle{'' if vehicles == 1 else 's'}"
+    text = f"ridlink sim: {server.scenario.name}, {counted(vehicles, 'vehicle')}"
     if vehicles:
         text += f" ({config.autopilot}, {config.start}) on UDP {_range(ports.vehicles)}"
         if config.companion_port:
@@ -281,4 +282,4 @@ def _verdict_line(server: FleetServer) -> str:
     verdict = server.world.verdict()
     nearest = "" if verdict.min_separation_m is None else f", nearest {verdict.min_separation_m:.1f} m"
     flown = f"{server.scenario.name}: {server.world.mission_time_s:.1f} s"
-    return f"{flown}, {verdict.arrived} of {verdict.vehicles} arrived, {verdict.macs} collisions{nearest}"
+    return f"{flown}, {verdict.arrived} of {verdict.vehicles} arrived, {counted(verdict.macs, 'collision')}{nearest}"

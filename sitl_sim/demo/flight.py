@@ -19,6 +19,7 @@ from ridlink.daemon.warming import warm_up_unless
 from ridlink.errors import ConfigError, LinkError
 from ridlink.scenario import Scenario, resolve_scenario
 from ridlink.separation.definitions import Definition
+from ridlink.words import counted
 from sitl_sim.demo.conductors import Conductors
 from sitl_sim.demo.daemons import Assignment, Daemons, assignments
 from sitl_sim.demo.ground_station import GroundStation
@@ -110,7 +111,7 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         if options.from_ground and assigned:
             conductors = _conductors(scenario, assigned, ports.vehicles, screen)
             ends.push_async_callback(conductors.close)
-            screen.say(f"{len(assigned)} vehicles arm and climb, each with its conductor ...")
+            screen.say(f"{counted(len(assigned), 'vehicle')} to arm and climb, each with its conductor ...")
             await conductors.take_off()
         await daemons.start()
         if conductors is not None:
@@ -138,7 +139,8 @@ async def _end_recording(recorder: Recorder, log: Path, screen: Screen) -> None:
     if recorder.error is not None:
         screen.complain(f"{log}: the recording ended early: {recorder.error.strerror}")
     elif recorder.dropped:
-        screen.complain(f"{log}: {recorder.dropped:,} datagrams came faster than they could be written")
+        dropped = counted(recorder.dropped, "datagram")
+        screen.complain(f"{log}: {dropped} came faster than they could be written")
 
 
 async def _end_flight(landed: asyncio.Event, flying: asyncio.Task[None]) -> None:
@@ -171,7 +173,7 @@ def _log_path(options: DemoOptions, scenario: Scenario) -> Path:
 
 def _title(options: DemoOptions, scenario: Scenario) -> str:
     how = f"under {options.definition} by {options.solver}{', climbing too' if options.vertical else ''}"
-    return f"{scenario.name}, {len(scenario.vehicles)} vehicles {how}, seed {options.fleet.seed}"
+    return f"{scenario.name}, {counted(len(scenario.vehicles), 'vehicle')} {how}, seed {options.fleet.seed}"
 
 
 async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int) -> None:
@@ -182,7 +184,7 @@ async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int)
         screen.say("Compiling the solver, once for this installation (up to half a minute) ...")
     await warming
     if processes:
-        screen.say(f"Starting {count} daemons, each a process of its own ...")
+        screen.say(f"Starting {counted(count, 'daemon')}, each a process of its own ...")
 
 
 async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: str, flying: asyncio.Task[None]) -> None:

@@ -23,6 +23,7 @@ from ridlink.conductor import (
 )
 from ridlink.errors import LinkError, MissingExtraError, RidlinkError
 from ridlink.links import parse_link_url
+from ridlink.words import counted
 
 HEALTHY_S = 60.0
 DISCOVERY_S = 30.0
@@ -75,7 +76,7 @@ async def _systems(mavsdk: Any, count: int) -> dict[int, Any]:
         if len(found) == count:
             return found
         await asyncio.sleep(LOOK_S)
-    raise LinkError(f"MAVSDK hears {len(found)} of {count} vehicles")
+    raise LinkError(f"MAVSDK hears {len(found)} of {counted(count, 'vehicle')}")
 
 
 async def _together(work: dict[int, Awaitable[None]]) -> None:

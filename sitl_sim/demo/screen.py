@@ -15,6 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from ridlink.words import counted
 from sitl_sim.verdict import Outcome
 from sitl_sim.world import VehicleState, World
 
@@ -121,14 +122,14 @@ def verdict_table(result: dict[str, Any]) -> RenderableType:
     head = Text.assemble(
         ("PASSED  " if passed else "FAILED  ", "bold green" if passed else "bold red"),
         f"{result['scenario']} under {result['definition']}, seed {result['seed']}: "
-        f"{result['arrived']} of {result['vehicles']} arrived, {result['macs']} mid-air collisions"
+        f"{result['arrived']} of {result['vehicles']} arrived, {counted(result['macs'], 'mid-air collision')}"
         + (f", {result['obstacle_hits']} flew into an obstacle" if result["obstacle_hits"] else ""),
     )
     time, decision, gap = result["mission_time_s"], result["decision_ms"], result["setpoint_gap_ms"]
     lines = [
         f"mission time      median {_number(time['median'], 's')}, slowest {_number(time['max'], 's')}",
         f"nearest pair      {_number(result['min_separation_m'], 'm')} between centres (true positions)",
-        f"discs entered     {result['unmac_violations']} pairs on reported positions, "
+        f"discs entered     {counted(result['unmac_violations'], 'pair')} on reported positions, "
         f"{result['unmac_violations_true']} on true ones",
         f"daemons           {result['setpoints']} setpoints, {result['reports_received']} reports heard, "
         f"decision p99 {_number(decision['p99'], 'ms')}, longest setpoint gap {_number(gap['max'], 'ms')}",
@@ -164,7 +165,9 @@ def comparison_table(results: list[dict[str, Any]]) -> RenderableType:
     """The same seed under several definitions."""
     first = results[0]
     table = Table(
-        title=f"{first['scenario']}, seed {first['seed']}, {first['vehicles']} vehicles", box=None, title_justify="left"
+        title=f"{first['scenario']}, seed {first['seed']}, {counted(first['vehicles'], 'vehicle')}",
+        box=None,
+        title_justify="left",
     )
     for heading in ("definition", "arrived", "median s", "slowest s", "nearest m", "MACs", "discs entered"):
         table.add_column(heading, justify="left" if heading == "definition" else "right")

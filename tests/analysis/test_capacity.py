@@ -84,7 +84,7 @@ def test_what_is_no_airspace_is_refused():
         simulate_gas(airspace(), 0.0, np.random.default_rng(1))
     with pytest.raises(ValueError, match="worlds"):
         simulate_gas(airspace(), 1.0, np.random.default_rng(1), worlds=1)
-    with pytest.raises(ValueError, match=r"do not fit 90.6 m apart \(remote-id\): at most 141 do"):
+    with pytest.raises(ValueError, match=r"no room for 200 vehicles 90.6 m apart \(remote-id\): at most 141 fit"):
         list(capacities([airspace(Definition.REMOTE_ID)], 200.0, 1.0, 1, 2))
 
 

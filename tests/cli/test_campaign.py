@@ -158,7 +158,7 @@ def test_rows_have_the_keys_that_are_promised_and_the_orders_of_the_paper(whole:
     assert 1.7 <= rows["remote-id"]["ratio_to_snmac"] <= 2.3
     assert 1.15 <= rows["candidate1"]["ratio_to_snmac"] <= 1.27
     told = [line for line in (whole / "stderr").read_text().splitlines() if "compiling" not in line]
-    assert told == ["campaign: 16 shards, 0 kept from before, 1 processes", "campaign: 16 shards done"]
+    assert told == ["campaign: 16 shards, 0 kept from before, 1 process", "campaign: 16 shards done"]
 
 
 def test_a_killed_worker_and_a_killed_parent_lose_nothing_and_rows_stay_the_same(whole: Path, tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ def test_a_killed_worker_and_a_killed_parent_lose_nothing_and_rows_stay_the_same
     kept = len(shards(folder))
     assert err.splitlines()[-1] == (
         "ridlink: a process that flew was killed, or ran out of memory; "
-        f"{kept} of {SHARDS} shards are kept, --resume goes on from there"
+        f"{kept} of {SHARDS} shards kept, --resume goes on from there"
     )
 
     second = start(*CAMPAIGN, "--jobs", 2, "-o", folder, "--resume")
@@ -203,7 +203,7 @@ def test_ctrl_c_while_workers_still_load_is_told_by_nobody(tmp_path: Path) -> No
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert [line for line in err.splitlines() if not line.startswith("campaign: ")] == []
-    assert err.endswith(f"campaign: 0 of {SHARDS} shards are kept, --resume goes on from there\n")
+    assert err.endswith(f"campaign: 0 of {SHARDS} shards kept, --resume goes on from there\n")
     await_end(workers)
 
 
@@ -223,7 +223,7 @@ def test_ctrl_c_gives_the_cursor_back(tmp_path: Path) -> None:
                 text += more
     assert flying.wait(30) == 130
     assert text.rindex(b"\x1b[?25h") > text.rindex(b"\x1b[?25l"), "a bar hides it"
-    assert b"shards are kept, --resume goes on from there" in text
+    assert b"shards kept, --resume goes on from there" in text
 
 
 def test_processes_change_the_time_only(whole: Path, tmp_path: Path, ridlink: Ridlink) -> None:
@@ -245,7 +245,7 @@ def test_a_full_disk_is_said_in_one_line_and_gone_on_from(whole: Path, tmp_path:
     assert process.returncode == 3
     kept = len(shards(folder))
     assert err.splitlines()[-1].endswith(
-        f".parquet: File too large; {kept} of {SHARDS} shards are kept, --resume goes on from there"
+        f".parquet: File too large; {kept} of {SHARDS} shards kept, --resume goes on from there"
     )
     assert not list(folder.rglob("*.unfinished"))
     assert ridlink(*CAMPAIGN, "--jobs", 1, "-o", folder, "--resume")[0] == 0

@@ -56,7 +56,7 @@ def test_of_few_worlds_there_is_no_interval_and_the_output_says_why() -> None:
         (["--density", "nan"], "'nan' is not"),
         (["--sigma", "-1"], "-1.0 is not in the range"),
         (["--interval", "0"], "0.0 is not in the range"),
-        (["--definition", "remote-id", "--density", "500"], "500 vehicles in a square kilometre do not fit 90.6 m"),
+        (["--definition", "remote-id", "--density", "500"], "a square kilometre has no room for 500 vehicles 90.6 m"),
         (["--worlds", "1"], "1 is not in the range"),
     ],
 )

@@ -141,7 +141,7 @@ def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
         "--log", str(tmp_path / "flight.tlog"),
     )  # fmt: skip
     assert done.returncode == 1, done.stderr
-    assert "0 of 2 arrived, 1 mid-air collisions" in done.stdout
+    assert "0 of 2 arrived, 1 mid-air collision" in done.stdout
     assert "decision p99 -, longest setpoint gap -" in done.stdout, "nobody decided, so there is no figure"
 
 

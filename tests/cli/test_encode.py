@@ -157,7 +157,7 @@ def test_broadcasts_become_what_a_receiver_makes_of_them(tmp_path: Path) -> None
     result = run(encode, tmp_path / "air.jsonl", "-o", out)
     (row,) = [json.loads(line) for line in run(decode, out, "-f", "jsonl").stdout.splitlines()]
     assert (row["src"], row["type"], row["fields"]["uas_id"]) == ("0/236", "OPEN_DRONE_ID_BASIC_ID", "AIRCRAFT-1")
-    assert "1 lines without a time" in result.stderr
+    assert "1 line without a time" in result.stderr
 
 
 HEARTBEAT = {"t": 1.5, "src": "1/1", "seq": 3, "type": "HEARTBEAT", "fields": {"type": 2}}
@@ -242,7 +242,7 @@ def test_the_format_is_told_by_the_suffix_or_said(tmp_path: Path) -> None:
     assert done.returncode == 2 and "--to" in done.stderr and not (tmp_path / "out.bin").exists()
     piped = subprocess.run([*command, "-", "--to", "hex"], capture_output=True, text=True)
     assert piped.returncode == 0
-    assert bytes.fromhex(piped.stdout)[0] == 0xFD and piped.stderr == "-: 1 frames\n"
+    assert bytes.fromhex(piped.stdout)[0] == 0xFD and piped.stderr == "-: 1 frame\n"
 
 
 def test_of_an_encoder_that_a_signal_ends_nothing_stays(tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ def test_udpout_subscribes_by_heartbeat_and_a_duration_ends_it(tmp_path: Path) -
     (frame,) = parse_datagram(data, CRC_EXTRAS)
     assert isinstance(frame, Frame) and (frame.sysid, decode_message(frame).type) == (255, 6)
     assert process.returncode == 0
-    assert out.splitlines()[-1].startswith(f"{path}: 1 messages of 1 types from 1 sources, 29 bytes, 0.5 s")
+    assert out.splitlines()[-1].startswith(f"{path}: 1 message of 1 type from 1 source, 29 bytes, 0.5 s")
     assert len(read(path)[0]) == 1
 
 

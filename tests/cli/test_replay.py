@@ -112,7 +112,7 @@ def test_a_signal_stops_a_long_wait(tmp_path: Path) -> None:
         receive(sock, 1)
         process.send_signal(signal.SIGINT)
         out, _ = process.communicate(timeout=10)
-    assert process.returncode == 0 and ": 1 messages in" in out
+    assert process.returncode == 0 and ": 1 message in" in out
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_lines_on_standard_output_and_a_page_beside(log: Path, tmp_path: Path) -
     [row] = [json.loads(line, parse_constant=pytest.fail) for line in done.stdout.splitlines()]
     assert row["uas"] == ["ALPHA", "BRAVO"]
     assert (tmp_path / "flight-report.html").read_text().startswith("<!doctype html>")
-    assert "2 aircraft, 1 encounters under candidate2" in done.stderr and "flight-report.html" in done.stderr
+    assert "2 aircraft, 1 encounter under candidate2" in done.stderr and "flight-report.html" in done.stderr
     assert done.return_value == 0
 
 

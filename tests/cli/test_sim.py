@@ -88,7 +88,7 @@ def test_json_has_one_line_a_second_and_the_verdict_last() -> None:
     ("start", "goal", "code", "outcome"),
     [
         ("[0, 30, -50]", "[40, 30, -50]", 0, "2 of 2 arrived, 0 collisions"),
-        ("[40, 0, -50]", "[0, 0, -50]", 1, "0 of 2 arrived, 1 collisions"),
+        ("[40, 0, -50]", "[0, 0, -50]", 1, "0 of 2 arrived, 1 collision"),
         ("[0, 30, -50]", "[900, 30, -50]", 1, "1 of 2 arrived, 0 collisions"),
     ],
 )

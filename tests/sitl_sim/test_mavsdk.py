@@ -52,4 +52,4 @@ def test_conductors_of_a_fleet_that_is_not_heard_say_so_and_end_though_nobody_ha
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
         assert process.wait(60.0) == 3, "stdin is open all the while"
-        assert process.stderr is not None and process.stderr.read() == "ridlink: MAVSDK hears 0 of 1 vehicles\n"
+        assert process.stderr is not None and process.stderr.read() == "ridlink: MAVSDK hears 0 of 1 vehicle\n"

@@ -206,5 +206,5 @@ def test_time_does_not_run_backwards() -> None:
 
 
 def test_one_autopilot_for_each_vehicle() -> None:
-    with pytest.raises(ValueError, match="2 autopilots for 1 vehicles"):
+    with pytest.raises(ValueError, match="2 autopilots for 1 vehicle"):
         World(alone(), autopilot=["px4", "px4"])
