@@ -49,7 +49,17 @@ class TomlSource:
 
 
 class CheckedTable:
-    """One table of a scenario file, emptied key by key, so that what is left over is unknown."""
+    """One table of a file, emptied key by key, so that what is left over is unknown.
+
+    Args:
+        source: The file.
+        values: What the parser made of the table.
+        name, number: Its name, empty for the top, and its place from 1 among those of that name, 0 for the only one.
+
+    Raises:
+        ConfigError: By whatever reads it, in the words of `error`: the table is none, a key is missing, or its value is
+            not what was asked for.
+    """
 
     def __init__(self, source: TomlSource, values: object, name: str, number: int) -> None:
         self._source = source

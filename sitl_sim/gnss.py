@@ -176,7 +176,11 @@ class GnssReceivers:
         return QUIET_RATIO + (self._innovation_m / gate_m) ** 2
 
     def set_sigma(self, index: int, sigma_m: float, claimed_m: float | None = None) -> None:
-        """Another accuracy for one vehicle from its next report on, and what it claims (the truth unless given)."""
+        """Another accuracy for one vehicle from its next report on, and what it claims (the truth unless given).
+
+        Raises:
+            ValueError: If a figure is negative or not finite.
+        """
         for figure in (sigma_m, sigma_m if claimed_m is None else claimed_m):
             if not (math.isfinite(figure) and figure >= 0.0):
                 raise ValueError(f"sigma_m must be finite and not negative, not {figure}")
@@ -184,7 +188,11 @@ class GnssReceivers:
         self._claimed_m[index] = sigma_m if claimed_m is None else claimed_m
 
     def set_jump(self, index: int, offset_ned_m: npt.ArrayLike) -> None:
-        """Put one vehicle's reports off by so much; its receiver does not notice. Zero ends it."""
+        """Put one vehicle's reports off by so much; its receiver does not notice. Zero ends it.
+
+        Raises:
+            ValueError: If these are not three finite figures, north, east and down.
+        """
         offset = np.asarray(offset_ned_m, dtype=np.float64)
         if offset.shape != (3,) or not np.all(np.isfinite(offset)):
             raise ValueError("offset_ned_m must be three finite figures")
@@ -192,7 +200,11 @@ class GnssReceivers:
         self._jump_m[index] = offset
 
     def set_pull(self, index: int, velocity_ne_mps: npt.ArrayLike) -> None:
-        """Pull one vehicle's reports off at so much a second, as a spoofer does: position and velocity agree."""
+        """Pull one vehicle's reports off at so much a second, as a spoofer does: position and velocity agree.
+
+        Raises:
+            ValueError: If these are not two finite figures, north and east.
+        """
         velocity = np.asarray(velocity_ne_mps, dtype=np.float64)
         if velocity.shape != (2,) or not np.all(np.isfinite(velocity)):
             raise ValueError("velocity_ne_mps must be two finite figures")

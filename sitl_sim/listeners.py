@@ -53,6 +53,7 @@ class Receivers:
 
     @classmethod
     def of(cls, subscribers: dict[Address, _Subscriber]) -> Receivers:
+        """The columns of these subscribers."""
         observers = {at: each for at, each in subscribers.items() if each.system_id == OBSERVER_SYSTEM_ID}
         others = {at: each for at, each in subscribers.items() if at not in observers}
         system_id = np.array([subscriber.system_id for subscriber in others.values()], dtype=np.int64)
@@ -141,6 +142,8 @@ class Listeners:
         self._reported[address, frame.sysid] = ned_from_geodetic(latitude, longitude, altitude, self._home)
 
     def whereabouts(self, system_id: int, address: Address | None) -> FloatArray | None:
+        """Where somebody is, north-east-down about home, shape (3,): one of the fleet truly, another where it has said
+        so from this address; None for whoever has not."""
         if 1 <= system_id <= len(self._placed):
             return np.asarray(self._placed[system_id - 1])
         return self._reported.get((address, system_id))

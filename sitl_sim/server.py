@@ -120,14 +120,22 @@ class FleetServer:
 
     @property
     def ports(self) -> FleetPorts:
-        """Ports as bound, after `start`."""
+        """Ports as bound, after `start`.
+
+        Raises:
+            RuntimeError: If the fleet has not been started.
+        """
         air = self._air_socket.port
         if air is None:
             raise RuntimeError("the fleet has not been started")
         return FleetPorts(tuple(link.local_address[1] for link in self._vehicle_links), air)
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Fly in real time until `stop` is set."""
+        """Fly in real time until `stop` is set; in lockstep, as `advance` says.
+
+        Raises:
+            RuntimeError: If the fleet has not been started.
+        """
         if self._loop is None:
             raise RuntimeError("the fleet has not been started")
         self._flown_until_s = self.clock.now_s()

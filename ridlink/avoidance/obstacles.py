@@ -210,6 +210,7 @@ class Obstacles:
 
     @property
     def piece_count(self) -> int:
+        """Number of convex pieces."""
         return len(self.piece_start) - 1
 
 

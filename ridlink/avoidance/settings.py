@@ -55,6 +55,9 @@ class RotationSettings:
         arrival_deceleration_mps2: The speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s). Infinite for a
             vehicle that stops at once.
         smoothing: Part of the way from the last command to the new velocity taken per step.
+
+    Raises:
+        ValueError: If a figure is not finite or out of its range, or candidates do not divide the circle.
     """
 
     step_deg: float = 10.0
@@ -112,6 +115,9 @@ class GradedSettings:
         arrival_deceleration_mps2: The speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s). Infinite for a
             vehicle that stops at once.
         smoothing: Part of the way from the last command to the new velocity taken per step.
+
+    Raises:
+        ValueError: If a figure is not finite or out of its range.
     """
 
     base_share: float = 12.5 / 60.0

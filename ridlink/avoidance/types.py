@@ -66,6 +66,9 @@ class HalfplaneSettings:
         acceleration_mps2: Commands change by no more than this in 0.1 s, whatever the half-planes ask; the velocity is
             the best one among those that can be reached so. Infinite, the default, leaves the shaping to the autopilot:
             a limit below 5 m/s^2 is a lag on top of its own, and costs metres.
+
+    Raises:
+        ValueError: If a figure is out of its range, or not finite where it must be.
     """
 
     horizon_s: float = 8.0
@@ -192,6 +195,9 @@ class Traffic:
         reciprocal: True where the neighbour announces that it takes its half of the avoidance, shape (n,).
         memory: What the solver keeps of each encounter, `Decision.memory` of the last step in the same order; 0 for a
             neighbour it never met, shape (n,), `Memory` flags.
+
+    Raises:
+        ValueError: If a shape is another, a figure is not finite, negative or too far away, or a flag is none.
     """
 
     position_ne_m: FloatArray

@@ -120,6 +120,7 @@ class VerticalAvoidance:
 
     @property
     def leaving(self) -> int:
+        """1 up, -1 down, 0 while no slab is being left or has been."""
         return next((hold.direction for hold in self._held.values()), 0)
 
     @property

@@ -84,6 +84,10 @@ class DaemonConfig:
         log: Recording of everything received and sent, a .tlog; None for none.
         input_log: Recording from which the flight can be decided again, see `input_log`; None for none.
         period_s: Time between decisions. The response study holds for 0.1 s.
+
+    Raises:
+        ConfigError: If the period is out of its range, a connection string is none, or two links would speak to each
+            other.
     """
 
     vehicle: LinkUrl = field(default_factory=lambda: parse_link_url(DEFAULT_VEHICLE))

@@ -30,6 +30,10 @@ class DemoOptions:
             stands on the ground until it is conducted.
         processes: Each daemon in a process of its own; otherwise all share one, apart from the fleet's.
         log: Where the flight is recorded; None: a new file in the temporary folder.
+
+    Raises:
+        ConfigError: If these do not go together, or there is no folder for the log.
+        ValueError: If the fleet would begin by itself.
     """
 
     scenario: str = "circle8"

@@ -72,7 +72,11 @@ class FleetBattery:
         self.remaining = np.maximum(self.remaining - self.power_w * dt_s / (SECONDS_PER_HOUR * self._capacity_wh), 0.0)
 
     def set_remaining(self, index: int, share: float) -> None:
-        """Leave so much in one battery."""
+        """Leave so much in one battery.
+
+        Raises:
+            ValueError: If that is no share between 0 and 1.
+        """
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"a battery holds a share between 0 and 1, not {share}")
         self.remaining[index] = share
