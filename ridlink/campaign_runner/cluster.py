@@ -6,8 +6,12 @@ is replaced by the others.
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from collections.abc import Generator, Sequence
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any
@@ -21,12 +25,16 @@ from ridlink.errors import ConfigError, LinkError, MissingExtraError
 CONNECT_S = 3.0
 """A scheduler that does not answer within this time is not there."""
 
+PATIENCE_S = 3.0
+"""Whoever waits for longer is told for what."""
+
 
 class Cluster:
     """A scheduler with workers, connected and seen to fly as this machine does.
 
     Args:
         scheduler: Address, `tcp://HOST:PORT`.
+        say: Called with what is waited for, where that takes long; by another thread.
 
     Raises:
         MissingExtraError: If distributed is not installed.
@@ -34,11 +42,13 @@ class Cluster:
         ConfigError: If the address is none, or a worker has another version of ridlink.
     """
 
-    def __init__(self, scheduler: str) -> None:
+    def __init__(self, scheduler: str, say: Callable[[str], None]) -> None:
         self.scheduler = scheduler
+        self._say = say
         self._client = _connect(scheduler)
         try:
-            _check_workers(self._client, scheduler)
+            with self._said_if_slow(f"waiting for the workers of {scheduler} to say which version they have"):
+                _check_workers(self._client, scheduler)
         except BaseException:
             self.close()
             raise
@@ -46,7 +56,7 @@ class Cluster:
     def fly_tasks(
         self, plans: Sequence[Plan], tasks: Sequence[Task]
     ) -> Generator[tuple[Task, Outcomes], None, None]:  # fmt: skip
-        """Fly tasks, and give each as it is done.
+        """Fly tasks, and give each as it is done. Where all workers have gone others are waited for.
 
         Args:
             plans: What the tasks number.
@@ -56,6 +66,8 @@ class Cluster:
             WorkerLostError: If workers went again and again, or the scheduler did.
         """
         distributed, client = _distributed(), self._client
+        over = threading.Event()
+        threading.Thread(target=self._watch, args=(over,), daemon=True).start()
         try:
             flying = {client.submit(fly, plans[task.plan], task.runs, pure=False): task for task in tasks}
             for future in distributed.as_completed(list(flying), loop=client.loop):
@@ -67,10 +79,43 @@ class Cluster:
             raise WorkerLostError("workers that flew were killed again and again, or ran out of memory") from error
         except (OSError, distributed.CancelledError) as error:
             raise WorkerLostError(f"the scheduler {self.scheduler} has gone") from error
+        finally:
+            over.set()
 
     def close(self) -> None:
         """Leave the scheduler; what it has not flown is not flown."""
         self._client.close(timeout=1.0)
+
+    @contextmanager
+    def _said_if_slow(self, text: str) -> Iterator[None]:
+        timer = threading.Timer(PATIENCE_S, self._say, (text,))
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+    def _watch(self, over: threading.Event) -> None:
+        """Says once each time that nobody is there who could fly."""
+        said = ""
+        while not over.wait(PATIENCE_S):
+            lacking = self._lacking()
+            if lacking not in ("", said) and not over.is_set():
+                self._say(lacking)
+            said = lacking
+
+    def _lacking(self) -> str:
+        """What is waited for; empty if there are workers."""
+        client = self._client
+        try:
+            if client.sync(client.scheduler.identity, callback_timeout=PATIENCE_S)["workers"]:
+                return ""
+        except (OSError, TimeoutError, RuntimeError, CancelledError):
+            return f"the scheduler {self.scheduler} does not answer; waiting for it"
+        return (
+            f"the scheduler {self.scheduler} has no workers; waiting for one: 'dask worker {self.scheduler}' starts it"
+        )
 
 
 def _distributed() -> Any:
@@ -89,9 +134,16 @@ def _connect(scheduler: str) -> Any:
     host, colon, port = address.rpartition(":")
     if not (scheme and scheduler.startswith(scheme) and host and colon and port.isdecimal()):
         raise ConfigError(f"scheduler {scheduler!r}: write it as tcp://HOST:PORT")
+
+    async def knock() -> None:
+        comm = await distributed.comm.connect(scheduler, timeout=CONNECT_S)
+        await comm.close()
+
     try:
+        # Of a port that takes connections and says nothing, a client of dask waits for the first word without an end.
+        asyncio.run(asyncio.wait_for(knock(), 2.0 * CONNECT_S))
         return distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TimeoutError) as error:
         raise LinkError(f"no dask scheduler answers at {scheduler}; 'dask scheduler' starts one") from error
 
 

@@ -24,7 +24,7 @@ from ridlink.cli.campaign_options import (
     fleet_options,
 )
 from ridlink.cli.campaign_report import report
-from ridlink.cli.campaign_show import progress_shown, say_if_compiling, say_left_off, show_rows
+from ridlink.cli.campaign_show import progress_shown, say, say_if_compiling, show_rows
 from ridlink.cli.options import PATH
 from ridlink.cli.signals import removed_by_signals
 from ridlink.words import counted
@@ -168,7 +168,7 @@ def _fly_all(
     with ExitStack() as stack:
         who, cluster = counted(jobs, "process", more="processes"), None
         if scheduler is not None:
-            who, cluster = f"workers of {scheduler}", stack.enter_context(closing(Cluster(scheduler)))
+            who, cluster = f"workers of {scheduler}", stack.enter_context(closing(Cluster(scheduler, say)))
         configuration = choice.configuration(plans, runs)
         folder = stack.enter_context(closing(CampaignFolder(output, configuration, resume=resume)))
         tasks = tasks_of(plans, runs)
@@ -180,7 +180,7 @@ def _fly_all(
 
         def end_by_signal() -> None:
             folder.discard_unfinished()
-            say_left_off(_left_off(kept, len(tasks)))
+            say(_left_off(kept, len(tasks)))
 
         try:
             with progress_shown(len(tasks), kept, who) as done, removed_by_signals(end_by_signal):

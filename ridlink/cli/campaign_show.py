@@ -63,8 +63,8 @@ def progress_shown(total: int, kept: int, who: str) -> Iterator[Callable[[int], 
         yield advance
 
 
-def say_left_off(text: str) -> None:
-    """The last word of a campaign that a signal ends: below the bar, and with the cursor that the bar has hidden."""
+def say(text: str) -> None:
+    """A word on standard error, below the bar and with the cursor that the bar has hidden; it may be the last one."""
     from rich.console import Console
 
     console = Console(stderr=True)

@@ -102,6 +102,66 @@ def test_a_scheduler_that_is_not_there_is_said_in_one_line(tmp_path: Path) -> No
     assert "--jobs and --scheduler exclude each other" in process.communicate(timeout=60)[1]
 
 
+def test_who_waits_for_workers_is_told_so_and_may_end_it(alone: Path, tmp_path: Path) -> None:
+    """It waited without a word."""
+    folder = tmp_path / "out"
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=":0", silence_logs=50
+    ) as cluster:
+        process = start(*CAMPAIGN, "--scheduler", cluster.scheduler_address, "-o", folder)
+        await_shards(process, folder, 0)
+        cluster.scale(0)
+        assert process.stderr is not None
+        assert process.stderr.readline().startswith("campaign: 16 shards, 0 kept from before, workers of tcp://")
+        assert process.stderr.readline() == (
+            f"campaign: the scheduler {cluster.scheduler_address} has no workers; waiting for one: "
+            f"'dask worker {cluster.scheduler_address}' starts it\n"
+        )
+        kept = len(shards(folder))
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+        assert (process.returncode, err.splitlines()) == (
+            130, [f"campaign: {kept} of {SHARDS} shards kept, --resume goes on from there"],
+        )  # fmt: skip
+        assert 0 < kept < SHARDS
+
+        process = start(*CAMPAIGN, "--scheduler", cluster.scheduler_address, "-o", folder, "--resume")
+        assert "has no workers; 'dask worker" in process.communicate(timeout=60)[1]
+        cluster.scale(1)
+        cluster.wait_for_workers(1)
+        process = start(*CAMPAIGN, "--scheduler", cluster.scheduler_address, "-o", folder, "--resume")
+        _, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert_same_campaign(alone, folder)
+
+
+def test_a_worker_that_says_nothing_is_waited_for_with_a_word(tmp_path: Path) -> None:
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=":0", silence_logs=50
+    ) as cluster:
+        worker = cluster.workers[0].pid
+        os.kill(worker, signal.SIGSTOP)
+        try:
+            process = start("--scenario", "crossing", "--scheduler", cluster.scheduler_address, "-o", tmp_path / "out")
+            assert process.stderr is not None
+            assert process.stderr.readline() == (
+                f"campaign: waiting for the workers of {cluster.scheduler_address} to say which version they have\n"
+            )
+            process.send_signal(signal.SIGINT)
+            assert (process.communicate(timeout=60)[1].strip(), process.returncode) == ("", 130)
+        finally:
+            os.kill(worker, signal.SIGCONT)
+
+
+def test_a_port_that_takes_connections_and_says_nothing_is_no_scheduler(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
+        process = start("--scenario", "crossing", "--scheduler", address, "-o", tmp_path / "out")
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 3
+    assert err == f"ridlink: no dask scheduler answers at {address}; 'dask scheduler' starts one\n"
+
+
 def test_a_scheduler_without_workers_is_said_in_one_line(tmp_path: Path) -> None:
     with distributed.LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address=":0", silence_logs=50) as empty:
         process = start("--scenario", "crossing", "--runs", 1, "-o", tmp_path, "--scheduler", empty.scheduler_address)
