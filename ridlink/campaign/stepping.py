@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,10 @@ from ridlink.avoidance.rows import (
 from ridlink.campaign import referee
 from ridlink.campaign.referee import judge_world
 from ridlink.compiled import kernel_decorator
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 kernel = kernel_decorator([Path(module) for module in (__file__, referee.__file__, rows.__file__)], counted=False)
 
@@ -88,38 +93,75 @@ def is_in_piece(vertex, start, p_1, p_2):  # type: ignore[no-untyped-def]
     return False
 
 
-@kernel(nogil=True)
-def fly_on(  # type: ignore[no-untyped-def]
-    result, avoiding, interval_s, now_s, goal, arrived_m, pieces, piece_start, swept, airframe_m, position, before,
-    velocity, present, hit, row, arrival_s, collided, distance_m, margin_m, decisions, infeasible, in_obstacle,
-):  # fmt: skip
-    """Fly for an interval as decided, and write down what happens.
+class Rules(NamedTuple):
+    """What is the same in every world and at every step.
 
-    Args:
-        result: Decisions, shape (W, N, RESULT_COLUMNS).
-        avoiding: Who decides, shape (N,).
-        interval_s: Time to fly.
-        now_s: Time at its end.
+    Attributes:
         goal: Goals, shape (N, 2).
+        avoiding: Who decides, shape (N,).
         arrived_m: A vehicle this close to its goal has arrived.
         pieces: Convex pieces of the obstacles, as in `is_in_piece`; so is `piece_start`.
         piece_start: See `pieces`.
         swept: Judge the whole interval, and not only its end.
-        airframe_m: Airframe sizes, shape (W, N).
-        position: True positions, shape (W, N, 2), written.
-        before: Result: where they were, shape (W, N, 2).
-        velocity: Velocities, shape (W, N, 2), written.
-        present: Who is in the air, shape (W, N), written.
-        hit: Scratch, shape (W, N).
-        row: Where each world stands in what follows, the columns of `Outcomes`, shape (W,).
-        arrival_s: Written; so are all that follow.
-        collided: See `arrival_s`.
-        distance_m: See `arrival_s`.
-        margin_m: See `arrival_s`.
-        decisions: See `arrival_s`.
-        infeasible: See `arrival_s`.
-        in_obstacle: See `arrival_s`.
+        interval_s: Time to fly.
     """
+
+    goal: FloatArray
+    avoiding: BoolArray
+    arrived_m: float
+    pieces: FloatArray
+    piece_start: IntArray
+    swept: bool
+    interval_s: float
+
+
+class Flight(NamedTuple):
+    """Worlds in the air; everything but the airframes is written.
+
+    Attributes:
+        position: True positions, shape (W, N, 2).
+        before: Where they were before the step, shape (W, N, 2).
+        velocity: Velocities, shape (W, N, 2).
+        present: Who is in the air, shape (W, N).
+        hit: Who collided in the step, shape (W, N).
+        airframe_m: Airframe sizes, shape (W, N).
+    """
+
+    position: FloatArray
+    before: FloatArray
+    velocity: FloatArray
+    present: BoolArray
+    hit: BoolArray
+    airframe_m: FloatArray
+
+
+class Log(NamedTuple):
+    """Columns of `worlds.Outcomes` that are written as it happens, of R runs."""
+
+    arrival_s: FloatArray
+    collided: BoolArray
+    distance_m: FloatArray
+    margin_m: FloatArray
+    decisions: IntArray
+    infeasible: IntArray
+    in_obstacle: IntArray
+
+
+@kernel(nogil=True)
+def fly_on(result, now_s, rules, flight, row, log):  # type: ignore[no-untyped-def]
+    """Fly for an interval as decided, and write down what happens.
+
+    Args:
+        result: Decisions, shape (W, N, RESULT_COLUMNS).
+        now_s: Time at the end of the interval.
+        rules: `Rules`.
+        flight: `Flight`, written.
+        row: Where each world stands in the log, shape (W,).
+        log: `Log`, written.
+    """
+    goal, avoiding, arrived_m, pieces, piece_start, swept, interval_s = rules
+    position, before, velocity, present, hit, airframe_m = flight
+    arrival_s, collided, distance_m, margin_m, decisions, infeasible, in_obstacle = log
     near = arrived_m * arrived_m
     for world in range(position.shape[0]):
         at, here = row[world], present[world]
@@ -158,7 +200,7 @@ def mark_inside(vertex, start, position, inside):  # type: ignore[no-untyped-def
         inside[k] = is_in_piece(vertex, start, position[k, 0], position[k, 1])
 
 
-def is_inside(obstacles: Obstacles, position_ne_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_inside(obstacles: Obstacles, position_ne_m: FloatArray) -> BoolArray:
     """Whether positions (..., 2) lie in an obstacle, shape (...)."""
     flat = np.ascontiguousarray(position_ne_m).reshape(-1, 2)
     inside = np.zeros(len(flat), np.bool_)

@@ -24,7 +24,7 @@ from ridlink.avoidance.types import SolverKind
 from ridlink.campaign.chance import PositionErrors, draw_fleet, draw_mix
 from ridlink.campaign.deciding import new_decider
 from ridlink.campaign.plan import Plan, coded_bound_m
-from ridlink.campaign.stepping import brief_worlds, fly_on
+from ridlink.campaign.stepping import Flight, Log, Rules, brief_worlds, fly_on
 from ridlink.separation.definitions import Reported, bounded_error, separation_discs
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
 
@@ -268,6 +268,12 @@ class SharedBatch(Batch):
         self.before, self.hit = np.empty((*shape, 2)), np.empty(shape, np.bool_)
         self.turns = new_turns(*shape)
         self.room = np.zeros((shape[1], 10)), np.zeros(shape[1], np.int64)
+        scene, obstacles = plan.scene, self.obstacles
+        self.rules = Rules(
+            scene.goal_ne_m, scene.avoiding, plan.arrived_m, obstacles.piece_vertex_ne_m, obstacles.piece_start,
+            plan.swept, plan.interval_s,
+        )  # fmt: skip
+        self.log = Log(*(getattr(self.outcome, name) for name in Log._fields))
 
     def advance(self, step: int, watch: Callable[[Instant], None] | None) -> None:
         """See `Batch.advance`."""
@@ -317,11 +323,8 @@ class SharedBatch(Batch):
         )  # fmt: skip
 
     def _fly_on(self, now_s: float, result: FloatArray) -> None:
-        plan, outcome, obstacles, count = self.plan, self.outcome, self.obstacles, len(self.row)
-        fly_on(
-            result, plan.scene.avoiding, plan.interval_s, now_s, plan.scene.goal_ne_m, plan.arrived_m,
-            obstacles.piece_vertex_ne_m, obstacles.piece_start, plan.swept, self.airframe_m, self.position,
-            self.before[:count], self.velocity, self.present, self.hit[:count], self.row, outcome.arrival_s,
-            outcome.collided, outcome.distance_m, outcome.margin_m, outcome.decisions, outcome.infeasible,
-            outcome.in_obstacle,
-        )  # fmt: skip
+        count = len(self.row)
+        flight = Flight(
+            self.position, self.before[:count], self.velocity, self.present, self.hit[:count], self.airframe_m
+        )
+        fly_on(result, now_s, self.rules, flight, self.row, self.log)
