@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
-import os
-import signal
 import sys
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
@@ -16,7 +14,7 @@ import click
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
 from ridlink.cli.options import NAME, signing_options
 from ridlink.cli.printing import Printer
-from ridlink.cli.signals import ending_signals
+from ridlink.cli.signals import ended_by_signals
 from ridlink.words import counted
 
 if TYPE_CHECKING:
@@ -270,15 +268,7 @@ async def _run(config: DaemonConfig, printer: _Printer) -> Summary:
     from ridlink.daemon.service import AvoidDaemon
 
     stop = asyncio.Event()
-
-    def on_signal(number: int) -> None:
-        if stop.is_set() and number != signal.SIGHUP:  # that comes twice when one terminal goes away
-            os._exit(128 + number)
-        stop.set()
-
-    loop = asyncio.get_running_loop()
-    for number in ending_signals():
-        loop.add_signal_handler(number, on_signal, number)
+    ended_by_signals(asyncio.get_running_loop(), stop.set)
     return await AvoidDaemon(config, on_event=printer.event).run(stop)
 
 

@@ -52,10 +52,33 @@ def end_by_interrupts() -> None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+def ended_by_signals(loop: asyncio.AbstractEventLoop, end: Callable[[], None]) -> None:
+    """The first SIGINT, SIGTERM or SIGHUP begins the end; a second SIGINT or SIGTERM is one at once, with 128 + n.
+
+    A second SIGHUP is the same terminal once more: its shell passes on what the kernel has sent already.
+
+    Args:
+        loop: Whose handlers these are.
+        end: Called once, in the loop.
+    """
+    begun = False
+
+    def on_signal(number: int) -> None:
+        nonlocal begun
+        if not begun:
+            begun = True
+            end()
+        elif number != signal.SIGHUP:
+            os._exit(128 + number)
+
+    for number in ending_signals():
+        loop.add_signal_handler(number, on_signal, number)
+
+
 def stopped_by_signals(loop: asyncio.AbstractEventLoop) -> asyncio.Event:
     """An event that SIGINT, SIGTERM or SIGHUP sets; a second SIGINT or SIGTERM finds the default action.
 
-    A second SIGHUP is the same terminal once more: its shell passes on what the kernel has sent already.
+    A second SIGHUP does nothing, see `ended_by_signals`.
     """
     import asyncio
 

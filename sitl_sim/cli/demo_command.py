@@ -9,7 +9,7 @@ import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
 from ridlink.cli.printing import PAGING_S, Printer
-from ridlink.cli.signals import end_by_interrupts, ending_signals, stopped_by_signals
+from ridlink.cli.signals import end_by_interrupts, ended_by_signals, stopped_by_signals
 from ridlink.cli.view import announce
 from ridlink.errors import LinkError, MissingExtraError
 from sitl_sim.cli.options import fleet_options
@@ -205,21 +205,9 @@ async def _open_page(screen: Screen, printer: Printer, port: int | None, opens: 
 async def _until_signal(flight: Any, printer: Printer) -> dict[str, Any]:
     """The flight, or a clean end of everything it started when Ctrl-C or SIGTERM comes, or the terminal goes."""
     import asyncio
-    import os
-    import signal
 
     task = asyncio.ensure_future(flight)
-    loop = asyncio.get_running_loop()
-    caught: list[int] = []
-
-    def on_signal(number: int) -> None:
-        if caught and number != signal.SIGHUP:  # that comes twice when one terminal goes away
-            os._exit(128 + number)
-        caught.append(number)
-        task.cancel()
-
-    for number in ending_signals():
-        loop.add_signal_handler(number, on_signal, number)
+    ended_by_signals(asyncio.get_running_loop(), task.cancel)
     try:
         return await task  # type: ignore[no-any-return]
     except asyncio.CancelledError:
