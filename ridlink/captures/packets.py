@@ -6,6 +6,7 @@ IP are counted and not put together: nothing that speaks MAVLink sends datagrams
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from typing import Any
@@ -28,7 +29,17 @@ IP_FRAGMENT = "ip_fragment"
 IPV6_FRAGMENT_HEADER = 44
 UDP_PROTOCOL = 17
 UDP_HEADER_LENGTH = 8
+IPV4 = 0x0800
+IPV4_HEADER_LENGTH = 20
+IPV4_WITHOUT_OPTIONS = 0x45
+IPV4_PART = 0x3FFF
+"""Of the field with flags and offset: what is 0 in whatever is no fragment."""
 
+_PLAIN: dict[int, tuple[struct.Struct, int]] = {
+    link_type: (struct.Struct(f"{link}BxH2xHxB14xH2x"), struct.calcsize(link))
+    for link_type, link in ((1, ">12xH"), (113, ">14xH"), (276, ">H18x"))
+}
+"""By link type: what there is of the headers of link, IP and UDP in `_plain_payload`, and where that of IP starts."""
 
 NETWORKS: dict[int, str] = {
     0: "loopback", 1: "ethernet", 12: "ip", 14: "ip", 101: "ip", 108: "loopback", 113: "sll", 228: "ip", 229: "ip",
@@ -141,6 +152,9 @@ def _layer_of(packet: Packet) -> Any:
 
 def _udp_payload(packet: Packet, rejects: Rejects) -> bytes | None:
     """What a packet carries over UDP, if it does so whole."""
+    plain = _plain_payload(packet)
+    if plain is not None:
+        return plain
     dpkt = _dpkt()
     try:
         layer = _layer_of(packet)
@@ -155,6 +169,22 @@ def _udp_payload(packet: Packet, rejects: Rejects) -> bytes | None:
     except Exception:  # its decoders of other protocols raise whatever Python does for bytes they did not expect
         return None
     return None
+
+
+def _plain_payload(packet: Packet) -> bytes | None:
+    """The same of what nearly all packets are, without the library: IPv4 without options, straight on its link."""
+    data = packet.data
+    plain = _PLAIN.get(packet.link_type)
+    if plain is None or len(data) < plain[0].size:
+        return None
+    fields, start = plain
+    kind, first, length, fragment, protocol, udp_length = fields.unpack_from(data)
+    if kind != IPV4 or first != IPV4_WITHOUT_OPTIONS or protocol != UDP_PROTOCOL or fragment & IPV4_PART:
+        return None
+    start += IPV4_HEADER_LENGTH
+    end = start + min(length - IPV4_HEADER_LENGTH, udp_length)
+    start += UDP_HEADER_LENGTH
+    return data[start:end] if start <= end else None
 
 
 def _is_fragment(layer: Any) -> bool:

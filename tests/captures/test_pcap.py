@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.captures import CaptureKind, open_capture, read_messages
+from ridlink.captures import CaptureKind, open_capture, packets, read_messages
 from ridlink.captures.packet_window import MAX_PACKET_LENGTH, Packet
 from ridlink.captures.packets import read_packets, read_pcap
 from ridlink.captures.records import Record, Rejects, TracedRecord
@@ -175,6 +175,41 @@ def test_mavlink_is_found_behind_every_link_layer(link_type: int, packet: bytes)
     for data in (pcap(timed([packet]), link_type), pcapng(timed([packet]), link_type)):
         records, rejects = read(data)
         assert frames_of(records) == [FRAME] and not rejects
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    link_type=st.sampled_from([1, 113, 276]),
+    payload=st.binary(max_size=40),
+    changes=st.lists(
+        st.tuples(
+            st.sampled_from([0, 2, 3, 6, 7, 9, 24, 25]) | st.integers(-2, 27),
+            st.sampled_from([0, 7, 8, 17, 20, 27, 28, 29, 0x20, 0x40, 0x46, 0x60, 0x80]) | st.integers(0, 255),
+        ),
+        max_size=3,
+    ),
+    behind=st.binary(max_size=20),
+    cut=st.just(0) | st.integers(0, 60),
+)
+def test_plain_packets_are_what_the_library_takes_them_for(
+    link_type: int, payload: bytes, changes: list[tuple[int, int]], behind: bytes, cut: int
+) -> None:
+    """IPv4 on its link with bytes of its headers changed, more behind it, or less of it."""
+    head = {1: bytes(12) + b"\x08\x00", 113: bytes(14) + b"\x08\x00", 276: b"\x08\x00" + bytes(18)}[link_type]
+    packet = bytearray(head + ipv4(udp(payload)) + behind)
+    for place, value in changes:
+        packet[len(head) + place] = value
+    data = bytes(packet[: max(1, len(packet) - cut)])
+
+    def found() -> tuple[bytes, Rejects]:
+        rejects = Rejects()
+        return packets._udp_payload(Packet(0, link_type, data, 24), rejects) or b"", rejects
+
+    payload_here, rejects_here = found()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packets, "_PLAIN", {})
+        payload_there, rejects_there = found()
+    assert (payload_here, rejects_here.counts) == (payload_there, rejects_there.counts)
 
 
 def test_several_frames_of_a_datagram_and_the_damaged_among_them() -> None:
