@@ -16,7 +16,9 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from ridlink.captures.fast import copying, loading, tables
-from ridlink.captures.fast.blocks import BlockReader, announce, empty_words, plain, structured
+from ridlink.captures.fast.block import empty_words, structured
+from ridlink.captures.fast.blocks import BlockReader
+from ridlink.captures.fast.calling import announce, plain
 from ridlink.captures.records import Rejects
 from ridlink.captures.statistics import SourceCount
 from ridlink.errors import UnknownMessageError

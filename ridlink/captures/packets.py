@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from ridlink.captures.broadcasts import Relay
 from ridlink.captures.packet_window import Packet, Window
@@ -67,6 +67,23 @@ def read_pcap(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
     Raises:
         CaptureError: If there are packets and none of them is of a link type that is read.
     """
+    for item in read_contents(chunks, rejects):
+        if isinstance(item, Datagram):
+            yield from records_of(item, rejects)
+        else:
+            yield item
+
+
+class Datagram(NamedTuple):
+    """What a packet carried over UDP: microseconds since 1970 or ``None``, byte of the file where its record starts."""
+
+    time_us: int | None
+    offset: int
+    payload: bytes
+
+
+def read_contents(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Datagram | TracedRecord]:
+    """The same with datagrams as they are, which are for `records_of`."""
     relay = Relay(rejects)
     foreign: set[int] = set()
     understood = False
@@ -76,7 +93,9 @@ def read_pcap(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
             yield from _heard(packet, relay, rejects)
         elif packet.link_type in NETWORKS:
             understood = True
-            yield from _datagram(packet, rejects)
+            payload = _udp_payload(packet, rejects)
+            if payload:
+                yield Datagram(packet.time_us, packet.offset, payload)
         else:
             foreign.add(packet.link_type)
             rejects.add_one(f"link_type_{packet.link_type}", packet.offset)
@@ -105,7 +124,7 @@ def read_packets(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Packet]:
         rejects.add(Cause.TRUNCATED if magic in PCAP_MAGICS else Cause.GARBAGE, 0, window.left)
 
 
-def _heard(packet: Packet, relay: Relay, rejects: Rejects) -> Iterator[Record]:
+def _heard(packet: Packet, relay: Relay, rejects: Rejects) -> Iterator[TracedRecord]:
     for item in RADIOS[packet.link_type](packet.data):
         if isinstance(item, radio.Heard):
             yield from relay.records(
@@ -116,18 +135,17 @@ def _heard(packet: Packet, relay: Relay, rejects: Rejects) -> Iterator[Record]:
             rejects.add_one(item, packet.offset)
 
 
-def _datagram(packet: Packet, rejects: Rejects) -> Iterator[Record]:
-    payload = _udp_payload(packet, rejects)
-    if not payload:
-        return
+def records_of(datagram: Datagram, rejects: Rejects) -> Iterator[TracedRecord]:
+    """Frames of a datagram; what else is in it is counted, unless it is some other protocol."""
+    time_us, offset, payload = datagram
     found = list(parse_alone(payload))
     if payload[0] not in (MAGIC_V1, MAGIC_V2) and not any(isinstance(item, Frame) and item.checked for item in found):
-        return  # some other protocol
+        return
     for item in found:
         if isinstance(item, Frame):
-            yield TracedRecord(packet.time_us, item, packet.offset, Origin(UDP_TRANSPORT))
+            yield TracedRecord(time_us, item, offset, Origin(UDP_TRANSPORT))
         else:
-            rejects.add_one(item.cause, packet.offset)
+            rejects.add_one(item.cause, offset)
 
 
 @cache

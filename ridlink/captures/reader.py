@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from enum import StrEnum
 from pathlib import PurePath
-from typing import BinaryIO, Self
+from typing import BinaryIO, Self, TypeVar
 
 from ridlink.captures.hexlines import looks_like_hex, read_hex
 from ridlink.captures.packets import MAGICS, read_pcap
@@ -48,6 +48,7 @@ class CaptureKind(StrEnum):
     HEX = "hex"
 
 
+_Item = TypeVar("_Item")
 _Reader = Callable[[Iterable[bytes], Rejects], Iterator[Record]]
 _READERS: dict[CaptureKind, _Reader] = {
     CaptureKind.TLOG: read_tlog,
@@ -105,14 +106,18 @@ class Capture:
             CaptureError: At the end, if there was none, or nothing that is read.
             OSError: If the file cannot be read any further.
         """
-        records = 0
+        return self.read_with(_READERS[self.kind])
+
+    def read_with(self, reader: Callable[[Iterable[bytes], Rejects], Iterator[_Item]]) -> Iterator[_Item]:
+        """What another reader of this format finds; errors as of iteration."""
+        is_empty = True
         try:
-            for record in _READERS[self.kind](itertools.chain(self._head, self._chunks()), self.rejects):
-                records += 1
-                yield record
+            for item in reader(itertools.chain(self._head, self._chunks()), self.rejects):
+                is_empty = False
+                yield item
         except CaptureError as error:
             raise CaptureError(f"{self.name}: {error}") from error
-        if not records:
+        if is_empty:
             what = "is empty" if self.position == 0 else self._nothing()
             raise CaptureError(f"{self.name} {what}")
 

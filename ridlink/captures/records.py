@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import NamedTuple, Self
 
 from ridlink.mavlink.frames import Frame
@@ -80,7 +81,7 @@ class Rejects:
         """Count bytes that were not taken."""
         if cause != self._last_cause or offset != self._last_end:
             self.counts[str(cause)] += 1
-            self.first_offset.setdefault(str(cause), offset)
+            self.first_offset[str(cause)] = min(offset, self.first_offset.get(str(cause), offset))
         self._last_cause, self._last_end = cause, offset + length
 
     def add_one(self, cause: str, offset: int) -> None:
@@ -88,6 +89,11 @@ class Rejects:
         self._last_end = -1
         self.add(cause, offset)
         self._last_end = -1
+
+    def put_in_order(self) -> None:
+        """Have causes in the order in which they were met, for whoever did not judge all from front to back."""
+        self.first_offset = dict(sorted(self.first_offset.items(), key=itemgetter(1)))
+        self.counts = Counter({cause: self.counts[cause] for cause in self.first_offset})
 
     def __len__(self) -> int:
         """Rejects in all."""

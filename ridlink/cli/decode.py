@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, BinaryIO
 
 import click
@@ -11,10 +12,10 @@ import click
 from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS, decode_export
 from ridlink.cli.options import capture_kind, wanted_names
 from ridlink.cli.output import whole_output
-from ridlink.cli.progress import Progress
+from ridlink.cli.progress import HasPosition, Progress
 
 if TYPE_CHECKING:
-    from ridlink.captures import Capture
+    from ridlink.captures import Capture, Record
     from ridlink.captures.export.selection import Selection
     from ridlink.captures.fast.blocks import BlockReader
     from ridlink.captures.statistics import Statistics
@@ -142,11 +143,15 @@ class _Lines:
 
     def write(self, capture: Capture) -> None:
         """All messages of a capture."""
+        self.statistics.captures.append(capture)
+        self._take(capture, capture)
+        self.flush()
+
+    def _take(self, records: Iterable[Record], capture: HasPosition) -> None:
         from ridlink.captures import decode_records
         from ridlink.captures.export.framed import framed_line
 
-        self.statistics.captures.append(capture)
-        for record in decode_records(capture):
+        for record in decode_records(records):
             self.progress.tick(capture)
             if not self._selection.takes(record):
                 continue
@@ -158,7 +163,6 @@ class _Lines:
             self._size += len(line)
             if self._size >= BATCH_BYTES:
                 self.flush()
-        self.flush()
 
     def write_blocks(self, reader: BlockReader) -> None:
         """The lines of a large file, or its counts."""
@@ -167,12 +171,17 @@ class _Lines:
 
         self.statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
         lines = BlockLines(self._selection, self._format, frames=self._frames)
-        for block in reader:
+        for part in reader.parts():
+            if isinstance(part, list):
+                self._take(part, reader)
+                continue
             if self._stats:
-                count_block(self.statistics, block, self._selection)
+                count_block(self.statistics, part, self._selection)
             else:
-                self._out.write(lines.of(block))
-            self.progress.tick(reader, block.count)
+                self.flush()
+                self._out.write(lines.of(part))
+            self.progress.tick(reader, part.count)
+        self.flush()
 
     def flush(self) -> None:
         """Write out what is collected."""

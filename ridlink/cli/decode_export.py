@@ -21,7 +21,8 @@ from ridlink.errors import CaptureError
 if TYPE_CHECKING:
     from ridlink.captures.export.fields import Fields
     from ridlink.captures.export.selection import Selection
-    from ridlink.captures.fast.blocks import Block, BlockReader
+    from ridlink.captures.fast.block import Block
+    from ridlink.captures.fast.blocks import BlockReader
     from ridlink.captures.messages import MessageRecord
     from ridlink.captures.statistics import Statistics
 
@@ -188,11 +189,11 @@ def _captures(
 ) -> Iterator[Block | list[MessageRecord]]:
     """Files of MAVLink as blocks, everything else as messages, some thousand at a time."""
     from ridlink.captures import decode_records, open_capture
-    from ridlink.captures.fast.blocks import KINDS, BlockReader
+    from ridlink.captures.fast.blocks import SCANNED, BlockReader
 
     for path in files:
         with others_go_on(files, statistics), open_capture(path, kind) as capture:
-            if capture.kind in KINDS and path != "-" and Path(path).is_file():
+            if capture.kind in SCANNED and path != "-" and Path(path).is_file():
                 reader = BlockReader(path, capture.kind)
                 statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
                 yield from reader

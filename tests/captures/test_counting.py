@@ -11,9 +11,9 @@ from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ridlink.captures.export.counting import count_sources
 from ridlink.captures.export.si import HAVE_RANGES
 from ridlink.captures.fast.blocks import BlockReader
+from ridlink.captures.fast.sources import count_sources
 from ridlink.captures.statistics import SourceCount
 from ridlink.cli import decode_export
 from ridlink.cli.decode import decode

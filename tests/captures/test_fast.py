@@ -24,6 +24,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES, Encoder
 from ridlink.mavlink.crc import checksum
 from ridlink.mavlink.frames import encode_frame
 from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
+from tests.captures.pcap_files import ethernet, ipv4, pcap, timed, udp
 
 Entry = tuple[int | None, bytes, int]
 Found = tuple[list[Entry], dict[str, int], dict[str, int], dict[tuple[int, int], SourceCount]]
@@ -211,6 +212,8 @@ def test_without_a_compiler_the_results_are_the_same(tmp_path: Path) -> None:
     data += tlog_bytes([(START_US, version_1(0, b"12", CRC_EXTRAS[0]))])
     (tmp_path / "f.tlog").write_bytes(data)
     (tmp_path / "f.mavlink").write_bytes(b"".join(frame for _, frame in flight(40)) + b"\xfd\x00" + bytes(data))
+    datagrams = [frame for _, frame in flight(300)] + [b"\xfd\x00" + bytes(data[:90])]
+    (tmp_path / "f.pcap").write_bytes(pcap(timed([ethernet(ipv4(udp(payload))) for payload in datagrams])))
     script = (
         "import hashlib,sys\nfrom ridlink.captures.columns import decode\n"
         "from ridlink.captures.export.block_lines import BlockLines\n"
@@ -223,7 +226,7 @@ def test_without_a_compiler_the_results_are_the_same(tmp_path: Path) -> None:
         "    print(columns.rejects, columns.sources, [(k, len(v), hashlib.sha256(v).hexdigest()) "
         "for k, v in columns.items()])"
     )
-    command = [sys.executable, "-c", script, str(tmp_path / "f.tlog"), str(tmp_path / "f.mavlink")]
+    command = [sys.executable, "-c", script, *(str(tmp_path / f"f.{kind}") for kind in ("tlog", "mavlink", "pcap"))]
     outputs = [
         subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ | more).stdout
         for more in ({}, {"NUMBA_DISABLE_JIT": "1"})

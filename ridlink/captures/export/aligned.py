@@ -33,7 +33,7 @@ class AlignedRows(Rows):
     END = "\n"
     FLOAT = writing.SIGNIFICANT
 
-    def head(self, layout: Layout, rows: np.ndarray, times_us: np.ndarray) -> None:
+    def head(self, layout: Layout, rows: np.ndarray, times_us: np.ndarray, transport: str | None) -> None:
         """Time, source, sequence number and message."""
         if times_us.max() < CALENDAR_END_US:
             tens = times_us // np.uint64(TEN_SECONDS_US)

@@ -14,7 +14,8 @@ from ridlink.captures.export.rows import Rows
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.export.si import columns_of
 from ridlink.captures.fast import writing
-from ridlink.captures.fast.blocks import Block, plain
+from ridlink.captures.fast.block import Block
+from ridlink.captures.fast.calling import plain
 from ridlink.captures.lines import json_line, table_line
 from ridlink.captures.messages import MessageRecord
 
@@ -49,7 +50,7 @@ class BlockLines:
         at = 0
         for layout, entries, rows in chosen_rows(block, self._selection):
             lines = self._rows(len(rows))
-            lines.head(layout, rows, block.times[entries])
+            lines.head(layout, rows, block.times[entries], block.transport)
             if layout.spec is None:
                 payloads = zip(rows["payload"], rows["length"].tolist(), strict=True)
                 lines.payloads([payload[:length].tobytes().hex() for payload, length in payloads])

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from ridlink.captures.export.selection import Selection
-from ridlink.captures.fast.blocks import Block
+from ridlink.captures.fast.block import Block
 from ridlink.captures.fast.tables import Layout, layouts, slot_of
 from ridlink.captures.messages import MessageRecord, decode_records
-from ridlink.captures.records import Record
+from ridlink.captures.records import Origin, TracedRecord
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.convert import MESSAGE_PACK
@@ -63,6 +63,7 @@ def pack_records(block: Block, selection: Selection) -> Iterator[tuple[int, list
         frame = parse_datagram(block.frame(entry), CRC_EXTRAS, limit=1)[0]
         assert isinstance(frame, Frame)
         time_us = None if block.times[entry] == NO_TIME else int(block.times[entry])
-        records = decode_records([Record(time_us, frame, block.offset(entry))])
+        record = TracedRecord(time_us, frame, block.offset(entry), Origin(block.transport))
+        records = decode_records([record])
         if chosen := [record for record in records if selection.takes(record)]:
             yield entry, chosen

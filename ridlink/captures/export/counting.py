@@ -17,9 +17,10 @@ import numpy as np
 from ridlink.captures.export.chosen import NO_TIME, chosen_frames
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.export.si import HAVE_RANGES, out_of_range
-from ridlink.captures.fast.blocks import Block
+from ridlink.captures.fast.block import Block
+from ridlink.captures.fast.sources import count_sources
 from ridlink.captures.fast.tables import Layout, layouts, slot_of
-from ridlink.captures.statistics import LEAP, SourceCount, Statistics
+from ridlink.captures.statistics import Statistics
 from ridlink.mavlink.codec import MESSAGES_BY_NAME, Message
 from ridlink.remote_id.astm import decode_message
 from ridlink.remote_id.bridge import pack_members
@@ -103,26 +104,3 @@ def _member(data: bytes) -> tuple[str, tuple[str, ...]]:
     """Name of a message of 25 bytes, and its fields that are out of range; senders repeat themselves."""
     fields: Counter[str] = Counter()
     return MAVLINK_NAMES[type(decode_message(data, fields))], tuple(fields.elements())
-
-
-def count_sources(
-    sources: dict[tuple[int, int], SourceCount], seqs: np.ndarray, sysids: np.ndarray, compids: np.ndarray
-) -> None:
-    """What `SourceCount.see` does with each sequence number."""
-    if not len(seqs):
-        return
-    keys = sysids.astype(np.uint16) << 8 | compids
-    order = np.argsort(keys, kind="stable")
-    keys, seqs = keys[order].astype(np.int64), seqs[order]
-    firsts = np.flatnonzero(np.diff(keys, prepend=-1))
-    found = [sources.setdefault((key >> 8, key & 0xFF), SourceCount()) for key in keys[firsts].tolist()]
-    before = np.roll(seqs, 1)
-    for first, source in zip(firsts.tolist(), found, strict=True):
-        before[first] = seqs[first] if source.last_seq is None else source.last_seq
-    steps = (seqs - before).astype(np.int64)  # bytes go round at 256
-    missing = np.maximum(steps - 1, 0)  # a repeated one is a duplicate
-    parts = np.stack([np.ones_like(missing), missing > 0, missing, missing >= LEAP])
-    last_seqs = seqs[np.append(firsts[1:], len(seqs)) - 1]
-    figures = np.vstack([np.add.reduceat(parts, firsts, axis=1), last_seqs])
-    for source, more in zip(found, figures.T.tolist(), strict=True):
-        source.add(*more)

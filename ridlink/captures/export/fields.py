@@ -14,7 +14,7 @@ import numpy as np
 from ridlink.captures.export.chosen import chosen_rows, pack_records
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.export.si import columns_of
-from ridlink.captures.fast.blocks import Block
+from ridlink.captures.fast.block import Block
 from ridlink.captures.lines import fields_of
 from ridlink.captures.messages import MessageRecord
 
@@ -58,8 +58,8 @@ def fields_of_block(block: Block, selection: Selection) -> Iterator[Fields]:
             entries.tolist(), block.times[entries].tolist(), *heads, values, strict=True
         ):
             found[entry] = Fields(
-                time_us if time_us < TIMES_END_US else None, None, f"{sysid}/{compid}", seq, offset, layout.name,
-                dict(zip(columns, row, strict=True)),
+                time_us if time_us < TIMES_END_US else None, block.transport, f"{sysid}/{compid}", seq, offset,
+                layout.name, dict(zip(columns, row, strict=True)),
             )  # fmt: skip
     for entry, records in pack_records(block, selection):
         found[entry] = list(fields_of_records(records))

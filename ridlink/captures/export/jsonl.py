@@ -30,13 +30,15 @@ class JsonRows(Rows):
     END = "}\n"
     FLOAT = writing.DECIMAL
 
-    def head(self, layout: Layout, rows: np.ndarray, times_us: np.ndarray) -> None:
-        """Time, sender and message."""
+    def head(self, layout: Layout, rows: np.ndarray, times_us: np.ndarray, transport: str | None) -> None:
+        """Time, transport, sender and message."""
         self.literal('{"t":')
         if times_us.max() < writing.FIRST_TEXT:
             self.cells(writing.TIME, times_us)
         else:
             self.coded(times_us, lambda t: self.NOTHING if t == NO_TIME else exact_seconds(t))
+        if transport:
+            self.literal(f',"transport":"{transport}"')
         self.literal(',"src":"')
         self.numbers(rows["sysid"])
         self.literal("/")

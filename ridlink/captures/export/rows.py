@@ -14,7 +14,7 @@ import numpy as np
 
 from ridlink.captures.export.si import Column
 from ridlink.captures.fast import writing
-from ridlink.captures.fast.blocks import announce, plain
+from ridlink.captures.fast.calling import announce, plain
 from ridlink.captures.fast.tables import Layout
 
 _NOTHING_AT = 0
@@ -47,7 +47,7 @@ class Rows(ABC):
         self._table: list[bytes] = [self.NOTHING.encode()]
 
     @abstractmethod
-    def head(self, layout: Layout, rows: np.ndarray, times_us: np.ndarray) -> None:
+    def head(self, layout: Layout, rows: np.ndarray, times_us: np.ndarray, transport: str | None) -> None:
         """What every line begins with."""
 
     @abstractmethod

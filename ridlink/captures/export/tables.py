@@ -21,7 +21,7 @@ from ridlink.captures.export.fields import Fields, fields_of_records
 from ridlink.captures.export.join import COLUMNS
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.export.si import Column, columns_of
-from ridlink.captures.fast.blocks import Block, empty_words, structured
+from ridlink.captures.fast.block import Block, empty_words, structured
 from ridlink.captures.fast.tables import column_of, layouts, slot_of
 from ridlink.captures.lines import exact_seconds
 from ridlink.errors import MissingExtraError
@@ -46,7 +46,7 @@ def tables_of_block(block: Block, selection: Selection) -> Iterator[tuple[str, d
         sources = zip(rows["sysid"].tolist(), rows["compid"].tolist(), strict=True)
         columns = {
             "t": Column(times, times >= 0),
-            "transport": Column([None] * len(rows)),
+            "transport": Column([block.transport] * len(rows)),
             "src": Column([f"{sysid}/{compid}" for sysid, compid in sources]),
             "seq": Column(rows["seq"]),
             "offset": Column(rows["offset"]),

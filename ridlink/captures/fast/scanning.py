@@ -34,6 +34,20 @@ MESSAGES, GAPS, LOST, LAST_SEQ = range(4)
 SOURCE_LENGTH = 4
 """Places in ``sources``, for each system and component id; the last sequence number is kept plus one."""
 
+
+def initial_state() -> np.ndarray:
+    """The state in which a file begins."""
+    state = np.zeros(STATE_LENGTH, np.int64)
+    state[LAST_CAUSE] = state[LAST_END] = -1
+    state[IN_STEP] = 1
+    return state
+
+
+def no_sources() -> np.ndarray:
+    """Sources of which nothing has been heard."""
+    return np.zeros(65536 * SOURCE_LENGTH, np.int64)
+
+
 _NO_TIME = np.uint64(2**64 - 1)
 _EARLIEST_US = np.uint64(_EARLIEST)
 _LATEST_US = np.uint64(_LATEST)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ridlink.captures.fast.calling import plain
 from ridlink.captures.fast.copying import HEAD_LENGTH
 from ridlink.captures.messages import UNKNOWN
 from ridlink.captures.records import BAD_TIMESTAMP
@@ -111,12 +112,24 @@ def slot_of() -> dict[str, int]:
 
 
 @cache
+def slot_by_id() -> dict[int, int]:
+    """Slots by message id."""
+    return {layout.spec.msgid: slot for slot, layout in enumerate(layouts()) if layout.spec is not None}
+
+
+@cache
 def id_table() -> np.ndarray:
     """By message id: slot and, in the lowest eight bits, CRC_EXTRA; 0 for what the dialect does not have."""
     table = np.zeros(max(MESSAGES) + 1, np.int32)
-    for slot, msgid in enumerate(sorted(MESSAGES), start=1):
+    for msgid, slot in slot_by_id().items():
         table[msgid] = slot << 8 | MESSAGES[msgid].crc_extra
     return table
+
+
+@cache
+def for_scanning() -> tuple[Any, Any, Any]:
+    """What the kernels that scan look up: `id_table`, `checksum_table` and `initial_table`."""
+    return plain(id_table()), plain(checksum_table()), plain(initial_table())
 
 
 @cache
