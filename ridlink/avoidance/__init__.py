@@ -6,8 +6,8 @@ kernels; importing this package does not.
 
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.progress import ProgressWatch
-from ridlink.avoidance.settings import GradedSettings, RotationSettings
-from ridlink.avoidance.types import Decision, HalfplaneSettings, Memory, OwnShip, SolverKind, Status, Traffic
+from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
+from ridlink.avoidance.types import Decision, Memory, OwnShip, SolverKind, Status, Traffic
 
 __all__ = [
     "Decision",

@@ -1,4 +1,4 @@
-"""Constants of the solvers that choose among headings. This module needs numpy only."""
+"""Constants of the solvers. This module needs numpy only."""
 
 from __future__ import annotations
 
@@ -21,23 +21,113 @@ def _vector(settings: Any) -> NDArray[np.float64]:
     return np.array([getattr(settings, item.name) for item in fields(settings)], dtype=np.float64)
 
 
-def _check(settings: Any, positive: Iterable[str], may_be_infinite: Iterable[str]) -> None:
+def _check(
+    settings: Any, positive: Iterable[str], may_be_infinite: Iterable[str], may_be_negative: Iterable[str] = ()
+) -> None:
     """Every value is finite and not negative, those in `positive` are not zero either; `ValueError` names the first."""
-    infinite = frozenset(may_be_infinite)
+    infinite, signed = frozenset(may_be_infinite), frozenset(may_be_negative)
     for item in fields(settings):
         value = getattr(settings, item.name)
         if not (math.isfinite(value) or (item.name in infinite and value == math.inf)):
             raise ValueError(f"{item.name} must be finite, got {value}")
-        if value < 0.0:
+        if value < 0.0 and item.name not in signed:
             raise ValueError(f"{item.name} must not be negative, got {value}")
     for name in positive:
         if getattr(settings, name) <= 0.0:
             raise ValueError(f"{name} must be positive, got {getattr(settings, name)}")
 
 
-def _check_smoothing(settings: Any) -> None:
-    if not 0.0 < settings.smoothing <= 1.0:
-        raise ValueError(f"smoothing must lie in (0, 1], got {settings.smoothing}")
+def _check_shares(settings: Any, *names: str) -> None:
+    for name in names:
+        if not 0.0 < getattr(settings, name) <= 1.0:
+            raise ValueError(f"{name} must lie in (0, 1], got {getattr(settings, name)}")
+
+
+@dataclass(frozen=True, slots=True)
+class HalfplaneSettings:
+    """Constants of the half-plane solver; one set serves both autopilots it was tried with.
+
+    Args:
+        horizon_s: Conflicts later than this do not constrain. 5 s crawls in dense traffic, 12 s jams it; it is
+            stretched to 1.5 disc radii of own flight, since a large disc must be seen earlier.
+        response_time_s: The vehicle is taken to fly on for so long and then to obey at once; a half-plane is placed at
+            both ends of that time. 0.6 to 1.5 s behave alike, 2 s jumps past the closest approach.
+        barrier_gain_per_s: Inside the disc, separating speed asked for per metre of overlap. Less lets the overlap grow
+            deeper by metres on a slow vehicle.
+        barrier_share: Largest part of the speed limit that the barrier may ask of the pair. Discs of crossed bounds can
+            overlap by more than any vehicle can fly in a second; asking for it would only make the programme
+            infeasible.
+        smoothing: Part of the way from the last command to the new velocity taken per step. 0.3 adds a lag to a lag,
+            1 doubles the activity of the command.
+        right_turn_rad: Turn to the right of the preferred direction while a conflict lies ahead, tapered to zero. Pairs
+            that both avoid pass by it alone. 0.4 gives them two to three metres more under PX4 at 10 m/s, and is a
+            tenth faster in a circle of eight at 5 m/s; but under Candidate 2 the square takes 4 % longer, and of discs
+            that overlap at the start up to twice as many flights are late.
+        start_turn_rad: Turn on top of that of a vehicle that stands, less the faster it flies. At rest every velocity
+            lies outside of every cone: without it a fleet that starts together creeps straight into a jam, while one
+            that comes at cruise goes round. Twice the turn at cruise; three times makes discs that overlap at the start
+            orbit each other.
+        age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its disc grows by a age^2 / 2.
+        buffer_share: Share of the error sum added to the radius, and of the clearance added to it at obstacles. Grazing
+            a disc with moving errors is violating it; a third of three sigma each is the smallest buffer that ends it.
+            Below a cruise speed of 8 m/s the buffer to neighbours is larger, by 8 % at 5 m/s.
+        arrival_deceleration_mps2: The preferred speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s).
+            Infinite for a vehicle that stops at once.
+        head_on_cosine: Opposite courses are head-on when the cosine of the angle between them is below this.
+        head_on_speed_mps: Both must be faster for the head-on rule; below it a course is mostly noise.
+        obstacle_horizon_s: Time constant with which a gap to an obstacle may be closed at most.
+        obstacle_deceleration_mps2: Braking that every autopilot reaches; the approach to an obstacle is never faster
+            than what it can stop.
+        obstacle_response_s: Delay before braking begins.
+        route_margin_m: A route round an obstacle passes its clearance by so much more, so that the half-plane of the
+            obstacle does not slow the vehicle down on it.
+        contact_step_s: Time from one decision to the next. Discs without a part for errors are then never entered,
+            nor entered further, where all that are near avoid too and obey at once: each keeps to its half of what
+            separates the discs before anything else that neighbours ask of it, and standing still always does. 0, the
+            default, is off: a vehicle that answers late cannot promise it.
+        acceleration_mps2: Commands change by no more than this in 0.1 s, whatever the half-planes ask; the velocity is
+            the best one among those that can be reached so. Infinite, the default, leaves the shaping to the autopilot:
+            a limit below 5 m/s^2 is a lag on top of its own, and costs metres.
+
+    Raises:
+        ValueError: If a figure is out of its range, or not finite where it must be.
+    """
+
+    horizon_s: float = 8.0
+    response_time_s: float = 1.0
+    barrier_gain_per_s: float = 1.0
+    barrier_share: float = 0.5
+    smoothing: float = 0.5
+    right_turn_rad: float = 0.3
+    start_turn_rad: float = 0.6
+    age_acceleration_mps2: float = 2.5
+    buffer_share: float = 1.0 / 3.0
+    arrival_deceleration_mps2: float = 1.2
+    head_on_cosine: float = -0.85
+    head_on_speed_mps: float = 2.0
+    obstacle_horizon_s: float = 2.0
+    obstacle_deceleration_mps2: float = 2.0
+    obstacle_response_s: float = 0.6
+    route_margin_m: float = 3.0
+    contact_step_s: float = 0.0
+    acceleration_mps2: float = math.inf
+
+    def __post_init__(self) -> None:
+        infinite = ("arrival_deceleration_mps2", "obstacle_deceleration_mps2", "acceleration_mps2")
+        turns = ("right_turn_rad", "start_turn_rad")
+        _check(
+            self, ("horizon_s", "obstacle_horizon_s", *infinite), infinite, may_be_negative=(*turns, "head_on_cosine")
+        )
+        _check_shares(self, "smoothing", "barrier_share")
+        for name in turns:
+            if abs(getattr(self, name)) > math.pi / 2:
+                raise ValueError(f"{name} must lie within a quarter turn, got {getattr(self, name)}")
+        if not -1.0 <= self.head_on_cosine <= 0.0:
+            raise ValueError(f"head_on_cosine must lie in [-1, 0], got {self.head_on_cosine}")
+
+    def as_vector(self) -> NDArray[np.float64]:
+        """Values in field order, the form in which the kernels take them, shape (18,)."""
+        return _vector(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +159,7 @@ class RotationSettings:
 
     def __post_init__(self) -> None:
         _check(self, ("step_deg", "arrival_deceleration_mps2"), ("arrival_deceleration_mps2",))
-        _check_smoothing(self)
+        _check_shares(self, "smoothing")
         turns = 360.0 / self.step_deg
         if not (1.0 <= turns <= 720.0 and abs(turns - round(turns)) < 1e-9):
             raise ValueError(f"step_deg must divide 360 degrees into at most 720, got {self.step_deg}")
@@ -145,7 +235,7 @@ class GradedSettings:
             ("crowd_from", "risk_weight", "fade_s", "look_ahead_s", "arrival_deceleration_mps2"),
             ("arrival_deceleration_mps2",),
         )
-        _check_smoothing(self)
+        _check_shares(self, "smoothing")
         if self.lean_rad > math.pi / 2:
             raise ValueError(f"lean_rad must lie within a quarter turn, got {self.lean_rad}")
 

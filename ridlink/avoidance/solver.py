@@ -13,11 +13,10 @@ from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import RightOfWay, give_way
-from ridlink.avoidance.settings import GradedSettings, RotationSettings
+from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.avoidance.types import (
     Decision,
     FloatArray,
-    HalfplaneSettings,
     OwnShip,
     SolverKind,
     Status,

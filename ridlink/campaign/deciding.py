@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ridlink.avoidance import graded, rotation, rows, worlds
 from ridlink.avoidance.obstacles import Obstacles
-from ridlink.avoidance.settings import GradedSettings, RotationSettings
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -15,8 +15,7 @@ from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import give_way, new_turns
 from ridlink.avoidance.rotation import choose_heading
-from ridlink.avoidance.settings import GradedSettings, RotationSettings
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.campaign.tracks import Picture, collect, kernel
 
 FloatArray = NDArray[np.float64]

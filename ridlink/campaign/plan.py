@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ridlink.avoidance.settings import IDEAL_AGE_ACCELERATION_MPS2, GradedSettings, RotationSettings
-from ridlink.avoidance.types import HalfplaneSettings, SolverKind
+from ridlink.avoidance.settings import IDEAL_AGE_ACCELERATION_MPS2, GradedSettings, HalfplaneSettings, RotationSettings
+from ridlink.avoidance.types import SolverKind
 from ridlink.campaign.cell import BASELINE, Cell
 from ridlink.campaign.chance import CORRELATION_TIME_S, ErrorModel
 from ridlink.campaign.channel import PERFECT, Channel

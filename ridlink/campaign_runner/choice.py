@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.avoidance.settings import GradedSettings, RotationSettings
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.campaign.cell import BASELINE
 from ridlink.campaign.chance import CORRELATION_TIME_S, PAPER_MEAN_SPEED_MPS, ErrorModel
 from ridlink.campaign.channel import Channel

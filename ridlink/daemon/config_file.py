@@ -29,8 +29,8 @@ from typing import Annotated, Any
 
 import msgspec
 
-from ridlink.avoidance.settings import GradedSettings, RotationSettings
-from ridlink.avoidance.types import HalfplaneSettings, SolverKind
+from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
+from ridlink.avoidance.types import SolverKind
 from ridlink.checked_toml import parse_toml
 from ridlink.errors import ConfigError
 

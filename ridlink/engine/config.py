@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from ridlink.avoidance.settings import GradedSettings, RotationSettings
-from ridlink.avoidance.types import HalfplaneSettings, SolverKind
+from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
+from ridlink.avoidance.types import SolverKind
 from ridlink.engine.static_obstacles import Polygon, StaticObstacles
 from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import HalfplaneSettings
 from ridlink.observer import Scene, closing_times, pair_discs
 from ridlink.observer.encounters import CLOSES_AFTER_S
 from ridlink.observer.scene import BoolArray, FloatArray

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.avoidance.settings import GradedSettings, RotationSettings
-from ridlink.avoidance.types import HalfplaneSettings, SolverKind
+from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
+from ridlink.avoidance.types import SolverKind
 from ridlink.daemon.config import DaemonConfig, as_toml
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError

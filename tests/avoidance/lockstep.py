@@ -23,7 +23,7 @@ from ridlink.avoidance import rows
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.priority import give_way_in_worlds, new_turns
 from ridlink.avoidance.progress import ProgressWatch
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import HalfplaneSettings
 from ridlink.avoidance.worlds import avoid_worlds, halfplane_scratch, new_memory
 from ridlink.separation import Definition, Reported, separation_discs
 

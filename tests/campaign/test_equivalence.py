@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import HalfplaneSettings
 from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.flight import fly
 from ridlink.campaign.plan import IDEAL_HALFPLANES, Plan

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.avoidance.types import HalfplaneSettings
+from ridlink.avoidance.settings import HalfplaneSettings
 from ridlink.engine import Engine, EngineConfig, Goal, StepOutput
 from ridlink.mavlink.codec import Encoder, Message
 from tests.daemon.emulated import Emulated, at
