@@ -16,6 +16,7 @@ LAYERS = {
     "ridlink.errors": 0,
     "ridlink.units": 0,
     "ridlink.geodesy": 0,
+    "ridlink.companions": 0,
     "ridlink.compiled": 0,
     "ridlink.files": 0,
     "ridlink.checked_toml": 0,

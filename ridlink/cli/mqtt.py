@@ -72,6 +72,7 @@ def mqtt(
     import asyncio
     from importlib.metadata import version
 
+    from ridlink.companions import beside
     from ridlink.links import parse_link_url
     from ridlink.metrics import MQTT_METRICS, MetricsServer, parse_metrics_address
     from ridlink.mqtt import Publisher, PublisherSettings, Topics, parse_broker_url
@@ -109,11 +110,10 @@ def mqtt(
             await bridge.run(stop)
             return bridge
         server = MetricsServer(metrics_address, MQTT_METRICS)
-        serving = asyncio.create_task(_leave_figures(bridge, server))
         try:
-            await bridge.run(stop)
+            async with beside(_leave_figures(bridge, server)):
+                await bridge.run(stop)
         finally:
-            serving.cancel()
             await asyncio.to_thread(server.close)
         return bridge
 

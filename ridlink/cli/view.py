@@ -84,30 +84,28 @@ def view(
 
 async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: tuple[str, ...], opens: bool) -> None:
     import asyncio
+    from contextlib import AsyncExitStack
 
+    from ridlink.companions import beside
     from ridlink.links import Scheme, open_link
     from ridlink.view.kernels import load_kernels
-    from ridlink.view.live import Receiver, watch_link
+    from ridlink.view.live import Receiver, subscribe
     from ridlink.view.server import ViewServer
 
     stop = stopped_by_signals(asyncio.get_running_loop())
     receiver = Receiver(show)
     server = ViewServer(show, host, port, names=names, health=receiver.health)
-    await server.start()
-    loading: asyncio.Task[None] | None = None
-    try:
-        link = None if url is None else await open_link(url, receiver.hear)
+    async with AsyncExitStack() as ends:
+        await ends.enter_async_context(server.serving())
+        if url is not None:
+            link = await open_link(url, receiver.hear)
+            ends.callback(link.close)
+            await ends.enter_async_context(beside(receiver.run(server)))
+            if url.scheme is Scheme.UDPOUT:
+                await ends.enter_async_context(beside(subscribe(link)))
         announce(server.url, opens, " (Ctrl-C ends)")
-        loading = asyncio.create_task(load_kernels(show))
-        if link is not None:
-            await watch_link(link, receiver, server, stop, calls=url is not None and url.scheme is Scheme.UDPOUT)
-        else:
-            await stop.wait()
-    finally:
-        if loading is not None:
-            loading.cancel()
-            await asyncio.gather(loading, return_exceptions=True)
-        await server.close()
+        await ends.enter_async_context(beside(load_kernels(show)))
+        await stop.wait()
 
 
 def _say(line: str) -> None:

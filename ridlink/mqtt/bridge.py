@@ -16,6 +16,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
+from ridlink.companions import beside
 from ridlink.errors import ConfigError, LinkError, MissingExtraError
 from ridlink.links import Link, LinkUrl, Scheme, open_link
 from ridlink.mavlink.codec import CRC_EXTRAS
@@ -138,19 +139,8 @@ class Bridge:
         try:
             if self._relay_url is not None:
                 self._relay = await open_link(self._relay_url, lambda data, address: None)
-            tasks = [
-                asyncio.create_task(self._stay_connected()),
-                asyncio.create_task(self._keep_time(link)),
-                asyncio.create_task(stop.wait()),
-            ]
-            try:
-                done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for task in tasks:
-                    task.cancel()
-                await asyncio.gather(*tasks, return_exceptions=True)
-            for task in done:
-                task.result()
+            async with beside(self._stay_connected(), self._keep_time(link)):
+                await stop.wait()
         finally:
             link.close()
             if self._relay is not None:
@@ -243,16 +233,10 @@ class Bridge:
         )
 
     async def _converse(self, client: aiomqtt.Client) -> None:
-        hearing = asyncio.create_task(self._hear(client))  # from the first word on: there the loss of the broker shows
-        sending = asyncio.create_task(self._greet_and_send(client))
         try:
-            done, _ = await asyncio.wait({hearing, sending}, return_when=asyncio.FIRST_EXCEPTION)
-            for task in done:
-                task.result()
+            async with beside(self._hear(client)):  # from the first word on: there the loss of the broker shows
+                await self._greet_and_send(client)
         finally:
-            for task in (hearing, sending):
-                task.cancel()
-            await asyncio.gather(hearing, sending, return_exceptions=True)
             with contextlib.suppress(
                 aiomqtt.MqttError, OSError
             ):  # at the end; else nobody hears it, and the will speaks

@@ -8,11 +8,14 @@ noticed, and newcomers come in one after the other. What is not read yet waits i
 from __future__ import annotations
 
 import asyncio
+import errno
 import socket
 import time
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
+
+from ridlink.errors import LinkError
 
 MOST_CONNECTIONS = 128
 NEWCOMER_EVERY_S = 0.02
@@ -26,6 +29,8 @@ VISIT_S = 20.0
 """A connection that has not become a WebSocket by then is ended; a browser lets go of it after 5 s anyway."""
 
 OUT_OF_SOCKETS_S = 1.0
+TRANSIENT = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM, errno.ECONNABORTED)
+"""Why a connection is not accepted, and others may be: no sockets or no memory are left, or its peer has gone."""
 
 
 class Door:
@@ -46,13 +51,19 @@ class Door:
         self._free_at_s = 0.0
 
     async def run(self, listening: socket.socket) -> None:
-        """Accept connections until cancelled."""
+        """Accept connections until cancelled.
+
+        Raises:
+            LinkError: If there is nothing any more that could be accepted from.
+        """
         listening.setblocking(False)
         loop = asyncio.get_running_loop()
         while True:
             try:
                 connection, _ = await loop.sock_accept(listening)
-            except OSError:
+            except OSError as error:
+                if error.errno not in TRANSIENT:
+                    raise LinkError(f"the page lets nobody in any more: {error.strerror}") from error
                 self.counters["not_accepted"] += 1
                 await asyncio.sleep(OUT_OF_SOCKETS_S)
                 continue

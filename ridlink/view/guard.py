@@ -7,8 +7,11 @@ and where it has made its own name point at this machine, the Host does.
 from __future__ import annotations
 
 import ipaddress
+import logging
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from typing import Any
+
+LOG = logging.getLogger(__name__)
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -35,9 +38,13 @@ class Guard:
         app: The application.
         host: Address that the server listens on.
         names: Further names under which it may be asked for.
+
+    Attributes:
+        failures: Requests and pages of which the application made an error of its own; the first is logged.
     """
 
     def __init__(self, app: App, host: str, names: Iterable[str] = ()) -> None:
+        self.failures = 0
         self._app = app
         self._names = {*LOOPBACK, host.lower(), *(name.lower() for name in names)}
         self._any_address = _is_wildcard(host)
@@ -56,7 +63,13 @@ class Guard:
                 message["headers"] = [*message.get("headers", ()), *HEADERS]
             await send(message)
 
-        await self._app(scope, receive, send_with_headers)
+        try:
+            await self._app(scope, receive, send_with_headers)
+        except Exception as error:
+            self.failures += 1
+            if self.failures == 1:
+                LOG.error("an answer failed, as others may: those are counted", exc_info=error)
+            raise
 
     def _refusal(self, scope: Scope) -> tuple[int, str] | None:
         hosts = [value for name, value in scope["headers"] if name == b"host"]

@@ -82,28 +82,9 @@ class Receiver:
             await asyncio.sleep(max(0.0, step * STEP_S - (time.monotonic() - self._begun_s)))
 
 
-async def watch_link(link: Link, receiver: Receiver, server: ViewServer, stop: asyncio.Event, *, calls: bool) -> None:
-    """Show what a link carries until told to stop, and close it.
-
-    Args:
-        link: Heard by the receiver.
-        receiver: What fills the show.
-        server: Who serves the show.
-        stop: Told to stop.
-        calls: Whether to send heartbeats: so the air is subscribed to.
-    """
-    running = asyncio.create_task(receiver.run(server))
-    stopping = asyncio.create_task(stop.wait())
+async def subscribe(link: Link) -> None:
+    """Send heartbeats to a link until cancelled: so the air is subscribed to."""
     encoder = ground_station()
-    try:
-        while not stopping.done():
-            if calls:
-                link.send(heartbeat(encoder))
-            await asyncio.wait({running, stopping}, timeout=HEARTBEAT_EVERY_S, return_when=asyncio.FIRST_COMPLETED)
-            if running.done():
-                running.result()
-    finally:
-        for task in (running, stopping):
-            task.cancel()
-        await asyncio.gather(running, stopping, return_exceptions=True)
-        link.close()
+    while True:
+        link.send(heartbeat(encoder))
+        await asyncio.sleep(HEARTBEAT_EVERY_S)

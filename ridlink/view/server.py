@@ -15,10 +15,11 @@ import logging
 import socket
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ridlink.companions import beside
 from ridlink.errors import LinkError, MissingExtraError
 from ridlink.view import wire
 from ridlink.view.conversation import LONGEST_REQUEST, Conversation
@@ -48,6 +49,9 @@ SLICE_S = 0.01
 """Reading of histories is interrupted after so long for everything else."""
 
 BACKLOG = 128
+GONE = (WebSocketDisconnect, OSError)
+"""What is raised where a page has left."""
+
 SEND_BUFFER_BYTES = 128 * 1024
 """Of the kernel for each page; it would take megabytes for one that does not read."""
 
@@ -109,13 +113,13 @@ class ViewServer:
         self._files = page_files()
         self._pages: set[_Page] = set()
         self._one_slice = asyncio.Lock()
-        self._tasks: list[asyncio.Task[Any]] = []
         self._news = asyncio.Event()
         self._changed = asyncio.Condition()
         routes = [Route("/healthz", self._healthz), WebSocketRoute("/ws/v1", self._converse)]
         routes += [Route(path, self._file) for path in self._files]
+        self._guard = Guard(Starlette(routes=routes), host, names)
         config = uvicorn.Config(
-            Guard(Starlette(routes=routes), host, names),
+            self._guard,
             http="h11",
             ws=_Protocol,
             ws_max_size=2 * LONGEST_REQUEST,
@@ -132,7 +136,7 @@ class ViewServer:
 
     @property
     def url(self) -> str:
-        """Where the page is, after `start`."""
+        """Where the page is, within `serving`."""
         host = "127.0.0.1" if self._host in ("0.0.0.0", "::", *LOOPBACK[:1]) else self._host
         return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/"
 
@@ -141,27 +145,24 @@ class ViewServer:
         """How many look on now."""
         return len(self._pages)
 
-    async def start(self) -> None:
-        """Listen.
+    @contextlib.asynccontextmanager
+    async def serving(self) -> AsyncIterator[None]:
+        """Listen and serve while the block lasts; at its end everybody is sent away, and the port is free again.
+
+        What fails in the server ends the block and is raised in its place.
 
         Raises:
             LinkError: If the port is in use, or the address is none of this machine.
         """
-        listening = _listen(self._host, self._port)
-        self._port = listening.getsockname()[1]
-        self._tasks = [
-            asyncio.create_task(self._server.serve(sockets=[listening])),
-            asyncio.create_task(self._door.run(listening)),
-            asyncio.create_task(self._read_books()),
-            asyncio.create_task(self._count_seconds()),
-        ]
-
-    async def close(self) -> None:
-        """Send everybody away, and release the port."""
-        self._server.should_exit = True
-        for task in self._tasks[1:]:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        with _listen(self._host, self._port) as listening:
+            self._port = listening.getsockname()[1]
+            async with beside(
+                self._server.serve(sockets=[listening]),
+                self._door.run(listening),
+                self._read_books(),
+                self._count_seconds(),
+            ):
+                yield
 
     def publish(self) -> None:
         """There is a new instant, or a new source."""
@@ -200,13 +201,16 @@ class ViewServer:
             for task in (reading, writing):
                 task.cancel()
             results = await asyncio.gather(reading, writing, return_exceptions=True)
+            failures = [one for one in results if isinstance(one, Exception) and not isinstance(one, GONE)]
             if any(isinstance(result, TimeoutError) for result in results):
                 self.counters["dropped"] += 1
                 websocket.scope["state"]["abort"]()
+            elif failures:
+                raise failures[0]
             elif page.conversation.hopeless:
                 with contextlib.suppress(RuntimeError, TimeoutError):
                     await asyncio.wait_for(websocket.close(1008, "too many mistakes"), SECOND_S)
-        except (WebSocketDisconnect, OSError):
+        except GONE:
             pass
         finally:
             self._pages.discard(page)
@@ -253,7 +257,8 @@ class ViewServer:
             due_s += SECOND_S
             await asyncio.sleep(max(0.0, due_s - time.monotonic()))
             facts = {"frames_per_s": 0.0, "vehicles": 0, "rejects": {}, "lag_ms": 0.0, **self._health()}
-            facts["rejects"] = {**facts["rejects"], **self._door.counters}
+            failed = {"answers_failed": self._guard.failures} if self._guard.failures else {}
+            facts["rejects"] = {**facts["rejects"], **self._door.counters, **failed}
             extent = self.show.history.extent_s
             health = wire.health(facts, self.pages, self.counters["dropped"], extent, live=self.show.scenery.live)
             self._news.set()
@@ -283,6 +288,11 @@ class _Server(uvicorn.Server):
         await self.lifespan.startup()
         self.servers = []
         self.started = True
+
+    async def main_loop(self) -> None:
+        """Until cancelled; then everybody is sent away."""
+        with contextlib.suppress(asyncio.CancelledError):
+            await super().main_loop()
 
     def protocol(self) -> asyncio.Protocol:
         """What speaks on a new connection."""

@@ -157,6 +157,7 @@ async def _run(
     import asyncio
     import json
 
+    from ridlink.companions import beside
     from sitl_sim.server import PortError
 
     loop = asyncio.get_running_loop()
@@ -175,21 +176,18 @@ async def _run(
         loop.call_later(duration_s / server.config.speedup, end)
     if from_stdin:
         _read_faults(server, printer)
-    flying = asyncio.create_task(server.run(stop))
     try:
-        while not stop.is_set():
-            try:
-                await asyncio.wait_for(stop.wait(), REPORT_S)
-            except TimeoutError:
-                if as_json:
-                    facts = {"ports": _ports(server), **server.snapshot()}
-                    printer.put(json.dumps(facts, separators=(",", ":")) + "\n")
-                if printer.reader_has_gone or (until_arrived and server.world.finished):
-                    end()
-        await flying
+        async with beside(server.run(stop)):
+            while not stop.is_set():
+                try:
+                    await asyncio.wait_for(stop.wait(), REPORT_S)
+                except TimeoutError:
+                    if as_json:
+                        facts = {"ports": _ports(server), **server.snapshot()}
+                        printer.put(json.dumps(facts, separators=(",", ":")) + "\n")
+                    if printer.reader_has_gone or (until_arrived and server.world.finished):
+                        end()
     finally:
-        stop.set()
-        await asyncio.gather(flying, return_exceptions=True)
         await server.close()
     printer.put((json.dumps(_verdict(server), separators=(",", ":")) if as_json else _verdict_line(server)) + "\n")
     return int(until_arrived and not (server.mission_begun and server.world.verdict().passed))

@@ -54,6 +54,7 @@ class Conductors:
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, preexec_fn=end_with_parent,
         )  # fmt: skip
         self._reader = asyncio.create_task(self._read())
+        self._reader.add_done_callback(lambda _: self._changed.set())
         await self._until("up", UP_S)
 
     async def hand_over(self) -> None:
@@ -69,7 +70,9 @@ class Conductors:
     async def wait_landed(self) -> None:
         """Wait until all have landed or failed; who takes too long is not waited for."""
         if self._reader is not None:
-            await asyncio.wait([self._reader], timeout=LANDED_S)
+            done, _ = await asyncio.wait([self._reader], timeout=LANDED_S)
+            for reader in done:
+                reader.result()
 
     async def close(self) -> None:
         """End the process."""
@@ -83,6 +86,8 @@ class Conductors:
         while what not in self._reached:
             left_s = deadline - asyncio.get_running_loop().time()
             ended = self._reader is None or self._reader.done()
+            if ended and self._reader is not None:
+                self._reader.result()
             if self._failures or ended or left_s <= 0.0:
                 words = "; ".join(self._failures) or f"not all vehicles are {what.replace('_', ' ')}"
                 raise LinkError(f"the flight from the ground failed: {words}")
@@ -108,4 +113,3 @@ class Conductors:
                     self._reached.add(reached)
             self._changed.set()
         await self._process.wait()
-        self._changed.set()

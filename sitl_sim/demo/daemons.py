@@ -193,11 +193,16 @@ class Daemons:
         )  # fmt: skip
         self._processes.append(process)
         self._vehicles[process.pid] = [each.system_id for each in self.assigned if system_id in (None, each.system_id)]
-        self._readers.append(asyncio.create_task(self._read(process, system_id)))
+        reader = asyncio.create_task(self._read(process, system_id))
+        reader.add_done_callback(lambda _: self._changed.set())
+        self._readers.append(reader)
 
     async def _all_heard(self) -> None:
         wanted = {each.system_id for each in self.assigned}
         while not wanted <= self._heard:
+            for reader in self._readers:
+                if reader.done():
+                    reader.result()
             if any(process.returncode is not None for process in self._processes):
                 missing = ", ".join(map(str, sorted(wanted - self._heard)))
                 raise LinkError(f"the daemon of vehicle {missing} ended at once: its line above says why")
@@ -216,7 +221,6 @@ class Daemons:
             elif facts["event"] == "summary":
                 self._note(vehicle, facts)
         await process.wait()
-        self._changed.set()
 
     def _note(self, system_id: int, facts: dict[str, Any]) -> None:
         words = [str(facts[key]) for key in ("state", "status") if facts.get(key)]

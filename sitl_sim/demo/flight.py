@@ -15,6 +15,7 @@ import numpy as np
 
 from ridlink.avoidance.types import SolverKind
 from ridlink.captures.recorder import Recorder
+from ridlink.companions import beside
 from ridlink.daemon.warming import warm_up_unless
 from ridlink.errors import ConfigError, LinkError
 from ridlink.scenario import Scenario, resolve_scenario
@@ -87,14 +88,13 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         ends.push_async_callback(_end_recording, recorder, log, screen)
         ends.push_async_callback(server.close)
         onlooker.ready()
-        landed = asyncio.Event()
-        flying = asyncio.create_task(server.run(landed))
-        ends.push_async_callback(_end_flight, landed, flying)
+        await ends.enter_async_context(beside(server.run(asyncio.Event())))
         ends.push_async_callback(onlooker.end)
         ports = server.ports
         station = GroundStation(ports.vehicles, ports.air, recorder.receive, onlooker.hear)
         ends.push_async_callback(station.close)
         await station.open()
+        await ends.enter_async_context(beside(station.say_hello()))
         assigned = assignments(
             scenario,
             options.definition,
@@ -121,7 +121,7 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
         if not server.mission_begun:  # by those who are handed over, or where nobody cooperates
             server.begin_mission()
         slipped_ms = server.counters["slipped_ms"]
-        await _watch(server, daemons, screen, title, flying)
+        await _watch(server, daemons, screen, title)
         slipped_ms = server.counters["slipped_ms"] - slipped_ms
         if conductors is not None and server.world.arrived.all():
             screen.say("All have arrived, and land ...")
@@ -141,11 +141,6 @@ async def _end_recording(recorder: Recorder, log: Path, screen: Screen) -> None:
     elif recorder.dropped:
         dropped = counted(recorder.dropped, "datagram")
         screen.complain(f"{log}: {dropped} came faster than they could be written")
-
-
-async def _end_flight(landed: asyncio.Event, flying: asyncio.Task[None]) -> None:
-    landed.set()
-    await asyncio.gather(flying, return_exceptions=True)
 
 
 def _conductors(scenario: Scenario, assigned: Sequence[Assignment], ports: Sequence[int], screen: Screen) -> Conductors:
@@ -187,18 +182,15 @@ async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int)
         screen.say(f"Starting {counted(count, 'daemon')}, each a process of its own ...")
 
 
-async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: str, flying: asyncio.Task[None]) -> None:
+async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: str) -> None:
     """Show the flight until nobody is left to wait for."""
     if not screen.is_terminal:
         screen.say(f"Flying {title} (at most {server.scenario.duration_s:.0f} s) ...")
     with screen.flight(title):
         while not (server.world.finished or _all_stand(server)):
             screen.update(server.world, title, daemons.status)
-            await asyncio.wait([flying], timeout=LOOK_S)
+            await asyncio.sleep(LOOK_S)
             daemons.check()
-            if flying.done():
-                await flying
-                return
 
 
 def _all_stand(server: FleetServer) -> bool:

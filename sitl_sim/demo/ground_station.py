@@ -45,20 +45,22 @@ class GroundStation:
         self._ardupilot: set[int] = set()
         self._external: set[int] = set()
         self._changed = asyncio.Event()
-        self._heartbeat: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
-        """Connect to every vehicle and to the air, and keep saying hello to both."""
+        """Connect to every vehicle and to the air."""
         for index, port in enumerate(self._vehicle_ports):
             self._links.append(await open_link(f"udpout:127.0.0.1:{port}", self._vehicle_handler(index + 1)))
         self._links.append(await open_link(f"udpout:127.0.0.1:{self._air_port}", self._take_from_air))
-        self._heartbeat = asyncio.create_task(self._say_hello())
+
+    async def say_hello(self) -> None:
+        """Keep saying hello to every vehicle and to the air, until cancelled: they speak to whom they hear."""
+        while True:
+            for link in self._links:
+                link.send(heartbeat(self._encoder))
+            await asyncio.sleep(HEARTBEAT_EVERY_S)
 
     async def close(self) -> None:
-        """Fall silent."""
-        if self._heartbeat is not None:
-            self._heartbeat.cancel()
-            await asyncio.gather(self._heartbeat, return_exceptions=True)
+        """Hear nothing any more."""
         for link in self._links:
             link.close()
 
@@ -118,9 +120,3 @@ class GroundStation:
         if external:
             self._external.add(frame.sysid)
             self._changed.set()
-
-    async def _say_hello(self) -> None:
-        while True:
-            for link in self._links:
-                link.send(heartbeat(self._encoder))
-            await asyncio.sleep(HEARTBEAT_EVERY_S)

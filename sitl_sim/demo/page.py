@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AsyncExitStack
 
+from ridlink.companions import beside
 from ridlink.errors import LinkError
 from ridlink.observer import Sky
 from ridlink.remote_id.text import display_text
@@ -35,7 +36,7 @@ class Page(Onlooker):
         self._on_ready: Callable[[], None] | None = on_ready
         self._show = Show(Scenery("the flight is being prepared", "demo", live=True, truth=True))
         self._receiver: Receiver | None = None
-        self._running: asyncio.Task[None] | None = None
+        self._flight, self._served = AsyncExitStack(), AsyncExitStack()
         self.server = ViewServer(self._show, HOST, 0, health=self._health)
 
     async def open(self, port: int | None) -> bool:
@@ -53,7 +54,7 @@ class Page(Onlooker):
         for attempt in (DEFAULT_PORT, 0) if port is None else (port,):
             self.server = ViewServer(self._show, HOST, attempt, health=self._health)
             try:
-                await self.server.start()
+                await self._served.enter_async_context(self.server.serving())
             except LinkError:
                 if port is None and attempt:
                     continue
@@ -92,7 +93,7 @@ class Page(Onlooker):
         self._show.definition = definition
         self._show.restart(scenery)
         self._receiver = Receiver(self._show, sky=Sky(origin=fleet.home), truth=truth)
-        self._running = asyncio.create_task(self._receiver.run(self.server))
+        await self._flight.enter_async_context(beside(self._receiver.run(self.server)))
         await load_kernels(self._show)
 
     def hear(self, data: bytes) -> None:
@@ -102,20 +103,19 @@ class Page(Onlooker):
 
     async def end(self) -> None:
         """The flight is over; what was seen of it stays."""
-        if self._running is not None:
-            self._running.cancel()
-            await asyncio.gather(self._running, return_exceptions=True)
-            self._running = None
+        if self._receiver is not None:
+            self._receiver = None
+            await self._flight.aclose()
             self._show.finish()
             self.server.publish()
 
     async def close(self) -> None:
         """Show nothing any more."""
         await self.end()
-        await self.server.close()
+        await self._served.aclose()
 
     def _health(self) -> Mapping[str, object]:
-        return self._receiver.health() if self._receiver is not None and self._running is not None else {}
+        return self._receiver.health() if self._receiver is not None else {}
 
 
 def _pair(place: Sequence[float]) -> Pair:

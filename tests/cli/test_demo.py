@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import io
 import json
 import os
@@ -59,6 +60,10 @@ goal_ned_m = [-60.0, 0.0, -50.0]
 speed_mps = 20.0
 cooperative = false
 """
+
+needs_mavsdk = pytest.mark.skipif(
+    importlib.util.find_spec("mavsdk") is None, reason="the extra mavsdk is not installed"
+)
 
 KEYS = {
     "scenario", "definition", "seed", "vehicles", "arrived", "macs", "unmac_violations", "min_separation_m",
@@ -239,6 +244,24 @@ def test_a_scenario_that_is_none_is_one_line_and_no_page() -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     (line,) = done.stderr.splitlines()
     assert (done.returncode, done.stdout) == (2, "") and "unknown scenario 'nosuch'" in line
+
+
+@pytest.mark.parametrize(
+    ("module", "options"),
+    [
+        ("sitl_sim.demo.crew", []),
+        pytest.param("sitl_sim.demo.from_ground", ["--from-ground"], marks=needs_mavsdk),
+    ],
+)
+def test_words_of_its_processes_that_nobody_understands_end_it_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, options: list[str]
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(f"import sys\nif {module!r} in sys.orig_argv: print('hello')")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    chosen = ["--headless", "--any-ports", "--scenario", scenario(tmp_path, ALONE), "--log", str(tmp_path / "f.tlog")]
+    done = demo(*chosen, *options, timeout_s=60.0)
+    assert done.returncode == 70, done.stderr
+    assert "internal error: JSONDecodeError" in done.stderr
 
 
 def test_a_port_in_use_is_named(tmp_path: Path) -> None:

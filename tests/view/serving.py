@@ -35,12 +35,9 @@ def a_show(flyers: list[Flyer] = HEAD_ON, until_s: float = 3.0, **facts: Any) ->
 
 @contextlib.asynccontextmanager
 async def serving(show: Show, **options: Any) -> AsyncIterator[ViewServer]:
-    server = ViewServer(show, port=0, **options)
-    await server.start()
-    try:
+    server = ViewServer(show, **({"port": 0} | options))
+    async with server.serving():
         yield server
-    finally:
-        await server.close()
 
 
 @contextlib.asynccontextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import resource
 import socket
 import sys
@@ -14,6 +15,7 @@ import pytest
 
 pytest.importorskip("uvicorn", reason="needs ridlink[web]")
 
+from ridlink.errors import LinkError
 from ridlink.view import door as doors
 from ridlink.view.door import Door
 from tests.view.serving import PATIENCE_S, a_page, a_show, heard, run, serving
@@ -147,6 +149,29 @@ def test_f31_where_all_are_pages_a_newcomer_is_turned_away(monkeypatch: pytest.M
             with contextlib.suppress(ConnectionResetError):
                 assert await asyncio.wait_for(reader.read(), PATIENCE_S) == b""
             assert (await heard(page, "health"))["rejects"] == {"turned_away": 1}
+
+    run(body)
+
+
+def the_listening_socket(port: int) -> socket.socket:
+    """Of this process, once more."""
+    for entry in Path("/proc/self/fd").iterdir():
+        with contextlib.suppress(OSError):
+            sock = socket.socket(fileno=os.dup(int(entry.name)))
+            if sock.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN) and sock.getsockname()[1] == port:
+                return sock
+            sock.close()
+    raise AssertionError(f"nobody listens on {port}")
+
+
+def test_a_socket_that_is_shut_under_the_server_ends_what_is_served_beside_it() -> None:
+    async def body() -> None:
+        with pytest.raises(LinkError, match="lets nobody in any more: Invalid argument"):
+            async with serving(a_show()) as server, a_page(server) as page:
+                await heard(page, "hello")
+                with the_listening_socket(port_of(server.url)) as listening:
+                    listening.shutdown(socket.SHUT_RDWR)
+                await asyncio.Event().wait()
 
     run(body)
 

@@ -7,6 +7,7 @@ import contextlib
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("uvicorn", reason="needs ridlink[web]")
@@ -17,7 +18,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from ridlink.errors import LinkError
 from ridlink.view.guard import host_name
-from ridlink.view.server import MOST_PAGES, ViewServer
+from ridlink.view.instants import Instant
+from ridlink.view.server import MOST_PAGES
 from tests.observer.flights import Flyer
 from tests.view.serving import PATIENCE_S, a_page, a_show, heard, run, serving
 
@@ -249,12 +251,47 @@ def test_f32_hostile_ids_arrive_as_text() -> None:
     run(body)
 
 
+def test_an_answer_that_fails_is_logged_once_and_counted_and_nobody_else_is_disturbed(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async def body() -> None:
+        show = a_show(obstacles=[[(0.0, 0.0)]])  # a polygon has three corners at the least
+        show.look_at_vehicles()
+        async with serving(show) as server, a_page(server) as other:
+            await heard(other, "hello")
+            for _ in range(2):
+                async with a_page(server) as page:
+                    await page.send('{"select":"ALPHA"}')
+                    with pytest.raises(ConnectionClosed):
+                        while True:
+                            await asyncio.wait_for(page.recv(), PATIENCE_S)
+            while not (health := await heard(other, "health"))["rejects"]:
+                continue
+            assert health["rejects"] == {"answers_failed": 2}
+        assert [record.message for record in caplog.records] == ["an answer failed, as others may: those are counted"]
+        assert caplog.records[0].exc_info is not None
+
+    run(body)
+
+
+def test_what_fails_in_the_history_ends_what_is_served_beside_it() -> None:
+    async def body() -> None:
+        show = a_show()
+        show.history.add(Instant(4.0, (1, 2), ("ALPHA", "BRAVO"), np.zeros((2, 3), np.float32)))
+        with pytest.raises(IndexError):
+            async with serving(show):
+                await asyncio.Event().wait()
+
+    run(body)
+
+
 def test_a_port_in_use_is_named() -> None:
     async def body() -> None:
         async with serving(a_show()) as server:
             port = int(server.url.rsplit(":", 1)[1].strip("/"))
             with pytest.raises(LinkError, match=f"port {port} is in use"):
-                await ViewServer(a_show(), port=port).start()
+                async with serving(a_show(), port=port):
+                    pass
 
     run(body)
 
@@ -262,7 +299,8 @@ def test_a_port_in_use_is_named() -> None:
 def test_a_name_that_no_host_can_have_is_one_line() -> None:
     async def body() -> None:
         with pytest.raises(LinkError, match=r"no such host: .*label empty"):
-            await ViewServer(a_show(), "127..0.0.1", 0).start()
+            async with serving(a_show(), host="127..0.0.1"):
+                pass
 
     run(body)
 
