@@ -169,22 +169,27 @@ def configured(config_file: str | None, over: Mapping[str, Any]) -> DaemonConfig
         over: Options by key, None where one is not given.
 
     Raises:
-        ConfigError: As `daemon_config`; the text names the line of the file that it is about.
+        ConfigError: As `daemon_config`; the text names the line of the file, or the option, that it is about.
         OSError: If the file cannot be read.
     """
-    if config_file is None:
-        return daemon_config(overridden(FlatConfig(), over))
-    text = config_text(config_file)
-    flat = read_config_text(text, config_file)
+    text = "" if config_file is None else config_text(config_file)
+    flat = FlatConfig() if config_file is None else read_config_text(text, config_file)
     try:
         return daemon_config(overridden(flat, over), config_file)
     except ConfigError as error:
         for key, others in _without_each(flat):
             if _complaint(overridden(others, over), config_file) != str(error):
-                named = re.search(rf"\b{key.replace('_', '[-_]')}\b", str(error))
-                what = "" if named else f"{key}: "
-                raise ConfigError(f"{config_file}{line_of(text, key)}: {what}{error}") from error
+                raise ConfigError(f"{config_file}{line_of(text, key)}: {_with_name(key, error)}") from error
+        for key in (name for name, value in over.items() if value is not None):
+            if _complaint(overridden(flat, {**over, key: None}), config_file) != str(error):
+                raise ConfigError(_with_name(key.replace("_", "-"), error)) from error
         raise
+
+
+def _with_name(key: str, error: ConfigError) -> str:
+    """What is wrong, with the name of the key or option before it where the text does not have it."""
+    named = re.search(rf"\b{re.sub('[-_]', '[-_]', key)}\b", str(error))
+    return str(error) if named else f"{key}: {error}"
 
 
 def _without_each(flat: FlatConfig) -> Iterator[tuple[str, FlatConfig]]:
@@ -198,7 +203,7 @@ def _without_each(flat: FlatConfig) -> Iterator[tuple[str, FlatConfig]]:
             yield key, msgspec.structs.replace(flat, **{key: None})
 
 
-def _complaint(flat: FlatConfig, config_file: str) -> str:
+def _complaint(flat: FlatConfig, config_file: str | None) -> str:
     """What is wrong with a configuration, empty if nothing is."""
     try:
         daemon_config(flat, config_file)

@@ -173,6 +173,23 @@ def test_f34_a_value_out_of_range_is_told_with_its_line(write, text: str, over: 
     assert str(caught.value).startswith(f"{path}{said}")
 
 
+@pytest.mark.parametrize(
+    ("over", "said"),
+    [
+        ({"v_max": 200.0}, "v-max: horizontal_mps must be at most 100, got 200"),
+        ({"cruise": 7.0, "a_max": 0.0}, "a-max: acceleration_mps2 must be positive and finite, got 0.0"),
+        ({"rid": "udp:a:1"}, "rid: connection string 'udp:a:1'"),
+        ({"vertical_cost": -1.0}, "vertical-cost must lie between 0 and 2"),
+        ({"v_max": 9.0, "cruise": 12.0}, "cruise of 12 m/s is above v-max of 9 m/s"),
+    ],
+)
+def test_f34_an_option_out_of_range_is_told_by_its_name(write, over: dict[str, Any], said: str) -> None:
+    for config_file in (None, str(write("airframe = 0.9"))):
+        with pytest.raises(ConfigError) as caught:
+            configured(config_file, over)
+        assert str(caught.value).startswith(said)
+
+
 def test_what_is_wrong_with_an_option_is_not_blamed_on_the_file(write) -> None:
     with pytest.raises(ConfigError, match=r"^cruise must be positive, got -2.0 m/s$"):
         configured(str(write("cruise = -1.0")), {"cruise": -2.0})
