@@ -42,7 +42,7 @@ def scenario_text(scenario: Scenario, config: FleetConfig) -> str:
     speed_mps = math.hypot(*wind.velocity_ne_mps)
     lines = [
         f"{scenario.name}: {counted(len(scenario.vehicles), 'vehicle')}, at most {scenario.duration_s:g} s, "
-        f"Remote ID every {scenario.interval_s:g} s",
+        f"Remote ID every {_interval_s(scenario.interval_s, config):g} s",
         f"home {home.latitude_deg:.6f}, {home.longitude_deg:.6f}, {home.altitude_m:g} m; autopilot {config.autopilot}; "
         f"gnss {config.gnss}; technology {config.technology}; seed {config.seed}",
     ]
@@ -77,6 +77,11 @@ def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig, autopilot: str) -> 
         "avoids nobody": not vehicle.cooperative,
         "stock Remote ID": not vehicle.extended,
         "silent": vehicle.silent,
-        f"every {vehicle.interval_s} s": vehicle.interval_s is not None,
+        f"every {_interval_s(vehicle.interval_s or 0.0, config):g} s": vehicle.interval_s is not None,
     }
     return "; ".join([text, *(habit for habit, has in habits.items() if has)])
+
+
+def _interval_s(wanted_s: float, config: FleetConfig) -> float:
+    """Between two updates: nobody broadcasts more often than the technology does."""
+    return max(wanted_s, TECHNOLOGIES[config.technology].period_s)

@@ -302,6 +302,15 @@ def test_explain_prints_the_scenario_and_flies_nothing(tmp_path: Path) -> None:
     assert "a ghost" in text and "5 s: gnss-outage, vehicle 1: duration_s 0" in text
 
 
+def test_explain_tells_no_update_that_comes_before_the_technologys_period(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    vehicle = "[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [100, 0, -50]\ninterval_s = 0.5\n"
+    path.write_text(f'name = "mine"\nduration_s = 60.0\n{vehicle}')
+    for technology, fleet, own in (("ideal", "0.1", "0.5"), ("flarm", "1", "1"), ("wifi-beacon", "0.1024", "0.5")):
+        text = ridlink_sim("--scenario", str(path), "--explain", "--technology", technology).stdout
+        assert f"Remote ID every {fleet} s" in text and f"; every {own} s" in text
+
+
 @pytest.mark.parametrize(
     "arguments, told",
     [
