@@ -56,7 +56,7 @@ class PcapReader:
         window.skip(FILE_HEADER_LENGTH)
         while window.reach(PACKET_HEADER_LENGTH):
             length = self._record_length(0)
-            if length is None or self._ends_within(length):
+            if length is None or self._ends_within(length) or self._is_of_another_time(length):
                 self._resynchronise()
                 continue
             if window.left < length:
@@ -74,7 +74,7 @@ class PcapReader:
         if len(header) < PACKET_HEADER_LENGTH:
             return None
         _, fraction, captured, original = self._header.unpack(header)
-        if fraction >= self._per_second or not 0 < captured <= MAX_PACKET_LENGTH or captured > original:
+        if fraction >= self._per_second or not 0 < captured <= original <= MAX_PACKET_LENGTH:
             return None
         return PACKET_HEADER_LENGTH + int(captured)
 
@@ -86,6 +86,13 @@ class PcapReader:
         if follows >= 0 and (follows < PACKET_HEADER_LENGTH or self._record_length(length) is not None):
             return False
         return self._find_record(PACKET_HEADER_LENGTH, length) is not None
+
+    def _is_of_another_time(self, length: int) -> bool:
+        """Its time is far from that of the one before, and within it there is a record whose time is not.
+
+        Where four bytes are missing the fraction stands in the place of the seconds, and both lengths are plausible.
+        """
+        return not self._is_near(0, self._last_s) and self._find_record(1, length) is not None
 
     def _find_record(self, start: int, end: int) -> int | None:
         """Where between two places the next record starts that another one, or the end of the file, follows."""

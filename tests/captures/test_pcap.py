@@ -381,6 +381,36 @@ def test_f33_a_damaged_length_costs_one_packet(kind: str) -> None:
             assert len({packet.time_us for packet in packets} - times) <= (1 if value else 0), (value, more)
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("nanoseconds", [False, True])
+@pytest.mark.parametrize(
+    ("link_type", "packet"),
+    [
+        (1, ethernet(IP4)),
+        (0, struct.pack("<I", 2) + IP4),
+        (0, struct.pack(">I", 2) + IP4),
+        (113, bytes.fromhex("0000000100060000000000000000") + b"\x08\x00" + IP4),
+        (101, IP4),
+        (127, radiotap(odid_beacon(), 0x10)),
+        (105, odid_beacon()),
+        (272, nordic(legacy())),
+        (251, extended()),
+        (256, phdr(extended())),
+    ],
+)
+def test_f33_bytes_that_are_missing_cost_two_packets(
+    link_type: int, packet: bytes, nanoseconds: bool, order: str
+) -> None:
+    """Four in particular: both lengths of a record say the same, and each stands where the other did."""
+    data = pcap(timed([packet] * 21), link_type, order=order, nanoseconds=nanoseconds)
+    packets, _ = packets_of(data)
+    for at in (packets[10].offset + shift for shift in (0, 5, 8, 12, 20)):
+        for missing in range(1, 9):
+            found, rejects = packets_of(data[:at] + data[at + missing :])
+            times = {whole.time_us for whole in found if whole.data == packet}
+            assert len({whole.time_us for whole in packets} - times) <= 2 and rejects, (at, missing)
+
+
 def test_f33_a_length_on_file_allocates_nothing() -> None:
     hostile = pcap(timed(AIR[:1]), 127) + struct.pack("<IIII", START_US // 10**6, 0, 0xFFFFFFF0, 0xFFFFFFF0)
     found, rejects = packets_of(hostile + b"".join(pcap_record("<", START_US, packet) for packet in AIR))
