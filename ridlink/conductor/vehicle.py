@@ -100,6 +100,17 @@ class Conductor:
             task.cancel()
         await asyncio.gather(*self._listening, return_exceptions=True)
 
+    def _check_hearing(self) -> None:
+        """See that the vehicle is still listened to.
+
+        Raises:
+            FlightError: If what listens has ended.
+        """
+        for task in self._listening:
+            if task.done():
+                why = task.exception()
+                raise FlightError(f"the vehicle is heard no more: {why or 'MAVSDK has ended it'}") from why
+
     # --- on the ground, and up ----------------------------------------------------------------------------------------
 
     async def wait_healthy(self, timeout_s: float) -> None:
@@ -111,6 +122,7 @@ class Conductor:
         deadline = time.monotonic() + timeout_s
         told: list[str] = []
         while missing := await self._missing():
+            self._check_hearing()
             if time.monotonic() > deadline:
                 raise FlightError(f"not healthy after {timeout_s:g} s: no {', no '.join(missing)}{self._because()}")
             if missing != told:
@@ -196,7 +208,11 @@ class Conductor:
         self._say("handed over: the daemon steers")
 
     async def follow(self, stop: asyncio.Event) -> End:
-        """Watch until the flight under the daemon ends."""
+        """Watch until the flight under the daemon ends.
+
+        Raises:
+            FlightError: If the vehicle is not listened to any more.
+        """
         while True:
             if self._is_lost():
                 return End.DAEMON_LOST
@@ -204,6 +220,7 @@ class Conductor:
                 mode = await self._telemetry.flight_mode()
                 landing = mode == FlightMode.LAND or not await self._telemetry.armed()
                 return End.LANDING if landing else End.TAKEN
+            self._check_hearing()
             if stop.is_set():
                 return End.STOPPED
             if not self._daemon.is_heard(time.monotonic()):
@@ -284,8 +301,10 @@ class Conductor:
     ) -> None:
         deadline = time.monotonic() + timeout_s
         while not await question():
-            if self._is_lost() and not without_daemon:
-                raise FlightError("the daemon ended: its line above says why")
+            if not without_daemon:
+                self._check_hearing()
+                if self._is_lost():
+                    raise FlightError("the daemon ended: its line above says why")
             if time.monotonic() > deadline:
                 raise FlightError(f"not {what} within {timeout_s:.0f} s{self._because()}")
             await asyncio.sleep(LOOK_S)

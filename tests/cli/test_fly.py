@@ -21,11 +21,12 @@ from click.testing import CliRunner
 from ridlink.avoidance.solver import warm_up
 from ridlink.avoidance.types import SolverKind
 from ridlink.cli import cli
-from ridlink.links import open_link
+from ridlink.links import open_link, parse_link_url
 from ridlink.mavlink.codec import Encoder
 from ridlink.scenario import Event, Scenario, VehicleSpec, built_in
 from sitl_sim.autopilot.modes import Mode
-from sitl_sim.fleet_config import FleetConfig
+from sitl_sim.autopilot.results import Severity
+from sitl_sim.fleet_config import FleetConfig, Start
 from sitl_sim.server import FleetServer
 from tests.links.test_links import turn
 from tests.sitl_sim.test_server import ANY_PORT, fly, fly_both_autopilots, run
@@ -199,6 +200,31 @@ def test_what_ends_the_climb_leaves_nobody_up_there(cause: str) -> None:
         assert not server.autopilots[0].pilot.armed
 
     fly(built_in("circle8", 1), act, sigma_m=0.0, **ANY_PORT)
+
+
+@needs_mavsdk
+def test_a_conductor_that_hears_no_more_says_so() -> None:
+    """Its words go to somebody who takes none of the vehicle's: nobody would know what the vehicle warns of."""
+    from ridlink.conductor import Conductor, FlightError, connect, mavsdk_ground_station
+
+    def say(text: str) -> None:
+        if text.startswith("vehicle: "):
+            raise ValueError("not today")
+
+    async def act(server: FleetServer) -> None:
+        async with mavsdk_ground_station() as mavsdk:
+            conductor = Conductor(await connect(mavsdk, parse_link_url(vehicle_of(server))), say)
+            await conductor.open()
+            try:
+                await conductor.wait_healthy(30.0)
+                server.autopilots[0].pilot._board.say(Severity.WARNING, "strong wind")
+                with pytest.raises(FlightError, match="the vehicle is heard no more: not today"):
+                    await conductor.take_off(30.0)
+                await conductor.land()
+            finally:
+                await conductor.close()
+
+    fly(built_in("circle8", 1), act, sigma_m=0.0, start=Start.GROUND, **ANY_PORT)
 
 
 @needs_mavsdk
