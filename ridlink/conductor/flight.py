@@ -1,0 +1,182 @@
+"""One conducted flight, from the search for the vehicle to its landing, with the daemon that may be started for it."""
+
+from __future__ import annotations
+
+import asyncio
+import shlex
+import sys
+import time
+from asyncio.subprocess import DEVNULL, Process
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any
+
+from ridlink.conductor.outcome import End, FlightError, TakenError
+from ridlink.conductor.station import connect, mavsdk_ground_station
+from ridlink.conductor.vehicle import Conductor
+from ridlink.links import LinkUrl
+
+DAEMON_ENDS_S = 5.0
+
+
+async def _unless(stop: asyncio.Event, work: Coroutine[Any, Any, Any]) -> Any:
+    """What comes of it, or nothing where a signal comes first: on the ground there is nothing to wait for."""
+    doing, ending = asyncio.ensure_future(work), asyncio.ensure_future(stop.wait())
+    try:
+        await asyncio.wait({doing, ending}, return_when=asyncio.FIRST_COMPLETED)
+        return doing.result() if doing.done() else None
+    finally:
+        for each in (doing, ending):
+            each.cancel()
+        await asyncio.gather(doing, ending, return_exceptions=True)
+
+
+class ConductedFlight:
+    """What is to be flown, and what has been.
+
+    Args:
+        link: To the autopilot.
+        height_m: To climb to over home.
+        health_s: So long the vehicle may take to be ready.
+        lands: Land at the end; otherwise it is left holding.
+        under_daemon: Hand it over to a daemon.
+        daemon_options: Start that daemon, `ridlink avoid` with these options; None: it runs already.
+        say: Called with a line for every step.
+
+    Attributes:
+        outcome: "done", "stopped" or "failed".
+        reason: Why it failed; empty otherwise.
+    """
+
+    def __init__(
+        self,
+        link: LinkUrl,
+        height_m: float,
+        *,
+        health_s: float,
+        lands: bool,
+        under_daemon: bool,
+        daemon_options: Sequence[str] | None,
+        say: Callable[[str], None],
+    ) -> None:
+        self._link, self._height_m, self._health_s, self._lands = link, height_m, health_s, lands
+        self._under_daemon, self._daemon_options, self._say = under_daemon, daemon_options, say
+        self._process: Process | None = None
+        self._began_s = time.monotonic()
+        self.outcome, self.reason = "", ""
+        self._ordered = self._up = self._arrived = self._landed = False
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time since it began."""
+        return time.monotonic() - self._began_s
+
+    def as_dict(self) -> dict[str, Any]:
+        """What it came to, for JSON."""
+        return {
+            "event": "final", "outcome": self.outcome, "reason": self.reason, "took_off": self._up,
+            "arrived": self._arrived, "landed": self._landed, "time_s": round(self.elapsed_s, 1),
+        }  # fmt: skip
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Fly; the daemon that was started for it is ended whatever happens.
+
+        Args:
+            stop: Set it to end: on the ground at once, in the air by holding or landing.
+
+        Raises:
+            LinkError: If the link cannot be opened, or nobody is there.
+            FlightError: If something was refused or did not come about; the outcome says so as well.
+        """
+        try:
+            async with mavsdk_ground_station() as mavsdk:
+                self._say(f"looking for an autopilot on {self._link}")
+                system = await _unless(stop, connect(mavsdk, self._link))
+                if system is None:
+                    self._stopped_on_the_ground()
+                    return
+                await self._conduct(Conductor(system, self._say, self._daemon_has_ended), stop)
+        except FlightError as error:
+            self.outcome, self.reason = "failed", str(error)
+            raise
+
+    async def _conduct(self, conductor: Conductor, stop: asyncio.Event) -> None:
+        await conductor.open()
+        try:
+            await self._fly(conductor, stop)
+        except TakenError:
+            raise
+        except FlightError:
+            if self._ordered and self._lands and not self._landed and await conductor.is_armed():
+                await conductor.land()
+                self._landed = True
+            raise
+        finally:
+            await conductor.close()
+            await self._end_daemon()
+
+    async def _fly(self, conductor: Conductor, stop: asyncio.Event) -> None:
+        if self._daemon_options is not None:
+            await self._start_daemon(self._daemon_options)
+        if self._under_daemon:
+            await _unless(stop, conductor.find_daemon())
+        await _unless(stop, conductor.wait_healthy(self._health_s))
+        if stop.is_set():
+            self._stopped_on_the_ground()
+            return
+        self._ordered = True
+        await conductor.take_off(self._height_m)
+        self._up = True
+        self.outcome = "done"
+        end = None
+        if self._under_daemon and not stop.is_set():
+            await conductor.hand_over()
+            end = await conductor.follow(stop)
+        elif stop.is_set():
+            self.outcome = "stopped"
+        await self._down(conductor, end)
+
+    def _stopped_on_the_ground(self) -> None:
+        self.outcome = "stopped"
+        self._say("stopped before the take-off")
+
+    async def _down(self, conductor: Conductor, end: End | None) -> None:
+        self._arrived = end is End.ARRIVED
+        match end:
+            case End.TAKEN:
+                raise TakenError
+            case End.ARRIVED:
+                self._say("arrived")
+            case End.STOPPED:
+                self.outcome = "stopped"
+            case End.LANDING:
+                self._say("comes down by itself")
+        if self._lands or end is End.LANDING:
+            await conductor.land()
+            self._landed = True
+        elif end is not None:
+            await conductor.hold()
+        if end is End.DAEMON_LOST:
+            raise FlightError(end)
+
+    # --- the daemon ---------------------------------------------------------------------------------------------------
+
+    async def _start_daemon(self, options: Sequence[str]) -> None:
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "ridlink", "avoid", *options, stdin=DEVNULL, stdout=DEVNULL,
+            start_new_session=True,  # Ctrl-C of the terminal is not for it: it flies until it is ended from here
+        )  # fmt: skip
+        self._say(f"started: ridlink avoid {shlex.join(options)}")
+
+    def _daemon_has_ended(self) -> bool:
+        return self._process is not None and self._process.returncode is not None
+
+    async def _end_daemon(self) -> None:
+        if self._process is None:
+            return
+        if self._process.returncode is None:
+            self._process.terminate()
+        try:
+            await asyncio.wait_for(self._process.wait(), DAEMON_ENDS_S)
+        except TimeoutError:
+            self._process.kill()
+            await self._process.wait()
