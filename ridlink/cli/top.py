@@ -41,7 +41,7 @@ State = dict[str, Any]
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line, once an interval.")
 def top(url: str, definition: str, interval: float, seconds: float | None, sort: str, as_json: bool) -> int:
     """Show who is in the air on a link, until Ctrl-C: age and rate of the reports, position, speed, error, size, share
-    of a disc, and the neighbour nearest to it with what is left between them.
+    of a disc, and the tightest neighbour, with what is left between the two discs.
 
     \b
     ridlink top                           the emulated air, udpout:127.0.0.1:14650
@@ -209,8 +209,8 @@ def _output(as_json: bool) -> _Output:
     return _Screen(Console())
 
 
-COLUMNS = ("aircraft", "age s", "Hz", "position deg", "m/s", "error m", "size m", "disc m", "nearest", "m", "margin m")
-NAMES = ("aircraft", "nearest")
+COLUMNS = ("aircraft", "age s", "Hz", "position deg", "m/s", "error m", "size m", "disc m", "tightest", "m", "margin m")
+NAMES = ("aircraft", "tightest")
 SHORTEST_NAME = 8
 WIDE = 100
 """From so many columns of the terminal on there is room for everything."""

@@ -3,7 +3,7 @@
 scenery         what a source is, and what is known beside what is heard
 instants        every tenth of a second as a compact array; a bounded history of them
 wire            instants as the JSON text that the page reads
-book            the whole history under one definition: encounters, and who was nearest when
+book            the whole history under one definition: encounters, and which pair was tightest when
 velocity_space  what the selected vehicle may fly, as its solver would see it
 kernels         the solver's kernels, loaded while pages are served
 show            one source and all that can be asked about it; no clock, no socket

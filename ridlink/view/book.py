@@ -1,4 +1,4 @@
-"""The whole history under one definition: encounters, and who was nearest when. Read in slices, kept up to date."""
+"""The whole history under one definition: encounters, and the tightest pair of each time. Read in slices."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ class Book:
 
     Attributes:
         changes: Counts up whenever an encounter changed.
+        caught_up: Whether it has ever come to the end of the history; from then on it keeps up.
     """
 
     def __init__(self, definition: Definition, history: History, seen: Seen) -> None:
@@ -45,6 +46,7 @@ class Book:
         self._closed: deque[tuple[int, Encounter]] = deque(maxlen=MOST_ENCOUNTERS)
         self._met = 0
         self._next = self._first = history.first
+        self.caught_up = self._next >= history.end
         self._least = array("f")
 
     @property
@@ -61,9 +63,10 @@ class Book:
             self._least.extend([np.nan] * (2 * (history.first - self._next)))
             self._next = history.first
         moment = history.at(self._next)
-        scene, pairs, nearest = self._seen(moment)
-        self._least.extend((nearest.distance_m[0], nearest.radius_m[0]) if len(nearest) else (np.nan, np.nan))
+        scene, pairs, tightest = self._seen(moment)
+        self._least.extend((tightest.distance_m[0], tightest.radius_m[0]) if len(tightest) else (np.nan, np.nan))
         self._next += 1
+        self.caught_up = self.caught_up or self._next >= history.end
         surplus = history.first - self._first
         if 4 * surplus > len(self._least) // 2:
             del self._least[: 2 * surplus]

@@ -64,7 +64,7 @@ class Conversation:
         self._answers: dict[str, Iterator[bytes]] = {}
         self._instant_due = self._others_turn = False
         self._encounters_due = True
-        self._told_changes = -1
+        self._told: tuple[int, bool] | None = None
         self._greeted = -1
 
     def take(self, text: str | bytes) -> None:
@@ -91,7 +91,7 @@ class Conversation:
         if not isinstance(request.definition, msgspec.UnsetType):
             self.definition = request.definition
             self._encounters_due = self._instant_due = True
-            self._told_changes = -1
+            self._told = None
         if not isinstance(request.select, msgspec.UnsetType):
             self.selected = request.select
             self._instant_due = True
@@ -120,7 +120,7 @@ class Conversation:
             if self._greeted >= 0:  # what was asked about another source
                 self._answers.clear()
             self._greeted = show.greetings
-            self._told_changes = -1
+            self._told = None
             self._instant_due = self._encounters_due = True
             return show.hello()
         if self._waiting:
@@ -131,9 +131,10 @@ class Conversation:
         if self._encounters_due:
             self._encounters_due = False
             book = show.book(self.definition)
-            if book.changes != self._told_changes:
-                self._told_changes = book.changes
-                return wire.encounters(self.definition, book.encounters())
+            state = book.changes, book.caught_up
+            if state != self._told:
+                self._told = state
+                return wire.encounters(self.definition, book.encounters(), complete=book.caught_up)
             return b""
         for kind in ("at", "series", "window"):
             if kind in self._answers:
@@ -187,6 +188,7 @@ class Conversation:
 
     def _series(self, window: Window) -> Iterator[bytes]:
         book = self._show.book(self.definition)
+        self._encounters_due = True  # both are told of the same stretch
         yield wire.series(self.definition, *book.series(min(window), max(window)))
 
 

@@ -105,7 +105,7 @@ class Show:
                 lambda moment: (
                     self._scene(moment),
                     self._pairs(moment, definition),
-                    self._nearest(moment, definition),
+                    self._tightest(moment, definition),
                 ),
             )
         return self._books[definition]
@@ -134,8 +134,8 @@ class Show:
         moment = self.history.at(number)
 
         def text() -> bytes:
-            pairs, nearest = self._pairs(moment, definition), self._nearest(moment, definition)
-            return wire.instant(moment, self._scene(moment), pairs, nearest, definition, live=live)
+            pairs, tightest = self._pairs(moment, definition), self._tightest(moment, definition)
+            return wire.instant(moment, self._scene(moment), pairs, tightest, definition, live=live)
 
         return self._text((number, definition, live), text)
 
@@ -156,8 +156,8 @@ class Show:
     def _pairs(self, moment: Instant, definition: Definition) -> Pairs:
         return self._once(moment, ("pairs", definition), lambda: pairs_of(self._scene(moment), definition))
 
-    def _nearest(self, moment: Instant, definition: Definition) -> Pairs:
-        return self._once(moment, ("nearest", definition), lambda: least_margin(self._scene(moment), definition))
+    def _tightest(self, moment: Instant, definition: Definition) -> Pairs:
+        return self._once(moment, ("tightest", definition), lambda: least_margin(self._scene(moment), definition))
 
     def _once(self, moment: Instant, what: Hashable, work_out: Callable[[], Value]) -> Value:
         """Kept while the same instant is looked at."""

@@ -60,15 +60,15 @@ def hello(scenery: Scenery, definition: Definition, extent_s: tuple[float, float
 
 
 def instant(
-    moment: Instant, scene: Scene, pairs: Pairs, nearest: Pairs, definition: Definition, *, live: bool
+    moment: Instant, scene: Scene, pairs: Pairs, tightest: Pairs, definition: Definition, *, live: bool
 ) -> bytes:
-    """The body of an instant, from its time to its nearest pair: a JSON object without its braces.
+    """The body of an instant, from its time to its tightest pair: a JSON object without its braces.
 
     Args:
         moment: The instant.
         scene: The same as a scene.
         pairs: The pairs of the scene under that definition that are inside their discs, or soon will be.
-        nearest: The pair with the least margin under that definition, or none.
+        tightest: The pair with the least margin under that definition, or none; another may be nearer and need less.
         definition: What sizes the discs.
         live: It is the newest one of a source that goes on.
     """
@@ -81,6 +81,7 @@ def instant(
         [name, *row, code]
         for name, row, code in zip(scene.names, np.round(numbers, 2).tolist(), status.tolist(), strict=True)
     ]
+    who, room = _places_and_room(tightest)
     return encode(
         {
             "t": round(moment.time_s, 3),
@@ -88,9 +89,15 @@ def instant(
             "live": live,
             "vehicles": vehicles,
             "pairs": _pair_rows(pairs),
-            "nearest": [*nearest.distance_m.round(2).tolist(), *nearest.radius_m.round(2).tolist()] or None,
+            "tightest": [*who, *room] or None,
+            "nearest": room or None,
         }
     )[1:-1]
+
+
+def _places_and_room(pair: Pairs) -> tuple[list[int], list[float]]:
+    """Places of the two, and distance and radius; empty if there is no pair."""
+    return [*pair.first.tolist(), *pair.second.tolist()], np.round([*pair.distance_m, *pair.radius_m], 2).tolist()
 
 
 def _pair_rows(pairs: Pairs) -> list[list[float | None]]:
@@ -117,7 +124,7 @@ def instants(request: int | str | None, definition: Definition, answers: Iterabl
 
 
 def series(definition: Definition, from_s: float, step_s: float, least: np.ndarray[Any, Any], complete: bool) -> bytes:
-    """Nearest distance against required distance.
+    """Distance of the tightest pair against the distance that it needs.
 
     Args:
         definition: What sizes the discs.
@@ -140,8 +147,8 @@ def series(definition: Definition, from_s: float, step_s: float, least: np.ndarr
     )
 
 
-def encounters(definition: Definition, known: Iterable[tuple[int, Encounter]]) -> bytes:
-    """The whole list of encounters, with their ids."""
+def encounters(definition: Definition, known: Iterable[tuple[int, Encounter]], *, complete: bool = True) -> bytes:
+    """The whole list of encounters, with their ids; complete once the history has been read to its end."""
     rows = [
         {
             "id": number,
@@ -156,7 +163,7 @@ def encounters(definition: Definition, known: Iterable[tuple[int, Encounter]]) -
         }
         for number, one in known
     ]
-    return encode({"type": "encounters", "definition": str(definition), "encounters": rows})
+    return encode({"type": "encounters", "definition": str(definition), "encounters": rows, "complete": complete})
 
 
 def health(

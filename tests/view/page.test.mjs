@@ -4,15 +4,15 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 const from = (name) => import(new URL(`../../ridlink/view/static/${name}`, import.meta.url));
-const [{ Clock }, { Frame }, { History }, { Loader }, { Trails }, format, picture, { readUrl, urlOf }, { viewOf }] =
+const [{ Clock }, { Frame }, { History }, { Loader }, { Trails }, format, picture, { readUrl, urlOf }, { holdsDiscs, viewOf }, { Awaited, covered }] =
   await Promise.all(["clock.js", "frame.js", "history.js", "loader.js", "trails.js", "format.js", "picture.js", "url.js",
-    "view.js"].map(from));
+    "view.js", "awaited.js"].map(from));
 const { E, FIELDS, N, pack } = picture;
 
 globalThis.matchMedia = () => ({ matches: false });
 
 const vehicle = (name, north, east, vn = 0, ve = 0) => [name, north, east, vn, ve, 0.3, 10.8, 11.8, 0.05, 100, null, null, 0];
-const instant = (t, ...vehicles) => pack({ t, vehicles, pairs: [], nearest: null, selected: null }, "candidate2");
+const instant = (t, ...vehicles) => pack({ t, vehicles, pairs: [], tightest: null, selected: null }, "candidate2");
 
 function historyOf(...pictures) {
   const history = new History();
@@ -107,7 +107,7 @@ test("where the history has a hole, nothing is made up; where it is complete, no
   const frame = new Frame();
   assert.equal(frame.at(history, 50, 0), false);
   assert.ok(frame.at(history, 50, 0, true));
-  assert.deepEqual([frame.count, frame.index("a"), frame.nearest], [0, -1, null]);
+  assert.deepEqual([frame.count, frame.index("a"), frame.tightest], [0, -1, null]);
 });
 
 test("a sky that was empty stays empty until somebody comes", () => {
@@ -253,4 +253,31 @@ test("times and lengths read as people write them", () => {
   assert.equal(format.utcTime(0), "1970-01-01 00:00:00 UTC");
   assert.equal(format.signedMetres(-1.04), "−1.0 m");
   assert.equal(format.metres(123.4), "123 m");
+});
+
+test("under another definition curve and encounters are shown together, when both are whole", () => {
+  const awaited = new Awaited();
+  const series = (complete, from = 0) => ({ type: "series", complete, from, step_s: 1, required_m: [20, 20] });
+  const encounters = (complete) => ({ type: "encounters", complete, encounters: [] });
+  assert.deepEqual(awaited.take(series(false)), [series(false)], "where nobody waits everything is shown as it comes");
+  awaited.begin();
+  assert.deepEqual([encounters(false), series(false), series(true)].flatMap((each) => awaited.take(each)), []);
+  assert.ok(awaited.waiting);
+  assert.deepEqual(awaited.take(encounters(true)), [series(true), encounters(true)]);
+  assert.ok(!awaited.waiting);
+  assert.equal(covered(series(false), 0, 4), 0.5);
+  assert.equal(covered({ ...series(false), required_m: [] }, 0, 0), 0);
+});
+
+test("a picture holds everybody only if it holds their discs", () => {
+  const frame = new Frame();
+  frame.at(historyOf(instant(0, vehicle("a", 50, 80))), 0, 0);
+  const view = (width) => viewOf({ width, height: 200, scale: 1, x0: 0, y0: 150, ratio: 1 });
+  assert.ok(holdsDiscs(view(101), frame));
+  assert.ok(!holdsDiscs(view(90), frame), "its centre is 10 px from the edge, its disc has 11.8 m");
+});
+
+test("a pair has one order, whoever was heard first", () => {
+  assert.equal(format.pairLabel(["RDLK40012", "RDLK40003"], 9), "RDLK40003 · RDLK40012");
+  assert.deepEqual(format.inOrder(["10/1", "9/1"]), ["9/1", "10/1"]);
 });

@@ -71,12 +71,13 @@ def test_nothing_is_nothing() -> None:
     assert a_show([]).latest(Definition.CANDIDATE2, None) is None
 
 
-def test_a_book_knows_the_encounter_and_who_was_nearest_when() -> None:
+def test_a_book_knows_the_encounter_and_how_tight_it_was_when() -> None:
     show = a_show([Flyer(1, (0.0, 0.0), (10.0, 0.0)), Flyer(2, (200.0, 5.0), (-10.0, 0.0))], 20.0)
     book = show.book(Definition.CANDIDATE2)
-    assert not book.series(0.0, 20.0)[3], "nothing has been read yet"
-    while book.read():
-        continue
+    assert not book.series(0.0, 20.0)[3] and not book.caught_up, "nothing has been read yet"
+    while book.behind:
+        book.read()
+    assert book.caught_up
     book.end()
     [(number, encounter)] = book.encounters()
     assert number == 1 and set(encounter.pair) == {"1/1", "2/1"}

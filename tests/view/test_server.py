@@ -41,7 +41,7 @@ def test_a_page_is_greeted_and_sees_who_flies() -> None:
             [[i, j, distance, required, entry]] = instant["pairs"]
             assert {i, j} == {0, 1} and distance == pytest.approx(240.0, abs=0.5)
             assert entry == pytest.approx((distance - required) / 20.0, abs=0.1)
-            assert instant["nearest"] == [distance, required]
+            assert instant["tightest"] == [i, j, *instant["nearest"]] == [i, j, distance, required]
             encounters = await heard(page, "encounters")
             assert [one["pair"] for one in encounters["encounters"]] in ([["ALPHA", "BRAVO"]], [["BRAVO", "ALPHA"]])
 

@@ -8,7 +8,7 @@ import {
 } from "./picture.js";
 import { kindOf } from "./traffic.js";
 
-const WORDS = { [STRANGER]: ["does not avoid", "warn"], [STALE]: ["not heard", "stale"] };
+const WORDS = { [STRANGER]: ["does not say that it avoids", "warn"], [STALE]: ["not heard", "stale"] };
 
 export class Card {
   constructor(palette) {

@@ -1,15 +1,18 @@
 // What the server says, and what becomes of it: the greeting, instants, the curve, encounters, the health of the link.
 
-import { find, say } from "./dom.js";
+import { Awaited, covered } from "./awaited.js";
+import { find, mark, say } from "./dom.js";
 import { label } from "./format.js";
 import { pack } from "./picture.js";
 import { Socket } from "./socket.js";
 import { TRAIL_S, TRAIL_STEP_S } from "./trails.js";
 
-const AGAIN_MS = 1000;
+const AGAIN_MS = 300;
 
 export class Conversation {
   #curveAt = -Infinity; // when the curve was asked for again, because it had become long
+  #awaited = new Awaited();
+  #asksAgain = null; // for a curve that was not whole
   #pushed = null; // the greeting and whether pushes were asked for since
 
   constructor(page) {
@@ -27,6 +30,14 @@ export class Conversation {
     this.send({ series: [clock.t0, clock.t1] });
   }
 
+  // Everything under another definition; until its history has been read, what stood there before stays, greyed.
+  judgeBy(definition) {
+    this.#awaited.begin();
+    this.send({ definition });
+    this.askSeries();
+    this.#showWaiting(0);
+  }
+
   // Whether the server shall push; told when it changes.
   follow(following) {
     const { hello } = this.page;
@@ -42,19 +53,44 @@ export class Conversation {
       case "instant": return this.#take(message);
       case "instants": return this.#takeMany(message);
       case "series":
-        if (current) page.strip.replace(message);
-        if (current && message.complete === false) setTimeout(() => this.askSeries(), AGAIN_MS);
-        return undefined;
       case "encounters":
-        if (current) page.encounters.replace(message.encounters);
-        if (current) page.strip.mark(page.encounters.list);
-        return undefined;
+        return current ? this.#judged(message) : undefined;
       case "health":
         this.#extent(message);
-        return page.link.draw(message);
+        return page.link.draw(message, page.hello?.source === "file");
       case "error": return console.warn("ridlink:", message.message);
       default: return undefined;
     }
+  }
+
+  // Curve or encounters under the definition that is looked at.
+  #judged(message) {
+    const { page } = this, { waiting } = this.#awaited;
+    for (const each of this.#awaited.take(message)) {
+      if (each.type === "series") page.strip.replace(each);
+      else {
+        page.encounters.replace(each.encounters, each.complete !== false);
+        page.strip.mark(page.encounters.list);
+      }
+    }
+    if (waiting && !this.#awaited.waiting && page.live) this.askSeries(); // for what came while it waited
+    if (message.type !== "series") {
+      if (waiting && !this.#awaited.waiting) this.#showWaiting(1);
+      return;
+    }
+    clearTimeout(this.#asksAgain);
+    if (message.complete === false) this.#asksAgain = setTimeout(() => this.askSeries(), AGAIN_MS);
+    const { t0, t1 } = page.clock;
+    this.#showWaiting(message.complete === false ? covered(message, t0, t1) : 1);
+  }
+
+  // That curve and encounters are being worked out, if they are, and how far that is.
+  #showWaiting(share) {
+    const { page } = this, note = find("working");
+    const title = page.hello.definitions.find((each) => each.name === page.definition)?.title ?? page.definition;
+    note.hidden = share >= 1 && !this.#awaited.waiting;
+    say(note, `Working out ${title.split(": ")[0]} … ${Math.floor(100 * Math.min(share, 0.99))} %`);
+    for (const id of ["strip", "encounters", "no-encounters"]) mark(find(id), "waiting", String(this.#awaited.waiting));
   }
 
   #connection(state) {
@@ -68,6 +104,7 @@ export class Conversation {
     for (const each of [page.history, page.strip]) each.clear();
     page.loader.forget();
     page.clock.reset();
+    this.#awaited.end();
     this.#curveAt = -Infinity;
     this.#extent(hello);
     const wanted = again ? page.definition : page.asked.definition;
@@ -80,8 +117,11 @@ export class Conversation {
     Object.assign(page.plan.scene, { obstacles, goals, selected: page.selected });
     page.plan.invalidate();
     say(find("title"), label(hello.title ?? "", 60));
+    find("title").title = label(hello.title ?? "", 200);
     document.title = `${label(hello.title ?? "", 40)} – ridlink`;
     for (const entry of document.querySelectorAll("[data-truth]")) entry.hidden = !hello.truth;
+    find("legend-goal").hidden = !Object.keys(goals).length;
+    find("legend-obstacle").hidden = !obstacles.length;
     this.send({ definition: page.definition });
     if (page.selected !== null) this.send({ select: page.selected });
     this.askSeries();
@@ -116,7 +156,7 @@ export class Conversation {
     if (!page.clock.following) return;
     page.clock.arrived(picture.t, performance.now());
     if (picture.definition !== page.definition) return;
-    page.strip.append(picture.t, picture.nearest);
+    if (!this.#awaited.waiting) page.strip.append(picture.t, picture.tightest);
     if (page.strip.overfull && picture.t - this.#curveAt > 10) {
       this.#curveAt = picture.t;
       this.askSeries();

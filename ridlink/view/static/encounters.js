@@ -1,7 +1,7 @@
 // The table of encounters: who came near whom, when, how near; click to jump.
 
 import { arrange, choosableRow, find, mark, say } from "./dom.js";
-import { clockTime, KIND, label, metres, nearness, signedMetres } from "./format.js";
+import { clockTime, inOrder, KIND, label, metres, nearness, pairLabel, signedMetres } from "./format.js";
 
 const MOST_ROWS = 60; // until somebody asks for more: hundreds of rows cost as much as the plan
 
@@ -31,8 +31,10 @@ export class Encounters {
 
   get list() { return this.#list; }
 
-  replace(encounters) {
+  // Those of a history that has been read to its end, or as far as it has.
+  replace(encounters, complete) {
     this.#list = encounters.filter((each) => Array.isArray(each.pair) && each.pair.length === 2);
+    say(find("no-encounters"), complete ? "Nobody has come near anybody yet." : "Working out who comes near whom …");
     this.#show();
   }
 
@@ -76,9 +78,9 @@ export class Encounters {
     mark(row, "id", String(each.id));
     mark(row, "open", String(each.closed === null));
     row.setAttribute("aria-selected", String(each.id === this.#chosen));
-    say(pair, each.pair.map((name) => label(name, 9)).join(" · "));
+    say(pair, pairLabel(each.pair, 9));
     const moved = each.moved?.length ? `; ${each.moved.map((name) => label(name, 40)).join(" and ")} manoeuvred` : "";
-    const title = `${each.pair.map((name) => label(name, 40)).join(" and ")}${each.collided ? ": collided" : ""}${moved}`;
+    const title = `${inOrder(each.pair).map((name) => label(name, 40)).join(" and ")}${each.collided ? ": collided" : ""}${moved}`;
     if (row.title !== title) row.title = title;
     say(when, clockTime(each.closest_t));
     say(closest, metres(each.closest_m));

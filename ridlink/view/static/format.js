@@ -41,6 +41,18 @@ export function label(name, longest = 16) {
   return clean.length <= longest ? clean : `${clean.slice(0, longest - 6)}…${clean.slice(-5)}`;
 }
 
+// Names with numbers in them by number.
+export function inOrder(names) {
+  return [...names].sort(collator.compare);
+}
+
+const collator = new Intl.Collator("en", { numeric: true });
+
+// A pair, in the same order wherever it stands.
+export function pairLabel(names, longest) {
+  return inOrder(names).map((name) => label(name, longest)).join(" · ");
+}
+
 // How near a pair is, by what is left between its discs: "inside", "near" or "clear".
 export function nearness(distance, required) {
   if (distance < required) return "inside";

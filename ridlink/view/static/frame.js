@@ -35,7 +35,7 @@ export class Frame {
     return true;
   }
 
-  get nearest() { return this.picture?.nearest ?? null; }
+  get tightest() { return this.picture?.tightest ?? null; }
   get pairs() { return this.picture?.pairs ?? new Float32Array(0); }
 
   index(name) { return this.picture && name !== null ? indexOf(this.picture, name) : -1; }

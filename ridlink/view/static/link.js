@@ -22,13 +22,17 @@ export class LinkHealth {
     if (state === "lost" || state === "full") mark(this.dot, "kind", "alarm");
   }
 
-  draw(health) {
+  // Of a recording no link is heard.
+  draw(health, isRecording) {
     const rejects = Object.entries(health.rejects ?? {}).filter(([, count]) => count > 0);
     const refused = rejects.reduce((sum, [, count]) => sum + count, 0);
-    const rows = [
+    const heard = isRecording ? [["Source", "a recording: no link is heard"]] : [
       ["Frames", `${fixed(health.frames_per_s, 0)} a second`],
       ["Vehicles", fixed(health.vehicles, 0)],
       ["Behind", `${fixed(health.lag_ms, 0)} ms`],
+    ];
+    const rows = [
+      ...heard,
       ["Viewers", fixed(health.clients, 0)],
       ["Not shown", fixed(health.dropped, 0)],
       ["Refused", fixed(refused, 0)],

@@ -6,7 +6,7 @@ import { Conversation } from "./conversation.js";
 import { Definitions } from "./definitions.js";
 import { find, mark, say } from "./dom.js";
 import { Encounters } from "./encounters.js";
-import { KIND, label, metres, nearness, signedMetres } from "./format.js";
+import { inOrder, KIND, label, metres, nearness, pairLabel, signedMetres } from "./format.js";
 import { Frame } from "./frame.js";
 import { History } from "./history.js";
 import { listenToKeys, wireTabs } from "./keyboard.js";
@@ -102,9 +102,8 @@ class Page {
     this.definitions.choose(name);
     this.frame.growFromHere(performance.now());
     this.loader.look(name, this.selected);
-    this.conversation.send({ definition: name });
-    this.conversation.askSeries();
     const { title } = this.hello.definitions.find((each) => each.name === name);
+    this.conversation.judgeBy(name);
     say(find("say"), `Definition: ${title}`);
   }
 
@@ -121,7 +120,7 @@ class Page {
   }
 
   selectBeside(step) {
-    const names = Vehicles.order(this.frame.names);
+    const names = inOrder(this.frame.names);
     if (!names.length) return;
     const at = names.indexOf(this.selected);
     this.select(names[at < 0 ? 0 : (at + step + names.length) % names.length]);
@@ -198,16 +197,17 @@ class Page {
     const { frame } = this;
     this.transport.draw(this.strip.range, this.live, this.hello.utc0 ?? null);
     if (this.chooses && frame.count && frame.index(this.selected) < 0) {
-      this.select(Vehicles.order(frame.names)[0]);
+      this.select(inOrder(frame.names)[0]);
       this.chooses = true; // and another one, should this one go or get another name
     }
     const loading = !this.known && this.loader.waiting;
     find("plan-empty").hidden = frame.count > 0;
     say(find("plan-empty"), loading ? "Loading …" : NOBODY[this.hello.source] ?? NOBODY.link);
     mark(find("clock"), "loading", String(loading));
-    const [distance, required] = frame.nearest ?? [NaN, NaN];
-    const kind = frame.nearest ? KIND[nearness(distance, required)] : "";
-    say(find("nearest"), metres(distance));
+    const [one, other, distance, required] = frame.tightest ?? [-1, -1, NaN, NaN];
+    const kind = frame.tightest ? KIND[nearness(distance, required)] : "";
+    say(find("tightest"), metres(distance));
+    say(find("tightest-pair"), frame.tightest ? pairLabel([frame.names[one], frame.names[other]], 9) : "");
     say(find("required"), metres(required));
     say(find("margin"), signedMetres(distance - required));
     mark(find("margin"), "kind", kind);

@@ -14,7 +14,7 @@ function shared(names) {
   return lastNames;
 }
 
-// {t, definition, count, names, values (count x FIELDS), pairs (k x 5: i, j, distance, required, entry), nearest, selected, fastest}
+// {t, definition, count, names, values (count x FIELDS), pairs (k x 5: i, j, distance, required, entry), tightest (i, j, distance, required), selected, fastest}
 export function pack(instant, definition) {
   const rows = instant.vehicles ?? [];
   const values = new Float32Array(rows.length * FIELDS);
@@ -34,7 +34,7 @@ export function pack(instant, definition) {
     names: shared(rows.map((row) => String(row[0]))),
     values,
     pairs,
-    nearest: instant.nearest ?? null,
+    tightest: instant.tightest ?? null,
     selected: instant.selected ?? null,
     fastest,
     following: null,

@@ -5,7 +5,7 @@ import { sharpness } from "./canvas.js";
 import { find } from "./dom.js";
 import { Easel } from "./easel.js";
 import { DISPLACEMENT, E, FIELDS, N } from "./picture.js";
-import { viewOf } from "./view.js";
+import { holdsDiscs, viewOf } from "./view.js";
 
 const MARGIN_PX = 56;
 const SMALLEST_M = 60;
@@ -120,16 +120,10 @@ export class Plan {
     return bounds.extend([centre.lat - half, centre.lng - half]).extend([centre.lat + half, centre.lng + half]);
   }
 
-  // As long as nobody has moved the plan, it follows those who fly out of it.
+  // As long as nobody has moved the plan, it follows those whose discs leave it.
   #keepEverybody(frame, now) {
     this.#refitAt = now;
-    const shown = this.#map.getBounds();
-    for (let a = 0; a < frame.count * FIELDS; a += FIELDS) {
-      if (!shown.contains([frame.values[a + N], frame.values[a + E]])) {
-        this.fit(frame);
-        return;
-      }
-    }
+    if (!holdsDiscs(viewOf(this.#numbers()), frame)) this.fit(frame);
   }
 
   #hit(point) {

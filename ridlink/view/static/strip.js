@@ -1,4 +1,4 @@
-// Nearest distance against required distance over time, with closest approaches and collisions; click or drag to jump.
+// The distance of the tightest pair against what it needs, over time, with closest approaches and collisions; click or drag to jump.
 
 import uPlot from "./vendor/uplot.js";
 import { mark } from "./dom.js";
@@ -36,21 +36,21 @@ export class Strip {
   get overfull() { return this.#data[0].length > MOST_POINTS; }
 
   // The whole curve anew; what was appended since stays.
-  replace({ from, step_s: step, nearest_m: nearest, required_m: required }) {
-    const end = from + step * (nearest.length - 1);
+  replace({ from, step_s: step, nearest_m: tightest, required_m: required }) {
+    const end = from + step * (tightest.length - 1);
     const later = this.#data[0].findIndex((t) => t > end + step / 2);
     const rest = later < 0 ? [[], [], []] : this.#data.map((column) => column.slice(later));
-    const points = bridged(nearest, SKIPPED_S / step);
-    const columns = [points.map((i) => from + i * step), points.map((i) => nearest[i]), points.map((i) => required[i])];
+    const points = bridged(tightest, SKIPPED_S / step);
+    const columns = [points.map((i) => from + i * step), points.map((i) => tightest[i]), points.map((i) => required[i])];
     this.#data = columns.map((column, i) => [...column, ...rest[i]]);
     this.#dirty = true;
   }
 
-  append(t, nearest) {
+  append(t, tightest) {
     if (t <= (this.#data[0].at(-1) ?? -Infinity)) return;
     this.#data[0].push(t);
-    this.#data[1].push(nearest?.[0] ?? null);
-    this.#data[2].push(nearest?.[1] ?? null);
+    this.#data[1].push(tightest?.[2] ?? null);
+    this.#data[2].push(tightest?.[3] ?? null);
     this.#dirty = true;
   }
 
@@ -60,10 +60,10 @@ export class Strip {
     this.#dirty = true;
   }
 
-  // Encounters that are over, or that already are too near; of many the nearest.
+  // Encounters that are over, or that already are too near; of many the tightest.
   mark(encounters) {
     const known = encounters.filter((each) => Number.isFinite(each.closest_t) && (each.closed !== null || each.margin_m < 0));
-    this.#marks = known.sort((a, b) => b.margin_m - a.margin_m).slice(-MOST_MARKS); // the nearest last, on top
+    this.#marks = known.sort((a, b) => b.margin_m - a.margin_m).slice(-MOST_MARKS); // the tightest last, on top
     this.#dirty = true;
   }
 
@@ -131,17 +131,17 @@ export class Strip {
 
   // Where the discs of a pair overlapped.
   #shade(plot) {
-    const [times, nearest, required] = this.#data;
+    const [times, distance, required] = this.#data;
     const { ctx: context } = plot;
     context.fillStyle = this.palette.strip_shade;
     const x = (i) => plot.valToPos(times[i], "x", true), y = (metres) => plot.valToPos(metres, "y", true);
     let from = null;
     for (let i = 0; i <= times.length; i += 1) {
-      const inside = i < times.length && nearest[i] !== null && nearest[i] < required[i];
+      const inside = i < times.length && distance[i] !== null && distance[i] < required[i];
       if (inside) from ??= i;
       else if (from !== null) {
         context.beginPath();
-        for (let k = from; k < i; k += 1) context.lineTo(x(k), y(nearest[k]));
+        for (let k = from; k < i; k += 1) context.lineTo(x(k), y(distance[k]));
         for (let k = i - 1; k >= from; k -= 1) context.lineTo(x(k), y(required[k]));
         context.fill();
         from = null;

@@ -1,7 +1,7 @@
 // The table of everybody in the air. Only rows that can be seen are filled, so that hundreds cost little.
 
 import { arrange, choosableRow, find, mark, say } from "./dom.js";
-import { fixed, label } from "./format.js";
+import { fixed, inOrder, label } from "./format.js";
 import { AGE, ALTITUDE, DISPLACEMENT, E, N, STATUS, VE, VN } from "./picture.js";
 import { kindOf } from "./traffic.js";
 
@@ -17,12 +17,6 @@ export class Vehicles {
     this.body = find("vehicles");
     this.panel = find("panel-vehicles");
     this.onPick = onPick;
-  }
-
-  // In the order of the table; names with numbers in them by number.
-  static order(names) {
-    const collator = new Intl.Collator("en", { numeric: true });
-    return [...names].sort(collator.compare);
   }
 
   get ordered() { return this.#rows.map((row) => row.name); }
@@ -47,7 +41,7 @@ export class Vehicles {
     this.#names = names;
     this.#selected = undefined;
     const known = new Map(this.#rows.map((each) => [each.name, each]));
-    this.#rows = Vehicles.order(names).map((name) => known.get(name) ?? { name, row: this.#row(name) });
+    this.#rows = inOrder(names).map((name) => known.get(name) ?? { name, row: this.#row(name) });
     arrange(this.body, this.#rows.map((each) => each.row));
   }
 
