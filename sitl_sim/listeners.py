@@ -1,7 +1,8 @@
 """Who listens on the air, and where everybody is.
 
 Emulated vehicles are at their *true* positions, because radio waves do not care what a receiver believes; everybody
-else is where its own OPEN_DRONE_ID_LOCATION says. Positions are metres north-east-down about home.
+else is where its own OPEN_DRONE_ID_LOCATION says, and whom somebody relays is where that says. Positions are metres
+north-east-down about home.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,13 +26,16 @@ IntArray = npt.NDArray[np.int64]
 Address = Hashable
 
 SUBSCRIPTION_S = 10.0
-"""How long a HEARTBEAT keeps its sender subscribed."""
+"""How long a HEARTBEAT keeps its sender subscribed, and how long it is known where one is who does not listen."""
 
 OBSERVER_SYSTEM_ID = 255
 """Hears everything: ground stations use this system id."""
 
 MAX_SUBSCRIBERS = 1024
 """More addresses than this are refused, so that a flood of them cannot fill the memory."""
+
+MAX_PLACES = 4096
+"""For the same reason, of how many senders and relayed aircraft it is remembered where they are."""
 
 _UNKNOWN_ALTITUDE_M = -1000.0
 
@@ -39,6 +44,12 @@ _UNKNOWN_ALTITUDE_M = -1000.0
 class _Subscriber:
     system_id: int
     heard_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    position_ned_m: FloatArray
+    said_s: float
 
 
 @dataclass(slots=True)
@@ -72,7 +83,7 @@ class Listeners:
     def __init__(self, home: Geodetic | None, counters: Counter[str]) -> None:
         self._home, self._counters = home, counters
         self._placed: FloatArray = np.empty((0, 3))
-        self._reported: dict[tuple[Address, int], FloatArray] = {}
+        self._reported: dict[tuple[Address, int | bytes], _Place] = {}
         self._subscribers: dict[Address, _Subscriber] = {}
         self._receivers: Receivers | None = None
         self._where: FloatArray | None = None
@@ -111,25 +122,21 @@ class Listeners:
                 del self._subscribers[address]
                 self._receivers = None
                 self._counters["expired"] += 1
-        for address, system_id in list(self._reported):
-            if address not in self._subscribers:
-                del self._reported[address, system_id]
+        for (address, who), place in list(self._reported.items()):
+            stays = address in self._subscribers and isinstance(who, int)
+            if not stays and now_s - place.said_s > SUBSCRIPTION_S:
+                del self._reported[address, who]
                 self._where = None
-
-    def system_id(self, address: Address) -> int | None:
-        """Of a subscriber; None: there is none at this address."""
-        subscriber = self._subscribers.get(address)
-        return None if subscriber is None else subscriber.system_id
 
     @property
     def subscribers(self) -> dict[Address, int]:
         """System ids by address."""
         return {address: subscriber.system_id for address, subscriber in self._subscribers.items()}
 
-    def note_position(self, frame: Frame, address: Address) -> None:
-        """Remember where a subscriber says that it is; what it relays of others says nothing about itself."""
+    def note_position(self, frame: Frame, address: Address, now_s: float) -> None:
+        """Remember where a sender says that it is; what it relays of another says where that one is."""
         location = decode_message(frame)
-        if self._home is None or any(location.id_or_mac):
+        if self._home is None:
             return
         latitude, longitude = deg_from_dege7(location.latitude), deg_from_dege7(location.longitude)
         unknown = latitude == 0.0 and longitude == 0.0
@@ -138,15 +145,33 @@ class Listeners:
         altitude = location.altitude_geodetic
         if not math.isfinite(altitude) or altitude <= _UNKNOWN_ALTITUDE_M:
             altitude = self._home.altitude_m
-        self._where = None
-        self._reported[address, frame.sysid] = ned_from_geodetic(latitude, longitude, altitude, self._home)
+        relayed = _relayed(location)
+        key = address, frame.sysid if relayed is None else relayed
+        if key not in self._reported and len(self._reported) >= MAX_PLACES:
+            self._counters["refused"] += 1
+            return
+        self._reported[key] = _Place(ned_from_geodetic(latitude, longitude, altitude, self._home), now_s)
+        if relayed is None:
+            self._where = None
 
-    def whereabouts(self, system_id: int, address: Address | None) -> FloatArray | None:
-        """Where somebody is, north-east-down about home, shape (3,): one of the fleet truly, another where it has said
-        so from this address; None for whoever has not."""
+    def whereabouts(self, system_id: int, address: Address | None, frame: Frame | None = None) -> FloatArray | None:
+        """Where a broadcast is sent from: where its sender is, else where the aircraft is that it relays.
+
+        Args:
+            system_id: Of the sender.
+            address: Where it came from; None: a vehicle of the emulator.
+            frame: What it broadcasts.
+
+        Returns:
+            Position, shape (3,), NaN off the air; None: nobody knows.
+        """
         if 1 <= system_id <= len(self._placed):
             return np.asarray(self._placed[system_id - 1])
-        return self._reported.get((address, system_id))
+        place = self._reported.get((address, system_id))
+        if place is None and frame is not None and frame.checked:
+            relayed = _relayed(decode_message(frame))
+            place = None if relayed is None else self._reported.get((address, relayed))
+        return None if place is None else place.position_ned_m
 
     @property
     def receivers(self) -> Receivers:
@@ -165,6 +190,12 @@ class Listeners:
             where[placed] = self._placed[receivers.system_id[placed] - 1]
             for row in np.flatnonzero(~placed).tolist():
                 own = self._reported.get((receivers.addresses[row], int(receivers.system_id[row])))
-                where[row] = math.inf if own is None else own
+                where[row] = math.inf if own is None else own.position_ned_m
             self._where = where
         return self._where
+
+
+def _relayed(message: Any) -> bytes | None:
+    """Whom a Remote ID message relays, as ``id_or_mac`` has it; None: it is the sender's own, or no Remote ID."""
+    identity = bytes(getattr(message, "id_or_mac", b""))
+    return identity if any(identity) else None

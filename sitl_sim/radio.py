@@ -2,10 +2,11 @@
 
 Whoever sends a HEARTBEAT is subscribed for 10 s under its system id, and hears what that vehicle would hear: what
 others broadcast within radio range, some of it lost, all of it a little late. System id 255 is an observer and hears
-everything at once. Subscribers broadcast simply by sending.
+everything at once. Whoever sends anything else broadcasts it: a transmitter need not listen.
 
 Where senders and receivers are, ``listeners`` knows. A subscriber that has never said where it is hears everybody (it
-may be about to be hit) and is heard by observers only.
+may be about to be hit). A sender that has never said it is heard by observers only, but for what it relays: that is
+heard round the aircraft that it is about.
 
 Positions are metres north-east-down about home; times are the caller's ``now_s``.
 """
@@ -22,7 +23,7 @@ import numpy.typing as npt
 from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import CRC_EXTRAS, message_spec
-from ridlink.mavlink.frames import BadFrame, parse_datagram
+from ridlink.mavlink.frames import BadFrame, Frame, parse_datagram
 from ridlink.technologies import TECHNOLOGIES
 from sitl_sim.chance import reception_chances
 from sitl_sim.listeners import SUBSCRIPTION_S, Address, FloatArray, Listeners, Receivers
@@ -52,8 +53,8 @@ class Air:
         technology: What was chosen.
         range_m: As it applies.
         listeners: Who listens, and where everybody is.
-        counters: Events by cause: subscribed, refused, expired, malformed, unsubscribed, no_position, off_air,
-            broadcast, out_of_range, lost, delivered, overflow.
+        counters: Events by cause: subscribed, refused, expired, malformed, no_position, off_air, broadcast,
+            out_of_range, lost, delivered, overflow.
 
     Raises:
         ConfigError: If the technology is unknown, or range or loss out of their range.
@@ -96,7 +97,7 @@ class Air:
 
         HEARTBEATs subscribe their sender and go no further; every other frame is broadcast as it came.
         """
-        sender: int | None = None
+        first: Frame | None = None
         kept: list[bytes] = []
         for found in parse_datagram(datagram, CRC_EXTRAS):
             if isinstance(found, BadFrame):
@@ -105,41 +106,29 @@ class Air:
             if found.msgid == _HEARTBEAT:
                 self.listeners.subscribe(address, found.sysid, now_s)
                 continue
-            if found.msgid == _LOCATION and found.checked and self.listeners.system_id(address) is not None:
-                self.listeners.note_position(found, address)
-            sender = found.sysid if sender is None else sender
+            if found.msgid == _LOCATION and found.checked:
+                self.listeners.note_position(found, address, now_s)
+            first = first or found
             kept.append(found.raw)
-        if sender is None:
-            return
-        if self.listeners.system_id(address) is None:
-            self.counters["unsubscribed"] += 1
-            return
-        self._spread(sender, address, self.listeners.whereabouts(sender, address), b"".join(kept), now_s)
+        if first is not None:
+            position = self.listeners.whereabouts(first.sysid, address, first)
+            self._spread(first.sysid, address, position, b"".join(kept), now_s)
 
-    def broadcast(
-        self, sender: int | Address, position_ned_m: npt.ArrayLike | None, payload: bytes, now_s: float
-    ) -> None:
+    def broadcast(self, sender: int, position_ned_m: npt.ArrayLike | None, payload: bytes, now_s: float) -> None:
         """Broadcast bytes as they are.
 
         Args:
-            sender: System id of a vehicle of the emulator, or the address of a subscriber.
-            position_ned_m: Where it is sent from; None: where the sender was placed, or last said that it is.
+            sender: System id of a vehicle of the emulator.
+            position_ned_m: Where it is sent from; None: where the sender was placed.
             payload: One datagram.
             now_s: Time of sending.
         """
-        if isinstance(sender, int):
-            system_id, address = sender, None
-        elif (subscribed := self.listeners.system_id(sender)) is not None:
-            system_id, address = subscribed, sender
-        else:
-            self.counters["unsubscribed"] += 1
-            return
         position = (
-            self.listeners.whereabouts(system_id, address)
+            self.listeners.whereabouts(sender, None)
             if position_ned_m is None
             else np.asarray(position_ned_m, dtype=np.float64)
         )
-        self._spread(system_id, address, position, payload, now_s)
+        self._spread(sender, None, position, payload, now_s)
 
     def _spread(
         self, sender: int, address: Address | None, position: FloatArray | None, payload: bytes, now_s: float

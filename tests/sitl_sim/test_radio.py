@@ -15,7 +15,7 @@ from ridlink.mavlink.codec import Encoder
 from ridlink.technologies import TECHNOLOGIES
 from ridlink.units import dege7_from_deg
 from sitl_sim.chance import reception_chances
-from sitl_sim.listeners import MAX_SUBSCRIBERS
+from sitl_sim.listeners import MAX_PLACES, MAX_SUBSCRIBERS
 from sitl_sim.radio import Air
 
 HOME = Geodetic(47.0, 8.0, 400.0)
@@ -114,7 +114,7 @@ def test_nobody_knows_where_a_silent_outsider_is_so_it_hears_all_and_only_observ
     air.receive(heartbeat(77), outside, 0.0)
     air.broadcast(3, None, b"x", 0.0)
     assert outside in heard_by(air)
-    air.broadcast(outside, None, b"x", 0.0)
+    air.receive(Encoder(77, 236).encode("OPEN_DRONE_ID_BASIC_ID", ua_type=2), outside, 0.0)
     assert heard_by(air) == [OBSERVER]
     assert air.counters["no_position"] == 1
 
@@ -122,7 +122,6 @@ def test_nobody_knows_where_a_silent_outsider_is_so_it_hears_all_and_only_observ
 @pytest.mark.parametrize(
     "useless",
     [
-        location(77, -350.0, 0.0, relayed=True),
         Encoder(77, 236).encode("OPEN_DRONE_ID_LOCATION"),  # latitude and longitude 0 mean unknown
         Encoder(77, 236).encode("OPEN_DRONE_ID_LOCATION", latitude=1_700_000_000, longitude=80_000_000),
     ],
@@ -173,12 +172,52 @@ def test_a_sender_hears_neither_itself_nor_its_own_vehicle() -> None:
     assert heard_by(air) == [TWO, OBSERVER]
 
 
-def test_an_unsubscribed_sender_is_counted_and_not_heard() -> None:
+def test_a_transmitter_need_not_listen_to_be_heard_where_it_says_that_it_is() -> None:
     air = air_of_three()
-    air.receive(location(9, 0.0, 0.0), ("127.0.0.1", 1), 0.0)
-    air.broadcast(("127.0.0.1", 1), None, b"x", 0.0)
-    assert air.due(0.0) == []
-    assert air.counters["unsubscribed"] == 2
+    transmitter = ("127.0.0.1", 60000)
+    air.receive(location(77, -350.0, 0.0), transmitter, 0.0)
+    assert heard_by(air) == [ONE, OBSERVER]
+    air.receive(Encoder(77, 236).encode("OPEN_DRONE_ID_BASIC_ID", ua_type=2), transmitter, 1.0)
+    assert heard_by(air, 1.0) == [ONE, OBSERVER]
+    assert transmitter not in air.listeners.subscribers
+    air.listeners.expire(11.0)
+    air.receive(heartbeat(1), ONE, 11.0)
+    air.receive(Encoder(77, 236).encode("OPEN_DRONE_ID_BASIC_ID", ua_type=2), transmitter, 11.0)
+    assert heard_by(air, 11.0) == []  # it has not said for 10 s where it is
+    assert air.counters["no_position"] == 1
+
+
+def test_a_relayed_aircraft_is_heard_round_where_it_is_and_tells_nothing_of_who_relays_it() -> None:
+    air = air_of_three()
+    relay = ("127.0.0.1", 60000)
+    air.receive(location(254, -350.0, 0.0, relayed=True), relay, 0.0)
+    assert heard_by(air) == [ONE, OBSERVER]
+    named = Encoder(254, 236).encode("OPEN_DRONE_ID_BASIC_ID", ua_type=2, id_or_mac=b"other".ljust(20, b"\0"))
+    air.receive(named, relay, 0.0)
+    assert heard_by(air) == [ONE, OBSERVER]
+    air.receive(Encoder(254, 236).encode("OPEN_DRONE_ID_BASIC_ID", ua_type=2), relay, 0.0)
+    assert heard_by(air) == [OBSERVER]
+
+
+def test_who_says_where_it_is_relays_from_there() -> None:
+    air = air_of_three()
+    outside = ("127.0.0.1", 60000)
+    air.receive(location(77, 1000.0, 0.0), outside, 0.0)
+    assert heard_by(air) == [THREE, OBSERVER]
+    air.receive(location(77, -350.0, 0.0, relayed=True), outside, 0.0)
+    assert heard_by(air) == [THREE, OBSERVER]
+
+
+def test_a_flood_of_places_is_bounded() -> None:
+    air = air_of_three()
+    for port in range(MAX_PLACES + 50):
+        air.receive(location(77, -350.0, 0.0), ("127.0.0.2", port), 0.0)
+    assert air.counters["refused"] == 50
+    air.listeners.expire(10.5)
+    air.receive(heartbeat(1), ONE, 10.5)
+    air.due(10.5)
+    air.receive(location(77, -350.0, 0.0), ("127.0.0.3", 1), 10.5)
+    assert heard_by(air, 10.5) == [ONE]
 
 
 def test_a_flood_of_addresses_is_bounded() -> None:
