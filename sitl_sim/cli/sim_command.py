@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 REPORT_S = 1.0
 LONGEST_LINE = 65536
+REFUSED_ON_AIR = ("malformed", "no_position", "refused", "overflow")
+"""Of the air's counters, what came and was heard by nobody, or by observers alone."""
 
 
 @click.command(short_help="Emulate a fleet that MAVSDK, mavutil and MAVProxy take for real.")
@@ -158,10 +160,16 @@ async def _run(
     import json
 
     from ridlink.companions import beside
+    from sitl_sim.cli.notices import Notices
     from sitl_sim.server import PortError
 
     loop = asyncio.get_running_loop()
     stop = stopped_by_signals(loop)
+    notices = Notices(server)
+
+    def notify() -> None:
+        for line in notices.fresh():
+            printer.put(f"ridlink sim: {line}\n", error=True)
 
     def end() -> None:
         printer.patience_s = PAGING_S  # nobody has asked for the end, so nobody waits for it
@@ -182,6 +190,7 @@ async def _run(
                 try:
                     await asyncio.wait_for(stop.wait(), REPORT_S)
                 except TimeoutError:
+                    notify()
                     if as_json:
                         facts = {"ports": _ports(server), **server.snapshot()}
                         printer.put(json.dumps(facts, separators=(",", ":")) + "\n")
@@ -189,6 +198,7 @@ async def _run(
                         end()
     finally:
         await server.close()
+    notify()
     printer.put((json.dumps(_verdict(server), separators=(",", ":")) if as_json else _verdict_line(server)) + "\n")
     return int(until_arrived and not (server.mission_begun and server.world.verdict().passed))
 
@@ -270,6 +280,7 @@ def _verdict(server: FleetServer) -> dict[str, Any]:
             cause: sum(autopilot.counters[cause] for autopilot in server.autopilots)
             for cause in ("bad_frame", "refused_peer", "not_passed_on")
         },
+        "air": {cause: server.air.counters[cause] for cause in ("broadcast", "delivered", *REFUSED_ON_AIR)},
         **server.world.verdict().as_dict(),
     }
 
@@ -280,4 +291,6 @@ def _verdict_line(server: FleetServer) -> str:
     verdict = server.world.verdict()
     nearest = "" if verdict.min_separation_m is None else f", nearest {verdict.min_separation_m:.1f} m"
     flown = f"{server.scenario.name}: {server.world.mission_time_s:.1f} s"
-    return f"{flown}, {verdict.arrived} of {verdict.vehicles} arrived, {counted(verdict.macs, 'collision')}{nearest}"
+    hits = f", {verdict.obstacle_hits} flew into an obstacle" if verdict.obstacle_hits else ""
+    collided = f"{counted(verdict.macs, 'collision')}{hits}"
+    return f"{flown}, {verdict.arrived} of {verdict.vehicles} arrived, {collided}{nearest}"

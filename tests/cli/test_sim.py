@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.ground_station import ground_station, heartbeat
 from ridlink.scenario import EVENTS
@@ -82,6 +82,8 @@ def test_json_has_one_line_a_second_and_the_verdict_last() -> None:
     assert (verdict["scenario"], verdict["vehicles"], verdict["arrived"], verdict["macs"]) == ("head-on", 2, 0, 0)
     assert verdict["mission_begun"] and verdict["internal_errors"] == 0
     assert verdict["refused"] == {"bad_frame": 0, "refused_peer": 0, "not_passed_on": 0}
+    assert verdict["air"].pop("broadcast") > 0
+    assert verdict["air"] == {"delivered": 0, "malformed": 0, "no_position": 0, "refused": 0, "overflow": 0}
 
 
 @pytest.mark.parametrize(
@@ -104,6 +106,36 @@ def test_until_arrived_ends_when_all_is_over_and_its_exit_code_is_the_verdict(
     done = ridlink_sim(*ANY_PORT, "--scenario", str(path), "--airborne", "--until-arrived", "--speedup", "20")
     assert done.returncode == code, done.stderr
     assert outcome in done.stdout
+
+
+def test_who_flies_into_an_obstacle_is_named_when_it_happens_and_counted_at_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "wall.toml"
+    path.write_text(
+        'name = "wall"\nduration_s = 20.0\n'
+        "[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [40, 0, -50]\ncooperative = false\n"
+        "[[obstacle]]\npolygon_ne_m = [[15, -9], [25, -9], [25, 9], [15, 9]]\n"
+    )
+    done = ridlink_sim(*ANY_PORT, "--scenario", str(path), "--airborne", "--until-arrived", "--speedup", "20")
+    assert done.returncode == 1
+    assert "0 of 1 arrived, 0 collisions, 1 flew into an obstacle" in done.stdout
+    assert "ridlink sim: vehicle 1 flew into an obstacle\n" in done.stderr
+
+
+def test_what_the_air_does_not_pass_on_is_said_once_and_counted() -> None:
+    with running("-n", "0", "--json") as process, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        assert process.stdout is not None
+        air = ("127.0.0.1", json.loads(process.stdout.readline())["ports"]["air"])
+        for _ in range(30):
+            sender.sendto(b"no MAVLink", air)
+            sender.sendto(Encoder(77, 236).encode("OPEN_DRONE_ID_BASIC_ID", ua_type=2), air)
+        for _ in range(3):  # a line a second
+            process.stdout.readline()
+        process.send_signal(signal.SIGTERM)
+        output, complaints = process.communicate(timeout=30)
+    verdict = json.loads(output.splitlines()[-1])
+    assert verdict["air"]["malformed"] == verdict["air"]["no_position"] == 30
+    first, second = complaints.splitlines()
+    assert "is no MAVLink" in first and "OPEN_DRONE_ID_LOCATION" in second
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])

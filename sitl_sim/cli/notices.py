@@ -1,0 +1,53 @@
+"""What ``ridlink sim`` says on stderr while it flies: each thing once, when it has happened."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sitl_sim.verdict import Outcome
+
+if TYPE_CHECKING:
+    from sitl_sim.server import FleetServer
+
+PLACELESS = 30
+"""So many broadcasts from nobody knows where are more than what comes before a first LOCATION."""
+
+FATES = {Outcome.COLLIDED: "has collided", Outcome.HIT_OBSTACLE: "flew into an obstacle"}
+
+
+class Notices:
+    """What is to be said about a fleet.
+
+    Args:
+        server: The fleet.
+    """
+
+    def __init__(self, server: FleetServer) -> None:
+        self._server = server
+        self._said: set[str] = set()
+
+    def fresh(self) -> list[str]:
+        """Lines that have not been said yet."""
+        lines = [line for line in (*self._of_the_air(), *self._of_vehicles()) if line not in self._said]
+        self._said.update(lines)
+        return lines
+
+    def _of_the_air(self) -> list[str]:
+        counters, port = self._server.air.counters, self._server.ports.air
+        lines = []
+        if counters["malformed"]:
+            lines.append(f"the air, {port}: something that is no MAVLink came, and goes no further")
+        if counters["no_position"] >= PLACELESS:
+            lines.append(
+                f"the air, {port}: a sender has told no OPEN_DRONE_ID_LOCATION, its own or of whom it relays; "
+                "observers alone hear it"
+            )
+        if counters["refused"]:
+            lines.append(f"the air, {port}: too many speak there, and more are refused")
+        return lines
+
+    def _of_vehicles(self) -> list[str]:
+        if not self._server.mission_begun:
+            return []
+        details = self._server.world.verdict().details
+        return [f"vehicle {one.system_id} {FATES[one.outcome]}" for one in details if one.outcome in FATES]
