@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import BinaryIO
 
 UNFINISHED = ".unfinished"
 """Suffix of what is half written."""
@@ -12,6 +13,26 @@ UNFINISHED = ".unfinished"
 def unfinished(path: Path) -> Path:
     """Where a file is until it is whole."""
     return path.with_name(path.name + UNFINISHED)
+
+
+def open_at_once(path: str | os.PathLike[str], mode: str, buffering: int = -1) -> BinaryIO:
+    """A file to write to; a pipe that nobody reads is an error, not a wait that no signal ends.
+
+    Args:
+        path: The file.
+        mode: ``wb``, or ``xb`` where it must not exist.
+        buffering: As of `open`.
+
+    Raises:
+        OSError: If it cannot be opened.
+    """
+
+    def opened(name: str, flags: int) -> int:
+        descriptor = os.open(name, flags | os.O_NONBLOCK, 0o666)
+        os.set_blocking(descriptor, True)
+        return descriptor
+
+    return open(path, mode, buffering, opener=opened)  # type: ignore[return-value]
 
 
 def write_whole(path: Path, data: bytes) -> None:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Self
 
 from ridlink.captures.records import BAD_TIMESTAMP, Record, Rejects
+from ridlink.files import open_at_once
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import (
     HEADER_LENGTH_V1,
@@ -168,7 +169,7 @@ class TlogWriter:
         self.path = Path(path)
         self.records = 0
         self.bytes_written = 0
-        self._file = open(self.path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
+        self._file = open_at_once(self.path, "wb" if overwrite else "xb", buffering=0)
         self._pending: list[bytes] = []
         self._pending_bytes = 0
         self._last_us = 0

@@ -29,6 +29,7 @@ from ridlink.daemon.config_file import LONGEST, read_config_text
 from ridlink.engine import Engine, StepOutput
 from ridlink.engine.decision_log import DecisionHash, decision_line
 from ridlink.errors import CaptureError
+from ridlink.files import open_at_once
 
 MAGIC, VERSION = "ridlink-input", 2
 QUEUE_LENGTH = 65_536
@@ -105,7 +106,7 @@ class InputLog:
         self.dropped = 0
         self.error: OSError | None = None
         self.decisions = DecisionHash()
-        self._file = path.open("wb")
+        self._file = open_at_once(path, "wb")
         self._queue: queue.Queue[_Record | None] = queue.Queue(QUEUE_LENGTH)
         self._put(_Head(VERSION, config))
         self._thread = threading.Thread(target=self._run, name="input-log", daemon=True)

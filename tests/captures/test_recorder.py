@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from itertools import count
 from pathlib import Path
@@ -68,6 +69,21 @@ def test_f29_a_disk_that_refuses_ends_the_recording_only() -> None:
     recorder.receive(Emulated().heartbeat())
     assert recorder.error is not None and "No space left" in str(recorder.error)
     assert recorder.messages == 0
+
+
+def test_a_pipe_that_is_read_is_a_log(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    recorder = Recorder(pipe, overwrite=True)
+    os.set_blocking(reader, True)
+    datagram = Emulated().telemetry(0.0)
+    for _ in range(500):  # more than a pipe holds
+        recorder.receive(datagram)
+    with open(reader, "rb") as log:
+        threading.Thread(target=recorder.close).start()
+        frames = [record.frame.raw for record in read_tlog([log.read()], Rejects())]
+    assert b"".join(frames) == datagram * 500
 
 
 def test_f29_a_slow_disk_costs_records_not_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import sys
 from asyncio.subprocess import PIPE, Process
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -212,6 +213,15 @@ def test_i8_a_port_in_use_is_exit_code_3() -> None:
                 assert err.count(b"\n") == 1
 
     run(test)
+
+
+@pytest.mark.parametrize("option", ["--log", "--input-log"])
+def test_i8_a_pipe_that_nobody_reads_is_exit_code_3(option: str, tmp_path: Path) -> None:
+    """To open it would last until somebody does, and no signal would end that."""
+    os.mkfifo(tmp_path / "pipe")
+    command = [sys.executable, "-m", "ridlink", "avoid", "--standby", "--vehicle", "udpin:127.0.0.1:0"]
+    done = subprocess.run([*command, option, tmp_path / "pipe"], capture_output=True, text=True, timeout=START_S)
+    assert (done.returncode, done.stderr) == (3, f"ridlink: {tmp_path / 'pipe'}: No such device or address\n")
 
 
 def test_without_a_goal_it_asks_for_one() -> None:
