@@ -25,7 +25,7 @@ from ridlink.view import wire
 from ridlink.view.conversation import LONGEST_REQUEST, Conversation
 from ridlink.view.door import Door
 from ridlink.view.files import page_files
-from ridlink.view.guard import LOOPBACK, Guard, refuse
+from ridlink.view.guard import LOOPBACK, Guard
 from ridlink.view.show import Show
 
 try:
@@ -41,6 +41,7 @@ except ImportError as error:
 
 DEFAULT_PORT = 8090
 MOST_PAGES = 32
+TRY_AGAIN_LATER = 1013
 UNREAD_S = 10.0
 """A page that takes nothing for so long is dropped."""
 
@@ -186,7 +187,9 @@ class ViewServer:
     async def _converse(self, websocket: WebSocket) -> None:
         if len(self._pages) >= MOST_PAGES:
             self.counters["refused"] += 1
-            await refuse(websocket.scope, websocket.send, 503, f"{MOST_PAGES} pages look on already")
+            with contextlib.suppress(*GONE):
+                await websocket.accept()  # of a handshake that fails a browser tells its page nothing
+                await websocket.close(TRY_AGAIN_LATER, f"{MOST_PAGES} pages look on already")
             return
         page = _Page(Conversation(self.show), asyncio.Event())
         self._pages.add(page)  # before anything is waited for, so that they are never more

@@ -6,6 +6,7 @@ Needs Chromium and Playwright; ``make e2e`` runs it, ``make test`` does not. Pic
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -20,8 +21,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
+pytest.importorskip("uvicorn", reason="needs ridlink[web]")
+
+from websockets.sync.client import connect
+
+from ridlink.view.server import MOST_PAGES
 from tests.observer.flights import Flyer, frames
 
 pytestmark = pytest.mark.e2e
@@ -315,6 +322,42 @@ def test_it_is_driven_by_keys(browser: Any, recording: str) -> None:
     visit.until("!document.querySelector('#help').open && shown.selected !== ''")
     press("Escape")
     visit.until("shown.selected === ''")
+    visit.close()
+
+
+def served_by(address: str) -> psutil.Process:
+    """The process that serves a page, of those that were started here."""
+    port = int(address.rsplit(":", 1)[1].strip("/"))
+    return next(
+        process
+        for process in psutil.Process().children(recursive=True)
+        if any(one.laddr and one.laddr.port == port for one in process.net_connections())
+    )
+
+
+def test_a_server_that_stands_still_is_not_shown_as_if_it_went_on(browser: Any, recording: str) -> None:
+    visit = Visit(browser, recording)
+    state = "document.querySelector('#state').dataset.state"
+    visit.until(f"{state} === 'recorded'")
+    server = served_by(recording)
+    server.suspend()
+    try:
+        visit.until(f"{state} === 'lost'")
+    finally:
+        server.resume()
+    visit.until(f"{state} === 'recorded'")
+
+
+def test_whoever_finds_all_places_taken_is_told_so_and_comes_in_later(browser: Any, recording: str) -> None:
+    with contextlib.ExitStack() as others:
+        for _ in range(MOST_PAGES):
+            others.enter_context(connect(recording.replace("http", "ws") + "ws/v1"))
+        page = others.enter_context(contextlib.closing(browser.new_page()))
+        page.goto(recording)
+        page.locator("#state", has_text="too many viewers, trying again").wait_for()
+        others.pop_all().close()
+    visit = Visit(browser, recording)
+    visit.until("document.querySelector('#state').dataset.state === 'recorded'")
     visit.close()
 
 

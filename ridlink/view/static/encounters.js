@@ -64,7 +64,9 @@ export class Encounters {
     find("no-encounters").hidden = sorted.length > 0;
     say(find("count-encounters"), String(sorted.length));
     for (const button of document.querySelectorAll("[data-sort]")) {
-      mark(button, "active", String(button.dataset.sort === this.#sort));
+      const active = button.dataset.sort === this.#sort;
+      mark(button, "active", String(active));
+      button.closest("th").ariaSort = !active ? "none" : this.#sort === "t" ? "descending" : "ascending";
     }
   }
 
