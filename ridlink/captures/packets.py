@@ -57,6 +57,14 @@ RADIOS: dict[int, Callable[[bytes], list[radio.Heard | radio.Unheard]]] = {
 """Link types of the air: 802.11, 802.11 with radiotap, Bluetooth LE, with a pseudo header, from Nordic's sniffer."""
 
 
+class Datagram(NamedTuple):
+    """What a packet carried over UDP: microseconds since 1970 or ``None``, byte of the file where its record starts."""
+
+    time_us: int | None
+    offset: int
+    payload: bytes
+
+
 def read_pcap(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
     """Records of a pcap or pcapng file in constant memory, whatever the bytes are.
 
@@ -74,16 +82,15 @@ def read_pcap(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
             yield item
 
 
-class Datagram(NamedTuple):
-    """What a packet carried over UDP: microseconds since 1970 or ``None``, byte of the file where its record starts."""
-
-    time_us: int | None
-    offset: int
-    payload: bytes
-
-
 def read_contents(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Datagram | TracedRecord]:
-    """The same with datagrams as they are, which are for `records_of`."""
+    """What a pcap or pcapng file holds, with datagrams as they are: they are for `records_of`.
+
+    Args:
+        chunks, rejects: As for `read_pcap`.
+
+    Raises:
+        CaptureError: As `read_pcap`.
+    """
     relay = Relay(rejects)
     foreign: set[int] = set()
     understood = False

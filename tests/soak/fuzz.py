@@ -24,6 +24,7 @@ from ridlink.captures.export.block_lines import BlockLines
 from ridlink.captures.export.framed import framed_line
 from ridlink.captures.export.from_lines import frame_of_line
 from ridlink.captures.export.selection import Selection
+from ridlink.captures.fast import datagrams
 from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.lines import json_line, table_line
 from ridlink.errors import CaptureError, WireError
@@ -154,9 +155,10 @@ def read_blocks(data: bytes, path: Path) -> None:
         with contextlib.suppress(CaptureError):
             columns.decode(path, kind=kind)
         with contextlib.suppress(CaptureError):
-            lines = BlockLines(Selection(), frames=kind == "tlog")
+            forms = BlockLines(Selection(), frames=kind == "tlog"), BlockLines(Selection(), "table")
             for block in BlockReader(path, kind):
-                lines.of(block)
+                for lines in forms:
+                    lines.of(block)
 
 
 def read_lines(data: bytes) -> None:
@@ -181,6 +183,7 @@ def show_progress(done: int, of: int, start_s: float) -> None:
 
 def fuzz(seed: int, numbers: range) -> int:
     """Exit code."""
+    datagrams.FEWEST = 1  # for inputs are short
     valid = seeds()
     for data in valid:
         if not read(lambda data=data: Capture("seed", io.BytesIO(data), None)):

@@ -59,7 +59,12 @@ def _taken(datagrams: Sequence[Datagram], rejects: Rejects) -> Iterator[Block | 
 
 
 def block_of_datagrams(datagrams: Sequence[Datagram], rejects: Rejects) -> Block:
-    """The frames of datagrams; what else is in them is counted."""
+    """The frames of datagrams; what else is in them is counted.
+
+    Args:
+        datagrams: One at least, none of them empty.
+        rejects: As for `read_blocks`.
+    """
     data = with_margins(datagram.payload for datagram in datagrams)
     bounds = np.full(len(datagrams) + 1, loading.MARGIN)
     bounds[1:] += np.cumsum([len(datagram.payload) for datagram in datagrams])
