@@ -4,7 +4,7 @@ Method: ORCA half-planes (van den Berg et al., 2011) for a vehicle that does not
 Each neighbour gives two half-planes, one from now and one from a response time ahead: "fly on for T, then change at
 once" is what a linear response tends to, and the true path lies between the two. Discs carry a buffer, because a disc
 that is grazed with moving errors is violated; inside the disc a barrier asks for separation in proportion to the
-overlap.
+overlap. An answer that cannot be flown before a disc is entered gives way to one that can, see `evasion`.
 
 Which neighbours matter is told in `sift`, what they ask for is worked out in `meeting`, and the decision is made here.
 Axes: north-east, metres, m/s, seconds. Inputs are rows and blocks of numbers, see `rows`. Nothing here allocates.
@@ -18,6 +18,7 @@ import numpy as np
 
 from ridlink.avoidance.contact import contact_half_planes
 from ridlink.avoidance.encounter import EPSILON, LEAN_HORIZONS
+from ridlink.avoidance.evasion import SOON_S, evade
 from ridlink.avoidance.keep_out import obstacle_half_planes
 from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.lanes import BLOCKS_A_WORD, lanes_from, lowest_bit
@@ -188,6 +189,12 @@ def avoid_one(  # type: ignore[no-untyped-def]
     feasible, worst = nearest(lines, begin, used, limit, preferred, chosen, x)
     if not feasible:
         least_bad(lines, begin, hard, first, used, limit, preferred, chosen, work, x)
+    if (
+        violation < SOON_S
+        and settings[RESPONSE] > 0.0
+        and evade(own, candidates, found, limit, violation, lines, begin, first, x)
+    ):
+        feasible = False
     if keep_within(own, change, limit, x) or not feasible or walls != first:
         worst = max(measure(lines, begin, walls, x[0], x[1]), measure(lines, first, used, x[0], x[1]))
     slack = -worst

@@ -173,7 +173,8 @@ class Status(IntEnum):
     OVERLAPPED = 2
     """As CONSTRAINED, while own-ship is inside the disc of a neighbour or the clearance of an obstacle: separating."""
     INFEASIBLE = 3
-    """No velocity meets every constraint: this one exceeds the worst of them least, obstacles first."""
+    """No velocity meets every constraint, or none that can be flown in time: this one exceeds the worst of them least,
+    obstacles first, or is the path to it that enters discs least (`ridlink.avoidance.evasion`)."""
 
 
 @dataclass(frozen=True, slots=True)

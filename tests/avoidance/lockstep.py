@@ -39,7 +39,7 @@ WATCH = ProgressWatch()
 
 @dataclass(frozen=True)
 class Scene:
-    """Where vehicles start and go. Positions (N, 2), speeds (N,), cooperative (N,)."""
+    """Where vehicles start and go: positions (N, 2), or (W, N, 2) of W worlds; speeds (N,), cooperative (N,)."""
 
     start: np.ndarray
     goal: np.ndarray
@@ -49,12 +49,12 @@ class Scene:
 
     @property
     def count(self) -> int:
-        return len(self.start)
+        return self.start.shape[-2]
 
 
 def scene(start, goal, speed=10.0, cooperative=None, polygons=()) -> Scene:
     start, goal = np.asarray(start, float), np.asarray(goal, float)
-    count = len(start)
+    count = start.shape[-2]
     flags = np.ones(count, bool) if cooperative is None else np.asarray(cooperative)
     return Scene(start, goal, np.broadcast_to(np.asarray(speed, float), (count,)).copy(), flags, polygons)
 
@@ -321,7 +321,7 @@ def fly(
         infeasible += (deciding & (result[..., rows.R_STATUS] == rows.INFEASIBLE)).sum()
         course = plan.goal - plan.start
         course = course / np.linalg.norm(course, axis=-1, keepdims=True)
-        lateral = course[:, 0] * command[..., 1] - course[:, 1] * command[..., 0]
+        lateral = course[..., 0] * command[..., 1] - course[..., 1] * command[..., 0]
         lateral = np.where(np.abs(lateral) > 0.5, np.sign(lateral), last_lateral)
         reversals += (deciding & (lateral * last_lateral < 0)).sum()
         last_lateral = np.where(deciding, lateral, last_lateral)

@@ -12,6 +12,7 @@ import math
 
 from ridlink.avoidance import keep_out, preference, turning
 from ridlink.avoidance.encounter import CLEAR_FACTOR, DODGE_MPS, EPSILON, HOLD_FACTOR
+from ridlink.avoidance.evasion import ACCELERATION_MPS2, DEEP, LESS_DEEP, REACTION_S, SOON_S
 from ridlink.avoidance.halfplane import TOUCHING_MPS
 from ridlink.avoidance.kernel import norm
 from ridlink.avoidance.meeting import PUSHED_MPS, START_RADII
@@ -386,6 +387,57 @@ def contact_half_planes(own, neighbours, count, settings, lines, owner, used):
     return used
 
 
+def path(own, velocity, t):
+    """Position and velocity at a time on the path to a velocity: on as before, then over at a steady acceleration."""
+    change = [velocity[i] - own[VELOCITY + i] for i in range(2)]
+    ramp, answering = math.hypot(*change) / ACCELERATION_MPS2, max(t - REACTION_S, 0.0)
+    done, mean = (1.0, answering - ramp / 2.0) if answering >= ramp else (answering / ramp, answering**2 / ramp / 2.0)
+    return (
+        [own[POSITION + i] + own[VELOCITY + i] * t + change[i] * mean for i in range(2)],
+        [own[VELOCITY + i] + change[i] * done for i in range(2)],
+    )
+
+
+def deepest_entry(own, neighbours, velocity):
+    """Share of its radius by which the path to a velocity enters a disc, and whose; the deepest of them."""
+    deepest, who = 0.0, -1
+    ramp = math.hypot(velocity[0] - own[VELOCITY], velocity[1] - own[VELOCITY + 1]) / ACCELERATION_MPS2
+    for j, (position, motion, radius, reciprocal) in neighbours.items():
+
+        def approach(t, position=position, motion=motion):
+            here, flown = path(own, velocity, t)
+            r = [position[i] + motion[i] * t - here[i] for i in range(2)]
+            w = [motion[i] - flown[i] for i in range(2)]
+            return math.hypot(*r), t - (r[0] * w[0] + r[1] * w[1]) / max(w[0] ** 2 + w[1] ** 2, EPSILON)
+
+        now, t = approach(0.0)
+        first, t = approach(min(max(t, 0.0), SOON_S))
+        second, _ = approach(min(max(t, 0.0), SOON_S))
+        _, t = approach(REACTION_S + ramp)
+        third, _ = approach(min(max(t, REACTION_S + ramp), SOON_S))
+        entry = (0.5 if reciprocal else 1.0) * (1.0 - min(now, first, second, third) / max(radius, EPSILON))
+        if entry > deepest:
+            deepest, who = entry, j
+    return deepest, who
+
+
+def evade(own, neighbours, violation, admissible, x):
+    """The velocity to fly to instead of an answer that comes too late, or that answer."""
+    late = REACTION_S + math.hypot(x[0] - own[VELOCITY], x[1] - own[VELOCITY + 1]) / ACCELERATION_MPS2
+    least, who = deepest_entry(own, neighbours, x)
+    if not 0.0 < violation < min(SOON_S, late) or least < DEEP:
+        return x
+    position = neighbours[who][0]
+    sight = math.atan2(position[1] - own[POSITION + 1], position[0] - own[POSITION])
+    least -= LESS_DEEP
+    for off in (math.pi / 4.0, -math.pi / 4.0, math.pi / 2.0, -math.pi / 2.0):
+        way = [own[LIMIT] * math.cos(sight + off), own[LIMIT] * math.sin(sight + off)]
+        entry, _ = deepest_entry(own, neighbours, way)
+        if admissible(way) and entry < least - EPSILON:
+            least, x = entry, way
+    return x
+
+
 def avoid_one(
     own, neighbours, count, memory, pieces, hulls, route, settings, lines, work, owner, ring,
     result,
@@ -517,6 +569,20 @@ def avoid_one(
 
     x = result[R_VELOCITY : R_VELOCITY + 2]
     feasible = nearest_admissible(lines, hard, firm, used, limit, preferred, work, x)
+    if settings[RESPONSE] > 0.0:
+        heard = {}
+        for j in sorted(set(owner[firm:used].tolist())):
+            position, motion = neighbours[j, N_POSITION : N_POSITION + 2], neighbours[j, N_VELOCITY : N_VELOCITY + 2]
+            heard[j] = (
+                position + motion * neighbours[j, AGE], motion, neighbours[j, RADIUS], neighbours[j, RECIPROCAL]
+            )  # fmt: skip
+        evasion = evade(
+            own, heard, violation,
+            lambda way: all(lines[k, 0] * way[0] + lines[k, 1] * way[1] >= lines[k, 2] - EPSILON for k in range(firm)),
+            x,
+        )  # fmt: skip
+        feasible = feasible and evasion is x
+        x[0], x[1] = evasion[0], evasion[1]
     speed = norm(x[0], x[1])
     if speed > limit:
         x[0], x[1] = x[0] * limit / speed, x[1] * limit / speed
