@@ -195,6 +195,8 @@ class Statistics:
             )
             if any(source.is_of_several_links for source in self.sources.values()):
                 blocks.append("-: several links were recorded at once, and each numbers its own messages")
+            if any(source.gaps and not source.is_of_several_links for source in self.sources.values()):
+                blocks.append("gaps: lost on the way, or sent over another link of that source, which was not recorded")
         if self.transmitters:
             blocks.append(
                 _table(

@@ -43,6 +43,11 @@ BATCH_BYTES = 64 * 1024
     help="One row for each update of each aircraft: identity, location, separation, operator (jsonl, csv, parquet).",
 )
 @click.option(
+    "--telemetry",
+    is_flag=True,
+    help="On a map (geojson, kml), a second track from GLOBAL_POSITION_INT for vehicles that are on it by Remote ID.",
+)
+@click.option(
     "--since",
     metavar="TIME",
     callback=decode_export.time_us,
@@ -51,7 +56,11 @@ BATCH_BYTES = 64 * 1024
 @click.option("--until", metavar="TIME", callback=decode_export.time_us, help="Only before this time.")
 @click.option("--types", metavar="GLOBS", help="Messages to show, such as 'OPEN_DRONE_ID_*,RIDLINK_*'.")
 @click.option("--source-system", type=click.IntRange(0, 255), metavar="N", help="Only messages of this system id.")
-@click.option("--stats", is_flag=True, help="Counts, rates, sequence gaps and damage instead of messages.")
+@click.option(
+    "--stats",
+    is_flag=True,
+    help="Counts, rates, sequence gaps (lost, or sent over links that were not recorded) and damage.",
+)
 @click.option("--follow", is_flag=True, help="Go on with what is appended to the file, until interrupted.")
 @click.option("--strict", is_flag=True, help="Exit with 4 if anything in the files was damaged.")
 def decode(
@@ -61,6 +70,7 @@ def decode(
     output: str | None,
     frames: bool,
     join: bool,
+    telemetry: bool,
     since: int | None,
     until: int | None,
     types: str | None,
@@ -81,14 +91,14 @@ def decode(
     from ridlink.captures.export.selection import Selection
     from ridlink.captures.statistics import Statistics
 
-    decode_export.check(output_format, output, frames, join, stats)
+    decode_export.check(output_format, output, frames, join, stats, telemetry)
     if follow:
         decode_export.check_follow(files, kind, output_format, output, join, stats)
     selection = Selection(wanted_names(types), source_system, since, until)
     statistics = Statistics()
     found = decode_export.readable(files)
     if join or output_format in decode_export.EXPORTS:
-        decode_export.export(found, kind, output_format, output, join, selection, statistics)
+        decode_export.export(found, kind, output_format, output, join, selection, statistics, telemetry=telemetry)
         return _verdict(statistics, strict, len(files) - len(found))
     with whole_output(output, files) as out:
         lines = _Lines(output_format, selection, frames, stats, statistics, out)

@@ -57,7 +57,7 @@ def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | N
     return (since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds
 
 
-def check(output_format: str, output: str | None, frames: bool, join: bool, stats: bool) -> None:
+def check(output_format: str, output: str | None, frames: bool, join: bool, stats: bool, telemetry: bool) -> None:
     """Refuse combinations of options that mean nothing.
 
     Raises:
@@ -67,6 +67,8 @@ def check(output_format: str, output: str | None, frames: bool, join: bool, stat
         raise click.UsageError(f"--join is for -f {', '.join(JOINABLE)}; -f {output_format} cannot take it")
     if frames and (join or stats or output_format != "jsonl"):
         raise click.UsageError("--frames is for -f jsonl, without --join and --stats")
+    if telemetry and output_format not in MAPS:
+        raise click.UsageError(f"--telemetry is for -f {' and -f '.join(MAPS)}")
     if stats and (join or output_format in EXPORTS):
         raise click.UsageError("--stats is for -f table and -f jsonl, without --join")
     if output in (None, "-"):
@@ -146,6 +148,8 @@ def export(
     join: bool,
     selection: Selection,
     statistics: Statistics,
+    *,
+    telemetry: bool,
 ) -> None:
     """Write the files in a format that is no line a message.
 
@@ -154,6 +158,7 @@ def export(
         output_format, output, join: What to write.
         selection: Which messages.
         statistics: Gets the captures, for their rejects.
+        telemetry: On a map, also what vehicles that are on it by Remote ID say of themselves.
     """
     if output_format in FOLDERS and not join:
         assert output is not None
@@ -169,9 +174,9 @@ def export(
     messages = _messages(files, kind, selection, statistics)
     with whole_output(output, files) as out:
         if output_format == "geojson":
-            write_geojson(messages, out)
+            write_geojson(messages, out, telemetry=telemetry)
         elif output_format == "kml":
-            write_kml(messages, out)
+            write_kml(messages, out, telemetry=telemetry)
         elif output_format == "mcap":
             from ridlink.captures.export.mcap import write_mcap
 

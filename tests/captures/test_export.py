@@ -438,6 +438,29 @@ def test_a_hovering_aircraft_keeps_its_updates() -> None:
     assert len(list(join(messages))) == 20
 
 
+def test_who_says_who_it_is_three_seconds_later_is_one_aircraft() -> None:
+    messages = [*(located(100_000 * index, 0.1 * index) for index in range(31)), named("X", time_us=3_050_000)]
+    messages += [located(100_000 * index, 0.1 * index) for index in range(31, 60)]
+    rows = list(join(messages))
+    assert len(rows) == 60 and {row["uas_id"] for row in rows} == {"X"}
+
+
+@pytest.mark.parametrize("first", [0, 1], ids=["before", "after"])
+def test_what_an_autopilot_says_beside_its_transmitter_is_no_row_of_its_own(first: int) -> None:
+    """The same position from the same sender, once with a time and once without, either of them first."""
+    rows = []
+    for index in range(3):
+        two = [located(1_000_000 * index, float(index), 47.0 + index), located(1_000_000 * index, None, 47.0 + index)]
+        rows += [two[first], two[1 - first]]
+    joined = list(join([named("X"), *rows]))
+    assert [(row["timestamp_s"], row["received"]) for row in joined] == [(0.0, 2), (1.0, 2), (2.0, 2)]
+    beside = located(0, None, 48.0), located(0, None, 47.0, source="2/1"), located(1_000_000, None, 47.0)
+    rows = list(join([located(0, 1.0, 47.0), *beside]))
+    assert [row["received"] for row in rows] == [2, 1, 1], "what it says beside it; another sender, and a second later"
+    assert rows[0]["latitude_deg"] == 47.0
+    assert len(list(join([located(100_000 * index, None) for index in range(5)]))) == 5, "who has no clock moves, too"
+
+
 def test_different_aircraft_at_one_place_stay_apart() -> None:
     second = {"source": "2/1"}
     messages = [named("X"), named("Y", **second), located(0, 5.0), located(10, 5.0, **second)]
@@ -512,9 +535,13 @@ def test_a_serial_number_outlasts_a_registration() -> None:
 
 def test_rows_leave_when_the_log_has_moved_on() -> None:
     joiner = Joiner()
+    assert not list(joiner.receive(named("X")))
     assert not list(joiner.receive(located(0, 1.0))) and not list(joiner.receive(located(2_000_000, 2.0)))
     assert len(list(joiner.receive(located(2_000_001, 3.0)))) == 1
     assert len(list(joiner.flush())) == 2
+    unnamed = Joiner()
+    assert not list(unnamed.receive(located(0, 1.0))) and not list(unnamed.receive(located(7_000_000, 2.0)))
+    assert len(list(unnamed.receive(located(7_000_001, 3.0)))) == 1, "nobody waits for an identity for ever"
     untimed = Joiner()
     assert sum(len(list(untimed.receive(located(None, float(index), index * 1e-3)))) for index in range(100)) > 80
 
@@ -574,6 +601,32 @@ def test_vehicles_have_tracks_too_and_nonsense_has_none(tmp_path: Path) -> None:
     *points, line = features(run(path, "-f", "geojson").stdout)
     assert len(points) == 2 and line["geometry"]["coordinates"] == [[8.0, 47.0, 1.5], [8.0, 47.000001, 1.5]]
     assert line["properties"]["track"] == "3/1"
+
+
+@pytest.mark.parametrize("output_format", ["geojson", "kml"])
+def test_an_aircraft_has_one_track_unless_its_telemetry_is_wanted_too(tmp_path: Path, output_format: str) -> None:
+    """One that broadcasts beside its telemetry and says late who it is, and one that has nothing but telemetry."""
+    path, records = tmp_path / "f.tlog", aircraft(sysid=1)[1:]
+    for second in range(6):
+        for sysid in (1, 2):
+            position = Encoder(sysid, 1).encode("GLOBAL_POSITION_INT", lat=470000000 + second, lon=80000000, alt=1500)
+            records.append((START_US + second * 1_000_000 + sysid, position))
+    path.write_bytes(tlog_bytes(sorted(records)))
+
+    def tracks(*options: str) -> set[str]:
+        text = run(path, "-f", output_format, *options).stdout
+        if output_format == "kml":
+            names = ET.fromstring(text).iter("{http://www.opengis.net/kml/2.2}name")
+            return {name.text or "" for name in names} - {"ridlink"}
+        found = list(features(text))
+        points = [one["properties"]["track"] for one in found if one["geometry"]["type"] == "Point"]
+        lines = {one["properties"]["track"] for one in found if one["geometry"]["type"] == "LineString"}
+        assert set(points) == lines and {points.count(name) for name in lines} == {6}
+        return lines
+
+    assert tracks() == {"ABC123", "2/1"}
+    assert tracks("--telemetry") == {"ABC123", "1/1", "2/1"}
+    assert "--telemetry is for" in str(run(path, "-f", "jsonl", "--telemetry").exception)
 
 
 def test_a_capture_without_positions_is_an_empty_map(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from ridlink.captures.lines import clock_time, json_line, table_line
 from ridlink.captures.messages import MessageRecord, decode_records
 from ridlink.captures.records import Record
-from ridlink.captures.statistics import SourceCount
+from ridlink.captures.statistics import SourceCount, Statistics
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, encode_frame, parse_datagram
 
@@ -142,6 +142,18 @@ def test_sequence_gaps_wrap_and_duplicates_are_none() -> None:
     for seq in (254, 255, 0, 1, 1, 5, 4):
         source.see(seq)
     assert (source.messages, source.gaps, source.lost) == (7, 2, 3 + 254)
+
+
+def test_the_table_says_what_a_gap_may_be_where_there_is_one() -> None:
+    """A daemon answers on the recorded link, and numbers what it sends over others with the same count."""
+    whole, partial = Statistics(), Statistics()
+    for seq in range(20):
+        whole.sources.setdefault((1, 196), SourceCount()).see(seq)
+        partial.sources.setdefault((1, 196), SourceCount()).see(5 * seq)
+    assert "gaps: " not in whole.as_text()
+    assert (
+        "gaps: lost on the way, or sent over another link of that source, which was not recorded" in partial.as_text()
+    )
 
 
 @given(st.lists(st.integers(1, 60), min_size=10, max_size=100), st.integers(0, 255))

@@ -1,7 +1,8 @@
 """Tracks and points for maps: GeoJSON (RFC 7946) and KML.
 
-Aircraft come from joined Remote ID, one track for each identity, and vehicles from their GLOBAL_POSITION_INT, one track
-for each ``system/component``. Positions without latitude and longitude are left out. Altitudes are WGS-84 where the
+Aircraft come from joined Remote ID, one track for each identity. A vehicle whose system id tells no position by
+Remote ID comes from its GLOBAL_POSITION_INT, one track for each ``system/component``; if that is wanted, so do the
+others, and have two tracks. Positions without latitude and longitude are left out. Altitudes are WGS-84 where the
 sender gives them, else what it has: pressure altitude, or (of GLOBAL_POSITION_INT) above mean sea level.
 
 Points are written as they come, tracks at the end.
@@ -16,7 +17,7 @@ from xml.sax.saxutils import escape
 import msgspec
 
 from ridlink.captures.export.fields import Fields
-from ridlink.captures.export.join import JOINED_NAMES, Joiner
+from ridlink.captures.export.join import JOINED_NAMES, LOCATION, Joiner
 from ridlink.captures.export.tracks import HALF_TURN_DEG, Position, Tracks
 from ridlink.captures.lines import clock_time, exact_seconds
 
@@ -29,21 +30,48 @@ _POINT_PROPERTIES = ("ua_type", "status", "speed_horizontal_mps", "speed_vertica
 _encode = msgspec.json.Encoder().encode
 
 
-def positions(messages: Iterable[Fields]) -> Iterator[Position]:
-    """Positions of aircraft and vehicles in the order of time."""
-    joiner = Joiner()
-    for message in messages:
-        if message.name == VEHICLE_POSITION:
-            fields = message.fields
-            if fields["lat"] or fields["lon"]:
-                longitude_deg, latitude_deg = fields["lon"] / 1e7, fields["lat"] / 1e7
-                if abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0:
-                    yield Position(
-                        message.source, message.time_us, longitude_deg, latitude_deg, fields["alt"] / 1e3, {}
-                    )
-        else:
+def positions(messages: Iterable[Fields], *, telemetry: bool = False) -> Iterator[Position]:
+    """Positions of aircraft in the order of time, then those of vehicles that tell none by Remote ID.
+
+    Args:
+        messages: In the order of the file.
+        telemetry: Positions of all vehicles, in between.
+    """
+    joiner, identified = Joiner(), set()
+    with Tracks() as aside:
+        for message in messages:
+            if message.name == VEHICLE_POSITION:
+                position = _of_telemetry(message)
+                if position is not None and telemetry:
+                    yield position
+                elif position is not None:
+                    aside.add(position)
+                continue
+            if message.name == LOCATION and _is_of_its_sender(message):
+                identified.add(_system(message.source))
             yield from _of_rows(joiner.receive(message))
-    yield from _of_rows(joiner.flush())
+        yield from _of_rows(joiner.flush())
+        for source in aside.by_name:
+            if _system(source) not in identified:
+                yield from aside.positions(source)
+
+
+def _is_of_its_sender(location: Fields) -> bool:
+    """Over MAVLink an aircraft tells its own position without an address, and a receiver that of others with one."""
+    fields = location.fields
+    return "/" in location.source and fields["id_or_mac"] is None and fields["latitude_deg"] is not None
+
+
+def _system(source: str) -> str:
+    return source.partition("/")[0]
+
+
+def _of_telemetry(message: Fields) -> Position | None:
+    fields = message.fields
+    longitude_deg, latitude_deg = fields["lon"] / 1e7, fields["lat"] / 1e7
+    if not (fields["lat"] or fields["lon"]) or abs(latitude_deg) > 90.0 or abs(longitude_deg) > 180.0:
+        return None
+    return Position(message.source, message.time_us, longitude_deg, latitude_deg, fields["alt"] / 1e3, {})
 
 
 def _of_rows(rows: Iterable[dict[str, Any]]) -> Iterator[Position]:
@@ -77,13 +105,13 @@ def cut_at_antimeridian(line: Iterable[list[float]]) -> Iterator[list[float] | N
         before = after
 
 
-def write_geojson(messages: Iterable[Fields], out: BinaryIO) -> int:
+def write_geojson(messages: Iterable[Fields], out: BinaryIO, *, telemetry: bool = False) -> int:
     """One FeatureCollection: a Point for each position, then the track of each aircraft; how many positions."""
     out.write(b'{"type":"FeatureCollection","features":[')
     before = b"\n"
     count = 0
     with Tracks() as tracks:
-        for position in positions(messages):
+        for position in positions(messages, telemetry=telemetry):
             count += 1
             tracks.add(position)
             coordinates = [position.longitude_deg, position.latitude_deg]
@@ -121,7 +149,7 @@ def _write_line(line: Iterable[list[float]], in_pieces: bool, out: BinaryIO) -> 
     out.write(b"]]}" if in_pieces else b"]}")
 
 
-def write_kml(messages: Iterable[Fields], out: BinaryIO) -> int:
+def write_kml(messages: Iterable[Fields], out: BinaryIO, *, telemetry: bool = False) -> int:
     """One placemark for each track, with times where the capture has them; how many positions."""
     count = 0
     out.write(
@@ -129,7 +157,7 @@ def write_kml(messages: Iterable[Fields], out: BinaryIO) -> int:
         b'xmlns:gx="http://www.google.com/kml/ext/2.2">\n<Document>\n<name>ridlink</name>\n'
     )
     with Tracks() as tracks:
-        for position in positions(messages):
+        for position in positions(messages, telemetry=telemetry):
             count += 1
             tracks.add(position)
         for name, track in tracks.by_name.items():

@@ -2,8 +2,10 @@
 SYSTEM last said about the same sender. Where messages have 25 bytes, a SEPARATION has the instant in whole seconds.
 
 An aircraft that is heard over several transports (MAVLink, Wi-Fi, Bluetooth) says the same several times: the same
-identity, position and time of the sender make one row, which names all transports. Rows come in the order of time,
-two seconds of log time late, for a duplicate or a SEPARATION may still be on its way. Memory is bounded, whatever
+identity, position and time of the sender make one row, which names all transports. A position without a time that the
+same sender tells less than a second after one with a time, as an autopilot does beside its transmitter, is no row. Rows
+come in the order of time, two seconds of log time late, for a duplicate or a SEPARATION may still be on its way, or
+seven where nobody knows yet whose they are: identities are told once in three seconds. Memory is bounded, whatever
 senders do.
 """
 
@@ -32,6 +34,10 @@ MAVLINK = "mavlink"
 """Transport of what came in MAVLink frames, where the capture does not say more."""
 
 HOLD_US = 2_000_000
+UNIDENTIFIED_HOLD_US = 7_000_000
+UNTIMED_US = 1_000_000
+"""A position without a time, so soon after one with a time of the same sender, is no update of its own."""
+
 VALID_US = int(EQUAL_TIMESTAMP_VALID_S * 1e6)
 MAX_SENDERS = 2_000
 MAX_HELD_ROWS = 20_000
@@ -108,7 +114,7 @@ class Joiner:
         elif message.name == SYSTEM:
             self._sender(message).system = fields
         while self._held and (
-            abs(now_us - self._held[0].at_us) > HOLD_US
+            abs(now_us - self._held[0].at_us) > _patience_us(self._held[0].sender)
             or len(self._held) > MAX_HELD_ROWS
             or (message.time_us is None and len(self._held) > UPDATES_REMEMBERED)
         ):
@@ -151,8 +157,10 @@ class Joiner:
         else:
             self._updates.move_to_end(aircraft)
         for update in reversed(updates):
-            if _is_same(update, message.fields, transport, now_us):
+            if _is_same(update, message.fields, sender, now_us):
                 update.row["received"] += 1
+                if update.row["timestamp_s"] is None:
+                    update.row.update({name: value for name, value in message.fields.items() if value is not None})
                 if message.source not in update.sources:
                     update.sources.append(message.source)
                 if transport not in update.transports:
@@ -193,14 +201,22 @@ def _belongs(separation: Fields, update: _Update) -> bool:
     return is_same and apart_us < (HOLD_US if separation_s is None else VALID_US)
 
 
-def _is_same(update: _Update, fields: dict[str, Any], transport: str, now_us: int) -> bool:
-    row = update.row
-    if row["timestamp_s"] is None or fields["timestamp_s"] is None or fields["latitude_deg"] is None:
+def _patience_us(sender: _Sender) -> int:
+    return UNIDENTIFIED_HOLD_US if sender.uas_id is None else HOLD_US
+
+
+def _is_same(update: _Update, fields: dict[str, Any], sender: _Sender, now_us: int) -> bool:
+    row, transport = update.row, sender.key[0]
+    if fields["latitude_deg"] is None or abs(now_us - update.at_us) >= VALID_US:
         return False
-    if abs(now_us - update.at_us) >= VALID_US:
-        return False
+    is_timed = fields["timestamp_s"] is not None
+    is_beside = update.sender is sender and abs(now_us - update.at_us) < UNTIMED_US
+    if row["timestamp_s"] is not None and not is_timed:
+        return is_beside
     if (row["latitude_deg"], row["longitude_deg"]) != (fields["latitude_deg"], fields["longitude_deg"]):
         return False
+    if row["timestamp_s"] is None:
+        return is_timed and is_beside
     apart_s = abs(row["timestamp_s"] - fields["timestamp_s"])  # less than one step over another transport
     return apart_s == 0.0 or (transport not in update.transports and apart_s < TIMESTAMP_STEP_S - 1e-3)
 

@@ -69,6 +69,14 @@ class Tracks:
         for times, _ in self._parts(track):
             yield from times
 
+    def positions(self, name: str) -> Iterator[Position]:
+        """The positions of a track whose positions all have altitudes; what else was known about them is not kept."""
+        for times, numbers in self._parts(self.by_name[name]):
+            for at, time_us in enumerate(times):
+                time_or_none = None if time_us == NO_TIME_US else time_us
+                longitude_deg, latitude_deg, altitude_m = numbers[3 * at : 3 * at + 3]
+                yield Position(name, time_or_none, longitude_deg, latitude_deg, altitude_m, {})
+
     def line(self, track: Track) -> Iterator[list[float]]:
         """Longitude and latitude [deg] of each position, and altitude [m] if all of them have one."""
         width = 3 if track.has_altitudes else 2
