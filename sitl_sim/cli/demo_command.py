@@ -15,6 +15,9 @@ from ridlink.errors import LinkError, MissingExtraError
 from sitl_sim.cli.options import fleet_options
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sitl_sim.demo.options import DemoOptions
     from sitl_sim.demo.page import Page
     from sitl_sim.demo.screen import Screen
 
@@ -106,9 +109,6 @@ def demo(
       ridlink demo --compare --autopilot ideal --gnss white-radial --sigma 10 --speed 30.7
     """
     import asyncio
-    from dataclasses import replace
-
-    import msgspec
 
     from ridlink.avoidance.types import SolverKind
     from ridlink.separation.definitions import Definition
@@ -116,7 +116,7 @@ def demo(
     from sitl_sim.cli.options import fleet_config
     from sitl_sim.demo.flight import fly, scenario_of
     from sitl_sim.demo.options import DemoOptions, any_free_ports
-    from sitl_sim.demo.screen import Screen, comparison_table, held_up_by, show, verdict_table
+    from sitl_sim.demo.screen import Screen
 
     config = fleet_config(fleet, Start.GROUND if from_ground else Start.HOLDING)
     options = DemoOptions(
@@ -140,30 +140,17 @@ def demo(
     end_by_interrupts()
     printer = Printer()
     screen = Screen(printer.stream(error=True), quiet=headless)
+    flights = _compared(options) if compare else [options]
+    tell_one, tell_all = _words(printer, screen, compare=compare, as_json=as_json)
 
     async def fly_all() -> list[dict[str, Any]]:
         page = None if headless or no_view else await _open_page(screen, printer, view_port, opens)
         results: list[dict[str, Any]] = []
         try:
-            for each in COMPARED if compare else (definition,):
-                chosen = replace(options, definition=Definition(each))
-                if compare and log is not None:
-                    chosen = replace(chosen, log=log.with_stem(f"{log.stem}-{each}"))
-                result = await _until_signal(fly(chosen, screen, page), printer)
-                results.append(result)
-                if as_json:
-                    printer.put(msgspec.json.encode(result).decode() + "\n")
-                elif not compare:
-                    show(verdict_table(result), printer.stream(error=False))
-                else:
-                    screen.say(f"{each}: {result['arrived']} of {result['vehicles']} arrived, {result['macs']} MACs")
-                    if held_up := held_up_by(result):
-                        screen.say(f"{each}: this machine {held_up}")
-            if compare:
-                show(comparison_table(results), printer.stream(error=as_json))
-            if not as_json:
-                for result in results:
-                    printer.put(f"{result['log']}\n")
+            for chosen in flights:
+                results.append(await _until_signal(fly(chosen, screen, page), printer))
+                tell_one(results[-1])
+            tell_all(results)
             if page is not None and (stay or screen.is_terminal):
                 printer.put(f"ridlink: the page stays at {page.server.url} until Ctrl-C\n", error=True)
                 await stopped_by_signals(asyncio.get_running_loop()).wait()
@@ -179,6 +166,48 @@ def demo(
     finally:
         printer.close()
     return EXIT_DONE if all(result["passed"] for result in results) else EXIT_NEGATIVE
+
+
+def _compared(options: DemoOptions) -> list[DemoOptions]:
+    """The same flight under every definition that is compared, each with a log of its own."""
+    from dataclasses import replace
+
+    from ridlink.separation.definitions import Definition
+
+    log = options.log
+    return [
+        replace(options, definition=Definition(each), log=log and log.with_stem(f"{log.stem}-{each}"))
+        for each in COMPARED
+    ]
+
+
+def _words(
+    printer: Printer, screen: Screen, *, compare: bool, as_json: bool
+) -> tuple[Callable[[dict[str, Any]], None], Callable[[list[dict[str, Any]]], None]]:
+    """What is said of one flight when it is over, and of all of them at the end."""
+    import msgspec
+
+    from sitl_sim.demo.screen import comparison_table, held_up_by, show, verdict_table
+
+    def tell_one(result: dict[str, Any]) -> None:
+        if as_json:
+            printer.put(msgspec.json.encode(result).decode() + "\n")
+        elif not compare:
+            show(verdict_table(result), printer.stream(error=False))
+        else:
+            each = result["definition"]
+            screen.say(f"{each}: {result['arrived']} of {result['vehicles']} arrived, {result['macs']} MACs")
+            if held_up := held_up_by(result):
+                screen.say(f"{each}: this machine {held_up}")
+
+    def tell_all(results: list[dict[str, Any]]) -> None:
+        if compare:
+            show(comparison_table(results), printer.stream(error=as_json))
+        if not as_json:
+            for result in results:
+                printer.put(f"{result['log']}\n")
+
+    return tell_one, tell_all
 
 
 async def _open_page(screen: Screen, printer: Printer, port: int | None, opens: bool) -> Page | None:
