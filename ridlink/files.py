@@ -1,18 +1,33 @@
-"""Files that appear when everything is in them."""
+"""Files that appear when everything is in them, and names that any text may have a part in."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
+from urllib.parse import quote
 
 UNFINISHED = ".unfinished"
 """Suffix of what is half written."""
 
+LONGEST_PART = 120
+"""Characters of a text in a file name, which has 255 bytes in all."""
+
 
 def unfinished(path: Path) -> Path:
-    """Where a file is until it is whole."""
-    return path.with_name(path.name + UNFINISHED)
+    """Where a file of this process is until it is whole: two that write the same are not in each other's way."""
+    return path.with_name(f"{path.name}.{os.getpid()}{UNFINISHED}")
+
+
+def file_part(text: str) -> str:
+    """A text as part of the name of a file: no folders, and no longer than a name may be; another text has another."""
+    quoted = quote(text, safe="", errors="surrogatepass")
+    if len(quoted) <= LONGEST_PART:
+        return quoted
+    digest = hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:16]
+    return f"{quoted[: LONGEST_PART - 1 - len(digest)]}+{digest}"
 
 
 def open_at_once(path: str | os.PathLike[str], mode: str, buffering: int = -1) -> BinaryIO:
@@ -49,7 +64,8 @@ def write_whole(path: Path, data: bytes) -> None:
             os.fsync(stream.fileno())
         os.replace(working, path)
     except BaseException as error:
-        working.unlink(missing_ok=True)
+        with suppress(OSError):  # as where nothing can be written
+            working.unlink(missing_ok=True)
         if isinstance(error, OSError):
             error.filename, error.filename2 = str(path), None
         raise

@@ -12,6 +12,9 @@ from ridlink.campaign.cell import Cell, world_words
 ERRORS = {"gauss-markov": "G-M"}
 """Short names for heads of columns."""
 
+BAR = "\\|"
+"""One that ends no cell."""
+
 CHANCE = 1e-4
 """Smaller probabilities are said to be smaller."""
 
@@ -80,7 +83,11 @@ def _span(value: float | None, interval: tuple[float, float] | None, digits: int
 
 
 def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [f"| {' | '.join(row)} |" for row in rows]
+    lines = list(map(_line, rows))
     if not lines:
         return ""
-    return "\n".join((f"| {' | '.join(heads)} |", "|" + " --- |" * len(heads), *lines))
+    return "\n".join((_line(heads), "|" + " --- |" * len(heads), *lines))
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cell.replace('|', BAR) for cell in cells)} |"

@@ -11,6 +11,7 @@ import numpy as np
 from ridlink.analysis.campaign import DEFINITION_NAMES
 from ridlink.analysis.figures import COLOURS, GREY, new_figure
 from ridlink.campaign.cell import world_words
+from ridlink.files import file_part
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -52,7 +53,7 @@ def name_of(
         if len({rows[group[0]][name] for group in groups}) > 1:
             value = rows[numbers[0]][name]
             parts.append(
-                str(value) if isinstance(value, str) else f"{name.removesuffix('_m').removesuffix('_s')}{value:g}"
+                file_part(value) if isinstance(value, str) else f"{name.removesuffix('_m').removesuffix('_s')}{value:g}"
             )
     return "-".join(parts)
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ridlink.checked_toml import LARGEST
 from ridlink.errors import ConfigError
 from ridlink.scenario import Scenario, Wind
 from ridlink.separation.reference import MAX_AIRFRAME_M
@@ -141,8 +142,10 @@ def drawn_scene(name: str) -> Scene | None:
     kind, count, size = match[1], int(match[2]), float(match[3]) if match[3] else None
     if not 2 <= count <= MOST_DRAWN:
         raise ConfigError(f"{name}: 2 to {MOST_DRAWN} vehicles, not {count}")
-    if size == 0.0:
-        raise ConfigError(f"{name}: the {'radius' if kind == 'circle' else 'side'} must be positive")
+    if size is not None and not 0.0 < size <= LARGEST:
+        raise ConfigError(
+            f"{name}: the {'radius' if kind == 'circle' else 'side'} must be positive, and at most {LARGEST:g} m"
+        )
     if kind == "square" and count % 4:
         raise ConfigError(f"{name}: a square has the same number of vehicles on each side: give a multiple of 4")
     if kind == "circle":

@@ -17,7 +17,6 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from ridlink.campaign.cell import USUAL, Cell
 from ridlink.campaign.plan import Plan
@@ -25,7 +24,7 @@ from ridlink.campaign.worlds import Outcomes
 from ridlink.campaign_runner.shards import names_of, read_shard, shard_bytes
 from ridlink.captures.export.tables import arrow
 from ridlink.errors import CaptureError, ConfigError
-from ridlink.files import UNFINISHED, unfinished, write_whole
+from ridlink.files import UNFINISHED, file_part, unfinished, write_whole
 
 CONFIGURATION = "campaign.json"
 ROWS = "rows.json"
@@ -205,7 +204,7 @@ def shard_name(first: int) -> str:
 def cell_folder(cell: Cell) -> str:
     """Name of the folder of a cell: what it always has, and what of it is unusual."""
     # The name of a scene is the only part that may hold any character.
-    parts = [quote(cell.scenario, safe=""), cell.definition, cell.gnss, cell.solver]
+    parts = [file_part(cell.scenario), cell.definition, cell.gnss, cell.solver]
     for name, usual in USUAL.items():
         value = getattr(cell, name)
         if value != usual:

@@ -106,6 +106,7 @@ def test_a_name_draws_the_papers_scene_or_one_of_another_size():
         ("circle100@10", "start 0.63 m apart, airframes of 7.5 m touch"),
         ("square24@40", "start 4.71 m apart, airframes of 7.5 m touch"),
         ("circle8@0", "radius must be positive"),
+        ("circle8@999999999", "radius must be positive, and at most 1e"),
         ("square8@0.0", "side must be positive"),
     ],
 )

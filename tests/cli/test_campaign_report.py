@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -131,3 +132,48 @@ def test_a_shard_that_is_no_part_of_it_is_named(folder: Path, ridlink: Ridlink) 
     copy = shutil.copy(shard, shard.with_name("runs-000000 (copy).parquet"))
     code, _, err = ridlink("report", folder)
     assert (code, err) == (3, f"ridlink: {copy}: holds other runs than its name says; take it away\n")
+
+
+MEETING = """\
+name = {name}
+duration_s = 60.0
+[[vehicle]]
+start_ned_m = [-100.0, 0.0, -50.0]
+goal_ned_m = [100.0, 0.0, -50.0]
+[[vehicle]]
+start_ned_m = [0.0, 100.0, -50.0]
+goal_ned_m = [0.0, -100.0, -50.0]
+"""
+
+NAMES = (r"half $\frac{a$ | b", "../../" + "\u98db" * 60)
+"""What a formula would begin with, what ends a cell of a table, other folders, and longer than a file's name may be."""
+
+
+def test_a_scene_may_be_called_anything(tmp_path: Path, ridlink: Ridlink) -> None:
+    files = [tmp_path / f"{k}.toml" for k in range(len(NAMES))]
+    for file, name in zip(files, NAMES, strict=True):
+        file.write_text(MEETING.format(name=json.dumps(name, ensure_ascii=False)))
+    folder = tmp_path / "folder" / "within"
+    code, _, err = ridlink(
+        "run", "--scenario", ",".join(map(str, files)), "--definition", "candidate2", "--solver", "rotation",
+        "--loss", "0,0.3", "--runs", 2, "--jobs", 1, "-o", folder,
+    )  # fmt: skip
+    assert code == 0, err
+    code, out, err = ridlink("report", folder)
+    assert code == 0, err
+    drawn = {Path(line) for line in out.splitlines()}
+    assert drawn == {file for file in folder.iterdir() if file.name not in ("campaign.json", "rows.json", "shards")}
+    assert sum(file.name.startswith("sensitivity-to-loss-") for file in drawn) == 2 * len(NAMES)
+    assert {file.name for file in tmp_path.iterdir()} == {"0.toml", "1.toml", "folder"}
+    lines = (folder / "report.md").read_text().split("\n\n")[1].splitlines()
+    assert len({line.replace("\\|", "").count("|") for line in lines}) == 1
+
+
+def test_two_reports_at_a_time_are_both_written(folder: Path) -> None:
+    """They wrote under one name, and one of them took it away from the other."""
+    command = [sys.executable, "-m", "ridlink", "campaign", "report", str(folder)]
+    reports = [subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    ends = [report.communicate(timeout=120) for report in reports]
+    assert [report.returncode for report in reports] == [0, 0], ends
+    assert ends[0] == ends[1]
+    assert not list(folder.rglob("*.unfinished"))
