@@ -31,7 +31,7 @@ from ridlink.campaign.plan import Plan
 from ridlink.campaign.referee import judge_worlds
 from ridlink.campaign.response import Dynamics, Response
 from ridlink.campaign.stepping import is_inside
-from ridlink.campaign.worlds import BATCH, Batch, Instant, Outcomes, SharedBatch
+from ridlink.campaign.worlds import BATCH, MOST_PAIRS, Batch, Instant, Outcomes, SharedBatch
 from ridlink.compiled import is_compiled
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
 
@@ -50,7 +50,7 @@ def fly(
     Args:
         plan: What to fly.
         runs: Numbers of the runs, not negative; they seed them.
-        batch: How many are flown at a time.
+        batch: How many are flown at a time; fewer where the worlds are large.
         watch: Called at every instant of every batch; worlds that are over leave it.
 
     Returns:
@@ -62,6 +62,7 @@ def fly(
     if not runs or min(runs) < 0 or batch < 1:
         raise ValueError(f"runs must be a range of numbers that are not negative, got {runs} in batches of {batch}")
     kind = SharedBatch if plan.is_heard_at_once else PairBatch
+    batch = max(min(batch, MOST_PAIRS // len(plan.scene) ** 2), 1)
     return Outcomes.joined([kind(plan, runs[k : k + batch]).fly(watch) for k in range(0, len(runs), batch)])
 
 

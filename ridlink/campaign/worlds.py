@@ -34,6 +34,10 @@ BoolArray = NDArray[np.bool_]
 BATCH = 128
 """Runs flown at a time: enough to make little of a call, little enough for the caches."""
 
+MOST_PAIRS = 2**18
+"""Pairs of vehicles in a batch: of each, hundreds of bytes are kept where everybody has a picture of its own. One world
+may have more."""
+
 COMPACT_EVERY = 20
 """Steps after which worlds that are over leave the batch."""
 
