@@ -152,6 +152,8 @@ def _opened(url: LinkUrl) -> Serial:
         return Serial(url.host, url.port, timeout=0.0, exclusive=True)
     except ValueError as error:  # of the baud rate
         raise OSError(errno.EINVAL, str(error)) from error
+    except termios.error as error:  # no OSError: it was unplugged while it was set up
+        raise OSError(*error.args) from error
     except OSError as error:
         if isinstance(error.__context__, termios.error):  # of which pyserial keeps the words alone
             raise OSError(*error.__context__.args) from error

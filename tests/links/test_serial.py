@@ -6,7 +6,9 @@ import asyncio
 import os
 import random
 import sys
+import termios
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -84,6 +86,38 @@ def test_f24_a_device_that_is_unplugged_is_opened_again(tmp_path: Path, monkeypa
             os.write(device.end, heartbeat(4))
             assert await inbox.count(2) == [heartbeat(0), heartbeat(4)]  # half of a frame waits for no other half
             assert link.counters["device_lost"] == 1
+            link.close()
+
+    run(test)
+
+
+def test_f24_a_device_that_is_unplugged_while_it_is_opened_again_is_opened_once_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial_links, "RECONNECT_S", 0.01)
+    set_up = termios.tcsetattr
+
+    async def test() -> None:
+        with plugged(tmp_path / "ttyACM0") as device:
+            link = await open_link(url_of(device), Inbox())
+            device.unplug()
+            await counted(link, "device_absent")
+        before = link.counters["device_absent"]
+        with plugged(tmp_path / "ttyACM0") as device:
+
+            def unplugged(*arguments: Any) -> None:
+                monkeypatch.undo()
+                device.unplug()
+                set_up(*arguments)
+
+            monkeypatch.setattr(termios, "tcsetattr", unplugged)
+            async with asyncio.timeout(20.0):
+                while device.name.is_symlink() or link.counters["device_absent"] <= before + 1:
+                    await turn()
+        with plugged(tmp_path / "ttyACM0"):
+            async with asyncio.timeout(20.0):
+                while not link.send(heartbeat()):
+                    await turn()
             link.close()
 
     run(test)
