@@ -1,4 +1,4 @@
-"""Decoding and encoding whole captures beside pymavlink: columns, JSON lines, counts, batches of frames, damage.
+"""Decoding and encoding whole captures beside pymavlink: columns, lines, counts, batches of frames, damage.
 
 Ratios are taken round by round, between runs that follow each other. pymavlink parses a tenth of the messages, for it
 would take most of the time otherwise; its time grows with their number.
@@ -24,6 +24,7 @@ from ridlink.captures.columns import decode, encode
 from ridlink.mavlink import dialect
 from ridlink.mavlink.codec import Encoder
 from tests.bench.measure import ROUNDS, cpu_seconds
+from tests.captures.pcap_files import ethernet, ipv4, pcap, udp
 
 MESSAGES = 1_000_000
 SHARE = 10
@@ -154,31 +155,42 @@ def _captures(folder: Path) -> list[dict[str, Any]]:
 
     name = "OPEN_DRONE_ID_LOCATION"
     rows.append(_beside("encode LOCATION from columns", lambda: encode(name, locations), len(locations), pack, count))
-    rows += _programs(tlog, small)
+    packets = folder / "all.pcap"
+    packets.write_bytes(
+        pcap([(START_US + 500 * index, ethernet(ipv4(udp(frame)))) for index, frame in enumerate(frames)])
+    )
+    rows += _programs(tlog, packets, small)
     return rows
 
 
-def _programs(tlog: Path, small: Path) -> list[dict[str, Any]]:
-    """Whole processes that write JSON lines and that count; those whose peer is installed."""
+def _programs(tlog: Path, packets: Path, small: Path) -> list[dict[str, Any]]:
+    """Whole processes that write lines and that count; those whose peer is installed.
+
+    A pcap is no file for the peers: beside it they read the same messages out of a tlog.
+    """
     environment = os.environ | {"MAVLINK20": "1", "MAVLINK_DIALECT": "common"}
 
     def run(*command: str | Path) -> None:
         subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True, env=environment)
 
-    def beside(what: str, ours: list[str], script: str, theirs: list[str]) -> dict[str, Any] | None:
+    def beside(what: str, path: Path, ours: list[str], script: str, theirs: list[str]) -> dict[str, Any] | None:
         peer = Path(sys.executable).with_name(script)
         if not peer.exists():
             return None
         return _beside(
             f"{what}, whole process ({peer.stem})",
-            lambda: run(sys.executable, "-m", "ridlink", "decode", tlog, *ours), MESSAGES,
+            lambda: run(sys.executable, "-m", "ridlink", "decode", path, *ours), MESSAGES,
             lambda: run(sys.executable, "-W", "ignore", peer, *theirs, small), MESSAGES // SHARE,
             PROGRAM_ROUNDS, _child_seconds,
         )  # fmt: skip
 
     rows = [
-        beside("JSON lines", ["-f", "jsonl"], "mavlogdump.py", ["--format", "json"]),
-        beside("counts", ["--stats"], "mavloss.py", ["--stats", "--dialect", "common"]),
+        beside("rows", tlog, [], "mavlogdump.py", []),
+        beside("JSON lines", tlog, ["-f", "jsonl"], "mavlogdump.py", ["--format", "json"]),
+        beside("counts", tlog, ["--stats"], "mavloss.py", ["--stats", "--dialect", "common"]),
+        beside("rows of a pcap", packets, [], "mavlogdump.py", []),
+        beside("JSON lines of a pcap", packets, ["-f", "jsonl"], "mavlogdump.py", ["--format", "json"]),
+        beside("counts of a pcap", packets, ["--stats"], "mavloss.py", ["--stats", "--dialect", "common"]),
     ]
     return [row for row in rows if row is not None]
 
@@ -231,10 +243,10 @@ def report() -> dict[str, Any]:
     """Measure everything and print it."""
     rows = captures()
     print(f"\ncaptures, {MESSAGES:,} messages, CPU time on one core, median of interleaved rounds")
-    print(f"{'':40}{'ridlink':>14}{'pymavlink':>12}{'ratio':>8}  (spread)")
+    print(f"{'':46}{'ridlink':>14}{'pymavlink':>12}{'ratio':>8}  (spread)")
     for row in rows:
         print(
-            f"{row['what']:40}{row['ridlink_per_s']:>12,.0f}/s{row['pymavlink_per_s']:>10,.0f}/s"
+            f"{row['what']:46}{row['ridlink_per_s']:>12,.0f}/s{row['pymavlink_per_s']:>10,.0f}/s"
             f"{row['ratio']:>8.1f}  ({row['ratio_min']:.1f}-{row['ratio_max']:.1f})"
         )
     recovered, started = damage(), start()
