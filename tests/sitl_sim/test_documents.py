@@ -1,0 +1,65 @@
+"""What the documents show of other libraries hears an emulated fleet, as it is printed."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib.util
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from ridlink.scenario import built_in
+from sitl_sim.fleet_config import Start
+from sitl_sim.server import FleetServer
+from tests.sitl_sim.test_server import fly
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def program(document: str, beginning: str, port: int, instead_of: int) -> str:
+    """The indented block of a document that begins so, with another port."""
+    text = (ROOT / document).read_text()
+    at = text.index("    " + beginning)
+    lines = []
+    for line in text[at:].splitlines():
+        if line and not line.startswith("    "):
+            break
+        lines.append(line)
+    found = textwrap.dedent("\n".join(lines))
+    assert f"127.0.0.1:{instead_of}" in found
+    return found.replace(f":{instead_of}", f":{port}")
+
+
+async def printed(text: str, folder: Path) -> str:
+    script = folder / "shown.py"
+    script.write_text(text)
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, str(script), cwd=folder, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
+    )
+    output, complaints = await process.communicate()
+    assert process.returncode == 0, complaints.decode()
+    return output.decode()
+
+
+def test_mavutil_hears_separation_as_the_specification_shows(tmp_path: Path) -> None:
+    from ridlink.mavlink import dialect
+
+    assert dialect.__file__ is not None
+    (tmp_path / "ridlink_dialect.py").write_text(Path(dialect.__file__).read_text())
+
+    async def act(server: FleetServer) -> None:
+        text = program("message_spec/README.md", "from pymavlink import mavutil", server.ports.air, 14650)
+        assert await printed(text, tmp_path) == "1 10.5 m 0.6 m\n"
+
+    fly(built_in("circle8", 1), act, start=Start.AIRBORNE)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mavsdk") is None, reason="the extra mavsdk is not installed")
+def test_mavsdk_reads_telemetry_as_the_document_shows(tmp_path: Path) -> None:
+    async def act(server: FleetServer) -> None:
+        text = program("docs/emulator.md", "import asyncio\n    from mavsdk", server.ports.vehicles[0], 14580)
+        assert "north_m_s" in await printed(text, tmp_path)
+
+    fly(built_in("circle8", 1), act)
