@@ -26,7 +26,8 @@ flown.
 
 OBSTACLES = """## [[obstacle]]
 
-Static, never entered, as often as there are any.
+Static, never entered, as often as there are any. Those of an emulated scenario, which has them in metres, are in what
+`ridlink sim --daemon-config N` writes.
 
 | key | kind | default | meaning |
 | --- | --- | --- | --- |

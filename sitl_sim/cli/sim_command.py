@@ -74,6 +74,13 @@ REFUSED_ON_AIR = ("malformed", "no_position", "refused", "overflow")
 @click.option("--stdin", "from_stdin", is_flag=True, help="Faults from stdin, one JSON object a line.")
 @click.option("--list", "lists", is_flag=True, help="List scenarios, airframes, technologies and faults, and end.")
 @click.option("--explain", is_flag=True, help="Print what the scenario contains, and end.")
+@click.option(
+    "--daemon-config",
+    "daemon_of",
+    type=int,
+    metavar="N",
+    help="Print what 'ridlink avoid --config' needs to fly vehicle N: goal, obstacles, links, speed; and end.",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a second on stdout, and the verdict at the end.")
 def sim(
     fleet: dict[str, Any],
@@ -90,6 +97,7 @@ def sim(
     from_stdin: bool,
     lists: bool,
     explain: bool,
+    daemon_of: int | None,
     as_json: bool,
 ) -> int:
     """Emulate a fleet that MAVSDK, mavutil and MAVProxy take for real.
@@ -135,6 +143,11 @@ def sim(
     )
     if explain:
         click.echo(explained.scenario_text(chosen, config))
+        return 0
+    if daemon_of is not None:
+        from sitl_sim.demo.daemons import daemon_toml
+
+        click.echo(daemon_toml(chosen, config, daemon_of), nl=False)
         return 0
     server = FleetServer(chosen, config)
     end_by_interrupts()

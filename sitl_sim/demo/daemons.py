@@ -21,7 +21,7 @@ from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, Rotati
 from ridlink.avoidance.types import SolverKind
 from ridlink.daemon.config import DaemonConfig, as_toml
 from ridlink.engine import EngineConfig, Goal
-from ridlink.errors import LinkError
+from ridlink.errors import ConfigError, LinkError
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.links import parse_link_url
 from ridlink.scenario import Scenario
@@ -114,6 +114,23 @@ def _in_degrees(polygon_ne_m: Sequence[Sequence[float]], home: Geodetic) -> tupl
     corners = np.array([(north, east, 0.0) for north, east in polygon_ne_m])
     latitude, longitude, _ = geodetic_from_ned(corners, home)
     return tuple(zip(latitude.tolist(), longitude.tolist(), strict=True))
+
+
+def daemon_toml(scenario: Scenario, fleet: FleetConfig, system_id: int) -> str:
+    """The configuration file of the daemon of one vehicle: goal and obstacles in degrees, links, speed and airframe.
+
+    Raises:
+        ConfigError: If there is no such vehicle, it has no daemon, or the kernel is to choose the ports.
+    """
+    if not 1 <= system_id <= len(scenario.vehicles):
+        raise ConfigError(f"{scenario.name} has no vehicle {system_id}: it has {len(scenario.vehicles)}")
+    if not (fleet.companion_port and fleet.air_port):
+        raise ConfigError("ports that the kernel chooses are not known yet: no --companion-port 0 or --air-port 0")
+    ports = FleetPorts((), fleet.air_port)
+    for assigned in assignments(scenario, EngineConfig().definition, fleet, ports):
+        if assigned.system_id == system_id:
+            return as_toml(assigned.config)
+    raise ConfigError(f"vehicle {system_id} of {scenario.name} avoids nobody (cooperative = false), and has no daemon")
 
 
 class Daemons:

@@ -11,12 +11,17 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from ridlink.daemon.config import daemon_config
+from ridlink.daemon.config_file import read_config_file
+from ridlink.geodesy import Geodetic, ned_from_geodetic
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.ground_station import ground_station, heartbeat
@@ -314,6 +319,32 @@ def test_list_names_everything_there_is_to_choose() -> None:
     assert done.returncode == 0 and done.stderr == ""
     for name in (*TECHNOLOGIES, *AIRFRAMES, *EVENTS, "circle8", "worst-case"):
         assert f"\n  {name}" in done.stdout
+
+
+def test_the_configuration_of_a_daemon_has_goal_and_obstacles_in_degrees(tmp_path: Path) -> None:
+    path, config = tmp_path / "wall.toml", tmp_path / "one.toml"
+    path.write_text(
+        'name = "wall"\nduration_s = 20.0\n'
+        "[[vehicle]]\nstart_ned_m = [0, 30, -50]\ngoal_ned_m = [40, 30, -50]\ncooperative = false\n"
+        "[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [40, 0, -50]\nspeed_mps = 7.0\nairframe_m = 0.9\n"
+        "[[obstacle]]\npolygon_ne_m = [[15, -9], [25, -9], [25, 9], [15, 9]]\n"
+    )
+    options = "--home 47,8,400 --companion-port 24540 --air-port 24650 --daemon-config 2"
+    done = ridlink_sim("--scenario", str(path), *options.split())
+    assert done.returncode == 0, done.stderr
+    config.write_text(done.stdout)
+    read = daemon_config(read_config_file(str(config)))
+    assert (str(read.vehicle), str(read.remote_id)) == ("udpin:127.0.0.1:24541", "udpout:127.0.0.1:24650")
+    assert (read.engine.cruise_mps, read.engine.airframe_m, read.engine.vehicle_sysid) == (7.0, 0.9, 2)
+    home = Geodetic(47.0, 8.0, 400.0)
+    (polygon,) = read.engine.obstacles
+    corners = [ned_from_geodetic(latitude, longitude, 400.0, home)[:2] for latitude, longitude in polygon]
+    assert np.array(corners) == pytest.approx(np.array([[15, -9], [25, -9], [25, 9], [15, 9]]), abs=1e-3)
+    assert read.engine.goal is not None
+    assert ned_from_geodetic(*astuple(read.engine.goal), home) == pytest.approx([40, 0, -50], abs=1e-2)
+    for number, why in (("1", "avoids nobody"), ("3", "no vehicle 3")):
+        assert why in refused("--scenario", str(path), "--daemon-config", number)
+    assert "--companion-port 0" in refused(*ANY_PORT, "--daemon-config", "1")
 
 
 def test_explain_prints_the_scenario_and_flies_nothing(tmp_path: Path) -> None:
