@@ -4,6 +4,7 @@ Two small multirotors at 10 m/s, 3.5 m of position error per axis (one sigma), R
 other vehicles in the picture.
 """
 
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, coded_bound_m
 from ridlink.separation import Definition, Reported, mac_radius, separation_discs
 from ridlink.separation.chance import DEFAULT_ETA, instant_probability, mission_probability
 
@@ -14,11 +15,14 @@ INTERVAL_S = 0.1
 NEIGHBOURS = 6
 
 bound_m = 3.0 * SIGMA_M  # what RIDLINK_SEPARATION carries: three standard deviations per axis
-code_bound_m = 3.0 * 10.0  # what standard Remote ID carries: the code for "better than 10 m", read as one sigma
+code_bound_m = coded_bound_m(bound_m, DEFAULT_CONVENTION)  # what is left of it in standard Remote ID's accuracy code
 either = Reported(AIRFRAME_M, bound_m, code_bound_m, SPEED_MPS)
 touch_m = mac_radius([AIRFRAME_M, AIRFRAME_M])
 
 print(f"Two airframes of {AIRFRAME_M} m touch at {touch_m:.2f} m between centres. The disc of a pair, in metres:")
+print(
+    f"Accuracy codes are read as '{DEFAULT_CONVENTION}': an error of {bound_m:g} m counts as {code_bound_m:.1f} m there."
+)
 print()
 print("definition      airframes  errors  flown  radius   risk of an encounter at its edge")
 for definition in Definition:

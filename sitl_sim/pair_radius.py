@@ -8,15 +8,13 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from ridlink.remote_id.accuracy import coded_bound_m
 from ridlink.scenario import Scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, Reported, separation_discs
 from ridlink.separation.volumes import unmac_radius
 
 FloatArray = npt.NDArray[np.float64]
-
-ODID_CLASSES_M = (1.0, 3.0, 10.0, 30.0, 92.6, 185.2)
-"""Bounds of the accuracy codes that a fleet's sigma can fall into."""
 
 
 class Flown(Protocol):
@@ -66,9 +64,7 @@ def pair_radius_under(definition: Definition, eta: float = DEFAULT_ETA) -> Calla
         airframe = _airframes_m(world)
         bound = np.array(world.bound_3sigma_m)
         speed = np.hypot(world.reported_velocity_ned_mps[:, 0], world.reported_velocity_ned_mps[:, 1])
-        sigma = bound / 3.0
-        classes = np.array(ODID_CLASSES_M)
-        coded = 3.0 * classes[np.minimum(np.searchsorted(classes, sigma), len(classes) - 1)]
+        coded = np.array([coded_bound_m(each) for each in bound.tolist()])
         fleet = Reported(airframe, bound, coded, speed)
         neighbours = max(len(airframe) - 1, 1)
         return separation_discs(definition, fleet[:, None], fleet, eta=eta, neighbours=neighbours).radius_m

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ridlink.campaign.plan import coded_bound_m
 from ridlink.campaign.statistics import LEAST_RUNS, Interval
+from ridlink.remote_id.accuracy import coded_bound_m
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, Reported, separation_discs
 from ridlink.separation.distributions import TruncatedNormal

@@ -15,7 +15,7 @@ from ridlink.campaign.chance import CORRELATION_TIME_S, ErrorModel
 from ridlink.campaign.channel import PERFECT, Channel
 from ridlink.campaign.response import Dynamics
 from ridlink.campaign.scene import Scene
-from ridlink.remote_id.accuracy import AccuracyConvention, code_of_three_sigma, three_sigma_bound_m
+from ridlink.remote_id.accuracy import coded_bound_m
 from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import CATEGORIES, REPORT_INTERVAL_S
@@ -172,13 +172,6 @@ def baseline(plan: Plan) -> Plan:
     nobody = np.zeros(len(plan.scene), np.bool_)
     step_s = min(plan.step_s or plan.interval_s, REPORT_INTERVAL_S)
     return replace(plan, scene=replace(plan.scene, cooperative=nobody), nobody_avoids=True, step_s=step_s)
-
-
-def coded_bound_m(error_bound_m: float) -> float:
-    """What of a reported error bound is left in the accuracy code of standard Remote ID [m]; NaN for "unknown"."""
-    convention = AccuracyConvention.LETTER
-    bound = three_sigma_bound_m(code_of_three_sigma(error_bound_m, convention), convention)
-    return math.nan if bound is None else bound
 
 
 def paper_plan(scene: Scene, definition: Definition) -> Plan:

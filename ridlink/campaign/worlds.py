@@ -23,8 +23,9 @@ from ridlink.avoidance.priority import give_way_in_worlds, new_turns
 from ridlink.avoidance.types import SolverKind
 from ridlink.campaign.chance import PositionErrors, draw_fleet, draw_mix
 from ridlink.campaign.deciding import new_decider
-from ridlink.campaign.plan import Plan, coded_bound_m
+from ridlink.campaign.plan import Plan
 from ridlink.campaign.stepping import Flight, Log, Rules, brief_worlds, fly_on
+from ridlink.remote_id.accuracy import coded_bound_m
 from ridlink.separation.definitions import Reported, bounded_error, separation_discs
 from ridlink.traffic.position_filter import TIME_CONSTANT_S
 

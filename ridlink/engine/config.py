@@ -11,7 +11,7 @@ from ridlink.engine.static_obstacles import Polygon, StaticObstacles
 from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
 from ridlink.own_ship.broadcast import BroadcastSettings, Form
-from ridlink.remote_id.accuracy import AccuracyConvention
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.quantities import ID_LENGTH
 from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
 from ridlink.separation.definitions import Definition
@@ -82,7 +82,7 @@ class EngineConfig:
     definition: Definition = Definition.CANDIDATE2
     eta: float = DEFAULT_ETA
     chance_bound: ChanceBound = ChanceBound.HALFPLANE
-    accuracy_convention: AccuracyConvention = AccuracyConvention.LETTER
+    accuracy_convention: AccuracyConvention = DEFAULT_CONVENTION
     cruise_mps: float = 10.0
     airframe_m: float = 0.6
     airframe_height_m: float | None = None

@@ -6,7 +6,8 @@ bucket, and what is worse than the worst bucket is sent as unknown.
 
 By the letter (ASTM F3411, ADS-B's NACp behind it) the horizontal accuracy is the radius that holds 95 % of positions,
 whereas the separation discs count three standard deviations of either horizontal axis; autopilots fill the field with
-the one-sigma figure of their receiver, unscaled. `AccuracyConvention` names the three ways to read it.
+the one-sigma figure of their receiver, unscaled. `AccuracyConvention` names the three ways to read it; whoever is told
+nothing else reads it by `DEFAULT_CONVENTION`, and all senders here write it by the letter.
 
 Source: MAV_ODID_HOR_ACC, MAV_ODID_VER_ACC, MAV_ODID_SPEED_ACC and MAV_ODID_TIME_ACC of common.xml.
 """
@@ -47,16 +48,21 @@ THREE_SIGMA_PER_95_PERCENT_RADIUS = 3.0 / math.sqrt(-2.0 * math.log(0.05))
 class AccuracyConvention(StrEnum):
     """What a horizontal accuracy is taken for.
 
-    LETTER: the radius that holds 95 % of positions, as the standard has it. The default, for it is the only reading
-        that a sender can be held to, and it keeps a 30 m code below the 40 m of an unknown one.
-    ONE_SIGMA: one standard deviation, which is what PX4 and ArduPilot put there. Never too small for real traffic, and
-        2.4 times as large as the letter.
+    LETTER: the radius that holds 95 % of positions, as the standard has it. The default: it is what a sender can be
+        held to, what senders of this project write, and it keeps a 30 m code below the 40 m of an unknown one, so that
+        nobody is better off for saying nothing.
+    ONE_SIGMA: one standard deviation, which is what PX4 and ArduPilot put there. Right where such vehicles fly with the
+        code that their autopilot fills in: by the letter their errors may be 2.4 times as large as they are taken for.
+        Of who keeps to the letter it asks for 2.4 times what is needed.
     AS_IS: three standard deviations already. The paper's reading of "error bound".
     """
 
     LETTER = "letter"
     ONE_SIGMA = "one-sigma"
     AS_IS = "as-is"
+
+
+DEFAULT_CONVENTION = AccuracyConvention.LETTER
 
 
 _THREE_SIGMA_FACTOR = {
@@ -118,7 +124,7 @@ def time_code(accuracy_s: float | None) -> int:
     return max(1, ceil_units(accuracy_s, TIME_STEP_S))
 
 
-def three_sigma_bound_m(code: int, convention: AccuracyConvention | str = AccuracyConvention.LETTER) -> float | None:
+def three_sigma_bound_m(code: int, convention: AccuracyConvention | str = DEFAULT_CONVENTION) -> float | None:
     """Three standard deviations of either horizontal axis [m] that a horizontal accuracy code allows.
 
     Args:
@@ -135,9 +141,7 @@ def three_sigma_bound_m(code: int, convention: AccuracyConvention | str = Accura
     return (_THREE_SIGMA_M[AccuracyConvention(convention)] if bounds is None else bounds).get(code)
 
 
-def code_of_three_sigma(
-    error_3sigma_m: float | None, convention: AccuracyConvention | str = AccuracyConvention.LETTER
-) -> int:
+def code_of_three_sigma(error_3sigma_m: float | None, convention: AccuracyConvention | str = DEFAULT_CONVENTION) -> int:
     """Horizontal accuracy code that a sender gives for its three-sigma error [m].
 
     Raises:
@@ -145,3 +149,20 @@ def code_of_three_sigma(
     """
     factor = _THREE_SIGMA_FACTOR[AccuracyConvention(convention)]
     return horizontal_code(None if error_3sigma_m is None else error_3sigma_m / factor)
+
+
+def coded_bound_m(error_3sigma_m: float, convention: AccuracyConvention | str = DEFAULT_CONVENTION) -> float:
+    """What of a three-sigma error [m] is left to those who hear no more of it than its accuracy code.
+
+    Args:
+        error_3sigma_m: Three standard deviations of either horizontal axis; the sender gives its code by the letter.
+        convention: What it is taken to mean by that.
+
+    Returns:
+        Three standard deviations [m], NaN where the code is "unknown".
+
+    Raises:
+        ValueError: If the convention is unknown.
+    """
+    bound = three_sigma_bound_m(code_of_three_sigma(error_3sigma_m, AccuracyConvention.LETTER), convention)
+    return math.nan if bound is None else bound

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 
-from ridlink.remote_id.accuracy import AccuracyConvention
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation
 from ridlink.remote_id.report import RemoteIdReport, SourceKey, report_of
 
@@ -49,9 +49,7 @@ class ReportAssembler:
         ValueError: If no sender may be remembered, or the convention is unknown.
     """
 
-    def __init__(
-        self, max_sources: int = 2000, *, convention: AccuracyConvention | str = AccuracyConvention.LETTER
-    ) -> None:
+    def __init__(self, max_sources: int = 2000, *, convention: AccuracyConvention | str = DEFAULT_CONVENTION) -> None:
         if max_sources < 1:
             raise ValueError(f"max_sources must be at least 1, not {max_sources}")
         self._max_sources = max_sources

@@ -11,7 +11,7 @@ import math
 
 from msgspec import Struct
 
-from ridlink.remote_id.accuracy import AccuracyConvention, three_sigma_bound_m
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, three_sigma_bound_m
 from ridlink.remote_id.messages import Location, Separation
 
 SourceKey = tuple[int, int, bytes | None]
@@ -113,7 +113,7 @@ def report_of(
     *,
     uas_id: bytes | None = None,
     ua_type: int = 0,
-    convention: AccuracyConvention = AccuracyConvention.LETTER,
+    convention: AccuracyConvention = DEFAULT_CONVENTION,
 ) -> RemoteIdReport:
     """The report that a LOCATION and, if there is one, its RIDLINK_SEPARATION make.
 

@@ -1,0 +1,53 @@
+"""The referee's discs are those of everybody else who heard the same broadcasts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.observer import Sky, pair_discs
+from ridlink.scenario import Scenario, VehicleSpec
+from ridlink.separation.definitions import Definition
+from sitl_sim.autopilot import FleetNavigation
+from sitl_sim.broadcast import Broadcaster
+from sitl_sim.fleet_config import DEFAULT_HOME
+from sitl_sim.pair_radius import pair_radius_under
+from sitl_sim.world import World
+
+VEHICLES = (
+    VehicleSpec((0.0, 0.0, -50.0), (600.0, 0.0, -50.0), speed_mps=10.0, airframe_m=2.0, sigma_m=3.5),
+    VehicleSpec((0.0, 90.0, -50.0), (600.0, 90.0, -50.0), speed_mps=5.0, airframe_m=1.0, sigma_m=10.0),
+    VehicleSpec((0.0, 180.0, -50.0), (600.0, 180.0, -50.0), speed_mps=10.0, airframe_m=0.6, sigma_m=1.0),
+)
+
+
+def flown(vehicles: tuple[VehicleSpec, ...]) -> World:
+    """Three that fly north."""
+    world = World(Scenario("three", 60.0, vehicles), autopilot="ideal")
+    for index in range(len(vehicles)):
+        world.fly_straight(index)
+    world.step(1.0)
+    return world
+
+
+def heard(world: World) -> Sky:
+    """Whoever hears them all, at 0 s."""
+    navigation, sky = FleetNavigation(world, DEFAULT_HOME), Sky()
+    navigation.refresh()
+    for index, spec in enumerate(world.scenario.vehicles):
+        sender = Broadcaster(index + 1, spec, DEFAULT_HOME, interval_s=0.1, utc_clock=lambda: 1_800_000_123.4)
+        for datagram in sender.tick(navigation[index], None, 0.0):
+            for frame in parse_datagram(datagram, CRC_EXTRAS):
+                assert isinstance(frame, Frame)
+                sky.receive(frame, 0.0)
+    return sky
+
+
+@pytest.mark.parametrize("definition", Definition)
+def test_discs_are_those_of_who_hears_the_broadcasts(definition: Definition) -> None:
+    world = flown(VEHICLES)
+    judged = pair_radius_under(definition)(world)
+    others = ~np.eye(3, dtype=np.bool_)
+    assert judged[others] == pytest.approx(pair_discs(heard(world).at(0.0), definition)[others], abs=0.1)
