@@ -20,9 +20,7 @@ either = Reported(AIRFRAME_M, bound_m, code_bound_m, SPEED_MPS)
 touch_m = mac_radius([AIRFRAME_M, AIRFRAME_M])
 
 print(f"Two airframes of {AIRFRAME_M} m touch at {touch_m:.2f} m between centres. The disc of a pair, in metres:")
-print(
-    f"Accuracy codes are read as '{DEFAULT_CONVENTION}': an error of {bound_m:g} m counts as {code_bound_m:.1f} m there."
-)
+print(f"Accuracy codes are read as '{DEFAULT_CONVENTION}': an error of {bound_m:g} m counts as {code_bound_m:.1f} m.")
 print()
 print("definition      airframes  errors  flown  radius   risk of an encounter at its edge")
 for definition in Definition:

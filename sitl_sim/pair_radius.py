@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ridlink.remote_id.accuracy import coded_bound_m
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, coded_bound_m
 from ridlink.scenario import Scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, Reported, separation_discs
@@ -57,14 +57,24 @@ def eq8_pair_radius(world: Flown) -> FloatArray:
     return np.asarray(share[:, None] + share[None, :])
 
 
-def pair_radius_under(definition: Definition, eta: float = DEFAULT_ETA) -> Callable[[Flown], FloatArray]:
-    """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles report of themselves."""
+def pair_radius_under(
+    definition: Definition,
+    eta: float = DEFAULT_ETA,
+    convention: AccuracyConvention | str = DEFAULT_CONVENTION,
+) -> Callable[[Flown], FloatArray]:
+    """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles report of themselves.
+
+    Args:
+        definition: Which fields count.
+        eta: Of ``chance`` only.
+        convention: Of ``odid-accuracy`` only: what vehicles are taken to mean by their accuracy codes.
+    """
 
     def radii(world: Flown) -> FloatArray:
         airframe = _airframes_m(world)
         bound = np.array(world.bound_3sigma_m)
         speed = np.hypot(world.reported_velocity_ned_mps[:, 0], world.reported_velocity_ned_mps[:, 1])
-        coded = np.array([coded_bound_m(each) for each in bound.tolist()])
+        coded = np.array([coded_bound_m(each, convention) for each in bound.tolist()])
         fleet = Reported(airframe, bound, coded, speed)
         neighbours = max(len(airframe) - 1, 1)
         return separation_discs(definition, fleet[:, None], fleet, eta=eta, neighbours=neighbours).radius_m

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ridlink.campaign.statistics import LEAST_RUNS, Interval
-from ridlink.remote_id.accuracy import coded_bound_m
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, coded_bound_m
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, Reported, separation_discs
 from ridlink.separation.distributions import TruncatedNormal
@@ -65,6 +65,7 @@ class Airspace:
         category: Of Table III: speeds are normal about V_c (Eq. 4), from a third of it to V_max; airframes uniform
             between 0.1 and 7.5 m.
         eta: Of the definition `chance`.
+        convention: Of the definition `odid-accuracy`: what all take each other's accuracy codes for.
 
     Raises:
         ValueError: If a figure is negative or not finite, or the category is unknown.
@@ -75,6 +76,7 @@ class Airspace:
     interval_s: float
     category: int
     eta: float = DEFAULT_ETA
+    convention: AccuracyConvention | str = DEFAULT_CONVENTION
 
     def __post_init__(self) -> None:
         for name in ("sigma_m", "interval_s"):
@@ -95,7 +97,7 @@ class Airspace:
         self, airframe_m: ArrayLike, other_airframe_m: ArrayLike, speed_mps: ArrayLike, other_speed_mps: ArrayLike
     ) -> FloatArray:
         """Radius of the disc of pairs [m]; all arguments broadcast."""
-        error_m, coded_m = 3.0 * self.sigma_m, coded_bound_m(3.0 * self.sigma_m)
+        error_m, coded_m = 3.0 * self.sigma_m, coded_bound_m(3.0 * self.sigma_m, self.convention)
         own = Reported(airframe_m, error_m, coded_m, speed_mps)
         other = Reported(other_airframe_m, error_m, coded_m, other_speed_mps)
         return separation_discs(self.definition, own, other, interval_s=self.interval_s, eta=self.eta).radius_m

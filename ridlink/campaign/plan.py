@@ -15,7 +15,7 @@ from ridlink.campaign.chance import CORRELATION_TIME_S, ErrorModel
 from ridlink.campaign.channel import PERFECT, Channel
 from ridlink.campaign.response import Dynamics
 from ridlink.campaign.scene import Scene
-from ridlink.remote_id.accuracy import coded_bound_m
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, coded_bound_m
 from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import CATEGORIES, REPORT_INTERVAL_S
@@ -54,6 +54,7 @@ class Plan:
         filtered: Reported positions are smoothed by all who use them.
         eta: Of the definition `chance`: probability per instant.
         chance_bound: Of the definition `chance`: form of the constraint.
+        accuracy_convention: Of the definition `odid-accuracy`: what all take each other's accuracy codes for.
         seed: Seed of the campaign.
         duration_s: Cut-off.
         interval_s: Time between two reports, and between two decisions unless `step_s` is given.
@@ -88,6 +89,7 @@ class Plan:
     filtered: bool = False
     eta: float = DEFAULT_ETA
     chance_bound: ChanceBound = ChanceBound.HALFPLANE
+    accuracy_convention: AccuracyConvention | str = DEFAULT_CONVENTION
     seed: int = 1
     duration_s: float = 120.0
     interval_s: float = 0.1
@@ -125,6 +127,7 @@ class Plan:
             raise ValueError(f"seed must not be negative, got {self.seed}")
         object.__setattr__(self, "definition", Definition(self.definition))
         object.__setattr__(self, "errors", ErrorModel(self.errors))
+        object.__setattr__(self, "accuracy_convention", AccuracyConvention(self.accuracy_convention))
         object.__setattr__(self, "dynamics", Dynamics(self.dynamics))
 
     @property
@@ -164,7 +167,7 @@ class Plan:
     @property
     def accuracy_bound_m(self) -> float:
         """What of that is left in the accuracy code of standard Remote ID; NaN where the code is "unknown"."""
-        return coded_bound_m(self.error_bound_m)
+        return coded_bound_m(self.error_bound_m, self.accuracy_convention)
 
 
 def baseline(plan: Plan) -> Plan:

@@ -206,7 +206,7 @@ class Batch(ABC):
         """Radii of all pairs but for the displacement, error bounds as they are told, distances to obstacles."""
         plan = self.plan
         error_m = plan.bound_sigmas * sigma_m
-        coded_m = np.array([coded_bound_m(bound) for bound in error_m])
+        coded_m = np.array([coded_bound_m(bound, plan.accuracy_convention) for bound in error_m])
         told_m = np.where(self.extended, error_m, np.nan)
         told_airframe_m = np.where(self.extended, self.airframe_m, np.nan)
 

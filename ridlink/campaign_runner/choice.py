@@ -18,6 +18,7 @@ from ridlink.campaign.plan import IDEAL_HALFPLANES, PAIR_READING_SIGMAS, Plan, b
 from ridlink.campaign.response import Dynamics
 from ridlink.campaign.scene import Scene, circle, drawn_scene, not_flown, scene_of
 from ridlink.errors import ConfigError
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION
 from ridlink.scenario import resolve_scenario
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import CATEGORIES, REPORT_INTERVAL_S
@@ -48,6 +49,7 @@ class Conditions:
         paper: The paper's simulation: error bounds of three sigma for a pair, not for each vehicle (not under
             `graded`), decisions on every report and discs that allow for the time between two.
         eta: Of the definition `chance`.
+        accuracy_convention: Of the definition `odid-accuracy`, by its name.
         seed: Seed of everything.
         technology: One of `TECHNOLOGIES`, for what is not said otherwise.
         range_m: Radio range.
@@ -65,6 +67,7 @@ class Conditions:
 
     paper: bool = False
     eta: float = 0.999
+    accuracy_convention: str = DEFAULT_CONVENTION
     seed: int = 1
     technology: str = "ideal"
     range_m: float | None = None
@@ -139,6 +142,8 @@ class Choice:
     def configuration(self, plans: Sequence[Plan], runs: int) -> dict[str, Any]:
         """Everything that the rows depend on."""
         conditions = asdict(self.conditions)
+        if self.conditions.accuracy_convention == DEFAULT_CONVENTION:  # as in folders from before there was a choice
+            del conditions["accuracy_convention"]
         return {
             "ridlink": version("ridlink"),
             "scenario": {
@@ -171,7 +176,8 @@ class Choice:
         """Scene and times. The paper's scenes draw their fleets; others say who flies."""
         conditions = self.conditions
         base = Plan(
-            circle(), sigma_m=sigma_m, eta=conditions.eta, seed=conditions.seed, category=conditions.category,
+            circle(), sigma_m=sigma_m, eta=conditions.eta, accuracy_convention=conditions.accuracy_convention,
+            seed=conditions.seed, category=conditions.category,
             stock_share=conditions.stock_share, unresponsive_share=conditions.unresponsive_share,
             correlation_s=conditions.correlation_s, common_share=conditions.common_share, bias_m=conditions.bias_m,
             range_m=conditions.range_m or TECHNOLOGIES[conditions.technology].range_m,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
-from ridlink.cli.options import NAME, signing_options
+from ridlink.cli.options import ACCURACY_CONVENTION, NAME, signing_options
 from ridlink.cli.printing import Printer
 from ridlink.cli.signals import ended_by_signals
 from ridlink.words import counted
@@ -82,8 +82,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 @click.option(
     "--accuracy-convention",
     metavar="NAME",
-    help="Of odid-accuracy: what others mean by their codes: letter (95 % of positions), one-sigma (as PX4 and "
-    "ArduPilot fill them) or as-is (three sigma).  [default: letter]",
+    help=f"{ACCURACY_CONVENTION}  [default: letter]",
 )
 @click.option(
     "--solver",

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from ridlink.cli.options import accuracy_convention
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -214,4 +216,5 @@ fleet_options = option_group(
         "--eta", type=Within(0.5, 0.999999999), default=0.999, show_default=True, metavar="P",
         help="Of the definition chance: probability per instant.",
     ),
+    accuracy_convention,
 )  # fmt: skip

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli.campaign_options import BASELINE, DEFINITIONS, Figures, Names, Within
+from ridlink.cli.options import accuracy_convention
 from ridlink.words import counted
 
 if TYPE_CHECKING:
@@ -47,13 +48,14 @@ CATEGORIES = ("1", "2", "3", "4")
     "--eta", type=Within(0.5, 0.999999999), default=0.999, show_default=True, metavar="P",
     help="Of the definition chance: probability per instant.",
 )  # fmt: skip
+@accuracy_convention
 @click.option("--worlds", type=click.IntRange(2, 100_000), default=400, show_default=True, help="Simulated worlds.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, metavar="N", help="Of all draws.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output instead of the table.")
 def capacity(
     definitions: tuple[str, ...] | None, sigmas_m: tuple[float, ...], intervals_s: tuple[float, ...],
-    categories: tuple[str, ...], density_per_km2: float, bearable: float, eta: float, worlds: int, seed: int,
-    as_json: bool,
+    categories: tuple[str, ...], density_per_km2: float, bearable: float, eta: float, accuracy_convention: str,
+    worlds: int, seed: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Drones per square kilometre and conflicts per hour: the gas model, and a simulation beside it.
 
@@ -77,7 +79,7 @@ def capacity(
     from ridlink.separation.definitions import Definition
 
     airspaces = [
-        Airspace(Definition(definition), sigma_m, interval_s, int(category), eta)
+        Airspace(Definition(definition), sigma_m, interval_s, int(category), eta, accuracy_convention)
         for category, sigma_m, interval_s, definition in product(
             categories, sigmas_m, intervals_s, definitions or tuple(Definition)
         )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import NAME, PATH, definition_of
+from ridlink.cli.options import NAME, PATH, accuracy_convention, definition_of
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.errors import ConfigError
 from ridlink.words import counted
@@ -36,6 +36,7 @@ PASSWORD_VARIABLE = "RIDLINK_MQTT_PASSWORD"
 )
 @click.option("--prefix", default="ridlink", show_default=True, metavar="TOPIC", help="First level of the topics.")
 @click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
+@accuracy_convention
 @click.option("--rate", type=float, default=1.0, show_default=True, metavar="HZ", help="States of each aircraft.")
 @click.option("--batch", is_flag=True, help="All states of an instant in one message.")
 @click.option("--password-file", type=PATH, metavar="FILE",
@@ -52,6 +53,7 @@ def mqtt(
     site: str,
     prefix: str,
     definition: str,
+    accuracy_convention: str,
     rate: float,
     batch: bool,
     password_file: Path | None,
@@ -83,7 +85,14 @@ def mqtt(
         raise click.UsageError("--in and --relay belong together: from where on the broker, and to which link")
     topics = Topics(site, prefix)
     publisher = Publisher(
-        PublisherSettings(topics=topics, definition=sized_by, rate_hz=rate, batch=batch, home_assistant=home_assistant),
+        PublisherSettings(
+            topics=topics,
+            definition=sized_by,
+            convention=accuracy_convention,
+            rate_hz=rate,
+            batch=batch,
+            home_assistant=home_assistant,
+        ),
         version("ridlink"),
     )
     broker_url, source_url = parse_broker_url(broker), parse_link_url(source)

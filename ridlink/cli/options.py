@@ -36,6 +36,20 @@ def capture_kind(what: str) -> Callable[[Any], Any]:
     )
 
 
+ACCURACY_CONVENTIONS = ("letter", "one-sigma", "as-is")
+ACCURACY_CONVENTION = (
+    "Of odid-accuracy: what senders mean by their accuracy codes: letter (95 % of positions, as the standard has it), "
+    "one-sigma (as PX4 and ArduPilot fill them) or as-is (three sigma)."
+)
+"""Help for ``--accuracy-convention``."""
+
+accuracy_convention = click.option(
+    "--accuracy-convention", type=click.Choice(ACCURACY_CONVENTIONS), default="letter", show_default=True,
+    metavar="NAME", help=ACCURACY_CONVENTION,
+)  # fmt: skip
+"""The same for every command that judges by a definition."""
+
+
 def above_zero(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
     """Callback of an option: a finite number above 0, or none.
 

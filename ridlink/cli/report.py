@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from ridlink.cli.options import capture_kind, definition_of
+from ridlink.cli.options import accuracy_convention, capture_kind, definition_of
 from ridlink.cli.output import refuse_to_replace, whole_output
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 
@@ -20,6 +20,7 @@ ROWS = 500
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @capture_kind("Format of the files; auto tells it by content and suffix.")
 @click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="Whose discs count.")
+@accuracy_convention
 @click.option("-o", "--output", metavar="F.jsonl", help="Write the lines there instead of to standard output.")
 @click.option("--html", metavar="F.html", help="Where the page goes.  [default: NAME-report.html, here]")
 @click.option("--no-html", is_flag=True, help="No page.")
@@ -32,6 +33,7 @@ def report(
     files: tuple[str, ...],
     kind: str,
     definition: str,
+    accuracy_convention: str,
     output: str | None,
     html: str | None,
     no_html: bool,
@@ -68,7 +70,7 @@ def report(
             out.write(msgspec.json.encode(row) + b"\n")
 
         watched = Report(sized_by, write, keep=0 if page is None else ROWS, traced=pictures > 0)
-        walk = walk_through(sources, [watched])
+        walk = walk_through(sources, [watched], accuracy_convention)
     summary = Summary(
         names=[source.name for source in sources],
         begun_s=None if walk.begun_us is None else walk.begun_us / 1e6,
@@ -77,6 +79,7 @@ def report(
         encounters=watched.encounters,
         definition=sized_by,
         closest=watched.closest,
+        convention=accuracy_convention,
     )
     click.echo(f"ridlink: {summary_line(summary)}", err=True)
     if page is not None:

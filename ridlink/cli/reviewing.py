@@ -45,7 +45,7 @@ def open_sources(files: tuple[str, ...], kind: str) -> tuple[list[Source], int]:
     return sources, len(files) - len(sources)
 
 
-def walk_through(sources: Sequence[Source], watchers: Sequence[Watcher]) -> Walk:
+def walk_through(sources: Sequence[Source], watchers: Sequence[Watcher], accuracy_convention: str) -> Walk:
     """Show all scenes to all watchers, and on a terminal how far it is.
 
     Raises:
@@ -54,7 +54,7 @@ def walk_through(sources: Sequence[Source], watchers: Sequence[Watcher]) -> Walk
     from ridlink.review import Walk, together
 
     progress = Progress(not sys.stdout.isatty())
-    walk = Walk(watchers)
+    walk = Walk(watchers, convention=accuracy_convention)
     for source in sources:
         source.on_progress = progress.tick
         source.needless = lambda: walk.own.speaking

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import above_zero, definition_of
+from ridlink.cli.options import above_zero, accuracy_convention, definition_of
 from ridlink.cli.signals import stopped_by_signals
 
 if TYPE_CHECKING:
@@ -34,12 +34,16 @@ State = dict[str, Any]
 @click.command(short_help="Who is in the air, as a live table.")
 @click.argument("url", default="udpout:127.0.0.1:14650")
 @click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
+@accuracy_convention
 @click.option("--interval", type=float, default=1.0, show_default=True, callback=above_zero, metavar="S",
               help="Time between two tables.")  # fmt: skip
 @click.option("--seconds", type=float, callback=above_zero, metavar="N", help="Stop after so many seconds.")
 @click.option("--sort", type=click.Choice(ORDERS), default="margin", show_default=True, help="Who comes first.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line, once an interval.")
-def top(url: str, definition: str, interval: float, seconds: float | None, sort: str, as_json: bool) -> int:
+def top(
+    url: str, definition: str, accuracy_convention: str, interval: float, seconds: float | None, sort: str,
+    as_json: bool,
+) -> int:  # fmt: skip
     """Show who is in the air on a link, until Ctrl-C: age and rate of the reports, position, speed, error, size, share
     of a disc, and the tightest neighbour, with what is left between the two discs.
 
@@ -53,7 +57,7 @@ def top(url: str, definition: str, interval: float, seconds: float | None, sort:
 
     from ridlink.links import parse_link_url
 
-    watch = _Watch(parse_link_url(url), definition_of(definition), sort)
+    watch = _Watch(parse_link_url(url), definition_of(definition), accuracy_convention, sort)
     asyncio.run(watch.run(interval, seconds, _output(as_json)))
     if not watch.counters["remote_id"]:
         click.echo(f"ridlink: no Remote ID was heard on {url}; is anybody sending there?", err=True)
@@ -63,14 +67,14 @@ def top(url: str, definition: str, interval: float, seconds: float | None, sort:
 class _Watch:
     """Hears a link, and knows who is in the air."""
 
-    def __init__(self, url: LinkUrl, definition: Definition, order: str) -> None:
+    def __init__(self, url: LinkUrl, definition: Definition, accuracy_convention: str, order: str) -> None:
         from collections import Counter
 
         from ridlink.observer import Sky
 
         self.counters: Counter[str] = Counter(frames=0, remote_id=0, not_frames=0)
         self.url = url
-        self.sky: Sky = Sky()
+        self.sky: Sky = Sky(convention=accuracy_convention)
         self.link: Link | None = None
         self._definition = definition
         self._order = order

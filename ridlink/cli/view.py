@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import NAME, capture_kind, definition_of
+from ridlink.cli.options import NAME, accuracy_convention, capture_kind, definition_of
 from ridlink.cli.reviewing import exit_code
 from ridlink.cli.signals import stopped_by_signals
 
@@ -28,6 +28,7 @@ AIR = "udpout:127.0.0.1:14650"
 @click.option("--allow-host", "names", multiple=True, metavar="NAME",
               help="A name by which browsers may ask for the page, beside localhost and --host.")  # fmt: skip
 @click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
+@accuracy_convention
 @click.option("--memory", "memory_mb", type=click.IntRange(1, 65536), default=64, show_default=True, metavar="MB",
               help="Of the history.")  # fmt: skip
 @click.option("--open", "opens", is_flag=True, help="Open the page in a browser.")
@@ -39,6 +40,7 @@ def view(
     port: int,
     names: tuple[str, ...],
     definition: str,
+    accuracy_convention: str,
     memory_mb: int,
     opens: bool,
     kind: str,
@@ -64,7 +66,9 @@ def view(
     url: LinkUrl | None = None
     code = EXIT_DONE
     if files:
-        scenery, history, sources = read_history(files, kind, memory_bytes=memory_bytes, on_progress=_progress)
+        scenery, history, sources = read_history(
+            files, kind, memory_bytes=memory_bytes, convention=accuracy_convention, on_progress=_progress
+        )
         _clear_line()
         code = exit_code(sources, 0, is_strict=False)
         if history.thinned:
@@ -78,22 +82,25 @@ def view(
         where = "the air" if source is None else str(url)
         scenery = Scenery(where, "air" if source is None else "link", live=True, utc0_s=time.time())
         show = Show(scenery, sized_by, memory_bytes=memory_bytes)
-    asyncio.run(_serve(show, url, host, port, names, opens))
+    asyncio.run(_serve(show, url, host, port, names, accuracy_convention, opens))
     return code
 
 
-async def _serve(show: Show, url: LinkUrl | None, host: str, port: int, names: tuple[str, ...], opens: bool) -> None:
+async def _serve(
+    show: Show, url: LinkUrl | None, host: str, port: int, names: tuple[str, ...], accuracy_convention: str, opens: bool
+) -> None:
     import asyncio
     from contextlib import AsyncExitStack
 
     from ridlink.companions import beside
     from ridlink.links import Scheme, open_link
+    from ridlink.observer import Sky
     from ridlink.view.kernels import load_kernels
     from ridlink.view.live import Receiver, subscribe
     from ridlink.view.server import ViewServer
 
     stop = stopped_by_signals(asyncio.get_running_loop())
-    receiver = Receiver(show)
+    receiver = Receiver(show, sky=Sky(convention=accuracy_convention))
     server = ViewServer(show, host, port, names=names, health=receiver.health)
     async with AsyncExitStack() as ends:
         await ends.enter_async_context(server.serving())

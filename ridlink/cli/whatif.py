@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ridlink.cli.options import capture_kind, definition_of
+from ridlink.cli.options import accuracy_convention, capture_kind, definition_of
 from ridlink.cli.output import refuse_to_replace, whole_output
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 
@@ -37,6 +37,7 @@ def _share(_: click.Context, __: click.Parameter, value: float | None) -> float 
     help="How far ahead an entry into a disc is alerted.  [default: 8, as far as the daemon looks]",
 )  # fmt: skip
 @click.option("--eta", type=float, callback=_share, metavar="P", help="Probability of the definition chance.")
+@accuracy_convention
 @click.option("--json", "as_json", is_flag=True, help="One JSON object instead of a table.")
 @click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values instead of a table.")
 @click.option("-o", "--output", metavar="OUT", help="Write there instead of to standard output.")
@@ -47,6 +48,7 @@ def whatif(
     definitions: str | None,
     ahead: float | None,
     eta: float | None,
+    accuracy_convention: str,
     as_json: bool,
     as_csv: bool,
     output: str | None,
@@ -73,15 +75,21 @@ def whatif(
     refuse_to_replace(output, files)
     sources, absent = open_sources(files, kind)
     judged = WhatIf(wanted, ahead_s=ahead_s, eta=DEFAULT_ETA if eta is None else eta)
-    walk = walk_through(sources, [judged])
+    walk = walk_through(sources, [judged], accuracy_convention)
     rows = [judgement.as_dict() for judgement in judged.judgements]
-    text = _json(rows, walk, ahead_s) if as_json else _csv(rows) if as_csv else _table(rows, walk, ahead_s)
+    text = (
+        _json(rows, walk, ahead_s, accuracy_convention)
+        if as_json
+        else _csv(rows)
+        if as_csv
+        else _table(rows, walk, ahead_s)
+    )
     with whole_output(output) as out:
         out.write(text.encode())
     return exit_code(sources, absent, is_strict)
 
 
-def _json(rows: list[dict[str, Any]], walk: Walk, ahead_s: float) -> str:
+def _json(rows: list[dict[str, Any]], walk: Walk, ahead_s: float, accuracy_convention: str) -> str:
     import msgspec
 
     document = {
@@ -89,6 +97,7 @@ def _json(rows: list[dict[str, Any]], walk: Walk, ahead_s: float) -> str:
         "end_t": None if walk.ended_us is None else walk.ended_us / 1e6,
         "aircraft": walk.aircraft,
         "ahead_s": ahead_s,
+        "accuracy_convention": accuracy_convention,
         "rows": rows,
     }
     return msgspec.json.encode(document).decode() + "\n"

@@ -18,6 +18,7 @@ from ridlink.mqtt.topics import Topics, object_id
 from ridlink.observer import Encounter, EncounterLog, Phase, Scene, Sky, aircraft_states
 from ridlink.observer.states import rounded
 from ridlink.periodic import Periodic
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 
@@ -44,6 +45,7 @@ class PublisherSettings:
     Args:
         topics: Where.
         definition: What sizes the discs.
+        convention: What senders are taken to mean by their accuracy codes.
         rate_hz: States of every aircraft a second.
         batch: All states of an instant in one message, instead of one message each.
         home_assistant: Announce every aircraft as a device tracker, too.
@@ -55,6 +57,7 @@ class PublisherSettings:
 
     topics: Topics
     definition: Definition = Definition.CANDIDATE2
+    convention: AccuracyConvention | str = DEFAULT_CONVENTION
     rate_hz: float = 1.0
     batch: bool = False
     home_assistant: bool = False
@@ -77,7 +80,7 @@ class Publisher:
     """
 
     def __init__(self, settings: PublisherSettings, version: str = "") -> None:
-        self.sky = Sky()
+        self.sky = Sky(convention=settings.convention)
         self._settings = settings
         self._version = version
         self._encounters = EncounterLog(settings.definition, eta=settings.eta, most=MOST_ENCOUNTERS)

@@ -18,6 +18,7 @@ from ridlink.mavlink.codec import decode_message
 from ridlink.mavlink.frames import Frame
 from ridlink.observer.known import Aircraft, Known, is_repeated
 from ridlink.observer.scene import FloatArray, Scene
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import REMOTE_ID_IDS, messages_of
 from ridlink.remote_id.quantities import FieldRejects
@@ -41,6 +42,7 @@ class Sky:
         origin: Where metres are counted from; the first position heard if not given.
         forget_after_s: Silence after which an aircraft is gone.
         max_aircraft: Kept at most; whoever was heard longest ago gives way.
+        convention: What senders are taken to mean by their accuracy codes.
 
     Attributes:
         aircraft: By source.
@@ -55,6 +57,7 @@ class Sky:
         origin: Geodetic | None = None,
         forget_after_s: float = FORGET_AFTER_S,
         max_aircraft: int = MAX_AIRCRAFT,
+        convention: AccuracyConvention | str = DEFAULT_CONVENTION,
     ) -> None:
         self._known = Known(max_aircraft)
         self.aircraft = self._known.aircraft
@@ -62,7 +65,7 @@ class Sky:
         self.origin = origin
         self.met = 0
         self._forget_after_s = forget_after_s
-        self._assembler = ReportAssembler(max_aircraft)
+        self._assembler = ReportAssembler(max_aircraft, convention=convention)
         self._merged: deque[int] = deque(maxlen=MERGED_KEPT)
 
     def receive(self, frame: Frame, now_s: float) -> Aircraft | None:

@@ -49,8 +49,8 @@ class AccuracyConvention(StrEnum):
     """What a horizontal accuracy is taken for.
 
     LETTER: the radius that holds 95 % of positions, as the standard has it. The default: it is what a sender can be
-        held to, what senders of this project write, and it keeps a 30 m code below the 40 m of an unknown one, so that
-        nobody is better off for saying nothing.
+        held to, what senders of this project write, and it keeps a 30 m code below the 40 m of an unknown one: whoever
+        knows its error to 30 m is not better off for saying nothing.
     ONE_SIGMA: one standard deviation, which is what PX4 and ArduPilot put there. Right where such vehicles fly with the
         code that their autopilot fills in: by the letter their errors may be 2.4 times as large as they are taken for.
         Of who keeps to the letter it asks for 2.4 times what is needed.

@@ -9,6 +9,7 @@ from html import escape
 from typing import Any
 
 from ridlink.observer.pairs import HORIZON_S
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION
 from ridlink.review.pictures import distance, plan, style_of
 from ridlink.review.report import Closest, Met
 from ridlink.separation.definitions import Definition
@@ -63,6 +64,7 @@ class Summary:
         encounters: How many.
         definition: Whose discs opened them.
         closest: Who came nearest of all, None if there never were two.
+        convention: What senders were taken to mean by their accuracy codes.
     """
 
     names: Sequence[str]
@@ -72,6 +74,7 @@ class Summary:
     encounters: int
     definition: Definition
     closest: Closest | None
+    convention: str = DEFAULT_CONVENTION
 
 
 def report_page(summary: Summary, worst: Sequence[Met], *, drawn: int) -> str:
@@ -92,7 +95,8 @@ def report_page(summary: Summary, worst: Sequence[Met], *, drawn: int) -> str:
         f"<p>An encounter begins when two are inside the disc of {summary.definition} or would enter it within "
         f"{HORIZON_S:g} s if both flew on. A margin is the least distance of centres less the radius of the disc; "
         "below zero the disc was entered. Everything is as it was reported: where a vehicle truly was is not known. An "
-        "error is three standard deviations as its sender states it.</p>",
+        f"error is three standard deviations as its sender states it. Under {Definition.ODID_ACCURACY} accuracy codes "
+        f"are read by the convention {escape(summary.convention)}.</p>",
     ]
     if worst:
         parts += [_table(summary, worst, drawn), _legend()]

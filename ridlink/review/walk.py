@@ -18,6 +18,7 @@ import numpy as np
 from ridlink.mavlink.frames import Frame
 from ridlink.observer import Scene, Sky
 from ridlink.observer.sky import DEFAULT_INTERVAL_S
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.review.own import OwnVehicles
 from ridlink.review.source import Timed
@@ -47,6 +48,7 @@ class Walk:
 
     Args:
         watchers: Who looks.
+        convention: What senders are taken to mean by their accuracy codes.
 
     Attributes:
         sky: Who is in the air.
@@ -56,8 +58,11 @@ class Walk:
         aircraft: How many there were.
     """
 
-    def __init__(self, watchers: Sequence[Watcher]) -> None:
-        self.sky = Sky()
+    def __init__(
+        self, watchers: Sequence[Watcher], *, convention: AccuracyConvention | str = DEFAULT_CONVENTION
+    ) -> None:
+        self._convention = AccuracyConvention(convention)
+        self.sky = Sky(convention=self._convention)
         self.own = OwnVehicles(self.sky)
         self.begun_us: int | None = None
         self.ended_us: int | None = None
@@ -104,7 +109,7 @@ class Walk:
             for watcher in self._watchers:
                 watcher.end()
         self._before += self.sky.met
-        self.sky = Sky(origin=self.sky.origin)
+        self.sky = Sky(origin=self.sky.origin, convention=self._convention)
         self.own = OwnVehicles(self.sky)
         self._now_us, self._due_us = 0, None
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from ridlink.errors import CaptureError
 from ridlink.observer import Scene
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.text import display_name
 from ridlink.review.source import Source, together
 from ridlink.review.walk import Walk
@@ -55,6 +56,7 @@ def read_history(
     kind: str = "auto",
     *,
     memory_bytes: int = MEMORY_BYTES,
+    convention: AccuracyConvention | str = DEFAULT_CONVENTION,
     on_progress: Callable[[float, float], None] = lambda share, time_s: None,
 ) -> tuple[Scenery, History, list[Source]]:
     """Everything that recordings tell about who was in the air, and how reading them went.
@@ -63,6 +65,7 @@ def read_history(
         paths: Files of one flight, or ``-`` for standard input.
         kind: As `open_capture` takes it.
         memory_bytes: Of the history; recordings that need more are kept in coarser steps.
+        convention: What senders are taken to mean by their accuracy codes.
         on_progress: Called now and then with the share of the files that has been read, and how far they have come [s].
 
     Raises:
@@ -78,7 +81,7 @@ def read_history(
 
     history = History(memory_bytes, keeps_all=True)
     filling = _Filling(history, told)
-    walk = Walk([filling])
+    walk = Walk([filling], convention=convention)
     walk.through(together(sources))
     for source in sources:
         if source.error is not None and not len(history):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
+from ridlink.cli.options import accuracy_convention
 from ridlink.cli.printing import PAGING_S, Printer
 from ridlink.cli.signals import end_by_interrupts, ended_by_signals, stopped_by_signals
 from ridlink.cli.view import announce
@@ -43,6 +44,7 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     metavar="P",
     help="Of chance: probability, at any one instant, that no neighbour comes too close.",
 )
+@accuracy_convention
 @click.option(
     "--solver", type=click.Choice(SOLVERS), default="halfplane", show_default=True, help="What chooses the velocity."
 )
@@ -82,6 +84,7 @@ def demo(
     fleet: dict[str, Any],
     definition: str,
     eta: float,
+    accuracy_convention: str,
     solver: str,
     vertical: bool,
     from_ground: bool,
@@ -111,6 +114,7 @@ def demo(
     import asyncio
 
     from ridlink.avoidance.types import SolverKind
+    from ridlink.remote_id.accuracy import AccuracyConvention
     from ridlink.separation.definitions import Definition
     from sitl_sim.autopilot import Start
     from sitl_sim.cli.options import fleet_config
@@ -123,6 +127,7 @@ def demo(
         scenario=fleet["scenario"],
         definition=Definition(definition),
         eta=eta,
+        accuracy_convention=AccuracyConvention(accuracy_convention),
         solver=SolverKind(solver),
         vertical=vertical,
         count=fleet["count"],

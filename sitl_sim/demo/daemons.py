@@ -24,6 +24,7 @@ from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError, LinkError
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.links import parse_link_url
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.scenario import Scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
@@ -59,6 +60,7 @@ def assignments(
     solver: SolverKind = SolverKind.HALFPLANE,
     *,
     vertical: bool = False,
+    accuracy_convention: AccuracyConvention = DEFAULT_CONVENTION,
 ) -> list[Assignment]:
     """One daemon for every vehicle that cooperates, with its goal in degrees.
 
@@ -82,6 +84,7 @@ def assignments(
             goal=Goal(float(latitude), float(longitude), float(altitude)),
             definition=definition,
             eta=eta,
+            accuracy_convention=accuracy_convention,
             cruise_mps=vehicle.speed_mps,
             airframe_m=vehicle.airframe_m,
             airframe_height_m=vehicle.airframe_height_m,

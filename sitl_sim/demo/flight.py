@@ -19,7 +19,6 @@ from ridlink.companions import beside
 from ridlink.daemon.warming import warm_up_unless
 from ridlink.errors import ConfigError, LinkError
 from ridlink.scenario import Scenario, resolve_scenario
-from ridlink.separation.definitions import Definition
 from ridlink.words import counted
 from sitl_sim.demo.conductors import Conductors
 from sitl_sim.demo.daemons import Assignment, Daemons, assignments
@@ -58,7 +57,7 @@ class Onlooker:
     def ready(self) -> None:
         """The fleet has its ports: nothing stands in the way of the flight."""
 
-    async def begin(self, fleet: FleetServer, title: str, definition: Definition) -> None:
+    async def begin(self, fleet: FleetServer, title: str, options: DemoOptions) -> None:
         """The fleet is there, and the solver has been loaded."""
 
     def hear(self, data: bytes) -> None:
@@ -79,7 +78,8 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
     scenario = scenario_of(options)
     title = _title(options, scenario)
     onlooker = onlooker or Onlooker()
-    server = FleetServer(scenario, options.fleet, pair_radius=pair_radius_under(options.definition, options.eta))
+    judged_by = pair_radius_under(options.definition, options.eta, options.accuracy_convention)
+    server = FleetServer(scenario, options.fleet, pair_radius=judged_by)
     conductors: Conductors | None = None
     async with AsyncExitStack() as ends:  # what has begun last ends first
         await _open(server)
@@ -103,9 +103,10 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
             options.eta,
             options.solver,
             vertical=options.vertical,
+            accuracy_convention=options.accuracy_convention,
         )
         await _warm(screen, options.solver, options.processes, len(assigned))
-        await onlooker.begin(server, title, options.definition)
+        await onlooker.begin(server, title, options)
         daemons = Daemons(assigned, each_its_own=options.processes)
         ends.push_async_callback(daemons.stop)
         if options.from_ground and assigned:
@@ -212,6 +213,7 @@ def _result(
     return {
         "scenario": server.scenario.name,
         "definition": str(options.definition),
+        "accuracy_convention": str(options.accuracy_convention),
         "seed": options.fleet.seed,
         **judged,
         **({} if landed is None else {"landed": landed}),

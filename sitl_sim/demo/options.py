@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ridlink.avoidance.types import SolverKind
 from ridlink.errors import ConfigError
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 from sitl_sim.autopilot import Start
@@ -21,6 +22,7 @@ class DemoOptions:
         scenario: Name of a built-in scenario, or a TOML file.
         definition: Separation definition that every daemon flies under.
         eta: Of the definition chance: probability, at any one instant, that no neighbour comes too close.
+        accuracy_convention: Of the definition odid-accuracy: what all take each other's accuracy codes for.
         solver: What chooses the velocities.
         vertical: Daemons may climb or descend, too.
         count: Number of vehicles, where the scenario takes one.
@@ -39,6 +41,7 @@ class DemoOptions:
     scenario: str = "circle8"
     definition: Definition = Definition.CANDIDATE2
     eta: float = DEFAULT_ETA
+    accuracy_convention: AccuracyConvention = DEFAULT_CONVENTION
     solver: SolverKind = SolverKind.HALFPLANE
     vertical: bool = False
     count: int | None = None

@@ -10,7 +10,6 @@ from ridlink.companions import beside
 from ridlink.errors import LinkError
 from ridlink.observer import Sky
 from ridlink.remote_id.text import display_text
-from ridlink.separation.definitions import Definition
 from ridlink.view.kernels import load_kernels
 from ridlink.view.live import Receiver
 from ridlink.view.scenery import Pair, Scenery
@@ -18,6 +17,7 @@ from ridlink.view.server import DEFAULT_PORT, ViewServer
 from ridlink.view.show import Show
 from sitl_sim.broadcast import uas_id_of
 from sitl_sim.demo.flight import Onlooker
+from sitl_sim.demo.options import DemoOptions
 from sitl_sim.fleet_config import HOST
 from sitl_sim.server import FleetServer
 
@@ -68,7 +68,7 @@ class Page(Onlooker):
             self._on_ready()
             self._on_ready = None
 
-    async def begin(self, fleet: FleetServer, title: str, definition: Definition) -> None:
+    async def begin(self, fleet: FleetServer, title: str, options: DemoOptions) -> None:
         """Another flight is to be shown; its kernels have been loaded."""
         await self.end()
         vehicles = fleet.scenario.vehicles
@@ -90,9 +90,10 @@ class Page(Onlooker):
             goals={name: _pair(one.goal_ned_m) for name, one in zip(names, vehicles, strict=True)},
             cruises={name: one.speed_mps for name, one in zip(names, vehicles, strict=True)},
         )
-        self._show.definition = definition
+        self._show.definition = options.definition
         self._show.restart(scenery)
-        self._receiver = Receiver(self._show, sky=Sky(origin=fleet.home), truth=truth)
+        sky = Sky(origin=fleet.home, convention=options.accuracy_convention)
+        self._receiver = Receiver(self._show, sky=sky, truth=truth)
         await self._flight.enter_async_context(beside(self._receiver.run(self.server)))
         await load_kernels(self._show)
 

@@ -8,6 +8,7 @@ import pytest
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.observer import Sky, pair_discs
+from ridlink.remote_id.accuracy import AccuracyConvention
 from ridlink.scenario import Scenario, VehicleSpec
 from ridlink.separation.definitions import Definition
 from sitl_sim.autopilot import FleetNavigation
@@ -32,9 +33,9 @@ def flown(vehicles: tuple[VehicleSpec, ...]) -> World:
     return world
 
 
-def heard(world: World) -> Sky:
+def heard(world: World, convention: AccuracyConvention) -> Sky:
     """Whoever hears them all, at 0 s."""
-    navigation, sky = FleetNavigation(world, DEFAULT_HOME), Sky()
+    navigation, sky = FleetNavigation(world, DEFAULT_HOME), Sky(convention=convention)
     navigation.refresh()
     for index, spec in enumerate(world.scenario.vehicles):
         sender = Broadcaster(index + 1, spec, DEFAULT_HOME, interval_s=0.1, utc_clock=lambda: 1_800_000_123.4)
@@ -45,9 +46,11 @@ def heard(world: World) -> Sky:
     return sky
 
 
+@pytest.mark.parametrize("convention", AccuracyConvention)
 @pytest.mark.parametrize("definition", Definition)
-def test_discs_are_those_of_who_hears_the_broadcasts(definition: Definition) -> None:
+def test_discs_are_those_of_who_hears_the_broadcasts(definition: Definition, convention: AccuracyConvention) -> None:
     world = flown(VEHICLES)
-    judged = pair_radius_under(definition)(world)
+    judged = pair_radius_under(definition, convention=convention)(world)
+    scene = heard(world, convention).at(0.0)
     others = ~np.eye(3, dtype=np.bool_)
-    assert judged[others] == pytest.approx(pair_discs(heard(world).at(0.0), definition)[others], abs=0.1)
+    assert judged[others] == pytest.approx(pair_discs(scene, definition)[others], abs=0.1)
