@@ -62,7 +62,10 @@ def pair_radius_under(
     eta: float = DEFAULT_ETA,
     convention: AccuracyConvention | str = DEFAULT_CONVENTION,
 ) -> Callable[[Flown], FloatArray]:
-    """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles report of themselves.
+    """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles broadcast of themselves.
+
+    That is what the others can know, as a recording has it: of who sends standard Remote ID alone neither size nor
+    error. Who broadcasts nothing is taken as it is.
 
     Args:
         definition: Which fields count.
@@ -71,12 +74,13 @@ def pair_radius_under(
     """
 
     def radii(world: Flown) -> FloatArray:
-        airframe = _airframes_m(world)
-        bound = np.array(world.bound_3sigma_m)
+        bound = world.bound_3sigma_m
+        is_told = np.array([vehicle.extended or vehicle.silent for vehicle in world.scenario.vehicles])
         speed = np.hypot(world.reported_velocity_ned_mps[:, 0], world.reported_velocity_ned_mps[:, 1])
         coded = np.array([coded_bound_m(each, convention) for each in bound.tolist()])
-        fleet = Reported(airframe, bound, coded, speed)
-        neighbours = max(len(airframe) - 1, 1)
+        airframe, error = (np.where(is_told, figures, np.nan) for figures in (_airframes_m(world), bound))
+        fleet = Reported(airframe, error, coded, speed)
+        neighbours = max(len(bound) - 1, 1)
         return separation_discs(definition, fleet[:, None], fleet, eta=eta, neighbours=neighbours).radius_m
 
     return radii

@@ -47,8 +47,8 @@ def report(
     ridlink report flight.tlog                          lines to the screen, flight-report.html here
     ridlink report a.tlog b.tlog --no-html -o e.jsonl   the logs of several vehicles of one flight
 
-    A vehicle whose own broadcast is not recorded, or tells no error, takes part with its telemetry. All of it is as
-    reported: nothing in a recording says where a vehicle truly was.
+    Vehicles count as they were broadcast; one whose own broadcast is not recorded takes part with its telemetry.
+    All of it is as reported: nothing in a recording says where a vehicle truly was.
     """
     import msgspec
 

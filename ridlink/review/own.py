@@ -1,8 +1,11 @@
-"""Vehicles that are in a recording by their telemetry: the log of a drone that only listened, or broadcasts no error.
+"""Vehicles that are in a recording by their telemetry: the log of a drone that only listened.
 
-What a vehicle reports to its ground station is as good as a broadcast, and says how wrong it is; the daemon's own rules
-(`ridlink.own_ship`) judge it. Where its own RIDLINK_SEPARATION is heard, its broadcast alone counts, else its telemetry
-in place of its broadcast. Where a receiver relays the latter, the identity joins the two.
+Where the broadcast of a vehicle is recorded, that alone counts, whether it tells an error or not: it is what the others
+could know. Else its telemetry does; what a vehicle reports to its ground station says how wrong it is, and the daemon's
+own rules (`ridlink.own_ship`) judge it. Where a receiver relays a broadcast, the identity joins the two.
+
+A LOCATION without a time is no broadcast, which has one. It is what an autopilot tells its transmitter, as PX4 does on
+all of its links, with an accuracy code of its own; the broadcast, or else the telemetry, says more.
 """
 
 from __future__ import annotations
@@ -15,18 +18,20 @@ from ridlink.mavlink.codec import MESSAGES_BY_NAME, decode_message
 from ridlink.mavlink.frames import Frame
 from ridlink.observer import Sky
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, coded_bound_m
 from ridlink.remote_id.bridge import messages_of
-from ridlink.remote_id.messages import BasicId, Location, Separation
+from ridlink.remote_id.messages import BasicId, Location
 from ridlink.remote_id.report import RemoteIdReport
 
 GLOBAL_POSITION = MESSAGES_BY_NAME["GLOBAL_POSITION_INT"].msgid
+LOCATION = MESSAGES_BY_NAME["OPEN_DRONE_ID_LOCATION"].msgid
 TELEMETRY_IDS = frozenset(
     MESSAGES_BY_NAME[name].msgid
     for name in ("HEARTBEAT", "GPS_RAW_INT", "GLOBAL_POSITION_INT", "ESTIMATOR_STATUS", "EXTENDED_SYS_STATE")
 )
 
 SILENT_S = 5.0
-"""Who says nothing of its error for so long is believed not to."""
+"""Whose broadcast is not heard for so long is believed to broadcast no more."""
 
 SETTLED_S = 2.0
 """Telemetry that begins is not taken at once: the broadcast may be about to begin as well."""
@@ -51,14 +56,16 @@ class OwnVehicles:
 
     Args:
         sky: Where they go.
+        convention: What its hearers would take the accuracy code for that such a vehicle would send.
 
     Attributes:
-        speaking: System ids whose own RIDLINK_SEPARATION is heard; their telemetry is not needed.
+        speaking: System ids whose own broadcast is heard; their telemetry is not needed.
     """
 
-    def __init__(self, sky: Sky) -> None:
+    def __init__(self, sky: Sky, *, convention: AccuracyConvention = DEFAULT_CONVENTION) -> None:
         self.speaking: set[int] = set()
         self._sky = sky
+        self._convention = convention
         self._spoke_s: dict[int, float] = {}
         self._component: dict[int, int] = {}
         self._identity: dict[int, bytes] = {}
@@ -68,7 +75,7 @@ class OwnVehicles:
     def supersedes(self, frame: Frame, now_s: float) -> bool:
         """Whether a frame about Remote ID says less than the telemetry of its sender; take note of it."""
         sysid = frame.sysid
-        if now_s - self._spoke_s.get(sysid, -math.inf) < RENEWED_S:
+        if frame.msgid != LOCATION and now_s - self._spoke_s.get(sysid, -math.inf) < RENEWED_S:
             return False
         superseded = False
         for said in messages_of(decode_message(frame), self._refused):
@@ -76,15 +83,16 @@ class OwnVehicles:
                 continue
             if isinstance(said, BasicId) and said.uas_id:
                 self._identity[sysid] = said.uas_id
-            elif isinstance(said, Separation):
-                self._spoke_s[sysid] = now_s
-                if sysid not in self.speaking:
-                    self.speaking.add(sysid)
-                    self._forget_other(sysid, frame.compid)
             elif isinstance(said, Location):
                 self._component[sysid] = frame.compid
-                own = self._telemetry.get(sysid)
-                superseded = own is not None and now_s - own.reported_s < RENEWED_S
+                if said.timestamp_s is None:
+                    own = self._telemetry.get(sysid)
+                    superseded = sysid in self.speaking or (own is not None and now_s - own.reported_s < RENEWED_S)
+                elif said.latitude_deg is not None:
+                    self._spoke_s[sysid] = now_s
+                    if sysid not in self.speaking:
+                        self.speaking.add(sysid)
+                        self._forget_other(sysid, frame.compid)
         return superseded
 
     def receive(self, frame: Frame, now_s: float) -> None:
@@ -130,6 +138,7 @@ class OwnVehicles:
             climb_mps=-down,
             speed_horizontal_mps=math.hypot(north, east),
             horizontal_error_m=state.error_bound_m,
+            accuracy_bound_m=coded_bound_m(state.error_bound_m, self._convention),
             vertical_error_m=state.vertical_error_bound_m,
             received_at_s=now_s,
         )

@@ -13,6 +13,7 @@ from ridlink.remote_id.accuracy import DEFAULT_CONVENTION
 from ridlink.review.pictures import distance, plan, style_of
 from ridlink.review.report import Closest, Met
 from ridlink.separation.definitions import Definition
+from ridlink.separation.reference import UNKNOWN_ERROR_BOUND_M
 from ridlink.words import counted
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
@@ -95,8 +96,9 @@ def report_page(summary: Summary, worst: Sequence[Met], *, drawn: int) -> str:
         f"<p>An encounter begins when two are inside the disc of {summary.definition} or would enter it within "
         f"{HORIZON_S:g} s if both flew on. A margin is the least distance of centres less the radius of the disc; "
         "below zero the disc was entered. Everything is as it was reported: where a vehicle truly was is not known. An "
-        f"error is three standard deviations as its sender states it. Under {Definition.ODID_ACCURACY} accuracy codes "
-        f"are read by the convention {escape(summary.convention)}.</p>",
+        "error is three standard deviations as its sender states it in its broadcast or, where none was recorded, in "
+        f"its telemetry; ? is one that is not stated, and counts as {UNKNOWN_ERROR_BOUND_M:g} m. Under "
+        f"{Definition.ODID_ACCURACY} accuracy codes are read by the convention {escape(summary.convention)}.</p>",
     ]
     if worst:
         parts += [_table(summary, worst, drawn), _legend()]

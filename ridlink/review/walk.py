@@ -63,7 +63,7 @@ class Walk:
     ) -> None:
         self._convention = AccuracyConvention(convention)
         self.sky = Sky(convention=self._convention)
-        self.own = OwnVehicles(self.sky)
+        self.own = OwnVehicles(self.sky, convention=self._convention)
         self.begun_us: int | None = None
         self.ended_us: int | None = None
         self.scenes = 0
@@ -110,7 +110,7 @@ class Walk:
                 watcher.end()
         self._before += self.sky.met
         self.sky = Sky(origin=self.sky.origin, convention=self._convention)
-        self.own = OwnVehicles(self.sky)
+        self.own = OwnVehicles(self.sky, convention=self._convention)
         self._now_us, self._due_us = 0, None
 
     def _look(self, time_us: int) -> bool:

@@ -1,14 +1,20 @@
-"""A drone that only listened is in its own log: by its telemetry, as long as its broadcast says no more."""
+"""A drone that only listened is in its own log: by its telemetry, as long as its broadcast is not heard."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace as replace_in
 
 from ridlink.geodesy import geodetic_from_ned
 from ridlink.mavlink.codec import Encoder
+from ridlink.observer import Scene
+from ridlink.remote_id.accuracy import coded_bound_m
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import Location
 from ridlink.remote_id.quantities import write_position
 from ridlink.review import Report, Source, Walk, together
 from tests.captures.conftest import START_US, tlog_bytes
@@ -82,13 +88,66 @@ def test_it_never_meets_itself_where_its_broadcast_begins_or_ends(
     assert rows == []
 
 
-def test_a_broadcast_without_an_error_is_worth_less_than_telemetry(tmp_path: Path) -> None:
+def told_to_the_transmitter(flyer: Flyer, until_s: float) -> Records:
+    """What PX4 says of itself on all links: once a second, without a time, and with the code of one sigma of 0.9 m."""
+    encoder = Encoder(flyer.sysid, AUTOPILOT)
+    said: Records = []
+    for second in range(int(until_s)):
+        [location] = [each for each in flyer.messages(second + 0.05) if isinstance(each, Location)]
+        name, fields = to_mavlink(replace_in(location, timestamp_s=None, horizontal_accuracy=12))
+        said.append((START_US + round((second + 0.05) * 1e6), encoder.encode(name, **fields)))
+    return said
+
+
+class Codes:
+    """Which errors are known of whom, scene by scene."""
+
+    def __init__(self) -> None:
+        self.bounds_m: list[dict[str, tuple[float, float]]] = []
+
+    def step(self, scene: Scene) -> None:
+        bounds = zip(scene.error_bound_m.tolist(), scene.accuracy_bound_m.tolist(), strict=True)
+        self.bounds_m.append(dict(zip(scene.names, bounds, strict=True)))
+
+    def end(self) -> None:
+        """The recording is over."""
+
+
+def bounds_of(path: Path, recorded: Records, name: str) -> set[tuple[float, float]]:
+    """Error and accuracy bound that a vehicle had in any scene [m], -1 where unknown."""
+    path.write_bytes(tlog_bytes(sorted(recorded, key=lambda record: record[0])))
+    codes = Codes()
+    Walk([codes]).through(together([Source(str(path))]))
+    found = [each[name] for each in codes.bounds_m if name in each]
+    return {(-1.0 if math.isnan(error) else round(error, 1), round(coded, 1)) for error, coded in found}
+
+
+def test_a_broadcast_that_tells_no_error_counts_as_it_was_heard(tmp_path: Path) -> None:
+    """As the others could know it, whatever its telemetry says: 40 m and 7.5 m, or by its code."""
     stock = replace(NORTHBOUND, extended=False)
     said = telemetry(NORTHBOUND, 25.0) + records([stock, SOUTHBOUND], 25.0)
     [row], walk = reported(tmp_path / "f.tlog", said)
-    assert sorted(row["uas"]) == ["ALPHA", "BRAVO"] and walk.aircraft == 2
-    assert None not in row["horizontal_error_m"]
+    assert row["uas"] == ["ALPHA", "BRAVO"] and walk.aircraft == 2
+    assert row["horizontal_error_m"] == [None, 10.5]
     assert row["closest_m"] == pytest.approx(6.0, abs=0.2)
+    assert row["margin_m"]["candidate2"] == pytest.approx(6.0 - (7.5 + 0.6) / 2.0 - 50.5 - 2.0, abs=0.3)
+    assert row["margin_m"]["odid-accuracy"] == pytest.approx(6.0 - 7.5 - 2.0 * 12.256 - 2.0, abs=0.3)
+
+
+def test_what_an_autopilot_tells_its_transmitter_is_no_broadcast(tmp_path: Path) -> None:
+    """Its telemetry says more, and so does the broadcast: the code that it tells is no other's."""
+    flown = telemetry(NORTHBOUND, 20.0)
+    told, stock = told_to_the_transmitter(NORTHBOUND, 20.0), replace(NORTHBOUND, extended=False)
+    later = {bound for bound in bounds_of(tmp_path / "own.tlog", flown + told, "1/1") if bound[0] > 0.0}
+    assert later == bounds_of(tmp_path / "telemetry.tlog", flown, "1/1")
+    broadcast = records([stock], 20.0)
+    assert bounds_of(tmp_path / "heard.tlog", flown + told + broadcast, "ALPHA") == {(-1.0, 12.3)}
+
+
+def test_telemetry_has_the_code_that_its_broadcast_would_have(tmp_path: Path) -> None:
+    [(error_m, coded_m)] = bounds_of(tmp_path / "f.tlog", telemetry(NORTHBOUND, 20.0), "1/1")
+    assert 3.0 <= error_m < 10.0
+    assert coded_m == pytest.approx(coded_bound_m(error_m), abs=0.1)
 
 
 def test_its_own_receiver_that_hears_it_makes_it_no_second_aircraft(tmp_path: Path) -> None:

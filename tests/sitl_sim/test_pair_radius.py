@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,8 +51,15 @@ def heard(world: World, convention: AccuracyConvention) -> Sky:
 @pytest.mark.parametrize("convention", AccuracyConvention)
 @pytest.mark.parametrize("definition", Definition)
 def test_discs_are_those_of_who_hears_the_broadcasts(definition: Definition, convention: AccuracyConvention) -> None:
-    world = flown(VEHICLES)
+    """One of the vehicles sends standard Remote ID: of it others know neither size nor error, but for its code."""
+    world = flown((*VEHICLES[:2], replace(VEHICLES[2], extended=False)))
     judged = pair_radius_under(definition, convention=convention)(world)
     scene = heard(world, convention).at(0.0)
     others = ~np.eye(3, dtype=np.bool_)
     assert judged[others] == pytest.approx(pair_discs(scene, definition)[others], abs=0.1)
+
+
+def test_who_broadcasts_nothing_is_taken_as_it_is() -> None:
+    first, second = replace(VEHICLES[0], silent=True, extended=False), VEHICLES[1]
+    told, silent = (pair_radius_under(Definition.CANDIDATE2)(flown((one, second))) for one in (VEHICLES[0], first))
+    assert silent[0, 1] == pytest.approx(told[0, 1], abs=0.1)
