@@ -69,7 +69,7 @@ def aircraft_state(one: Aircraft, now_s: float, utc_s: float) -> dict[str, Any]:
         "direction_deg": direction,
         "speed_horizontal_mps": rounded(report.speed_horizontal_mps),
         "speed_vertical_mps": rounded(report.climb_mps),
-        "horizontal_accuracy_m": rounded(report.accuracy_bound_m),
+        "horizontal_accuracy_m": rounded(report.horizontal_accuracy_m),
         "horizontal_error_m": rounded(report.horizontal_error_m),
         "vertical_error_m": rounded(report.vertical_error_m),
         "velocity_error_mps": rounded(report.velocity_error_mps),

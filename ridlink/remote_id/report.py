@@ -11,7 +11,7 @@ import math
 
 from msgspec import Struct
 
-from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, three_sigma_bound_m
+from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, horizontal_bound_m, three_sigma_bound_m
 from ridlink.remote_id.messages import Location, Separation
 
 SourceKey = tuple[int, int, bytes | None]
@@ -41,7 +41,8 @@ class RemoteIdReport(Struct, frozen=True, gc=False):
         climb_mps: Vertical speed, positive upwards; ``None`` where it is unknown.
         speed_horizontal_mps: Known also where only the direction is missing.
         horizontal_error_m: Three standard deviations of either horizontal axis, as the sender states it.
-        accuracy_bound_m: Three standard deviations that the standard's accuracy code allows.
+        horizontal_accuracy_m: Bound of the standard's accuracy code, as it stands there.
+        accuracy_bound_m: Three standard deviations that it is taken for, by a convention.
         vertical_error_m, velocity_error_mps: Three standard deviations, as the sender states them.
         airframe_size_m: Largest horizontal extent, a diameter.
         airframe_height_m: Largest vertical extent.
@@ -68,6 +69,7 @@ class RemoteIdReport(Struct, frozen=True, gc=False):
     climb_mps: float | None = None
     speed_horizontal_mps: float | None = None
     horizontal_error_m: float | None = None
+    horizontal_accuracy_m: float | None = None
     accuracy_bound_m: float | None = None
     vertical_error_m: float | None = None
     velocity_error_mps: float | None = None
@@ -146,6 +148,7 @@ def report_of(
         climb_mps=location.speed_vertical_mps,
         speed_horizontal_mps=location.speed_horizontal_mps,
         horizontal_error_m=extension.horizontal_error_m,
+        horizontal_accuracy_m=horizontal_bound_m(location.horizontal_accuracy),
         accuracy_bound_m=three_sigma_bound_m(location.horizontal_accuracy, convention),
         vertical_error_m=extension.vertical_error_m,
         velocity_error_mps=extension.velocity_error_mps,
