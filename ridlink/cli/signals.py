@@ -52,23 +52,28 @@ def end_by_interrupts() -> None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+SAME_S = 0.02
+"""The same signal within so long is the same request: `timeout` sends one to the process, and then to its group."""
+
+
 def ended_by_signals(loop: asyncio.AbstractEventLoop, end: Callable[[], None]) -> None:
     """The first SIGINT, SIGTERM or SIGHUP begins the end; a second SIGINT or SIGTERM is one at once, with 128 + n.
 
-    A second SIGHUP is the same terminal once more: its shell passes on what the kernel has sent already.
+    A second SIGHUP is the same terminal once more: its shell passes on what the kernel has sent already. So is the same
+    signal within SAME_S.
 
     Args:
         loop: Whose handlers these are.
         end: Called once, in the loop.
     """
-    begun = False
+    first, begun_s = None, 0.0
 
     def on_signal(number: int) -> None:
-        nonlocal begun
-        if not begun:
-            begun = True
+        nonlocal first, begun_s
+        if first is None:
+            first, begun_s = number, loop.time()
             end()
-        elif number != signal.SIGHUP:
+        elif number != signal.SIGHUP and (number != first or loop.time() - begun_s > SAME_S):
             os._exit(128 + number)
 
     for number in ending_signals():
@@ -78,17 +83,22 @@ def ended_by_signals(loop: asyncio.AbstractEventLoop, end: Callable[[], None]) -
 def stopped_by_signals(loop: asyncio.AbstractEventLoop) -> asyncio.Event:
     """An event that SIGINT, SIGTERM or SIGHUP sets; a second SIGINT or SIGTERM finds the default action.
 
-    A second SIGHUP does nothing, see `ended_by_signals`.
+    A second SIGHUP does nothing, nor does the same signal within SAME_S, see `ended_by_signals`.
     """
     import asyncio
 
     stop = asyncio.Event()
 
-    def stop_once() -> None:
+    def stop_once(first: int) -> None:
+        if stop.is_set():
+            return
         stop.set()
         for number in (signal.SIGINT, signal.SIGTERM):
-            loop.remove_signal_handler(number)
+            if number == first:
+                loop.call_later(SAME_S, loop.remove_signal_handler, number)
+            else:
+                loop.remove_signal_handler(number)
 
     for number in ending_signals():
-        loop.add_signal_handler(number, stop_once)
+        loop.add_signal_handler(number, stop_once, number)
     return stop
