@@ -709,6 +709,18 @@ def test_mcap_has_fixes_and_messages_under_inert_topics(log: Path, tmp_path: Pat
     assert "/mavlink/1/1/RIDLINK_SEPARATION" in {entry[0] for entry in found}
 
 
+def test_mcap_has_the_fixes_of_telemetry_beside_those_of_remote_id(tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader", reason="mcap is in the extra 'export'")
+    position = Encoder(1, 1).encode("GLOBAL_POSITION_INT", lat=470000000, lon=80000000, alt=1500)
+    (tmp_path / "f.tlog").write_bytes(
+        tlog_bytes([*aircraft(2)[:6], (START_US + 1_500_000, position), *aircraft(3)[8:]])
+    )
+    run(tmp_path / "f.tlog", "-f", "mcap", "-o", tmp_path / "f.mcap")
+    with open(tmp_path / "f.mcap", "rb") as stream:
+        topics = [channel.topic for _, channel, _ in reader.make_reader(stream).iter_messages()]
+    assert topics.count("/remote_id/1/1/fix") == 1 and topics.count("/remote_id/ABC123/fix") == 3
+
+
 # --- what is written ---
 
 

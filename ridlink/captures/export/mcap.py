@@ -67,7 +67,7 @@ def write_mcap(messages: Iterable[Fields], out: BinaryIO) -> int:
             if message.name in MAPPED_NAMES:
                 yield message
 
-    for position in positions(tee()):
+    for position in positions(tee(), telemetry=True):
         topic = f"/remote_id/{position.track}/fix"
         file.write(topic, LOCATION_FIX, _LOCATION_FIX_SCHEMA, position.time_us, _fix(position))
     writer.finish()
