@@ -1,0 +1,59 @@
+"""Every command of docs/captures.md runs and prints what stands there, and no column of it is left out."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from ridlink.captures.export import geo
+from ridlink.captures.export.join import COLUMNS
+from ridlink.cli import cli
+from tests.captures.conftest import tlog_bytes
+from tests.captures.test_export import aircraft
+
+TEXT = (Path(__file__).resolve().parents[2] / "docs" / "captures.md").read_text()
+
+
+def commands() -> list[tuple[list[str], list[str]]]:
+    """Commands of the page, each with the lines that stand below it in its block."""
+    found: list[tuple[list[str], list[str]]] = []
+    in_block = False
+    for line in TEXT.splitlines():
+        if line.startswith("    ridlink "):
+            found.append((shlex.split(line, comments=True)[1:], []))
+            in_block = True
+        elif line.startswith("    ") and in_block:
+            found[-1][1].append(line[4:])
+        elif line:
+            in_block = False
+    return found
+
+
+def test_every_command_of_the_page_runs_and_prints_what_stands_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow", reason="needs ridlink[export]")
+    monkeypatch.chdir(tmp_path)
+    Path("flight.tlog").write_bytes(tlog_bytes(aircraft(3)))
+    assert len(commands()) >= 10
+    for arguments, shown in commands():
+        done = CliRunner().invoke(cli, arguments, catch_exceptions=False)
+        assert done.exit_code == 0, (arguments, done.output)
+        printed = [line for line in done.stdout.splitlines() if line]
+        for said, meant in zip(printed, shown, strict=False):
+            if meant == "...":
+                break
+            beginning = meant.removesuffix(" ...")
+            assert said.startswith(beginning) and (beginning != meant or said == meant), arguments
+        assert len(printed) >= len(shown), arguments
+    assert Path("again.tlog").read_bytes() == Path("flight.tlog").read_bytes()
+
+
+def test_the_page_names_every_column_and_property() -> None:
+    named = set(re.findall(r"`([a-z0-9_]+)`", TEXT))
+    assert set(COLUMNS) <= named
+    assert {*geo._POINT_PROPERTIES, "track", "time", "t", "positions", "first_time", "last_time"} <= named
