@@ -5,13 +5,10 @@ One figure a solver and world, one panel a scenario and kind of error; times in 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import matplotlib
 
 from ridlink.analysis.campaign import DEFINITION_NAMES, FlownCell, JudgedCell
 from ridlink.analysis.campaign_front import front_figure, sensitivity_figures
@@ -51,10 +48,7 @@ def draw_campaign(flown: Sequence[FlownCell], judged: Sequence[JudgedCell], fold
         panels = panels_of(rows, numbers)
         draw[name_of("mission-times", rows, numbers, groups, by)] = partial(_times, panels, flown, judged)
         draw[name_of("collisions", rows, numbers, groups, by)] = partial(_collisions, panels, judged)
-    # The name of a scene may hold anything: what looks like a formula, and letters that the font has a box for.
-    with matplotlib.rc_context({"text.parse_math": False}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph")
-        return {name: save_figure(figure, folder, name) for name, figure in draw.items()}
+    return {name: save_figure(figure, folder, name, formulas=False) for name, figure in draw.items()}
 
 
 def _times(panels: Panels, flown: Sequence[FlownCell], judged: Sequence[JudgedCell]) -> Figure:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -79,14 +80,21 @@ def draw_figures(folder: Path) -> list[Path]:
     return files
 
 
-def save_figure(draw: Callable[[], Figure], folder: Path, name: str) -> list[Path]:
+def save_figure(draw: Callable[[], Figure], folder: Path, name: str, *, formulas: bool = True) -> list[Path]:
     """Draw one figure in the house's style and write it as PNG and SVG, the same bytes every time.
+
+    Args:
+        draw: Draws it.
+        folder: Where it is written.
+        name: Of the files, without a suffix.
+        formulas: What stands between dollar signs is one; False where names of scenes are drawn, which may hold any.
 
     Raises:
         OSError: If a file cannot be written; a half one is not left.
     """
     files = []
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context({**STYLE, "text.parse_math": formulas}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # a letter that the font lacks is a box
         figure = draw()
         for suffix, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
             drawn = io.BytesIO()
