@@ -21,7 +21,7 @@ from typing import Any
 from ridlink.campaign.cell import USUAL, Cell
 from ridlink.campaign.plan import Plan
 from ridlink.campaign.worlds import Outcomes
-from ridlink.campaign_runner.shards import names_of, read_shard, shard_bytes
+from ridlink.campaign_runner.shards import campaign_digest, names_of, read_shard, shard_bytes
 from ridlink.captures.export.tables import arrow
 from ridlink.errors import CaptureError, ConfigError
 from ridlink.files import UNFINISHED, file_part, unfinished, write_whole
@@ -30,6 +30,9 @@ CONFIGURATION = "campaign.json"
 ROWS = "rows.json"
 GO_ON = "go on with it by 'ridlink campaign run --resume'"
 """What flies what is missing or damaged."""
+
+
+OF_ANOTHER = "is of another campaign, whose conditions differ"
 
 
 class CampaignFolder:
@@ -50,6 +53,7 @@ class CampaignFolder:
     def __init__(self, path: Path, configuration: dict[str, Any], *, resume: bool) -> None:
         arrow()
         self.path = path
+        self._campaign = campaign_digest(configuration)
         self._writing: Path | None = None
         if path.exists() and not path.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
@@ -87,7 +91,7 @@ class CampaignFolder:
         """
         target = self._shard(plan, int(outcomes.run[0]))
         target.parent.mkdir(parents=True, exist_ok=True)
-        self._write(target, shard_bytes(plan, outcomes))
+        self._write(target, shard_bytes(plan, outcomes, self._campaign))
 
     def read(self, plan: Plan, runs: range) -> Outcomes | None:
         """Runs of a plan, or None where they are missing or the shard is damaged.
@@ -108,6 +112,8 @@ class CampaignFolder:
                     f"{file}: is of another campaign: {name} is {shard.names[name]} there and {wanted} here; take it "
                     "away or name a new folder"
                 )
+        if shard.campaign not in ("", self._campaign):
+            raise ConfigError(f"{file}: {OF_ANOTHER}; take it away or name a new folder")
         if shard.outcomes.run.tolist() != list(runs):
             raise ConfigError(f"{file}: holds other runs than its name says; take it away or name a new folder")
         return shard.outcomes

@@ -22,13 +22,14 @@ from ridlink.campaign_runner.choice import SOLVERS
 from ridlink.campaign_runner.folder import (
     CONFIGURATION,
     GO_ON,
+    OF_ANOTHER,
     ROWS,
     cell_folder,
     object_in,
     shard_name,
     shortened,
 )
-from ridlink.campaign_runner.shards import names_of, read_shard
+from ridlink.campaign_runner.shards import campaign_digest, names_of, read_shard
 from ridlink.captures.export.tables import arrow
 from ridlink.checked_toml import finite_number
 from ridlink.errors import CaptureError
@@ -141,6 +142,8 @@ def _flown(path: Path, cell: Cell, configuration: dict[str, Any]) -> Outcomes:
         for name, wanted in names_of(cell, configuration["seed"]).items():
             if shard.names[name] != wanted:
                 raise CaptureError(f"{file}: is of another campaign: its {name} is not {wanted}")
+        if shard.campaign not in ("", campaign_digest(configuration)):
+            raise CaptureError(f"{file}: {OF_ANOTHER}, or {path / CONFIGURATION} was changed")
         if file.name != shard_name(int(shard.outcomes.run[0])):
             raise CaptureError(f"{file}: holds other runs than its name says; take it away")
         parts.append(shard.outcomes)

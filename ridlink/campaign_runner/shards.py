@@ -5,7 +5,9 @@ What is read is what was written, or it is damaged: a bit that a disk has lost m
 
 from __future__ import annotations
 
+import hashlib
 import io
+import json
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,9 @@ from ridlink.campaign.plan import Plan
 from ridlink.campaign.worlds import Outcomes
 from ridlink.captures.export.tables import arrow
 from ridlink.errors import CaptureError
+
+CAMPAIGN = "ridlink.campaign"
+"""Under which the file keeps what campaign it is of."""
 
 NAMES = (*(item.name for item in fields(Cell)), "seed")
 """Columns that have one value in a shard."""
@@ -42,10 +47,12 @@ class Shard:
     Attributes:
         names: Its cell and its seed, by `NAMES`.
         outcomes: Its runs.
+        campaign: `campaign_digest` of the campaign that it is of; empty where it does not say.
     """
 
     names: dict[str, Any]
     outcomes: Outcomes
+    campaign: str
 
 
 def names_of(cell: Cell, seed: int) -> dict[str, Any]:
@@ -53,8 +60,13 @@ def names_of(cell: Cell, seed: int) -> dict[str, Any]:
     return {**asdict(cell), "seed": seed}
 
 
-def shard_bytes(plan: Plan, outcomes: Outcomes) -> bytes:
-    """Runs of a plan as a Parquet file."""
+def campaign_digest(configuration: dict[str, Any]) -> str:
+    """What tells a campaign from every other one, be it by a condition that is in no name: 64 hexadecimal digits."""
+    return hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()
+
+
+def shard_bytes(plan: Plan, outcomes: Outcomes, campaign: str) -> bytes:
+    """Runs of a plan as a Parquet file, of the campaign with this digest."""
     pa, parquet = arrow()
     runs = len(outcomes.run)
     columns = {name: pa.array([value] * runs).dictionary_encode() for name, value in asdict(plan.cell).items()}
@@ -63,7 +75,8 @@ def shard_bytes(plan: Plan, outcomes: Outcomes) -> bytes:
         values = getattr(outcomes, name)
         columns[name] = pa.array(values.tolist() if axes > 1 else values)
     buffer = io.BytesIO()
-    parquet.write_table(pa.table(columns), buffer, compression="zstd", write_page_checksum=True)
+    table = pa.table(columns).replace_schema_metadata({CAMPAIGN: campaign})
+    parquet.write_table(table, buffer, compression="zstd", write_page_checksum=True)
     return buffer.getvalue()
 
 
@@ -88,7 +101,8 @@ def read_shard(file: Path, duration_s: float) -> Shard:
             raise ValueError("columns do not hold what flights bring forth")
     except (pa.ArrowException, OSError, LookupError, TypeError, ValueError, OverflowError) as error:
         raise CaptureError(f"{file}: is damaged") from error
-    return Shard(names, Outcomes(duration_s=duration_s, **columns))
+    campaign = (table.schema.metadata or {}).get(CAMPAIGN.encode(), b"").decode("ascii", "replace")
+    return Shard(names, Outcomes(duration_s=duration_s, **columns), campaign)
 
 
 def _can_be(columns: dict[str, NDArray[Any]]) -> bool:

@@ -177,3 +177,25 @@ def test_two_reports_at_a_time_are_both_written(folder: Path) -> None:
     assert [report.returncode for report in reports] == [0, 0], ends
     assert ends[0] == ends[1]
     assert not list(folder.rglob("*.unfinished"))
+
+
+def test_a_shard_flown_under_other_conditions_is_no_part_of_it(tmp_path: Path, ridlink: Ridlink) -> None:
+    """Names and seed are the same: it was taken for the campaign's own."""
+    few = ["--scenario", "crossing", "--definition", "chance", "--solver", "rotation", "--runs", 2, "--jobs", 1]
+    ours, theirs = (tmp_path / eta for eta in ("0.999", "0.9"))
+    for folder in (ours, theirs):
+        assert ridlink("run", *few, "--eta", folder.name, "-o", folder)[0] == 0
+    (shard,) = ours.rglob("*.parquet")
+    shutil.copy(theirs / shard.relative_to(ours), shard)
+    told = f"ridlink: {shard}: is of another campaign, whose conditions differ"
+    code, _, err = ridlink("report", ours)
+    assert (code, err) == (3, f"{told}, or {ours}/campaign.json was changed\n")
+    code, _, err = ridlink("run", *few, "--eta", "0.999", "--resume", "-o", ours)
+    assert (code, err) == (2, f"{told}; take it away or name a new folder\n")
+
+
+def test_a_configuration_with_other_conditions_is_no_report(folder: Path, ridlink: Ridlink) -> None:
+    changed(folder / "campaign.json", lambda found: found.update(range_m=500.0))
+    code, out, err = ridlink("report", folder)
+    assert (code, out, len(err.splitlines())) == (3, "", 1)
+    assert f"or {folder}/campaign.json was changed" in err
