@@ -23,6 +23,7 @@ from ridlink.scenario import Event, Scenario, Wind
 from ridlink.words import counted
 from sitl_sim.faults import Faults, Machinery
 from sitl_sim.gnss import CORRELATION_TIME_S, ErrorModel, GnssReceivers
+from sitl_sim.height import HeightEstimators
 from sitl_sim.pair_radius import eq8_pair_radius
 from sitl_sim.referee import ARRIVAL_RADIUS_M, Referee
 from sitl_sim.routes import Routes
@@ -128,6 +129,7 @@ class World:
             common_share=gnss_common_share,
             time_constant_s=gnss_time_constant_s,
         )
+        self.heights = HeightEstimators(self.receivers.position_error_ned_m[:, 2])
         self.state: IntArray = np.full(
             count, VehicleState.AIRBORNE if airborne else VehicleState.GROUNDED, dtype=np.int64
         )
@@ -193,8 +195,15 @@ class World:
 
     @property
     def reported_position_ned_m(self) -> FloatArray:
-        """Where the vehicles believe to be, shape (n, 3)."""
-        return self.position_ned_m + self.receivers.position_error_ned_m
+        """Where the vehicles believe to be, shape (n, 3): as high as their estimators say, else where receivers do."""
+        reported = self.position_ned_m + self.receivers.position_error_ned_m
+        reported[:, 2] = self.position_ned_m[:, 2] + self.heights.error_down_m
+        return reported
+
+    @property
+    def receiver_down_m(self) -> FloatArray:
+        """How far below home the receivers alone say that the vehicles are, shape (n,)."""
+        return np.asarray(self.position_ned_m[:, 2] + self.receivers.position_error_ned_m[:, 2])
 
     @property
     def reported_velocity_ned_mps(self) -> FloatArray:
@@ -334,6 +343,7 @@ class World:
         self.battery.step(self.velocity_ned_mps, in_air, TICK_S)
         self.state[(self.battery.remaining <= 0.0) & (self.state == VehicleState.AIRBORNE)] = VehicleState.LANDING
         self.receivers.step(TICK_S)
+        self.heights.step(self.receivers.position_error_ned_m[:, 2], TICK_S)
         self._ticks += 1
         self.time_s = self._ticks * TICK_S
         if self._mission_from_s is not None:

@@ -16,7 +16,8 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Navigation:
-    """One vehicle at one tick. Accuracies are one standard deviation, as receivers give them."""
+    """One vehicle at one tick. Accuracies are one standard deviation, as receivers give them; the altitude is the
+    estimator's, and that of the receiver alone stands beside it."""
 
     time_s: float
     position_ned_m: Vector
@@ -25,6 +26,7 @@ class Navigation:
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
+    receiver_altitude_m: float
     h_acc_m: float
     v_acc_m: float
     vel_acc_mps: float
@@ -61,6 +63,7 @@ class FleetNavigation:
         world = self._world
         position = world.reported_position_ned_m
         latitude, longitude, altitude = geodetic_from_ned(position, self.home)
+        receiver_altitude = altitude + position[:, 2] - world.receiver_down_m
         vectors = zip(
             position.tolist(),
             world.reported_velocity_ned_mps.tolist(),
@@ -71,6 +74,7 @@ class FleetNavigation:
             latitude.tolist(),
             longitude.tolist(),
             altitude.tolist(),
+            receiver_altitude.tolist(),
             world.h_acc_m.tolist(),
             world.v_acc_m.tolist(),
             world.vel_acc_mps.tolist(),

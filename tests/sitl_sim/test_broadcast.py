@@ -29,6 +29,7 @@ FLYING = Navigation(
     latitude_deg=47.3986,
     longitude_deg=8.5462,
     altitude_m=538.0,
+    receiver_altitude_m=541.0,
     h_acc_m=3.5,
     v_acc_m=5.25,
     vel_acc_mps=0.1,
