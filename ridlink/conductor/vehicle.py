@@ -179,8 +179,9 @@ class Conductor:
         Raises:
             FlightError: If none is heard.
         """
-        how = f"a daemon (component {AVOIDANCE_COMPONENT} of system {self._system_id}) on the vehicle's link"
-        await self._until(self._hears_daemon, how, DAEMON_HEARD_S)
+        who = f"daemon (component {AVOIDANCE_COMPONENT} of system {self._system_id})"
+        heard = f"{who} through the vehicle, whose link its own --vehicle must name,"
+        await self._until(self._hears_daemon, heard, DAEMON_HEARD_S, denied="no")
 
     async def _hears_daemon(self) -> bool:
         return self._daemon.is_heard(time.monotonic())
@@ -297,7 +298,13 @@ class Conductor:
         return f"; the vehicle said: {self._last_text}" if self._last_text else ""
 
     async def _until(
-        self, question: Callable[[], Awaitable[bool]], what: str, timeout_s: float, *, without_daemon: bool = False
+        self,
+        question: Callable[[], Awaitable[bool]],
+        what: str,
+        timeout_s: float,
+        *,
+        denied: str = "not",
+        without_daemon: bool = False,
     ) -> None:
         deadline = time.monotonic() + timeout_s
         while not await question():
@@ -306,7 +313,7 @@ class Conductor:
                 if self._is_lost():
                     raise FlightError("the daemon ended: its line above says why")
             if time.monotonic() > deadline:
-                raise FlightError(f"not {what} within {timeout_s:.0f} s{self._because()}")
+                raise FlightError(f"{denied} {what} within {timeout_s:.0f} s{self._because()}")
             await asyncio.sleep(LOOK_S)
 
     async def _set_mode(self, mode: tuple[float, float]) -> None:
