@@ -99,3 +99,16 @@ def test_conventions_read_the_same_code_differently() -> None:
 def test_by_default_a_thirty_metre_code_is_better_than_none() -> None:
     bound = accuracy.three_sigma_bound_m(9)
     assert bound is not None and bound < 40.0
+
+
+@pytest.mark.parametrize(
+    ("convention", "bound_m"),
+    [("letter", 10.0 * accuracy.THREE_SIGMA_PER_95_PERCENT_RADIUS), ("one-sigma", 30.0), ("as-is", 10.0)],
+)
+def test_what_is_left_of_an_error_in_its_code_is_what_the_code_is_taken_for(convention: str, bound_m: float) -> None:
+    """Three sigma of 10.5 m are 8.6 m by the letter: the code of less than 10 m."""
+    assert accuracy.coded_bound_m(10.5, convention) == pytest.approx(bound_m)
+
+
+def test_of_an_error_without_a_code_nothing_is_left() -> None:
+    assert math.isnan(accuracy.coded_bound_m(30_000.0))
