@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from numba import config
 
 from ridlink.avoidance import HalfplaneSettings, Obstacles, OwnShip, Status, Traffic, rows
 from ridlink.avoidance.evasion import ACCELERATION_MPS2, REACTION_S, SOON_S
@@ -97,6 +98,7 @@ def test_how_deep_a_path_leads_is_found_from_four_instants():
     assert np.percentile(missed, 95) < 0.03
 
 
+@pytest.mark.skipif(config.DISABLE_JIT, reason="too slow without the compiler")
 def test_an_intruder_heard_at_60_to_100_m_at_12_mps_is_hardly_ever_hit():
     """An ArduPilot gets 9 m out of the way by then. With the half-planes alone one run in 20 ends in a collision."""
     runs = 400
