@@ -39,9 +39,12 @@ and 2.5 m/s^2 PX4 is taken off answers that it can fly; with the faster one's Ar
 DEEP, LESS_DEEP = 0.25, 0.02
 """Shares of the radius: a path that enters a disc so deeply is left for one that enters less deeply by so much."""
 
-WAYS, WAY_APART = 4, math.pi / 4.0
-"""Paths that are tried lead to both sides of the deepest neighbour at full speed, across the line of sight and midway
-between that and towards it."""
+WAYS = tuple(
+    (math.cos(angle), math.sin(angle)) for angle in (0.25 * math.pi, -0.25 * math.pi, 0.5 * math.pi, -0.5 * math.pi)
+)
+"""Paths that are tried lead to both sides of the deepest neighbour at full speed, midway between towards it and across
+the line of sight, and across: cosine and sine of the angle to it. To the right first: of two that are alike the right
+one is kept."""
 
 
 @kernel(forceinline=True, inner=True)
@@ -117,8 +120,21 @@ def deepest_entry(own, candidates, found, c_1, c_2, enough):  # type: ignore[no-
     return deepest
 
 
+@kernel(forceinline=True, inner=True)
+def too_soon(own, x, violation_s):  # type: ignore[no-untyped-def]
+    """Whether the first disc is entered before a velocity is flown. Who is inside of one is left to the barrier.
+
+    Args:
+        own: Own-ship.
+        x: Velocity.
+        violation_s: Time until the first disc is entered as both fly now, 0 inside of one.
+    """
+    flown_s = REACTION_S + norm(x[0] - own[VELOCITY], x[1] - own[VELOCITY + 1]) / ACCELERATION_MPS2
+    return 0.0 < violation_s <= smaller(flown_s, SOON_S)
+
+
 @kernel(inner=True)
-def evade(own, candidates, found, limit, violation_s, lines, begin, first, x):  # type: ignore[no-untyped-def]
+def evade(own, candidates, found, limit, lines, begin, first, x):  # type: ignore[no-untyped-def]
     """Put a velocity that is flown to less deeply through discs in the place of the answer, if there is need and one.
 
     Args:
@@ -126,7 +142,6 @@ def evade(own, candidates, found, limit, violation_s, lines, begin, first, x):  
         candidates: Blocks of the neighbours that matter, with their half-planes; GAP is overwritten.
         found: Number of them.
         limit: Largest speed.
-        violation_s: Time until the first disc is entered. Who is inside of one already is left to the barrier.
         lines: Half-planes, of which those from column `begin` to `first` are not exceeded.
         begin: See `lines`.
         first: See `lines`.
@@ -135,9 +150,6 @@ def evade(own, candidates, found, limit, violation_s, lines, begin, first, x):  
     Returns:
         True if it is another one now.
     """
-    flown_s = REACTION_S + norm(x[0] - own[VELOCITY], x[1] - own[VELOCITY + 1]) / ACCELERATION_MPS2
-    if violation_s <= 0.0 or violation_s > flown_s:
-        return False
     answer = deepest_entry(own, candidates, found, x[0], x[1], math.inf)
     if answer < DEEP:
         return False
@@ -149,10 +161,9 @@ def evade(own, candidates, found, limit, violation_s, lines, begin, first, x):  
                 r_2 = candidates[b, N_POSITION + LANES + k] - own[POSITION + 1]
     distance = norm(r_1, r_2)
     least, changed = answer - LESS_DEEP, False
-    for way in range(WAYS):
-        # To the right first: of two that are alike the right one is kept.
-        angle = (math.pi / 2.0 - WAY_APART * (1 - way // 2)) * (1 - 2 * (way % 2))
-        along, across = limit / distance * math.cos(angle), limit / distance * math.sin(angle)
+    once_per = limit / distance
+    for cosine, sine in WAYS:
+        along, across = once_per * cosine, once_per * sine
         c_1, c_2 = along * r_1 - across * r_2, across * r_1 + along * r_2
         if begin < first and measure(lines, begin, first, c_1, c_2) > EPSILON:
             continue

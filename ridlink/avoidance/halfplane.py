@@ -18,7 +18,7 @@ import numpy as np
 
 from ridlink.avoidance.contact import contact_half_planes
 from ridlink.avoidance.encounter import EPSILON, LEAN_HORIZONS
-from ridlink.avoidance.evasion import SOON_S, evade
+from ridlink.avoidance.evasion import evade, too_soon
 from ridlink.avoidance.keep_out import obstacle_half_planes
 from ridlink.avoidance.kernel import kernel, norm
 from ridlink.avoidance.lanes import BLOCKS_A_WORD, lanes_from, lowest_bit
@@ -190,9 +190,9 @@ def avoid_one(  # type: ignore[no-untyped-def]
     if not feasible:
         least_bad(lines, begin, hard, first, used, limit, preferred, chosen, work, x)
     if (
-        violation < SOON_S
-        and settings[RESPONSE] > 0.0
-        and evade(own, candidates, found, limit, violation, lines, begin, first, x)
+        settings[RESPONSE] > 0.0
+        and too_soon(own, x, violation)
+        and evade(own, candidates, found, limit, lines, begin, first, x)
     ):
         feasible = False
     if keep_within(own, change, limit, x) or not feasible or walls != first:
