@@ -42,7 +42,8 @@ class EngineConfig:
         definition: What sizes the discs.
         eta: Under `Definition.CHANCE`, the probability that no neighbour comes too close, at any one instant.
         chance_bound: Under `Definition.CHANCE`, how that becomes a distance.
-        accuracy_convention: Under `Definition.ODID_ACCURACY`, what others are taken to mean by their accuracy codes.
+        accuracy_convention: Under `Definition.ODID_ACCURACY`, what others are taken to mean by their accuracy codes,
+            and own-ship by its own.
         cruise_mps: Speed wanted, and the highest that avoidance asks for: a vehicle that cannot fly faster would
             answer a faster command with less than half-planes assume.
         airframe_m: Largest horizontal extent of the own airframe, rotors turning.

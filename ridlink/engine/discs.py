@@ -1,5 +1,9 @@
 """The discs that own-ship keeps, and from how far somebody must be heard so that they can be kept.
 
+Under `Definition.ODID_ACCURACY` the own error counts as what its accuracy code leaves of it to others, whatever finer
+figure the autopilot gives: so they size their disc of the pair, and so does whoever judges it. Two of one pair keep one
+disc. By the letter, and as one sigma, that is never less than the error itself.
+
 Metres, m/s, seconds.
 """
 
@@ -14,6 +18,7 @@ from ridlink.avoidance.turning import buffer_growth
 from ridlink.avoidance.types import SolverKind
 from ridlink.engine.config import EngineConfig
 from ridlink.engine.detection import Reaction, needed_range
+from ridlink.remote_id.accuracy import coded_bound_m
 from ridlink.separation.definitions import Discs, Reported, bounded_speed, separation_discs
 from ridlink.separation.reference import REPORT_INTERVAL_S
 from ridlink.traffic.own_state import OwnState
@@ -55,9 +60,10 @@ class OwnDiscs:
 
     def _discs(self, own: OwnState, own_speed_mps: float, others: Reported, interval_s: FloatArray) -> Discs:
         config = self._config
+        coded_m = coded_bound_m(own.error_bound_m, config.accuracy_convention)
         return separation_discs(
             config.definition,
-            Reported(config.airframe_m, own.error_bound_m, own.error_bound_m, own_speed_mps),
+            Reported(config.airframe_m, own.error_bound_m, coded_m, own_speed_mps),
             others,
             interval_s=interval_s,
             eta=config.eta,

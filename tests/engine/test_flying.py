@@ -95,16 +95,15 @@ def test_an_intruder_that_avoids_nobody_is_kept_out_under_every_definition(defin
     assert math.dist(flight.vehicle.position[:2], (200.0, 0.0)) < 3.0
 
 
-def test_what_an_accuracy_code_is_taken_for_is_configured() -> None:
-    """A 10 m code: 12.26 m by the letter, 30 m where an autopilot filled in one sigma, 10 m as three sigma."""
-    margins = {}
-    for convention in AccuracyConvention:
-        flight = Flight(settings=config(definition=Definition.ODID_ACCURACY, accuracy_convention=convention))
-        flight.others = [lambda now_s: intruder(90.0, 90.0, (0.0,) * 3).remote_id(now_s, horizontal_accuracy=10)]
-        margins[convention] = flight.step(5).decision.nearest_margin_m
-    letter = margins[AccuracyConvention.LETTER]
-    assert letter - margins[AccuracyConvention.ONE_SIGMA] == pytest.approx(30.0 - 12.256, abs=0.1)
-    assert letter - margins[AccuracyConvention.AS_IS] == pytest.approx(10.0 - 12.256, abs=0.1)
+@pytest.mark.parametrize(("convention", "coded_m"), [("letter", 12.256), ("one-sigma", 30.0), ("as-is", 10.0)])
+def test_what_an_accuracy_code_is_taken_for_is_configured_and_counts_for_both(convention: str, coded_m: float) -> None:
+    """A 10 m code: 12.26 m by the letter, 30 m where an autopilot filled in one sigma, 10 m as three sigma. Own 10.5 m
+    have that code, too, and are what the neighbour takes them for."""
+    settings = config(definition=Definition.ODID_ACCURACY, accuracy_convention=AccuracyConvention(convention))
+    flight = Flight(Emulated(error_m=10.5), settings)
+    flight.others = [lambda now_s: intruder(90.0, 90.0, (0.0,) * 3).remote_id(now_s, horizontal_accuracy=10)]
+    margin_m = flight.step().decision.nearest_margin_m
+    assert margin_m == pytest.approx(math.hypot(90.0, 90.0) - (7.5 + 2.0 * coded_m), abs=0.1)
 
 
 @pytest.mark.parametrize(("up_m", "spoilt", "passes"), [(40.0, {}, True), (40.0, {"speed_vertical_mps": None}, False),
