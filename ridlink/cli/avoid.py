@@ -5,15 +5,13 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
-import sys
-from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
+from ridlink.cli.flight_lines import FlightPrinter, HumanPrinter, JsonPrinter
 from ridlink.cli.options import ACCURACY_CONVENTION, NAME, signing_options
-from ridlink.cli.printing import Printer
 from ridlink.cli.signals import ended_by_signals
 from ridlink.words import counted
 
@@ -250,7 +248,7 @@ def _replay(path: str, as_json: bool) -> int:
 def _fly(config: DaemonConfig, as_json: bool) -> int:
     from ridlink.daemon.service import DecisionError
 
-    printer = _JsonPrinter() if as_json else _HumanPrinter()
+    printer: FlightPrinter = JsonPrinter() if as_json else HumanPrinter()
     code = EXIT_DONE
     try:
         summary = asyncio.run(_run(config, printer))
@@ -263,78 +261,9 @@ def _fly(config: DaemonConfig, as_json: bool) -> int:
     return code
 
 
-async def _run(config: DaemonConfig, printer: _Printer) -> Summary:
+async def _run(config: DaemonConfig, printer: FlightPrinter) -> Summary:
     from ridlink.daemon.service import AvoidDaemon
 
     stop = asyncio.Event()
     ended_by_signals(asyncio.get_running_loop(), stop.set)
     return await AvoidDaemon(config, on_event=printer.event).run(stop)
-
-
-class _Printer(Printer, ABC):
-    @abstractmethod
-    def event(self, facts: dict[str, Any]) -> None:
-        """Print a change of state or the summary of a second."""
-
-    @abstractmethod
-    def final(self, summary: Summary) -> None:
-        """Print what the flight came to."""
-
-
-class _JsonPrinter(_Printer):
-    def event(self, facts: dict[str, Any]) -> None:
-        self.put(json.dumps(facts) + "\n")
-
-    def final(self, summary: Summary) -> None:
-        self.event({"event": "final", **summary.as_dict()})
-
-
-class _HumanPrinter(_Printer):
-    """A line for every change of state, and on a terminal a status line that is rewritten every second."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._live = sys.stderr.isatty()
-
-    def event(self, facts: dict[str, Any]) -> None:
-        if facts["event"] == "state":
-            self.put(f"{self._clear}{facts['state']}: {facts['reason']}\n", error=True)
-        elif facts["event"] == "warning":
-            self.put(f"{self._clear}warning: {facts['text']}\n", error=True)
-        elif facts["event"] == "dry_run":
-            north, east, down = facts["velocity_ned_mps"]
-            self.put(f"{self._clear}would fly {north:+.1f} north, {east:+.1f} east, {-down:+.1f} up m/s\n", error=True)
-        elif facts["event"] == "recording_ended":
-            self.put(f"{self._clear}the recording has ended: {facts['reason']}\n", error=True)
-        elif self._live:
-            self.put(f"{self._clear}{_status_line(facts)}", error=True)
-
-    @property
-    def _clear(self) -> str:
-        return "\r\x1b[K" if self._live else ""
-
-    def final(self, summary: Summary) -> None:
-        decision, gap = summary.decision_ms, summary.setpoint_gap_ms
-        gaps = f" (gap p99 {gap['p99']:.0f} ms, max {gap['max']:.0f} ms)" if summary.setpoints > 1 else ""
-        setpoints = counted(summary.setpoints, "setpoint", "d") if summary.setpoints else "no setpoints"
-        self.put(
-            f"{self._clear}{setpoints}{gaps}, {counted(summary.reports_received, 'report', 'd')}, "
-            f"decisions p99 {decision['p99']:.1f} ms, "
-            f"{counted(summary.infeasible_steps, 'step', 'd')} without an admissible velocity\n",
-            error=True,
-        )
-
-
-def _status_line(facts: dict[str, Any]) -> str:
-    parts = [facts["state"], counted(facts["tracks"], "track")]
-    if facts["conflicts"]:
-        parts.append(f"{facts['conflicts']} in conflict")
-    if facts["nearest_margin_m"] is not None:
-        parts.append(f"nearest disc {facts['nearest_margin_m']:.0f} m")
-    if facts["speed_mps"] is not None:
-        parts.append(f"{facts['speed_mps']:.1f} m/s")
-    if facts["goal_distance_m"] is not None:
-        parts.append(f"goal {facts['goal_distance_m']:.0f} m")
-    if facts["status"] is not None:
-        parts.append(facts["status"])
-    return " | ".join(parts)

@@ -20,9 +20,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ridlink.cli import cli
+from ridlink.cli.flight_lines import HumanPrinter
 from ridlink.cli.signals import ending_signals
 from ridlink.daemon.config import daemon_config
 from ridlink.daemon.config_file import read_config_file
+from ridlink.engine.guard import Phase
 from ridlink.errors import ConfigError
 from tests.daemon.emulated import Emulated, LoopbackVehicle, at
 from tests.links.cable import null_modem
@@ -290,6 +292,33 @@ def test_on_a_terminal_there_is_a_status_line() -> None:
         assert process.returncode == 0
 
     run(test)
+
+
+def test_a_guard_tells_people_that_it_takes_over_and_hands_back(capsys: pytest.CaptureFixture[str]) -> None:
+    """What is told of a conflict on a mission, in its order; "engaged: avoiding" stood there twice."""
+    printer = HumanPrinter()
+    for state, reason, guard in (
+        ("standby", "guard: watching", Phase.WATCHING),
+        ("standby", "waiting for GUIDED or OFFBOARD", Phase.TAKING_OVER),
+        ("engaged", "avoiding", Phase.RESOLVING),
+        ("hold", "own position jumped", Phase.RESOLVING),
+        ("engaged", "avoiding", Phase.RESOLVING),
+        ("engaged", "avoiding", Phase.HANDING_BACK),
+        ("standby", "guard: watching", Phase.WATCHING),
+        ("standby", "guard: ended", Phase.ENDED),
+    ):
+        printer.event({"event": "state", "state": state, "reason": reason, "guard": str(guard)})
+    printer.close()
+    assert capsys.readouterr().err.splitlines() == [
+        "standby: guard: watching",
+        "standby: waiting for GUIDED or OFFBOARD; the guard takes over for a conflict",
+        "engaged: avoiding; the guard has taken over",
+        "hold: own position jumped",
+        "engaged: avoiding",
+        "engaged: avoiding; the guard hands back what it found",
+        "standby: guard: watching; it has handed back",
+        "standby: guard: ended; somebody else has the vehicle",
+    ]
 
 
 @pytest.mark.parametrize("option", ["--config", "--replay"])

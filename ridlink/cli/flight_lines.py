@@ -1,0 +1,104 @@
+"""What ``ridlink avoid`` prints of a flight: JSON for programs, lines for people."""
+
+from __future__ import annotations
+
+import json
+import sys
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from ridlink.cli.printing import Printer
+from ridlink.words import counted
+
+if TYPE_CHECKING:
+    from ridlink.daemon.summary import Summary
+
+GUARD_LINES = {
+    "taking over": "the guard takes over for a conflict",
+    "resolving": "the guard has taken over",
+    "handing back": "the guard hands back what it found",
+    "ended": "somebody else has the vehicle",
+}
+"""What it means that a guard enters a phase."""
+HANDED_BACK = "it has handed back"
+
+
+class FlightPrinter(Printer, ABC):
+    """Told what happens, as it happens."""
+
+    @abstractmethod
+    def event(self, facts: dict[str, Any]) -> None:
+        """Print a change of state or the summary of a second."""
+
+    @abstractmethod
+    def final(self, summary: Summary) -> None:
+        """Print what the flight came to."""
+
+
+class JsonPrinter(FlightPrinter):
+    """One JSON object a line on standard output."""
+
+    def event(self, facts: dict[str, Any]) -> None:
+        self.put(json.dumps(facts) + "\n")
+
+    def final(self, summary: Summary) -> None:
+        self.event({"event": "final", **summary.as_dict()})
+
+
+class HumanPrinter(FlightPrinter):
+    """A line for every change of state, and on a terminal a status line that is rewritten every second."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._live = sys.stderr.isatty()
+        self._phase: str | None = None
+
+    def event(self, facts: dict[str, Any]) -> None:
+        if facts["event"] == "state":
+            self.put(f"{self._clear}{self._state_line(facts)}\n", error=True)
+        elif facts["event"] == "warning":
+            self.put(f"{self._clear}warning: {facts['text']}\n", error=True)
+        elif facts["event"] == "dry_run":
+            north, east, down = facts["velocity_ned_mps"]
+            self.put(f"{self._clear}would fly {north:+.1f} north, {east:+.1f} east, {-down:+.1f} up m/s\n", error=True)
+        elif facts["event"] == "recording_ended":
+            self.put(f"{self._clear}the recording has ended: {facts['reason']}\n", error=True)
+        elif self._live:
+            self.put(f"{self._clear}{_status_line(facts)}", error=True)
+
+    def _state_line(self, facts: dict[str, Any]) -> str:
+        before, self._phase = self._phase, facts["guard"]
+        handed_back = (before, self._phase) == ("handing back", "watching")
+        entered = HANDED_BACK if handed_back else GUARD_LINES.get(self._phase or "")
+        said = f"{facts['state']}: {facts['reason']}"
+        return f"{said}; {entered}" if entered and self._phase != before else said
+
+    @property
+    def _clear(self) -> str:
+        return "\r\x1b[K" if self._live else ""
+
+    def final(self, summary: Summary) -> None:
+        decision, gap = summary.decision_ms, summary.setpoint_gap_ms
+        gaps = f" (gap p99 {gap['p99']:.0f} ms, max {gap['max']:.0f} ms)" if summary.setpoints > 1 else ""
+        setpoints = counted(summary.setpoints, "setpoint", "d") if summary.setpoints else "no setpoints"
+        self.put(
+            f"{self._clear}{setpoints}{gaps}, {counted(summary.reports_received, 'report', 'd')}, "
+            f"decisions p99 {decision['p99']:.1f} ms, "
+            f"{counted(summary.infeasible_steps, 'step', 'd')} without an admissible velocity\n",
+            error=True,
+        )
+
+
+def _status_line(facts: dict[str, Any]) -> str:
+    parts = [facts["state"], counted(facts["tracks"], "track")]
+    if facts["conflicts"]:
+        parts.append(f"{facts['conflicts']} in conflict")
+    if facts["nearest_margin_m"] is not None:
+        parts.append(f"nearest disc {facts['nearest_margin_m']:.0f} m")
+    if facts["speed_mps"] is not None:
+        parts.append(f"{facts['speed_mps']:.1f} m/s")
+    if facts["goal_distance_m"] is not None:
+        parts.append(f"goal {facts['goal_distance_m']:.0f} m")
+    if facts["status"] is not None:
+        parts.append(facts["status"])
+    return " | ".join(parts)
