@@ -63,6 +63,8 @@ class HumanPrinter(FlightPrinter):
             self.put(f"{self._clear}would fly {north:+.1f} north, {east:+.1f} east, {-down:+.1f} up m/s\n", error=True)
         elif facts["event"] == "recording_ended":
             self.put(f"{self._clear}the recording has ended: {facts['reason']}\n", error=True)
+        elif facts["event"] == "stalled":
+            self.put(f"{self._clear}warning: the loop stood still\n", error=True)
         elif self._live:
             self.put(f"{self._clear}{_status_line(facts)}", error=True)
 

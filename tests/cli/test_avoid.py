@@ -321,6 +321,17 @@ def test_a_guard_tells_people_that_it_takes_over_and_hands_back(capsys: pytest.C
     ]
 
 
+def test_f26_a_stall_does_not_end_what_a_terminal_is_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was taken for the summary of a second, and whoever fails to print is told nothing more."""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    printer = HumanPrinter()
+    printer.event({"event": "stalled", "stack": "somewhere"})
+    printer.close()
+    assert capsys.readouterr().err == "\r\x1b[Kwarning: the loop stood still\n"
+
+
 @pytest.mark.parametrize("option", ["--config", "--replay"])
 def test_a_file_that_cannot_be_read_is_no_usage_error(tmp_path: Path, option: str) -> None:
     for path in (tmp_path / "absent", tmp_path):
