@@ -151,7 +151,7 @@ class Fleet:
             "vehicles": [
                 {
                     "system_id": autopilot.system_id,
-                    "mode": str(autopilot.pilot.mode),
+                    "mode": autopilot.mode_name,
                     "armed": autopilot.pilot.armed,
                     "state": VehicleState(state).name.lower(),
                     "avoiding": autopilot.is_avoiding,

@@ -81,6 +81,11 @@ class Autopilot:
         self._now_s = -math.inf
 
     @property
+    def mode_name(self) -> str:
+        """Its mode as its ground stations call it."""
+        return self._board.flavour.name_of(self.pilot.mode)
+
+    @property
     def is_avoiding(self) -> bool:
         """Whether an avoidance daemon is heard and its setpoints are flown, at the time of the last tick."""
         return self._now_s - self._answers.daemon_heard_s <= DAEMON_SILENCE_S and self.pilot.is_steered(self._now_s)

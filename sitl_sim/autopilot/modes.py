@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 
 class Mode(StrEnum):
-    """Flight modes by what the vehicle does in them."""
+    """Flight modes by what the vehicle does in them, which is what PX4 calls them."""
 
     MANUAL = "manual"
     ALTITUDE = "altitude"
@@ -34,6 +34,7 @@ class Flavour:
         ground_mode: Where a disarmed vehicle without a pilot rests.
         capabilities: MAV_PROTOCOL_CAPABILITY in AUTOPILOT_VERSION.
         refused: MAV_RESULT of a command at the wrong moment: PX4 says TEMPORARILY_REJECTED, ArduPilot FAILED.
+        mode_names: What its ground stations call modes that have another name here.
     """
 
     name: str
@@ -43,11 +44,16 @@ class Flavour:
     ground_mode: Mode
     capabilities: int
     refused: int
+    mode_names: dict[Mode, str] = field(default_factory=dict)
 
     @property
     def is_px4(self) -> bool:
         """Whether it behaves like PX4."""
         return self.autopilot == MAV_AUTOPILOT_PX4
+
+    def name_of(self, mode: Mode) -> str:
+        """What its ground stations call a mode."""
+        return self.mode_names.get(mode, str(mode))
 
     def mode_of(self, custom_mode: int) -> Mode | None:
         """The mode with this number, None if there is none."""
@@ -107,6 +113,17 @@ ARDUPILOT = Flavour(
     ground_mode=Mode.MANUAL,
     capabilities=_COMMON | _PARAM_ENCODE_C_CAST,
     refused=4,
+    mode_names={
+        Mode.MANUAL: "STABILIZE",
+        Mode.ALTITUDE: "ALT_HOLD",
+        Mode.MISSION: "AUTO",
+        Mode.OFFBOARD: "GUIDED",
+        Mode.HOLD: "LOITER",
+        Mode.RETURN: "RTL",
+        Mode.LAND: "LAND",
+        Mode.POSITION: "POSHOLD",
+        Mode.BRAKE: "BRAKE",
+    },
 )
 
 FLAVOURS: dict[str, Flavour] = {"px4": PX4, "ardupilot": ARDUPILOT, "ideal": PX4}

@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from pymavlink import mavutil
 
 from ridlink.scenario import Event, Scenario, VehicleSpec
-from sitl_sim.autopilot import Start
+from sitl_sim.autopilot import Mode, Start
+from sitl_sim.autopilot.guidance import Velocity
+from sitl_sim.autopilot.modes import ARDUPILOT
 from sitl_sim.fleet import Fleet
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.vehicle import TICK_S
@@ -52,3 +55,18 @@ def test_before_a_holding_fleet_is_handed_over_nothing_is_judged_and_nothing_goe
     assert world.arrived.all() and world.fix_type[0] == 3
     live_on(fleet, 0.2)
     assert world.fix_type[0] != 3
+
+
+@pytest.mark.parametrize("mode", ARDUPILOT.custom_modes)
+def test_modes_of_ardupilot_are_called_what_its_ground_stations_call_them(mode: Mode) -> None:
+    fleet = fleet_of(NEAR, autopilot="ardupilot", start=Start.HOLDING)
+    fleet.autopilots[0].pilot.enter(mode, Velocity())
+    [vehicle] = fleet.snapshot()["vehicles"]
+    assert vehicle["mode"] == mavutil.mode_mapping_acm[ARDUPILOT.custom_modes[mode]]
+
+
+def test_modes_of_px4_keep_the_names_that_it_gives_them() -> None:
+    fleet = fleet_of(NEAR, start=Start.HOLDING)
+    assert fleet.snapshot()["vehicles"][0]["mode"] == "hold"
+    fleet.autopilots[0].pilot.enter(Mode.RETURN, Velocity())
+    assert fleet.snapshot()["vehicles"][0]["mode"] == "return"
