@@ -263,12 +263,13 @@ def _read_faults(server: FleetServer, printer: Printer) -> None:
 
 def _greeting(server: FleetServer) -> str:
     ports, config, vehicles = server.ports, server.config, len(server.autopilots)
+    if not vehicles:
+        return f"ridlink sim: 0 vehicles, air {ports.air}"  # nobody flies the scenario
     text = f"ridlink sim: {server.scenario.name}, {counted(vehicles, 'vehicle')}"
-    if vehicles:
-        text += f" ({config.autopilot}, {config.start}) on UDP {_range(ports.vehicles)}"
-        if config.companion_port:
-            companions = tuple(range(config.companion_port, config.companion_port + vehicles))
-            text += f", telemetry to {_range(companions)}"
+    text += f" ({config.autopilot}, {config.start}) on UDP {_range(ports.vehicles)}"
+    if config.companion_port:
+        companions = tuple(range(config.companion_port, config.companion_port + vehicles))
+        text += f", telemetry to {_range(companions)}"
     return f"{text}, air {ports.air}"
 
 
@@ -299,6 +300,8 @@ def _verdict(server: FleetServer) -> dict[str, Any]:
 
 
 def _verdict_line(server: FleetServer) -> str:
+    if not server.autopilots:
+        return f"0 vehicles: {server.world.time_s:.1f} s"
     if not server.mission_begun:
         return f"{server.scenario.name}: {server.world.time_s:.1f} s, no mission was flown"
     verdict = server.world.verdict()

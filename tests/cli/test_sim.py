@@ -207,9 +207,9 @@ def test_a_reader_that_has_read_enough_ends_it() -> None:
 
 
 def test_the_air_alone_needs_no_vehicles() -> None:
-    done = ridlink_sim(*ANY_PORT, "-n", "0", "--duration", "0.2")
-    assert done.returncode == 0
-    assert done.stderr.startswith("ridlink sim: circle8, 0 vehicles, air ")
+    done = ridlink_sim(*ANY_PORT, "-n", "0", "--airborne", "--duration", "0.2")
+    assert done.returncode == 0 and done.stdout.startswith("0 vehicles: ")
+    assert done.stderr.startswith("ridlink sim: 0 vehicles, air "), "no scenario is flown, so none is named"
 
 
 def test_a_port_in_use_is_an_error_of_its_own() -> None:
