@@ -29,7 +29,7 @@ TICK_S = 1.0
 @click.argument("url")
 @click.option("-o", "--output", required=True, metavar="F.tlog", help="The log to write.")
 @click.option("--duration", type=float, callback=above_zero, metavar="S", help="Stop after so many seconds.")
-@click.option("--force", is_flag=True, help="Replace the log if it exists.")
+@click.option("--force", is_flag=True, help="Replace a log with something in it; an empty one is replaced anyway.")
 @click.option(
     "--silent",
     is_flag=True,
@@ -48,13 +48,18 @@ def record(url: str, output: str, duration: float | None, force: bool, silent: b
     from ridlink.links import parse_link_url
 
     link_url = parse_link_url(url)
-    if not force and os.path.lexists(output):
+    if os.path.lexists(output) and not (force or _is_empty(output)):
         raise FileExistsError(errno.EEXIST, "exists already; --force replaces it", output)
     recorder, duration_s = asyncio.run(_record(link_url, output, duration, force, silent))
     _report(output, recorder, duration_s, as_json)
     if recorder.error is not None:
         raise recorder.error
     return EXIT_DONE
+
+
+def _is_empty(path: str) -> bool:
+    """A log without a record, as it is left where nothing was heard: there is nothing in it to lose."""
+    return os.path.isfile(path) and os.path.getsize(path) == 0
 
 
 async def _record(
@@ -71,7 +76,7 @@ async def _record(
     # The link first: a port in use must neither replace a log nor leave an empty one.
     link = await open_link(url, lambda data, _: recorder.receive(data))
     try:
-        recorder = Recorder(output, overwrite=force)
+        recorder = Recorder(output, overwrite=force or _is_empty(output))
         started_s = loop.time()
         here = url.at(link.local_address) if url.listens else url
         click.echo(f"ridlink: recording {here} into {output}; Ctrl-C stops", err=True)

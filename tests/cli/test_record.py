@@ -130,6 +130,17 @@ def test_an_existing_log_is_kept_unless_forced(tmp_path: Path) -> None:
     assert path.read_bytes() == b""
 
 
+def test_an_empty_log_is_nothing_to_keep(tmp_path: Path) -> None:
+    """As one that heard nothing leaves it; a link to what is not there, and a folder, are none."""
+    path, link = tmp_path / "flight.tlog", tmp_path / "link.tlog"
+    link.symlink_to(tmp_path / "nowhere")
+    for _ in range(2):
+        assert run("udpin:127.0.0.1:0", "-o", path, "--duration", "0.1").returncode == 0
+        assert path.read_bytes() == b""
+    for other in (link, tmp_path):
+        assert run("udpin:127.0.0.1:0", "-o", other, "--duration", "0.1").returncode == 3
+
+
 def test_a_port_in_use_costs_neither_the_old_log_nor_leaves_a_new_one(tmp_path: Path) -> None:
     old, new = tmp_path / "old.tlog", tmp_path / "new.tlog"
     old.write_bytes(b"precious")
