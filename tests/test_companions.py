@@ -80,6 +80,22 @@ def test_what_the_block_makes_of_its_end_hides_no_failure() -> None:
     run(body())
 
 
+def test_what_a_companion_makes_of_its_end_hides_no_failure() -> None:
+    async def fails_as_it_ends() -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            raise SystemError("in its clearing up")
+
+    async def body() -> None:
+        with pytest.raises(Fault, match="of the block"):
+            async with beside(fails_as_it_ends()):
+                await asyncio.sleep(0)
+                raise Fault("of the block")
+
+    run(body())
+
+
 def test_whoever_is_cancelled_from_outside_is_cancelled() -> None:
     ended: list[str] = []
 
