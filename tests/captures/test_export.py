@@ -459,6 +459,8 @@ def test_what_an_autopilot_says_beside_its_transmitter_is_no_row_of_its_own(firs
     assert [row["received"] for row in rows] == [2, 1, 1], "what it says beside it; another sender, and a second later"
     assert rows[0]["latitude_deg"] == 47.0
     assert len(list(join([located(100_000 * index, None) for index in range(5)]))) == 5, "who has no clock moves, too"
+    without_log_times = [located(None, None if index else 1.0, 47.0 + index) for index in range(5)]
+    assert len(list(join(without_log_times))) == 5, "nobody knows how soon that was"
 
 
 def test_different_aircraft_at_one_place_stay_apart() -> None:

@@ -3,10 +3,10 @@ SYSTEM last said about the same sender. Where messages have 25 bytes, a SEPARATI
 
 An aircraft that is heard over several transports (MAVLink, Wi-Fi, Bluetooth) says the same several times: the same
 identity, position and time of the sender make one row, which names all transports. A position without a time that the
-same sender tells less than a second after one with a time, as an autopilot does beside its transmitter, is no row. Rows
-come in the order of time, two seconds of log time late, for a duplicate or a SEPARATION may still be on its way, or
-seven where nobody knows yet whose they are: identities are told once in three seconds. Memory is bounded, whatever
-senders do.
+same sender tells less than a second of log time after one with a time, as an autopilot does beside its transmitter, is
+no row. Rows come in the order of time, two seconds of log time late, for a duplicate or a SEPARATION may still be on
+its way, or seven where nobody knows yet whose they are: identities are told once in three seconds. Memory is bounded,
+whatever senders do.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MAVLINK = "mavlink"
 HOLD_US = 2_000_000
 UNIDENTIFIED_HOLD_US = 7_000_000
 UNTIMED_US = 1_000_000
-"""A position without a time, so soon after one with a time of the same sender, is no update of its own."""
+"""A position without a time, so soon in a log after one with a time of the same sender, is no update of its own."""
 
 VALID_US = int(EQUAL_TIMESTAMP_VALID_S * 1e6)
 MAX_SENDERS = 2_000
@@ -210,7 +210,7 @@ def _is_same(update: _Update, fields: dict[str, Any], sender: _Sender, now_us: i
     if fields["latitude_deg"] is None or abs(now_us - update.at_us) >= VALID_US:
         return False
     is_timed = fields["timestamp_s"] is not None
-    is_beside = update.sender is sender and abs(now_us - update.at_us) < UNTIMED_US
+    is_beside = update.sender is sender and row["t"] is not None and abs(now_us - update.at_us) < UNTIMED_US
     if row["timestamp_s"] is not None and not is_timed:
         return is_beside
     if (row["latitude_deg"], row["longitude_deg"]) != (fields["latitude_deg"], fields["longitude_deg"]):
