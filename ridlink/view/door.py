@@ -29,8 +29,9 @@ VISIT_S = 20.0
 """A connection that has not become a WebSocket by then is ended; a browser lets go of it after 5 s anyway."""
 
 OUT_OF_SOCKETS_S = 1.0
-TRANSIENT = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM, errno.ECONNABORTED)
-"""Why a connection is not accepted, and others may be: no sockets or no memory are left, or its peer has gone."""
+NEVER_AGAIN = (errno.EBADF, errno.EINVAL, errno.ENOTSOCK)
+"""Why no connection is accepted any more. Else others may be: no sockets or no memory are left, the peer has gone, a
+firewall forbids it, or the network has failed, of which Linux tells whoever accepts next."""
 
 
 class Door:
@@ -41,7 +42,7 @@ class Door:
 
     Attributes:
         counters: Connections that ``made_room`` for a newcomer because there were too many, that were ``turned_away``
-            because nobody else could, ``not_accepted`` because there were no sockets left.
+            because nobody else could, ``not_accepted`` because there were no sockets left, or the network failed.
     """
 
     def __init__(self, protocol: Callable[[], asyncio.Protocol]) -> None:
@@ -62,7 +63,7 @@ class Door:
             try:
                 connection, _ = await loop.sock_accept(listening)
             except OSError as error:
-                if error.errno not in TRANSIENT:
+                if error.errno in NEVER_AGAIN:
                     raise LinkError(f"the page lets nobody in any more: {error.strerror}") from error
                 self.counters["not_accepted"] += 1
                 await asyncio.sleep(OUT_OF_SOCKETS_S)

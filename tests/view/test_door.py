@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import os
 import resource
 import socket
@@ -192,10 +193,12 @@ class Told(asyncio.Protocol):
 
 
 @contextlib.asynccontextmanager
-async def a_door(*protocols: Told) -> AsyncIterator[tuple[Door, int]]:
+async def a_door(*protocols: Told, kind: type[socket.socket] = socket.socket) -> AsyncIterator[tuple[Door, int]]:
     waiting = iter(protocols)
     door = Door(lambda: next(waiting))
-    with socket.create_server(("127.0.0.1", 0)) as listening:
+    with kind() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
         task = asyncio.create_task(door.run(listening))
         try:
             yield door, listening.getsockname()[1]
@@ -229,6 +232,33 @@ def test_f31_words_are_read_in_small_pieces_with_pauses_for_others(monkeypatch: 
             writer.close()
             other.close()
             assert not door.counters
+
+    run(body)
+
+
+@pytest.mark.parametrize("cause", ["EPERM", "EPROTO", "ENETDOWN", "ECONNABORTED"])
+def test_f31_what_the_network_did_to_one_newcomer_keeps_no_other_out(
+    cause: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Linux reports it from accept; a firewall that forbids a connection does so, too."""
+    monkeypatch.setattr(doors, "OUT_OF_SOCKETS_S", 0.0)
+    failing = [getattr(errno, cause)]
+
+    class Failing(socket.socket):
+        def accept(self) -> tuple[socket.socket, object]:
+            accepted = super().accept()
+            if failing:
+                accepted[0].close()
+                raise OSError(failing.pop(), cause)
+            return accepted
+
+    async def body() -> None:
+        told = Told()
+        async with a_door(told, kind=Failing) as (door, port):
+            with socket.create_connection(("127.0.0.1", port)), socket.create_connection(("127.0.0.1", port)) as second:
+                second.sendall(b"hello")
+                await asyncio.wait_for(told.changed.wait(), PATIENCE_S)
+            assert told.said == [b"hello"] and door.counters == {"not_accepted": 1}
 
     run(body)
 
