@@ -83,10 +83,10 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
     conductors: Conductors | None = None
     async with AsyncExitStack() as ends:  # what has begun last ends first
         await _open(server)
+        ends.push_async_callback(server.close)
         log = _log_path(options, scenario)
         recorder = Recorder(log, overwrite=True)
         ends.push_async_callback(_end_recording, recorder, log, screen)
-        ends.push_async_callback(server.close)
         onlooker.ready()
         await ends.enter_async_context(beside(server.run(asyncio.Event())))
         ends.push_async_callback(onlooker.end)

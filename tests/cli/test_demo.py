@@ -225,6 +225,15 @@ def test_a_file_in_which_nobody_flies_passes_no_flight(tmp_path: Path, text: str
     assert done.stderr.startswith("ridlink: void: there is nobody to fly") and done.stderr.count("\n") == 1
 
 
+def test_a_log_that_cannot_be_written_leaves_no_port_open(tmp_path: Path) -> None:
+    log = tmp_path / "pipe.tlog"
+    os.mkfifo(log)  # that nobody reads
+    command = [sys.executable, "-W", "always::ResourceWarning", "-m", "ridlink", "demo", "--headless", "--any-ports"]
+    done = subprocess.run([*command, "--log", str(log)], capture_output=True, text=True, timeout=60.0)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr == f"ridlink: {log}: No such device or address\n"
+
+
 def test_a_scenario_may_have_a_longer_name_than_a_file(tmp_path: Path) -> None:
     named = ALONE.replace("alone", 300 * "\N{AIRPLANE}") + "cooperative = false\n"
     done = demo("--scenario", scenario(tmp_path, named), "--autopilot", "ideal", "--headless", "--json", "--any-ports")
