@@ -33,6 +33,7 @@ try:
     from aiomqtt import ProtocolVersion
     from paho.mqtt.packettypes import PacketTypes
     from paho.mqtt.properties import Properties
+    from paho.mqtt.reasoncodes import ReasonCode
 except ImportError as error:
     raise MissingExtraError("mqtt", "publishing on a broker") from error
 
@@ -58,6 +59,10 @@ NO_ANSWER = "Operation timed out"
 
 UNSUPPORTED_VERSION = 132
 """What a broker that speaks MQTT 3.1.1 alone answers to MQTT 5, in the words of the latter."""
+
+NOT_ADMITTED = (134, 135)
+"""What a broker answers to a wrong user or password, or to who may not connect, in words of MQTT 5: the library has the
+codes 4 and 5 of MQTT 3.1.1 so, too."""
 
 LONGEST_PACKET = 2 * LONGEST_PAYLOAD
 """Of the feed, as the broker is asked with MQTT 5: a payload, its topic and its properties. The library would collect
@@ -308,13 +313,18 @@ def _is_final(error: Exception) -> bool:
         if isinstance(cause, ssl.SSLError | BrokerError | UnicodeError):
             return True
         cause = cause.__cause__ or cause.__context__
-    return isinstance(error, aiomqtt.MqttCodeError) and "not authori" in str(error).lower()
+    return _code_of(error) in NOT_ADMITTED
 
 
 def _speaks_older(error: Exception) -> bool:
     """A broker that knows no MQTT 5 says so, or waits for more of what it takes for MQTT 3.1.1."""
+    return _code_of(error) == UNSUPPORTED_VERSION or str(error) == NO_ANSWER
+
+
+def _code_of(error: Exception) -> int | None:
+    """The code that the broker answered, in words of MQTT 5; none if it did not answer."""
     code = error.rc if isinstance(error, aiomqtt.MqttCodeError) else None
-    return getattr(code, "value", code) == UNSUPPORTED_VERSION or str(error) == NO_ANSWER
+    return code.value if isinstance(code, ReasonCode) else code
 
 
 def _reason(error: BaseException) -> str:

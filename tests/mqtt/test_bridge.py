@@ -250,6 +250,35 @@ def test_a_feed_that_the_broker_refuses_is_one_line() -> None:
     run(body)
 
 
+@pytest.mark.parametrize(
+    ("answer", "words", "options"),
+    [
+        ("20 02 00 04", "Bad user name or password", {}),
+        ("20 02 00 05", "Not authorized", {}),
+        ("20 03 00 86 00", "Bad user name or password", {"feed_topic": "sensors/#"}),
+        ("20 03 00 87 00", "Not authorized", {"feed_topic": "sensors/#"}),
+    ],
+    ids=["4 of 3.1.1", "5 of 3.1.1", "134 of 5", "135 of 5"],
+)
+def test_who_is_not_admitted_does_not_try_again(answer: str, words: str, options: dict[str, str]) -> None:
+    relay = {"relay": parse_link_url("udpout:127.0.0.1:9")} if options else {}
+    connections: list[bytes] = []
+
+    async def refuse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.closing(writer):
+            connections.append(await reader.read(1000))
+            writer.write(bytes.fromhex(answer))
+
+    async def body() -> None:
+        async with await asyncio.start_server(refuse, "127.0.0.1", 0) as server:
+            with pytest.raises(BrokerError, match=words):
+                async with a_bridge(server.sockets[0].getsockname()[1], **options, **relay):
+                    pass
+        assert len(connections) == 1
+
+    run(body)
+
+
 @pytest.mark.usefixtures("impatient")
 def test_i7_what_is_refused_of_the_feed_and_of_the_link_shows_among_the_events() -> None:
     async def body() -> None:
