@@ -17,6 +17,9 @@ WAITING ?= 3
 # Of `make e2e`: nothing for all acceptance flights, quick for one seed each, none.
 FLIGHTS ?=
 
+# Programs start twice as fast from byte code that is kept, whatever the shell says; `make clean` removes it.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test lint coverage bench e2e soak proof mutation clean help
 
 help:
