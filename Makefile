@@ -6,6 +6,7 @@ BIN    := $(VENV)/bin
 SOURCES := pyproject.toml hatch_build.py message_spec/ridlink.xml message_spec/generate.py
 
 # The pure core, which the tests must cover by branches. Compiled kernels cannot be traced: see `make coverage`.
+# Flights that reach no branch of their own bear the mark no_cover, for tracing doubles their time.
 KERNELS := ridlink/avoidance/contact.py,ridlink/avoidance/encounter.py,ridlink/avoidance/evasion.py,ridlink/avoidance/graded.py,ridlink/avoidance/halfplane.py,ridlink/avoidance/headings.py,ridlink/avoidance/meeting.py,ridlink/avoidance/packing.py,ridlink/avoidance/priority.py,ridlink/avoidance/programme.py,ridlink/avoidance/reach.py,ridlink/avoidance/rotation.py,ridlink/avoidance/route.py,ridlink/avoidance/sift.py,ridlink/avoidance/turning.py,ridlink/avoidance/worlds.py
 CORE    := ridlink/errors.py,ridlink/units.py,ridlink/geodesy.py,ridlink/mavlink/*,ridlink/remote_id/*,ridlink/traffic/*,ridlink/separation/*,ridlink/avoidance/*,ridlink/own_ship/*,ridlink/failsafe.py,ridlink/setpoint.py,ridlink/engine/*
 # The last line of defence, of which no branch may be left untested: what may leave, and what is believed.

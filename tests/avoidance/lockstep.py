@@ -39,7 +39,7 @@ WATCH = ProgressWatch()
 
 @dataclass(frozen=True)
 class Scene:
-    """Where vehicles start and go: positions (N, 2), or (W, N, 2) of W worlds; speeds (N,), cooperative (N,)."""
+    """Where vehicles start and go: positions (N, 2), speeds (N,), cooperative (N,), or with W worlds in front of N."""
 
     start: np.ndarray
     goal: np.ndarray
@@ -99,6 +99,15 @@ def square24(speed=10.0) -> Scene:
     )
     block = ((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))
     return scene(start, goal, speed, polygons=(block,))
+
+
+def beside(*plans: Scene, worlds: int) -> Scene:
+    """Scenes of equally many vehicles in one batch: `worlds` worlds of the first, then as many of the next."""
+    start, goal, speed, cooperative = (
+        np.repeat([getattr(plan, name) for plan in plans], worlds, axis=0)
+        for name in ("start", "goal", "speed", "cooperative")
+    )
+    return Scene(start, goal, speed, cooperative, plans[0].polygons)
 
 
 class Ideal:

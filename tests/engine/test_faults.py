@@ -63,6 +63,7 @@ def speed(velocity: tuple[float, ...] | None) -> float:
     return math.hypot(*velocity[:2])
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("count", [12, 60])
 def test_f13_ghosts_all_around_end_in_a_bounded_velocity_that_does_not_oscillate(count: int) -> None:
     flight = Flight()
@@ -106,6 +107,7 @@ class Air:
         return [data for _, data in sorted(arrived)]
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("seed", range(6))
 def test_f20_head_on_through_a_bad_air_nobody_collides(seed: int) -> None:
     rng = random.Random(seed)

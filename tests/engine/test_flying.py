@@ -21,6 +21,8 @@ from ridlink.separation import Definition
 from tests.daemon.emulated import GUIDED, HOME, OFFBOARD, Emulated, at
 from tests.engine.flight import IDEAL, STEP_S, Flight, config, intruder
 
+pytestmark = pytest.mark.no_cover
+
 
 def test_flies_to_the_goal_and_keeps_station_there() -> None:
     flight = Flight(settings=config(100.0))

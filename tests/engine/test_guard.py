@@ -115,6 +115,7 @@ def cross(flight: Guarded) -> None:
     flight.intruder.velocity[1] = 6.0
 
 
+@pytest.mark.no_cover
 @both
 def test_a_conflict_on_a_mission_is_resolved_and_mission_and_mode_are_handed_back(flavour: str) -> None:
     flight = on_a_mission(flavour)
@@ -197,6 +198,7 @@ def test_a_clean_stop_before_the_mode_is_told_hands_back_as_well(flavour: str) -
     assert flight.mode == MISSION[flavour]
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("lost", [{"GLOBAL_POSITION_INT"}, {"HEARTBEAT"}], ids=["own-state", "heartbeat"])
 def test_f14_f15_an_ardupilot_that_is_steered_no_more_is_handed_back(lost: set[str]) -> None:
     """It keeps GUIDED and would hover there for ever; a PX4 leaves OFFBOARD by itself."""

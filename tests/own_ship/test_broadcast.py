@@ -255,6 +255,7 @@ def test_what_cannot_be_said_is_refused(wrong: dict[str, Any], says: str) -> Non
         BroadcastSettings(**({"airframe_m": 0.8, "airframe_height_m": 0.3} | wrong))
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("east_m", [0.0, 150.0])
 def test_two_vehicles_that_hear_only_each_others_daemons_keep_clear(east_m: float) -> None:
     """Head-on, and crossing: `--broadcast` on both, and no transmitter but that."""

@@ -66,6 +66,7 @@ class Copilots:
         return self.engines[which].rung.state is State.ENGAGED
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("autopilot", [12, 3], ids=["px4", "ardupilot"])
 @pytest.mark.parametrize("start_s", STARTS_S)
 def test_exactly_one_of_two_daemons_flies_and_it_is_the_first(start_s: float, autopilot: int) -> None:
@@ -78,6 +79,7 @@ def test_exactly_one_of_two_daemons_flies_and_it_is_the_first(start_s: float, au
     assert float(both.vehicle.position[0]) > 50.0 and abs(float(both.vehicle.position[1])) < 1.0
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("clock_s", [-3600.0, -1.0, 1.0, 3600.0])
 def test_one_flies_even_if_the_clocks_of_their_computers_disagree(clock_s: float) -> None:
     steered = Copilots(12, 1.0, apart_s=clock_s).fly(20.0)
