@@ -128,7 +128,8 @@ def _distributed() -> Any:
 def _connect(scheduler: str) -> Any:
     distributed = _distributed()
     # What goes wrong is said once, by whoever called; dask would print a trace of every attempt.
-    for name in ("distributed", "tornado.application"):
+    # Two of its parts have a level of their own.
+    for name in ("distributed", "distributed.client", "distributed.gc", "tornado.application"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     _, scheme, address = scheduler.rpartition("tcp://")
     host, colon, port = address.rpartition(":")

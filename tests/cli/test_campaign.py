@@ -22,6 +22,7 @@ from click.testing import CliRunner
 from ridlink import decode
 from ridlink.campaign.statistics import clopper_pearson
 from ridlink.cli import cli, main
+from tests.cli.campaign_process import await_shards, rows_of, shards, start
 
 pyarrow = pytest.importorskip("pyarrow", reason="shards need the extra 'export'")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -68,33 +69,6 @@ def ridlink(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) 
     return run
 
 
-def start(*arguments: object, file_bytes: int | None = None, group: bool = False) -> subprocess.Popen[str]:
-    """The same in a process of its own; `file_bytes` is the largest file that it may write; `group`, as a terminal has
-    it, for signals to all of its processes."""
-
-    def limit() -> None:
-        if file_bytes is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (file_bytes, file_bytes))
-
-    return subprocess.Popen(
-        [sys.executable, "-m", "ridlink", "campaign", "run", *map(str, arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limit, start_new_session=group,
-    )  # fmt: skip
-
-
-def shards(folder: Path) -> list[Path]:
-    return sorted((folder / "shards").rglob("*.parquet"))
-
-
-def await_shards(process: subprocess.Popen[str], folder: Path, more_than: int) -> None:
-    while len(shards(folder)) <= more_than:
-        try:
-            process.wait(0.01)
-        except subprocess.TimeoutExpired:
-            continue
-        raise AssertionError(f"ended before that: {process.communicate()}")
-
-
 def workers_of(process: subprocess.Popen[str]) -> Iterator[int]:
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     for child in map(int, children):
@@ -119,10 +93,6 @@ def await_end(processes: list[int]) -> None:
         raise AssertionError("processes outlive the command")
     patience.kill()
     patience.wait()
-
-
-def rows_of(folder: Path) -> object:
-    return json.loads((folder / "rows.json").read_text())
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import signal
 import socket
@@ -11,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_campaign import await_shards, rows_of, shards, start
+from ridlink.campaign_runner.cluster import Cluster
+from tests.cli.campaign_process import await_shards, rows_of, shards, start
 
 distributed = pytest.importorskip("distributed", reason="needs the extra 'cluster'")
 parquet = pytest.importorskip("pyarrow.parquet", reason="shards need the extra 'export'")
@@ -72,6 +74,14 @@ def test_an_interrupted_campaign_goes_on_elsewhere(cluster: object, alone: Path,
     assert second.returncode == 0, err
     assert all(file.stat().st_mtime_ns == stamp for file, stamp in kept.items())
     assert_same_campaign(alone, folder)
+
+
+def test_what_dask_says_to_itself_is_said_to_nobody(cluster: object) -> None:
+    """Whoever waited for workers read "Couldn't gather 1 keys, rescheduling" among the lines of the campaign."""
+    Cluster(cluster.scheduler_address, print).close()
+    loggers = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]
+    assert "distributed.client" in loggers
+    assert not [name for name in loggers if logging.getLogger(name).isEnabledFor(logging.ERROR)]
 
 
 def test_a_worker_that_is_killed_is_replaced(cluster: object, alone: Path, tmp_path: Path) -> None:
