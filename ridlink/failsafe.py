@@ -151,7 +151,8 @@ def _engaged(seen: Conditions, settings: FailsafeSettings) -> Rung:
     if ended:
         return Rung(State.STANDBY, False, Stream.NOTHING, ended)
     if not seen.own_state_age_s - asleep_s <= settings.stop_after_s:
-        return Rung(State.STOPPED, False, Stream.NOTHING, "own state lost: the autopilot's own failsafe takes over")
+        lost = f"own state lost for {settings.stop_after_s:g} s: the autopilot's own failsafe takes over"
+        return Rung(State.STOPPED, False, Stream.NOTHING, lost)
     doubt = _doubt(seen, settings)
     if doubt:
         return Rung(State.HOLD, True, Stream.ZERO, doubt)
@@ -159,12 +160,13 @@ def _engaged(seen: Conditions, settings: FailsafeSettings) -> Rung:
 
 
 def _end_of_engagement(seen: Conditions, settings: FailsafeSettings, asleep_s: float) -> str:
+    where = ", on the ground" if seen.on_ground else ""
     if seen.rebooted:
         return "the autopilot restarted"
     if seen.autopilot_heard_s - asleep_s > settings.heartbeat_lost_s:
-        return "no heartbeat of the autopilot"
+        return f"no heartbeat of the autopilot for {settings.heartbeat_lost_s:g} s, it was armed{where}"
     if not seen.armed:
-        return "disarmed"
+        return f"disarmed{where}"
     if not seen.external_mode:
         return "the vehicle left GUIDED or OFFBOARD"
     if seen.other_writer:
@@ -176,7 +178,7 @@ def _doubt(seen: Conditions, settings: FailsafeSettings) -> str:
     if seen.stalled or seen.since_last_step_s > settings.pause_s:
         return "the loop paused"
     if not seen.own_state_age_s <= settings.hold_after_s:
-        return "own state is stale"
+        return f"own state is stale: no position to trust for {settings.hold_after_s:g} s"
     if seen.warming:
         return "kernels are being loaded"
     if seen.on_ground:

@@ -101,6 +101,22 @@ def test_what_ends_an_engagement_is_not_undone_by_its_return(change: dict[str, o
 
 
 @pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"own_state_age_s": 1.1}, "own state is stale: no position to trust for 1 s"),
+        ({"own_state_age_s": 5.1}, "own state lost for 5 s: the autopilot's own failsafe takes over"),
+        ({"autopilot_heard_s": 3.1}, "no heartbeat of the autopilot for 3 s, it was armed"),
+        ({"autopilot_heard_s": 3.1, "on_ground": True},
+         "no heartbeat of the autopilot for 3 s, it was armed, on the ground"),
+        ({"armed": False}, "disarmed"),
+        ({"armed": False, "on_ground": True}, "disarmed, on the ground"),
+    ],
+)  # fmt: skip
+def test_who_asks_where_the_vehicle_is_is_told_what_it_said_last(change: dict[str, object], reason: str) -> None:
+    assert climb(ENGAGED, replace(FLYING, **change)).reason == reason
+
+
+@pytest.mark.parametrize(
     "change",
     [
         {"own_state_age_s": 1.1},

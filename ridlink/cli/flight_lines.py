@@ -13,6 +13,9 @@ from ridlink.words import counted
 if TYPE_CHECKING:
     from ridlink.daemon.summary import Summary
 
+SILENT_S = 3.0
+"""An autopilot says HEARTBEAT once a second."""
+
 GUARD_LINES = {
     "taking over": "the guard takes over for a conflict",
     "resolving": "the guard has taken over",
@@ -93,6 +96,10 @@ class HumanPrinter(FlightPrinter):
 
 def _status_line(facts: dict[str, Any]) -> str:
     parts = [facts["state"], counted(facts["tracks"], "track")]
+    heard_s = facts["autopilot_heard_s"]
+    if heard_s is not None and heard_s > SILENT_S:
+        said = ("armed" if facts["armed"] else "disarmed") + (", on the ground" if facts["on_ground"] else "")
+        parts.append(f"autopilot last heard {heard_s:.0f} s ago, {said}")
     if facts["conflicts"]:
         parts.append(f"{facts['conflicts']} in conflict")
     if facts["nearest_margin_m"] is not None:

@@ -44,10 +44,13 @@ def summary_facts(engine: Engine, record: DecisionRecord, rejects: dict[str, int
         record: The decision.
         rejects: What was dropped, clamped, rejected or noticed so far, by cause.
     """
-    command, detection = record.commanded_ned_mps, record.detection
+    command, detection, vehicle = record.commanded_ned_mps, record.detection, engine.telemetry
     return {
         "state": engine.rung.state.name.lower(),
         "reason": engine.rung.reason,
+        "autopilot_heard_s": _finite(vehicle.heard_s(record.time_s)),
+        "armed": vehicle.armed if vehicle.lock is not None else None,
+        "on_ground": vehicle.on_ground if vehicle.landed_state_known else None,
         "tracks": record.tracks,
         "conflicts": len(record.conflicts),
         "nearest_margin_m": _finite(record.nearest_margin_m),

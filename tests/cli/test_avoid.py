@@ -24,6 +24,8 @@ from ridlink.cli.flight_lines import HumanPrinter
 from ridlink.cli.signals import ending_signals
 from ridlink.daemon.config import daemon_config
 from ridlink.daemon.config_file import read_config_file
+from ridlink.daemon.events import summary_facts
+from ridlink.engine import Engine, EngineConfig
 from ridlink.engine.guard import Phase
 from ridlink.errors import ConfigError
 from tests.daemon.emulated import Emulated, LoopbackVehicle, at
@@ -319,6 +321,30 @@ def test_a_guard_tells_people_that_it_takes_over_and_hands_back(capsys: pytest.C
         "standby: guard: watching; it has handed back",
         "standby: guard: ended; somebody else has the vehicle",
     ]
+
+
+@pytest.mark.parametrize(
+    ("heard_s", "armed", "on_ground", "said"),
+    [
+        (None, None, None, ""),
+        (1.1, True, False, ""),
+        (12.3, True, None, " | autopilot last heard 12 s ago, armed"),
+        (12.3, False, True, " | autopilot last heard 12 s ago, disarmed, on the ground"),
+    ],
+)
+def test_on_a_terminal_it_stands_when_a_silent_vehicle_was_heard_and_what_it_was(
+    heard_s: float | None, armed: bool | None, on_ground: bool | None, said: str,
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    engine = Engine(EngineConfig(standby=True))
+    facts = summary_facts(engine, engine.step(0.0).decision, {})
+    printer = HumanPrinter()
+    told = {"autopilot_heard_s": heard_s, "armed": armed, "on_ground": on_ground}
+    printer.event({"event": "summary", **facts, **told})
+    printer.close()
+    assert facts.keys() >= told.keys()
+    assert capsys.readouterr().err == f"\r\x1b[Kstandby | 0 tracks{said}"
 
 
 def test_f26_a_stall_does_not_end_what_a_terminal_is_told(

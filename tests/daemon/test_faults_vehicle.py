@@ -238,7 +238,7 @@ def test_f14_a_receiver_that_lost_its_fix_and_fell_silent_is_not_believed_again(
             emulated.receiver_silent = True  # positions keep coming
             await vehicle.until(lambda: any(message.name == "COMMAND_LONG" for message in emulated.heard))
             await vehicle.speaks(25)
-            assert flight.daemon.engine.rung.reason == "waiting: own state is stale"
+            assert flight.daemon.engine.rung.reason == "waiting: own state is stale: no position to trust for 1 s"
             emulated.fix_type, emulated.receiver_silent = 3, False
             await vehicle.until(lambda: state(flight) is State.ENGAGED)
 
@@ -300,7 +300,7 @@ def test_f15_an_autopilot_that_falls_silent_is_not_steered_again_unasked() -> No
             await vehicle.until(lambda: len(vehicle.setpoints()) >= 4)
             vehicle.silent = True
             await vehicle.until(lambda: state(flight) is State.STANDBY)
-            assert flight.daemon.engine.rung.reason == "no heartbeat of the autopilot"
+            assert flight.daemon.engine.rung.reason == "no heartbeat of the autopilot for 0.5 s, it was armed"
             count = len(vehicle.setpoints())
             vehicle.silent = False
             await vehicle.speaks(25)
