@@ -101,7 +101,7 @@ async def _serve(
 
     stop = stopped_by_signals(asyncio.get_running_loop())
     receiver = Receiver(show, sky=Sky(convention=accuracy_convention))
-    server = ViewServer(show, host, port, names=names, health=receiver.health)
+    server = ViewServer(show, host, port, names=names, health=receiver.health if url is not None else dict)
     async with AsyncExitStack() as ends:
         await ends.enter_async_context(server.serving())
         if url is not None:

@@ -259,7 +259,8 @@ class ViewServer:
         while True:
             due_s += SECOND_S
             await asyncio.sleep(max(0.0, due_s - time.monotonic()))
-            facts = {"frames_per_s": 0.0, "vehicles": 0, "rejects": {}, "lag_ms": 0.0, **self._health()}
+            vehicles = 0 if self.show.scenery.live else self.show.vehicles
+            facts = {"frames_per_s": 0.0, "vehicles": vehicles, "rejects": {}, "lag_ms": 0.0, **self._health()}
             failed = {"answers_failed": self._guard.failures} if self._guard.failures else {}
             facts["rejects"] = {**facts["rejects"], **self._door.counters, **failed}
             extent = self.show.history.extent_s

@@ -64,6 +64,7 @@ class Show:
         self.scenery = scenery
         self.history = history if history is not None else History(self._memory_bytes)
         self._books: dict[Definition, Book] = {}
+        self._counted = 0, 0
         self._seen: tuple[int, dict[Hashable, Any]] = -1, {}
         self._texts: OrderedDict[tuple[Hashable, ...], bytes] = OrderedDict()
         self._texts_bytes = 0
@@ -95,6 +96,16 @@ class Show:
     def hello(self) -> bytes:
         """What a page must know before anything else."""
         return wire.hello(self.scenery, self.definition, self.history.extent_s)
+
+    @property
+    def vehicles(self) -> int:
+        """How many vehicles, by their names, the history has."""
+        at, known = self._counted
+        if at != self.history.end:
+            names = {id(instant.names): instant.names for instant in self.history}
+            known = len(set().union(*names.values()))
+            self._counted = self.history.end, known
+        return known
 
     def book(self, definition: Definition) -> Book:
         """The history under a definition; somebody must let it read."""

@@ -69,6 +69,8 @@ def test_a_recording_is_shown_until_a_signal(log: Path) -> None:
         answer = asyncio.run(first(address, "instants", '{"at":3.0,"id":1}', id=1))
         names = {row[0] for row in answer["instants"][0]["vehicles"]}
         assert names == {"ALPHA", "BRAVO", "<b>\\x1b[1m"}
+        health = asyncio.run(first(address, "health"))
+        assert (health["vehicles"], health["live"]) == (3, False), "of a recording, all that are in it"
         process.send_signal(signal.SIGTERM)
         out, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0 and out == ""
