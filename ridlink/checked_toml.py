@@ -10,10 +10,10 @@ import math
 import re
 import reprlib
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ridlink.errors import ConfigError
 
@@ -23,6 +23,24 @@ LARGEST = 1e6
 
 UNREADABLE = "cannot be read: an integer of thousands of digits, or brackets nested too deeply"
 """What a parser of the standard library gives up at without a word of its own format."""
+
+
+MOST_FAULTS = 5
+"""Mistakes of a file that are told at once."""
+
+Made = TypeVar("Made")
+
+
+class KeyFault(ConfigError):
+    """What is wrong with one key, whatever the others say: its value is, it is missing, or nobody knows it.
+
+    Attributes:
+        key: The key.
+    """
+
+    def __init__(self, text: str, key: str = "") -> None:
+        super().__init__(text)
+        self.key = key
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +95,39 @@ class CheckedTable:
         owner = f"{self._name} {self._number}" if self._number else self._name
         return ConfigError(f"{where}: {': '.join(part for part in (owner, key) if part)} {text}")
 
+    def _fault(self, key: str, text: str) -> KeyFault:
+        return KeyFault(str(self.error(key, text)), key)
+
+    def read(self, make: Callable[[CheckedTable], Made], faults: list[ConfigError]) -> Made | None:
+        """What is made of this table; None if something is wrong with it, which joins the faults.
+
+        It is read on without the keys that are wrong, so that all of them are told; what follows from that they are
+        not there is told by nobody.
+
+        Args:
+            make: Reads a table.
+            faults: All that was found so far; with `MOST_FAULTS` of them nothing more is read.
+        """
+        values, before = dict(self._values), len(faults)
+        while len(faults) < MOST_FAULTS:
+            table = CheckedTable(self._source, values, self._name, self._number)
+            table._known = dict(self._known)
+            try:
+                made = make(table)
+                return made if len(faults) == before else None
+            except KeyFault as fault:
+                if fault.key in values:
+                    faults.append(fault)
+                    del values[fault.key]
+                    continue
+                if fault.key not in self._values:
+                    faults.append(fault)
+            except ConfigError as error:  # about several keys
+                if len(faults) == before:
+                    faults.append(error)
+            return None
+        return None
+
     def has(self, key: str) -> bool:
         """Whether a key is there; it counts as known from now on."""
         self._known[key] = None
@@ -87,21 +138,21 @@ class CheckedTable:
         if self.has(key):
             return self._values.pop(key)
         if default is None:
-            raise self.error(key, "is missing")
+            raise self._fault(key, "is missing")
         return default
 
     def text(self, key: str) -> str:
         """Text of one line, not empty."""
         value = self.take(key)
         if not isinstance(value, str) or not value.strip() or not value.isprintable():
-            raise self.error(key, "must be text of one line")
+            raise self._fault(key, "must be text of one line")
         return value
 
     def truth(self, key: str, default: bool) -> bool:
         """True or false."""
         value = self.take(key, default)
         if not isinstance(value, bool):
-            raise self.error(key, f"must be true or false, not {value!r}")
+            raise self._fault(key, f"must be true or false, not {value!r}")
         return value
 
     def number(
@@ -110,43 +161,43 @@ class CheckedTable:
         """A finite number, greater than ``above`` and not less than ``least``."""
         value = self._finite(key, self.take(key, default))
         if above is not None and value <= above:
-            raise self.error(key, f"must be greater than {above:g}, not {value:g}")
+            raise self._fault(key, f"must be greater than {above:g}, not {value:g}")
         if least is not None and value < least:
-            raise self.error(key, f"must be at least {least:g}, not {value:g}")
+            raise self._fault(key, f"must be at least {least:g}, not {value:g}")
         return value
 
     def point(self, key: str, value: object, axes: str) -> tuple[float, ...]:
         """Coordinates, one for each of the axes named ("north, east"); ``value`` may be part of the key's value."""
         if not isinstance(value, list) or len(value) != axes.count(",") + 1:
-            raise self.error(key, f"must be [{axes}] in metres, not {value!r}")
+            raise self._fault(key, f"must be [{axes}] in metres, not {value!r}")
         return tuple(self._finite(key, part) for part in value)
 
     def _finite(self, key: str, value: object) -> float:
         number = finite_number(value)
         if number is None:
-            raise self.error(key, f"must be a finite number, not {reprlib.repr(value)}")
+            raise self._fault(key, f"must be a finite number, not {reprlib.repr(value)}")
         if abs(number) > LARGEST:
-            raise self.error(key, f"must be at most {LARGEST:g} in size, not {number:g}")
+            raise self._fault(key, f"must be at most {LARGEST:g} in size, not {number:g}")
         return number
 
     def tables(self, key: str, *, needed: bool = True) -> Iterator[CheckedTable]:
         """The tables of an array of tables, in order."""
         value = self.take(key, None if needed else [])
         if not isinstance(value, list):
-            raise self.error(key, f"must be written as [[{key}]]")
+            raise self._fault(key, f"must be written as [[{key}]]")
         return (CheckedTable(self._source, entry, key, number) for number, entry in enumerate(value, start=1))
 
     def table(self, key: str) -> CheckedTable:
         """A table within this one, written as ``[key]``."""
         value = self.take(key)
         if not isinstance(value, dict):
-            raise self.error(key, f"must be written as [{key}]")
+            raise self._fault(key, f"must be written as [{key}]")
         return CheckedTable(self._source, value, key, 0)
 
     def nothing_else(self) -> None:
         """Refuse keys that nobody asked for: a misspelt key must not pass as a default."""
         for key in self._values:
-            raise self.error(key, f"is not known here: known are {', '.join(self._known)}")
+            raise self._fault(key, f"is not known here: known are {', '.join(self._known)}")
 
 
 def read_toml(path: str | Path) -> CheckedTable:

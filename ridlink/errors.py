@@ -67,7 +67,15 @@ class CaptureError(RidlinkError, ValueError):
 
 
 class ConfigError(RidlinkError, ValueError):
-    """Configuration, a scenario file or a connection string that cannot be used; the text shows what is right."""
+    """Configuration, a scenario file or a connection string that cannot be used; the text shows what is right.
+
+    Attributes:
+        others: What else is wrong, where a whole file was looked at: one line each.
+    """
+
+    def __init__(self, text: str, *others: str) -> None:
+        super().__init__(text)
+        self.others = others
 
 
 class MissingExtraError(RidlinkError):

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ridlink.checked_toml import MOST_FAULTS
 from ridlink.errors import ConfigError
 from ridlink.scenario import (
     BUILT_IN,
@@ -130,6 +131,30 @@ def test_a_mistake_is_named_in_one_line(write: Write, right: str, wrong: str, me
     text = str(caught.value)
     assert "scenario.toml" in text
     assert "\n" not in text
+
+
+def test_all_mistakes_are_told_at_once_and_nothing_that_follows_from_one(write: Write) -> None:
+    text = GOOD.replace("interval_s", "interval").replace("[200, 0, -50]", "[200, 0]")
+    text = text.replace("speed_mps = 15.4", "speed_mph = 15.4").replace("airframe_m = 0.6", 'airframe_m = "big"')
+    # without ghost it would avoid others, which has no transmitter and no route
+    text = text.replace("extended = false", "ghost = 1\ntransmitter_ned_m = [0, 0, 0]")
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(write(text))
+    lines = [line.split("scenario.toml:")[1] for line in (str(caught.value), *caught.value.others)]
+    assert [line.split(" is ")[0].split(" must ")[0] for line in lines] == [
+        "8: vehicle 1: airframe_m",
+        "11: vehicle 1: ghost",
+        "7: vehicle 1: speed_mph",
+        "14: vehicle 2: start_ned_m",
+        "3: interval",
+    ]
+
+
+def test_of_a_file_full_of_mistakes_five_are_told(write: Write) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(write(GOOD + "".join(f"key{number} = 1\n" for number in range(50))))
+    assert len(caught.value.others) == MOST_FAULTS - 1
+    assert "key0 is not known" in str(caught.value) and "key4 is not known" in caught.value.others[-1]
 
 
 @pytest.mark.parametrize("suffix", ["toml", "geojson"])

@@ -14,7 +14,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib.metadata import entry_points
 from typing import NoReturn
 
@@ -108,11 +108,12 @@ _NO_NUMBER = re.compile("is not a valid (?:float|integer)(?: range)?")
 """What click says of a value with a unit behind it, as in ``--speed 10m/s``, in the words of its own types."""
 
 
-def _fail(text: str, code: int) -> NoReturn:
-    """One line whatever names stand in it: a terminal shows them and acts on nothing."""
+def _fail(text: str, code: int, others: Iterable[str] = ()) -> NoReturn:
+    """One line each, whatever names stand in it: a terminal shows them and acts on nothing."""
     from ridlink.remote_id.text import display_name
 
-    click.echo(f"ridlink: {display_name(text)}", err=True)
+    for line in (text, *others):
+        click.echo(f"ridlink: {display_name(line)}", err=True)
     sys.exit(code)
 
 
@@ -156,7 +157,9 @@ def _run(loaded: Callable[[], None] | None) -> NoReturn:
         _fail(f"{text} (see '{command} --help')", EXIT_USAGE)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(130)
-    except (ConfigError, MissingExtraError) as error:
+    except ConfigError as error:
+        _fail(str(error), EXIT_USAGE, error.others)
+    except MissingExtraError as error:
         _fail(str(error), EXIT_USAGE)
     except (LinkError, CaptureError, click.FileError) as error:
         _fail(error.format_message() if isinstance(error, click.FileError) else str(error), EXIT_IO)

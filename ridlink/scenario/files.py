@@ -1,12 +1,14 @@
 """Scenarios from TOML files: checked completely before anything flies.
 
-One line says what is wrong: file, line where known, key, and what would be right.
+One line for each mistake says what is wrong: file, line where known, key, and what would be right.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from ridlink.checked_toml import CheckedTable, read_toml
 from ridlink.errors import ConfigError
@@ -26,6 +28,8 @@ from ridlink.scenario.model import (
 )
 from ridlink.scenario.vehicle_keys import read_vehicle_keys
 from ridlink.words import counted
+
+Made = TypeVar("Made")
 
 
 def resolve_scenario(name_or_path: str, count: int | None = None, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Scenario:
@@ -63,23 +67,45 @@ def load_scenario(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> 
 
     Raises:
         ConfigError: If it is not TOML, a key is missing, unknown, of the wrong type or out of range, or the geometry is
-            impossible. One line: file, line where known, key, what would be right.
+            impossible. One line for each mistake, the first as its text, up to four more as `others`: file, line where
+            known, key, what would be right.
         OSError: If the file cannot be read.
     """
     top = read_toml(path)
-    vehicles = tuple(_vehicle_spec(table, speed_mps) for table in top.tables("vehicle"))
-    obstacles = tuple(_obstacle_spec(table) for table in top.tables("obstacle", needed=False))
-    name, duration_s = top.text("name"), top.number("duration_s", above=0.0)
-    interval_s = top.number("interval_s", DEFAULT_INTERVAL_S, least=LEAST_INTERVAL_S)
-    events = [read_event(table, vehicles=len(vehicles)) for table in top.tables("event", needed=False)]
+    faults: list[ConfigError] = []
+
+    def made(tables: Iterable[CheckedTable], make: Callable[[CheckedTable], Made]) -> list[Made]:
+        found = [table.read(make, faults) for table in tables]
+        return [each for each in found if each is not None]
+
+    of_vehicles = list(top.tables("vehicle"))
+    vehicles = made(of_vehicles, lambda table: _vehicle_spec(table, speed_mps))
+    obstacles = made(top.tables("obstacle", needed=False), _obstacle_spec)
+    events = made(top.tables("event", needed=False), lambda table: read_event(table, vehicles=len(of_vehicles)))
+    winds = made([top.table("wind")], _wind) if top.has("wind") else [Wind()]
+    whole = top.read(_whole, faults)
+    if whole is None or faults:
+        raise ConfigError(*map(str, faults))
     events.sort(key=lambda event: event.at_s)
-    wind = _wind(top.table("wind")) if top.has("wind") else Wind()
-    home_deg_m = _home(top) if top.has("home") else None
-    top.nothing_else()
+    name, duration_s, interval_s, home_deg_m = whole
     try:
-        return Scenario(name, duration_s, vehicles, obstacles, interval_s, tuple(events), wind, home_deg_m)
+        return Scenario(
+            name, duration_s, tuple(vehicles), tuple(obstacles), interval_s, tuple(events), winds[0], home_deg_m
+        )
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def _whole(top: CheckedTable) -> tuple[str, float, float, Point3 | None]:
+    """Name, duration, interval and home."""
+    found = (
+        top.text("name"),
+        top.number("duration_s", above=0.0),
+        top.number("interval_s", DEFAULT_INTERVAL_S, least=LEAST_INTERVAL_S),
+        _home(top) if top.has("home") else None,
+    )
+    top.nothing_else()
+    return found
 
 
 def _vehicle_spec(table: CheckedTable, speed_mps: float) -> VehicleSpec:

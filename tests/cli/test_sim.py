@@ -206,6 +206,19 @@ def test_a_reader_that_has_read_enough_ends_it() -> None:
         assert process.returncode == 0
 
 
+def test_mistakes_of_a_scenario_file_are_told_in_one_run(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'name = "mine"\nduration_s = 20.0\ninterval = 0.1\n'
+        "[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [40, 0, -50]\nspeed = 3\nghosts = true\n"
+    )
+    done = ridlink_sim("--scenario", str(path), "--explain")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert [line.split(" is not known here")[0] for line in done.stderr.splitlines()] == [
+        f"ridlink: {path}:7: vehicle 1: speed", f"ridlink: {path}:8: vehicle 1: ghosts", f"ridlink: {path}:3: interval",
+    ]  # fmt: skip
+
+
 def test_the_air_alone_needs_no_vehicles() -> None:
     done = ridlink_sim(*ANY_PORT, "-n", "0", "--airborne", "--duration", "0.2")
     assert done.returncode == 0 and done.stdout.startswith("0 vehicles: ")
