@@ -24,7 +24,9 @@ from ridlink.remote_id.messages import BasicId, Location
 from ridlink.remote_id.report import RemoteIdReport
 
 GLOBAL_POSITION = MESSAGES_BY_NAME["GLOBAL_POSITION_INT"].msgid
-LOCATION = MESSAGES_BY_NAME["OPEN_DRONE_ID_LOCATION"].msgid
+ALWAYS_LOOKED_AT = frozenset(
+    MESSAGES_BY_NAME[name].msgid for name in ("OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_LOCATION")
+)
 TELEMETRY_IDS = frozenset(
     MESSAGES_BY_NAME[name].msgid
     for name in ("HEARTBEAT", "GPS_RAW_INT", "GLOBAL_POSITION_INT", "ESTIMATOR_STATUS", "EXTENDED_SYS_STATE")
@@ -75,7 +77,7 @@ class OwnVehicles:
     def supersedes(self, frame: Frame, now_s: float) -> bool:
         """Whether a frame about Remote ID says less than the telemetry of its sender; take note of it."""
         sysid = frame.sysid
-        if frame.msgid != LOCATION and now_s - self._spoke_s.get(sysid, -math.inf) < RENEWED_S:
+        if frame.msgid not in ALWAYS_LOOKED_AT and now_s - self._spoke_s.get(sysid, -math.inf) < RENEWED_S:
             return False
         superseded = False
         for said in messages_of(decode_message(frame), self._refused):

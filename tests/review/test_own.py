@@ -10,7 +10,8 @@ import pytest
 from msgspec.structs import replace as replace_in
 
 from ridlink.geodesy import geodetic_from_ned
-from ridlink.mavlink.codec import Encoder
+from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES_BY_NAME, Encoder
+from ridlink.mavlink.frames import parse_datagram
 from ridlink.observer import Scene
 from ridlink.remote_id.accuracy import coded_bound_m
 from ridlink.remote_id.convert import to_mavlink
@@ -22,6 +23,7 @@ from tests.observer.flights import HOME, Flyer
 from tests.review.recordings import NORTHBOUND, SOUTHBOUND, START_S, records
 
 Records = list[tuple[int, bytes]]
+BASIC_ID = MESSAGES_BY_NAME["OPEN_DRONE_ID_BASIC_ID"].msgid
 ARMED, PX4, AUTOPILOT, IN_AIR = 0x80, 12, 1, 2
 
 
@@ -86,6 +88,19 @@ def test_it_never_meets_itself_where_its_broadcast_begins_or_ends(
     ]
     rows, _ = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 20.0) + module)
     assert rows == []
+
+
+@pytest.mark.parametrize("extended", [True, False])
+def test_an_identity_that_is_told_amid_positions_stays_when_the_broadcast_ends(tmp_path: Path, extended: bool) -> None:
+    def is_heard(time_us: int, frame: bytes) -> bool:
+        time_s = (time_us - START_US) / 1e6
+        [message] = parse_datagram(frame, CRC_EXTRAS)
+        return time_s < 8.0 and (time_s > 1.0 or message.msgid != BASIC_ID)
+
+    module = records([replace(NORTHBOUND, compid=236, extended=extended)], 25.0)
+    module = [(time_us, frame) for time_us, frame in module if is_heard(time_us, frame)]
+    rows, _ = reported(tmp_path / "f.tlog", telemetry(NORTHBOUND, 25.0) + module + records([SOUTHBOUND], 25.0))
+    assert [sorted(row["uas"]) for row in rows] == 2 * [["ALPHA", "BRAVO"]], "while it broadcasts, and afterwards"
 
 
 def told_to_the_transmitter(flyer: Flyer, until_s: float) -> Records:
