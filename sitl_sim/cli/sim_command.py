@@ -61,6 +61,7 @@ REFUSED_ON_AIR = ("malformed", "no_position", "refused", "overflow")
     metavar="PORT",
     help="Port of the broadcast medium; 0 = any.",
 )
+@click.option("--any-ports", is_flag=True, help="As these three with 0: the kernel chooses, the first line tells.")
 @click.option("--rid-on-bus", is_flag=True, help="Each vehicle's bus carries the Remote ID it hears (component 236).")
 @click.option("--gcs", metavar="URL", help="Show the ten vehicles nearest to vehicle 1 there, as in udpout:HOST:14550.")
 @click.option(
@@ -91,6 +92,7 @@ def sim(
     vehicle_port: int,
     companion_port: int,
     air_port: int,
+    any_ports: bool,
     rid_on_bus: bool,
     gcs: str | None,
     speedup: float,
@@ -130,6 +132,8 @@ def sim(
     chosen = resolve_scenario(fleet["scenario"], fleet["count"], speed_mps=fleet["speed_mps"])
     if fleet["interval_s"] is not None:
         chosen = replace(chosen, interval_s=fleet["interval_s"])
+    if any_ports:
+        vehicle_port = companion_port = air_port = 0
     config = fleet_config(
         fleet,
         Start.AIRBORNE if airborne else Start.GROUND,
@@ -191,7 +195,8 @@ async def _run(
     try:
         await server.start()
     except PortError as error:
-        raise PortError(f"{error}; stop it, or choose other ports with --vehicle-port and --air-port") from error
+        others = "choose other ports with --vehicle-port and --air-port, or leave them to the kernel with --any-ports"
+        raise PortError(f"{error}; stop it, or {others}") from error
     printer.put(f"{_greeting(server)}\n", error=True)
     if duration_s is not None:
         loop.call_later(duration_s / server.config.speedup, end)

@@ -219,6 +219,14 @@ def test_mistakes_of_a_scenario_file_are_told_in_one_run(tmp_path: Path) -> None
     ]  # fmt: skip
 
 
+def test_any_ports_are_of_the_kernels_choice_and_told() -> None:
+    done = ridlink_sim("-n", "1", "--any-ports", "--duration", "1.5", "--json")
+    assert done.returncode == 0, done.stderr
+    ports = json.loads(done.stdout.splitlines()[0])["ports"]
+    assert 0 not in (*ports["vehicles"], ports["air"]) and (ports["vehicles"], ports["air"]) != ([14580], 14650)
+    assert f"on UDP {ports['vehicles'][0]}, air {ports['air']}\n" in done.stderr
+
+
 def test_the_air_alone_needs_no_vehicles() -> None:
     done = ridlink_sim(*ANY_PORT, "-n", "0", "--airborne", "--duration", "0.2")
     assert done.returncode == 0 and done.stdout.startswith("0 vehicles: ")
