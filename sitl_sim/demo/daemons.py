@@ -128,7 +128,9 @@ def daemon_toml(scenario: Scenario, fleet: FleetConfig, system_id: int) -> str:
     if not 1 <= system_id <= len(scenario.vehicles):
         raise ConfigError(f"{scenario.name} has no vehicle {system_id}: it has {len(scenario.vehicles)}")
     if not (fleet.companion_port and fleet.air_port):
-        raise ConfigError("ports that the kernel chooses are not known yet: no --any-ports, no port 0")
+        raise ConfigError(
+            "ports that the kernel chooses are not known yet: no --companion-port 0 or --air-port 0, and no --any-ports"
+        )
     ports = FleetPorts((), fleet.air_port)
     for assigned in assignments(scenario, EngineConfig().definition, fleet, ports):
         if assigned.system_id == system_id:
