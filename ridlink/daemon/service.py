@@ -96,7 +96,8 @@ class AvoidDaemon:
 
         Raises:
             LinkError: If a link cannot be opened.
-            OSError: If the recording cannot be opened.
+            ConfigError: If the key of the vehicle link, or its clock, cannot be used.
+            OSError: If a recording, or the key, cannot be opened.
             DecisionError: If decisions kept failing.
         """
         # The links first: a PX4 in OFFBOARD that lost us waits a second for zero velocity, the kernels take longer.

@@ -99,6 +99,7 @@ class Transmitter:
 
         Raises:
             LinkError: If a link cannot be opened.
+            ConfigError, OSError: If the key of the vehicle link, or its clock, cannot be used.
         """
         try:
             self._vehicle = await open_vehicle_link(self.config.vehicle, self._from_vehicle, self.config.signing)
