@@ -59,6 +59,9 @@ class Broadcaster:
         interval_s: Time between two LOCATIONs.
         utc_clock: Seconds since 1970.
         phase: Where in the interval it sends, in [0, 1): a fleet does not speak all at once.
+
+    Attributes:
+        home: May be set anew, as autopilots do when they are armed.
     """
 
     def __init__(
@@ -71,7 +74,7 @@ class Broadcaster:
         utc_clock: Callable[[], float],
         phase: float = 0.0,
     ) -> None:
-        self._spec, self._home, self._utc_clock = spec, home, utc_clock
+        self._spec, self.home, self._utc_clock = spec, home, utc_clock
         self._interval_s, self._phase = interval_s, phase
         self._encoder = Encoder(system_id, _COMPONENT)
         self._basic_id = BasicId(_SERIAL_NUMBER, _MULTIROTOR, uas_id_of(system_id))
@@ -128,7 +131,7 @@ class Broadcaster:
 
     def _location(self, navigation: Navigation, timestamp_s: float) -> Location:
         return Location(
-            **motion_of(navigation, self._home),
+            **motion_of(navigation, self.home),
             height_reference=_ABOVE_TAKEOFF,
             horizontal_accuracy=code_of_three_sigma(navigation.bound_3sigma_m),
             vertical_accuracy_m=2.0 * navigation.v_acc_m,  # 95 % of a normal figure
@@ -161,8 +164,8 @@ class Broadcaster:
     def _system(self) -> System:
         return System(
             operator_location_type=_TAKEOFF_LOCATION,
-            operator_latitude_deg=self._home.latitude_deg,
-            operator_longitude_deg=self._home.longitude_deg,
-            operator_altitude_geo_m=self._home.altitude_m,
+            operator_latitude_deg=self.home.latitude_deg,
+            operator_longitude_deg=self.home.longitude_deg,
+            operator_altitude_geo_m=self.home.altitude_m,
             timestamp_s=self._utc_clock() - EPOCH_2019_S,
         )

@@ -131,6 +131,7 @@ class Fleet:
         # a ghost is not there: its signal comes from wherever its transmitter is
         sent_from = (spec.transmitter_ned_m or self.world.position_ned_m[index]) if spec.ghost else None
         command = autopilot.pilot.command_ned_mps if autopilot.is_avoiding else None
+        self._broadcasters[index].home = autopilot.telemetry.home
         for datagram in self._broadcasters[index].tick(self._navigation[index], command, now_s):
             self.air.broadcast(autopilot.system_id, sent_from, datagram, now_s)
 

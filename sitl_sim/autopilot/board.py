@@ -11,9 +11,9 @@ from sitl_sim.autopilot.parameters import Parameters
 from sitl_sim.autopilot.results import Say
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Board:
-    """One vehicle's; only the values of its parameters change in flight.
+    """One vehicle's; only its home and the values of its parameters change.
 
     Args:
         system_id: Of the vehicle.
@@ -21,7 +21,8 @@ class Board:
         flavour: Whose habits it has.
         parameters: Its parameters.
         scenario_home: Origin of the scenario's coordinates.
-        own_home: The ground below its start, from which its heights count.
+        own_home: The ground below its start, as high as its estimator said when it was switched on or armed: heights
+            count from there.
         say: Called with what STATUSTEXT is to carry.
     """
 

@@ -118,6 +118,8 @@ class Orders:
         if wanted and not self._board.is_px4 and pilot.mode is Mode.MISSION:
             return self.refuse("arming refused: AUTO mode not armable")
         pilot.armed = wanted
+        if wanted:
+            pilot.set_home()
         if wanted and pilot.mode in (Mode.LAND, Mode.RETURN):
             pilot.mode = self._board.flavour.ground_mode
         return Result.ACCEPTED

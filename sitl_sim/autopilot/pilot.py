@@ -12,6 +12,7 @@ those of the real autopilots with their default parameters:
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from enum import StrEnum
 
 from ridlink.mavlink.codec import Message
@@ -84,6 +85,7 @@ class Pilot:
         command_ned_mps: The velocity that it flies now.
         yaw_rad: Its heading.
         origin_ned_m: Its home and the origin of its local frame: the ground below its start.
+        home_error_m: How far below the ground its estimator had its home.
         guidance: What it flies now; None: what the world makes it fly.
         mission: Its mission; `mission_started`: whether MAV_CMD_MISSION_START has let ArduPilot leave the ground.
         speeds, nose: How fast it flies, where it points.
@@ -100,6 +102,8 @@ class Pilot:
         self.mission = MissionFlight(board, self.speeds, self.nose)
         self.failsafes = Failsafes(flavour, parameters, navigation.time_s)
         self.navigation = navigation
+        self.home_error_m = 0.0
+        self.set_home(0.0 if start is Start.GROUND else spec.start_ned_m[2])
         self.armed = start is not Start.GROUND
         self.failsafe = False
         self.command_ned_mps: Vector = STILL
@@ -143,7 +147,7 @@ class Pilot:
     def local_position_ned_m(self) -> Vector:
         """Where it believes to be about its own home, as LOCAL_POSITION_NED tells it."""
         position, origin = self.navigation.position_ned_m, self.origin_ned_m
-        return position[0] - origin[0], position[1] - origin[1], position[2] - origin[2]
+        return position[0] - origin[0], position[1] - origin[1], position[2] - origin[2] - self.home_error_m
 
     @property
     def position_target_ned_m(self) -> Vector | None:
@@ -196,6 +200,18 @@ class Pilot:
         if navigation.in_air:
             self.nose.follow(self.command_ned_mps)
         self.nose.update(dt_s)
+
+    def set_home(self, down_m: float = 0.0) -> None:
+        """Heights count from where the estimator believes the ground now, as on the real ones: by how many metres the
+        receiver is off at the start is not told as a height.
+
+        Args:
+            down_m: Of the vehicle.
+        """
+        error_m = self.navigation.position_ned_m[2] - down_m
+        home = self._board.own_home
+        self._board.own_home = replace(home, altitude_m=home.altitude_m + self.home_error_m - error_m)
+        self.home_error_m = error_m
 
     def begin_mission(self) -> None:
         """For a vehicle that avoids nobody: fly to the goal now, or as soon as it is up there."""

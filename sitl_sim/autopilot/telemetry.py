@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ridlink.geodesy import geodetic_from_ned
+from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.units import cmps_from_mps, dege7_from_deg, mm_from_m
 from sitl_sim.autopilot.attitude import attitude_rad, quaternion
 from sitl_sim.autopilot.board import Board
@@ -52,20 +52,21 @@ class Telemetry:
         board: Whose habits it has.
         pilot: The vehicle.
         utc_clock: Seconds since 1970.
-
-    Attributes:
-        home: Where the vehicle took off.
     """
 
     def __init__(self, board: Board, pilot: Pilot, utc_clock: Callable[[], float]) -> None:
         self._board, self._pilot, self._utc_clock = board, pilot, utc_clock
-        self.home = board.own_home
         self._last_h_acc_mm = 0
         names = (*default_intervals(board.flavour), *on_request(board.flavour))
         self._builders: dict[str, Callable[[], Fields]] = {name: getattr(self, f"_{name.lower()}") for name in names}
 
     def __contains__(self, name: str) -> bool:
         return name in self._builders
+
+    @property
+    def home(self) -> Geodetic:
+        """Where the vehicle took off, as it believes."""
+        return self._board.own_home
 
     def tells(self, name: str) -> bool:
         """Whether a message is sent now, where it is due."""

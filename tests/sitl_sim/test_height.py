@@ -10,7 +10,7 @@ from ridlink.scenario import Scenario, VehicleSpec
 from sitl_sim.autopilot import Start
 from sitl_sim.gnss import VERTICAL_RATIO, ErrorModel
 from sitl_sim.world import World
-from tests.sitl_sim.flight import Flight
+from tests.sitl_sim.flight import ACCEPTED, ARM, GUIDED, NAN, TAKEOFF, Flight, both, one_vehicle
 
 LONE = Scenario("lone", 600.0, tuple(VehicleSpec((0.0, 60.0 * k, -50.0), (3000.0, 60.0 * k, -50.0)) for k in range(20)))
 
@@ -59,3 +59,32 @@ def test_gps_raw_int_has_the_receivers_altitude_and_positions_the_estimators() -
     assert telemetry.fields("GPS_RAW_INT")["alt"] / 1e3 == pytest.approx(now.receiver_altitude_m, abs=0.01)
     assert telemetry.fields("GLOBAL_POSITION_INT")["alt"] / 1e3 == pytest.approx(now.altitude_m, abs=0.01)
     assert abs(now.receiver_altitude_m - now.altitude_m) > 0.1
+
+
+@both
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_take_off_is_told_as_high_as_it_was_asked_for(flavour: str, seed: int) -> None:
+    flight = Flight(flavour, scenario=one_vehicle(sigma_m=3.5), seed=seed)
+    told = flight.autopilot.telemetry
+    assert told.fields("GLOBAL_POSITION_INT")["relative_alt"] == pytest.approx(0.0, abs=1.0)
+    flight.advance(60.0)
+    assert abs(told.fields("GLOBAL_POSITION_INT")["relative_alt"]) > 50.0  # an estimator wanders, on the ground too
+    if flavour == "ardupilot":
+        assert flight.set_mode(GUIDED) == ACCEPTED
+    assert flight.command(ARM, 1.0) == ACCEPTED
+    assert told.fields("GLOBAL_POSITION_INT")["relative_alt"] == pytest.approx(0.0, abs=1.0)
+    altitude_m = told.fields("HOME_POSITION")["altitude"] / 1e3 + 30.0 if flavour == "px4" else 30.0
+    assert flight.command(TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, altitude_m) == ACCEPTED
+    flight.advance(20.0)
+    assert -flight.world.position_ned_m[0, 2] == pytest.approx(30.0, abs=0.5)
+    assert told.fields("GLOBAL_POSITION_INT")["relative_alt"] / 1e3 == pytest.approx(30.0, abs=1.5)
+    assert told.fields("LOCAL_POSITION_NED")["z"] == pytest.approx(-30.0, abs=1.5)
+    assert told.fields("ALTITUDE")["altitude_relative"] == pytest.approx(30.0, abs=1.5)
+
+
+def test_who_starts_in_the_air_counts_its_height_from_a_home_that_is_off_as_it_is() -> None:
+    flight = Flight(start=Start.AIRBORNE, scenario=one_vehicle(sigma_m=3.5), seed=3)
+    assert abs(flight.navigation[0].position_ned_m[2] + 50.0) > 2.0
+    told = flight.autopilot.telemetry
+    assert told.fields("GLOBAL_POSITION_INT")["relative_alt"] / 1e3 == pytest.approx(50.0, abs=0.1)
+    assert told.fields("LOCAL_POSITION_NED")["z"] == pytest.approx(-50.0, abs=0.1)
