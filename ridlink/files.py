@@ -1,4 +1,4 @@
-"""Files that appear when everything is in them, and names that any text may have a part in."""
+"""Files that appear when everything is in them or are opened without a wait, and names that any text has a part in."""
 
 from __future__ import annotations
 
