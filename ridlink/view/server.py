@@ -45,6 +45,9 @@ TRY_AGAIN_LATER = 1013
 UNREAD_S = 10.0
 """A page that takes nothing for so long is dropped."""
 
+LEAVES_S = 1.0
+"""Whoever is told to go has so long to say so, too, as browsers do at once: it keeps a place until then."""
+
 SECOND_S = 1.0
 SLICE_S = 0.01
 """Reading of histories is interrupted after so long for everything else."""
@@ -61,10 +64,11 @@ RECEIVE_BUFFER_BYTES = 16 * 1024
 
 
 class _Protocol(WebSocketsSansIOProtocol):
-    """Lets the application end a connection without waiting for a peer that reads nothing."""
+    """Lets the application end a connection without waiting for a peer that reads nothing, or says nothing."""
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
+        self.close_timeout = LEAVES_S
         self.app_state = {**self.app_state, "abort": transport.abort}
 
     def handle_ping(self) -> None:

@@ -154,6 +154,22 @@ def test_f31_where_all_are_pages_a_newcomer_is_turned_away(monkeypatch: pytest.M
     run(body)
 
 
+def test_f31_a_page_too_many_that_says_no_farewell_keeps_no_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has become a WebSocket, so that it makes no room for newcomers."""
+    monkeypatch.setattr("ridlink.view.server.MOST_PAGES", 1)
+    monkeypatch.setattr("ridlink.view.server.LEAVES_S", 0.01)
+
+    async def body() -> None:
+        async with serving(a_show()) as server, a_page(server) as page, contextlib.AsyncExitStack() as stack:
+            await heard(page, "hello")
+            reader, writer = await a_visit(stack, port_of(server.url))
+            writer.write(UPGRADE)
+            said = await asyncio.wait_for(reader.read(), PATIENCE_S / 4.0)
+            assert said.endswith(b"1 pages look on already"), said
+
+    run(body)
+
+
 def the_listening_socket(port: int) -> socket.socket:
     """Of this process, once more."""
     for entry in Path("/proc/self/fd").iterdir():
