@@ -59,10 +59,10 @@ class TrafficDisplay:
         return self._encoder.encode(
             "ADSB_VEHICLE",
             ICAO_address=icao_address(callsign),
-            lat=dege7_from_deg(navigation.latitude_deg),
-            lon=dege7_from_deg(navigation.longitude_deg),
+            lat=dege7_from_deg(navigation.place().latitude_deg),
+            lon=dege7_from_deg(navigation.place().longitude_deg),
             altitude_type=_GEOMETRIC,
-            altitude=mm_from_m(navigation.altitude_m),
+            altitude=mm_from_m(navigation.place().altitude_m),
             heading=round(math.degrees(math.atan2(east, north)) * 100.0) % 36000,
             hor_velocity=min(cmps_from_mps(math.hypot(north, east)), 0xFFFF),
             ver_velocity=cmps_from_mps(-down),

@@ -6,7 +6,13 @@ the acceleration, which an inertial sensor feels without any receiver.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from sitl_sim.world import VehicleState, World
@@ -14,19 +20,24 @@ from sitl_sim.world import VehicleState, World
 Vector = tuple[float, float, float]
 
 
+class Place(NamedTuple):
+    """On the ellipsoid: the estimator's, and the altitude of the receiver alone."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    receiver_altitude_m: float
+
+
 @dataclass(frozen=True, slots=True)
 class Navigation:
-    """One vehicle at one tick. Accuracies are one standard deviation, as receivers give them; the altitude is the
-    estimator's, and that of the receiver alone stands beside it."""
+    """One vehicle at one tick. Accuracies are one standard deviation, as receivers give them."""
 
     time_s: float
     position_ned_m: Vector
     velocity_ned_mps: Vector
     acceleration_ned_mps2: Vector
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float
-    receiver_altitude_m: float
+    place: Callable[[], Place]
     h_acc_m: float
     v_acc_m: float
     vel_acc_mps: float
@@ -46,6 +57,27 @@ class Navigation:
         return self.state in (VehicleState.AIRBORNE, VehicleState.LANDING)
 
 
+class _Places:
+    """Of a fleet at one tick: worked out when one of them first tells where it is. Most ticks go by without it, and it
+    takes longer than all else that vehicles know of themselves."""
+
+    def __init__(
+        self, position_ned_m: npt.NDArray[np.float64], receiver_down_m: npt.NDArray[np.float64], home: Geodetic
+    ) -> None:
+        self._given = position_ned_m, receiver_down_m, home
+
+    @cached_property
+    def _all(self) -> list[Place]:
+        position, receiver_down_m, home = self._given
+        latitude, longitude, altitude = geodetic_from_ned(position, home)
+        receiver_altitude = altitude + position[:, 2] - receiver_down_m
+        columns = (each.tolist() for each in (latitude, longitude, altitude, receiver_altitude))
+        return list(map(Place._make, zip(*columns, strict=True)))
+
+    def of(self, index: int) -> Place:
+        return self._all[index]
+
+
 class FleetNavigation:
     """The navigation solutions of a fleet: taken from the world once a tick, handed out one by one.
 
@@ -62,8 +94,7 @@ class FleetNavigation:
         """Take the world as it is now."""
         world = self._world
         position = world.reported_position_ned_m
-        latitude, longitude, altitude = geodetic_from_ned(position, self.home)
-        receiver_altitude = altitude + position[:, 2] - world.receiver_down_m
+        places = _Places(position, world.receiver_down_m, self.home)
         vectors = zip(
             position.tolist(),
             world.reported_velocity_ned_mps.tolist(),
@@ -71,10 +102,7 @@ class FleetNavigation:
             strict=True,
         )
         figures = zip(
-            latitude.tolist(),
-            longitude.tolist(),
-            altitude.tolist(),
-            receiver_altitude.tolist(),
+            (partial(places.of, index) for index in range(len(position))),
             world.h_acc_m.tolist(),
             world.v_acc_m.tolist(),
             world.vel_acc_mps.tolist(),

@@ -42,10 +42,10 @@ def motion_of(navigation: Navigation, home: Geodetic) -> Motion:
         direction_deg=math.degrees(math.atan2(east, north)) % 360.0,
         speed_horizontal_mps=math.hypot(north, east),
         speed_vertical_mps=-down,
-        latitude_deg=navigation.latitude_deg,
-        longitude_deg=navigation.longitude_deg,
-        altitude_geodetic_m=navigation.altitude_m,
-        height_m=navigation.altitude_m - home.altitude_m,
+        latitude_deg=navigation.place().latitude_deg,
+        longitude_deg=navigation.place().longitude_deg,
+        altitude_geodetic_m=navigation.place().altitude_m,
+        height_m=navigation.place().altitude_m - home.altitude_m,
     )
 
 

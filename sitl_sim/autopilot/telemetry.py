@@ -144,9 +144,9 @@ class Telemetry:
         return {
             "time_usec": time_us,
             "fix_type": fix_type,
-            **_position(navigation.latitude_deg, navigation.longitude_deg, "lat", "lon"),
-            "alt": mm_from_m(navigation.receiver_altitude_m),
-            "alt_ellipsoid": mm_from_m(navigation.receiver_altitude_m),
+            **_position(navigation.place().latitude_deg, navigation.place().longitude_deg, "lat", "lon"),
+            "alt": mm_from_m(navigation.place().receiver_altitude_m),
+            "alt_ellipsoid": mm_from_m(navigation.place().receiver_altitude_m),
             "eph": eph if has_fix else 9999,
             "epv": eph if has_fix else 9999,
             "vel": min(cmps_from_mps(math.hypot(north, east)), _UINT16_UNKNOWN - 1),
@@ -161,9 +161,9 @@ class Telemetry:
         navigation = self._pilot.navigation
         return {
             "time_boot_ms": self._boot_ms,
-            **_position(navigation.latitude_deg, navigation.longitude_deg, "lat", "lon"),
-            "alt": mm_from_m(navigation.altitude_m),
-            "relative_alt": mm_from_m(navigation.altitude_m - self.home.altitude_m),
+            **_position(navigation.place().latitude_deg, navigation.place().longitude_deg, "lat", "lon"),
+            "alt": mm_from_m(navigation.place().altitude_m),
+            "relative_alt": mm_from_m(navigation.place().altitude_m - self.home.altitude_m),
             **{name: _int16_cmps(v) for name, v in zip(("vx", "vy", "vz"), navigation.velocity_ned_mps, strict=True)},
             "hdg": _cdeg(self._pilot.yaw_rad),
         }
@@ -196,7 +196,7 @@ class Telemetry:
             "groundspeed": speed,
             "heading": _cdeg(self._pilot.yaw_rad) // 100,
             "throttle": 50 if navigation.in_air else 0,
-            "alt": navigation.altitude_m,
+            "alt": navigation.place().altitude_m,
             "climb": -down,
         }
 
@@ -260,7 +260,7 @@ class Telemetry:
         }
 
     def _altitude(self) -> Fields:
-        altitude_m = self._pilot.navigation.altitude_m
+        altitude_m = self._pilot.navigation.place().altitude_m
         relative_m = altitude_m - self.home.altitude_m
         return {
             "time_usec": self._boot_us,

@@ -16,6 +16,7 @@ from ridlink.remote_id.convert import from_mavlink
 from ridlink.remote_id.messages import Location, Separation, SeparationFlags
 from ridlink.scenario import VehicleSpec
 from sitl_sim.autopilot import Navigation
+from sitl_sim.autopilot.navigation import Place
 from sitl_sim.broadcast import Broadcaster
 from sitl_sim.world import VehicleState
 
@@ -26,10 +27,7 @@ FLYING = Navigation(
     position_ned_m=(100.0, 50.0, -50.0),
     velocity_ned_mps=(3.0, -4.0, 0.5),
     acceleration_ned_mps2=(0.0, 0.0, 0.0),
-    latitude_deg=47.3986,
-    longitude_deg=8.5462,
-    altitude_m=538.0,
-    receiver_altitude_m=541.0,
+    place=lambda: Place(47.3986, 8.5462, 538.0, 541.0),
     h_acc_m=3.5,
     v_acc_m=5.25,
     vel_acc_mps=0.1,

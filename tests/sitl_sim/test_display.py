@@ -34,7 +34,7 @@ def test_the_nearest_ten_are_shown_from_component_156() -> None:
     assert (heartbeat[0], heartbeat[1], heartbeat[2].type) == (1, 156, 27)
     assert len(contacts) == NEAREST and all(message.name == "ADSB_VEHICLE" for _, _, message in contacts)
     assert [message.callsign.rstrip(b"\0") for _, _, message in contacts] == [b"RDLK%04d" % k for k in range(2, 12)]
-    assert contacts[0][2].lat == round(navigation[1].latitude_deg * 1e7)
+    assert contacts[0][2].lat == round(navigation[1].place().latitude_deg * 1e7)
     assert len({message.ICAO_address for _, _, message in contacts}) == NEAREST
 
 

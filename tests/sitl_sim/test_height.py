@@ -55,7 +55,7 @@ def test_a_bias_of_the_whole_flight_stays_and_an_exact_receiver_is_exact() -> No
 def test_gps_raw_int_has_the_receivers_altitude_and_positions_the_estimators() -> None:
     flight = Flight(start=Start.AIRBORNE, scenario=LONE)
     flight.advance(20.0)
-    now, telemetry = flight.navigation[0], flight.autopilot.telemetry
+    now, telemetry = flight.navigation[0].place(), flight.autopilot.telemetry
     assert telemetry.fields("GPS_RAW_INT")["alt"] / 1e3 == pytest.approx(now.receiver_altitude_m, abs=0.01)
     assert telemetry.fields("GLOBAL_POSITION_INT")["alt"] / 1e3 == pytest.approx(now.altitude_m, abs=0.01)
     assert abs(now.receiver_altitude_m - now.altitude_m) > 0.1
