@@ -98,7 +98,7 @@ def scene(flown: Scene) -> Scene:
 
 def plan_of(dynamics: str, definition: Definition = Definition.CANDIDATE2) -> Plan:
     settings = IDEAL_HALFPLANES if dynamics == "ideal" else HalfplaneSettings()
-    return Plan(scene(circle()), definition, settings, ErrorModel.GAUSS_MARKOV, SIGMA_M, dynamics=dynamics)
+    return Plan(scene(circle(6)), definition, settings, ErrorModel.GAUSS_MARKOV, SIGMA_M, dynamics=dynamics)
 
 
 @pytest.mark.parametrize("dynamics", ["ideal", "px4", "ardupilot"])

@@ -99,7 +99,7 @@ def write(path: Path, pieces: list[tuple[int | None, bytes]], *, timed: bool) ->
     path.write_bytes(b"".join(parts))
 
 
-@settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     files=FILES,
     kind=st.sampled_from(["tlog", "mavlink", "auto"]),

@@ -72,7 +72,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> None:
     assert in_blocks(path)[0].count(b"\n") == len(FRAMES)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     packets=st.lists(st.tuples(st.sampled_from([0, 0, 0, 0, 1, 2, 3]), PACKETS), min_size=1, max_size=14),
     is_pcapng=st.booleans(),
