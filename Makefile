@@ -13,19 +13,20 @@ CORE    := ridlink/errors.py,ridlink/units.py,ridlink/geodesy.py,ridlink/mavlink
 DEFENCE := ridlink/failsafe.py,ridlink/setpoint.py,ridlink/own_ship/*,ridlink/traffic/*,ridlink/engine/commands.py,ridlink/engine/guard.py,ridlink/engine/guarding.py,ridlink/engine/intake.py,ridlink/engine/recovery.py,ridlink/engine/takeoff.py,ridlink/mavlink/frames.py,ridlink/mavlink/signing.py,ridlink/remote_id/accuracy.py,ridlink/remote_id/assembler.py,ridlink/remote_id/convert.py,ridlink/remote_id/identities.py,ridlink/remote_id/location.py,ridlink/remote_id/mavlink_fields.py,ridlink/remote_id/quantities.py,ridlink/remote_id/report.py,ridlink/remote_id/separation.py,ridlink/remote_id/system.py,ridlink/separation/definitions.py
 CORE_TESTS := tests/mavlink tests/remote_id tests/traffic tests/separation tests/avoidance tests/engine tests/own_ship tests/test_errors.py tests/test_failsafe.py tests/test_geodesy.py tests/test_periodic.py tests/test_setpoint.py tests/test_units.py
 WORKERS ?= 2
-# Tests of whole programs mostly wait: for vehicles that fly in real time, for processes, for timeouts.
-WAITING ?= 3
+# Other tests mostly wait: for vehicles that fly in real time, for processes, for timeouts.
+WAITING ?= 4
 # Of `make e2e`: nothing for all acceptance flights, quick for one seed each, none.
 FLIGHTS ?=
 
 # Programs start twice as fast from byte code that is kept, whatever the shell says; `make clean` removes it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test lint coverage bench e2e soak proof mutation clean help
+.PHONY: demo test programs lint coverage bench e2e soak proof mutation clean help
 
 help:
 	@echo "make demo   install into $(VENV), fly 8 emulated vehicles through one point, and show them in a browser"
-	@echo "make test   install the test extras, run linters, type checks and every test"
+	@echo "make test   install the test extras, run linters, type checks and every test but those of"
+	@echo "make programs  demos, campaigns, clusters and MAVSDK flights as whole programs"
 	@echo "make coverage  branch coverage of the kernels, run as plain Python"
 	@echo "make bench  print the benchmark tables"
 	@echo "make e2e    look at the page in Chromium, fly the acceptance flights in real time (about 20 minutes)"
@@ -69,7 +70,11 @@ test: lint
 	@echo "Branch coverage of the last line of defence, 100 % ..."
 	@$(BIN)/coverage report --include='$(DEFENCE)' --skip-covered --fail-under=100
 	@echo "pytest, everything else ..."
-	@$(BIN)/python -m pytest -q -n $(WAITING) $(addprefix --ignore=,$(CORE_TESTS))
+	@$(BIN)/python -m pytest -q -n $(WAITING) --dist worksteal -m 'not e2e and not programs' $(addprefix --ignore=,$(CORE_TESTS))
+
+programs: $(VENV)/.installed-dev
+	@echo "pytest, whole programs ..."
+	@$(BIN)/python -m pytest -q -n $(WAITING) --dist worksteal -m programs $(addprefix --ignore=,$(CORE_TESTS))
 
 coverage: $(VENV)/.installed-dev
 	@echo "The kernels as plain Python, so that they can be traced ..."

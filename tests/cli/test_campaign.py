@@ -27,6 +27,8 @@ from tests.cli.campaign_process import await_shards, rows_of, shards, start
 pyarrow = pytest.importorskip("pyarrow", reason="shards need the extra 'export'")
 parquet = pytest.importorskip("pyarrow.parquet")
 
+pytestmark = pytest.mark.programs
+
 KEYS = [
     "scenario", "definition", "gnss", "solver", "dynamics", "runs", "flights", "arrived", "unfinished", "macs",
     "mac_rate", "mac_rate_ci95", "median_s", "median_ci95", "max_time_s", "ratio_to_snmac", "min_separation_m",

@@ -18,7 +18,10 @@ from tests.cli.campaign_process import await_shards, rows_of, shards, start
 distributed = pytest.importorskip("distributed", reason="needs the extra 'cluster'")
 parquet = pytest.importorskip("pyarrow.parquet", reason="shards need the extra 'export'")
 
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+pytestmark = [
+    pytest.mark.programs,
+    pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning"),
+]
 
 CAMPAIGN = [
     "--scenario", "crossing", "--definition", "snmac,candidate2", "--dynamics", "ideal,px4", "--loss", "0,0.3",

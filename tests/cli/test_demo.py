@@ -22,6 +22,8 @@ from ridlink.captures import read_messages
 from sitl_sim.demo.screen import held_up_by, verdict_table
 from tests.cli.full_pipe import full_pipe
 
+pytestmark = pytest.mark.programs
+
 HEAD_ON = """
 name = "short head-on"
 duration_s = 60.0

@@ -31,6 +31,7 @@ from sitl_sim.server import FleetServer
 from tests.links.test_links import turn
 from tests.sitl_sim.test_server import ANY_PORT, fly, fly_both_autopilots, run
 
+pytestmark = pytest.mark.programs
 needs_mavsdk = pytest.mark.skipif(
     importlib.util.find_spec("mavsdk") is None, reason="the extra mavsdk is not installed"
 )

@@ -34,6 +34,7 @@ print(json.dumps([before, is_warm(SolverKind.ROTATION), compiled_here]))
 WARM = "from ridlink.avoidance.solver import is_warm; print(is_warm('rotation'), is_warm('halfplane'))"
 
 
+@pytest.mark.programs
 def test_f26_a_daemon_with_a_cold_cache_compiles_nothing_itself(tmp_path: Path) -> None:
     """The smallest solver, and it takes its four seconds: nothing less shows that the two processes agree."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}

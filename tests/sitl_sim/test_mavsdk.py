@@ -13,7 +13,10 @@ from ridlink.scenario import built_in
 from sitl_sim.server import FleetServer
 from tests.sitl_sim.test_server import fly, fly_both_autopilots, run_client
 
-pytestmark = pytest.mark.skipif(importlib.util.find_spec("mavsdk") is None, reason="the extra mavsdk is not installed")
+pytestmark = [
+    pytest.mark.programs,
+    pytest.mark.skipif(importlib.util.find_spec("mavsdk") is None, reason="the extra mavsdk is not installed"),
+]
 
 CLIENT = Path(__file__).with_name("mavsdk_client.py")
 
