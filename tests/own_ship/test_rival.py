@@ -71,7 +71,7 @@ class Copilots:
 @pytest.mark.parametrize("start_s", STARTS_S)
 def test_exactly_one_of_two_daemons_flies_and_it_is_the_first(start_s: float, autopilot: int) -> None:
     both = Copilots(autopilot, start_s)
-    steered = both.fly(20.0)
+    steered = both.fly(12.0)
     began = next(step for step, who in enumerate(steered) if any(who))
     assert all(first for first, _ in steered[began:]), "the first one is never disturbed"
     assert sum(second for _, second in steered) <= 2, "the second gives way at once"
@@ -82,7 +82,7 @@ def test_exactly_one_of_two_daemons_flies_and_it_is_the_first(start_s: float, au
 @pytest.mark.no_cover
 @pytest.mark.parametrize("clock_s", [-3600.0, -1.0, 1.0, 3600.0])
 def test_one_flies_even_if_the_clocks_of_their_computers_disagree(clock_s: float) -> None:
-    steered = Copilots(12, 1.0, apart_s=clock_s).fly(20.0)
+    steered = Copilots(12, 1.0, apart_s=clock_s).fly(12.0)
     assert {sum(who) for who in steered[30:]} == {1}
 
 
