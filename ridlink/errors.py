@@ -15,6 +15,10 @@ Streams do not raise for what the wire brings: they yield what is good and count
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+from ridlink.words import did_you_mean
+
 
 class RidlinkError(Exception):
     """Root of everything that ridlink raises on purpose. Its text is one line, fit to be shown to a user."""
@@ -55,11 +59,17 @@ class UnknownMessageError(WireError):
 
     Attributes:
         message: The name or id that was asked for.
+        known: Names of which one may have been meant; they are looked at where the text is read, for that takes a
+            millisecond.
     """
 
-    def __init__(self, message: str | int) -> None:
+    def __init__(self, message: str | int, known: Iterable[str] = ()) -> None:
         super().__init__(f"the dialect has no message {message!r}")
         self.message = message
+        self.known = known
+
+    def __str__(self) -> str:
+        return super().__str__() + did_you_mean(str(self.message), self.known)
 
 
 class CaptureError(RidlinkError, ValueError):

@@ -1,6 +1,9 @@
-"""Counts in sentences: 1 shard, 2 shards, 1,200 flights."""
+"""Words of sentences: 1 shard, 2 shards, 1,200 flights; and what somebody meant who wrote another one."""
 
 from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
 
 
 def counted(number: float, noun: str, form: str = ",", *, more: str = "") -> str:
@@ -13,3 +16,15 @@ def counted(number: float, noun: str, form: str = ",", *, more: str = "") -> str
         more: The plural; empty: the singular with an s.
     """
     return f"{number:{form}} {noun if number == 1 else more or noun + 's'}"
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """What to say behind an unknown word, as in ``": did you mean 'goal'?"``; empty where nothing is like it.
+
+    Args:
+        word: What was written.
+        known: What there is; the end of one is nearest, as LOCATION of OPEN_DRONE_ID_LOCATION.
+    """
+    names = list(known)
+    near = [name for name in names if word and name.endswith(f"_{word}")] or difflib.get_close_matches(word, names, n=1)
+    return f": did you mean {near[0]!r}?" if near else ""

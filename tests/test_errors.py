@@ -57,6 +57,7 @@ def test_facts_are_attributes() -> None:
     assert (PayloadError("bad").message, PayloadError("bad").field) == ("", "")
     unknown = UnknownMessageError(77_777)
     assert (unknown.message, str(unknown)) == (77_777, "the dialect has no message 77777")
+    assert str(UnknownMessageError("PIN", ("PING", "PONG"))) == "the dialect has no message 'PIN': did you mean 'PING'?"
 
 
 def test_a_missing_extra_says_how_to_install_it() -> None:

@@ -173,5 +173,5 @@ def _wanted_slots(types: Iterable[str] | None) -> frozenset[int] | None:
     names = (types,) if isinstance(types, str) else tuple(types)
     unknown = next((name for name in names if name not in tables.slot_of()), None)
     if unknown is not None:
-        raise UnknownMessageError(unknown)
+        raise UnknownMessageError(unknown, tables.slot_of())
     return frozenset(tables.slot_of()[name] for name in names)

@@ -21,6 +21,7 @@ from typing import NoReturn
 import click
 
 from ridlink.errors import CaptureError, ConfigError, LinkError, MissingExtraError, RidlinkError
+from ridlink.words import did_you_mean
 
 EXIT_DONE = 0
 EXIT_NEGATIVE = 1
@@ -65,6 +66,14 @@ class LazyGroup(click.Group):
         for point in entry_points(group="ridlink.commands", name=cmd_name):
             return point.load()  # type: ignore[no-any-return]
         return None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if not name.startswith("-") and self.get_command(ctx, name) is None:
+            raise click.UsageError(f"No such command {name!r}{did_you_mean(name, self.list_commands(ctx)) or '.'}", ctx)
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> object:
         try:

@@ -55,6 +55,7 @@ def encode(file: str, output: str, to: str, strict: bool) -> int:
     from ridlink.errors import CaptureError, WireError
     from ridlink.remote_id.text import display_name
 
+    read_from = "standard input" if file == "-" else display_name(file)
     written = refused = timeless = number = 0
     first = ""
     last_us = 0
@@ -77,11 +78,11 @@ def encode(file: str, output: str, to: str, strict: bool) -> int:
             written += 1
         if not written and (refused or not number):  # what stands under that name stays
             what = f"has no line that can be encoded; {first}" if refused else "is empty"
-            raise CaptureError(f"{display_name(file)} {what}")
+            raise CaptureError(f"{read_from} {what}")
     if timeless:
-        click.echo(f"ridlink: {file}: {counted(timeless, 'line')} without a time got the one before", err=True)
+        click.echo(f"ridlink: {read_from}: {counted(timeless, 'line')} without a time got the one before", err=True)
     if refused:
-        click.echo(f"ridlink: {file}: {refused:,} of {counted(number, 'line')} not encoded; {first}", err=True)
+        click.echo(f"ridlink: {read_from}: {refused:,} of {counted(number, 'line')} not encoded; {first}", err=True)
     click.echo(f"{output}: {counted(written, 'frame')}", err=output == "-")
     return EXIT_REJECTS if strict and refused else EXIT_DONE
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ridlink.words import did_you_mean
+
 if TYPE_CHECKING:
     from ridlink.separation.definitions import Definition
 
@@ -94,7 +96,8 @@ def wanted_names(types: str | None) -> frozenset[str] | None:
     for pattern in (part.strip().upper() for part in types.split(",") if part.strip()):
         matching = [name for name in names if fnmatchcase(name, pattern)]
         if not matching:
-            raise click.BadParameter(f"no message of the dialect matches {pattern!r}", param_hint="'--types'")
+            hint = did_you_mean(pattern, names)
+            raise click.BadParameter(f"no message of the dialect matches {pattern!r}{hint}", param_hint="'--types'")
         wanted.update(matching)
     if not wanted:
         raise click.BadParameter("names no message", param_hint="'--types'")

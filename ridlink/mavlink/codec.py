@@ -225,7 +225,7 @@ def message_spec(name: str) -> MessageSpec:
     try:
         return MESSAGES_BY_NAME[name]
     except KeyError:
-        raise UnknownMessageError(name) from None
+        raise UnknownMessageError(name, MESSAGES_BY_NAME) from None
 
 
 class Encoder:

@@ -268,7 +268,7 @@ def test_a_decoder_before_us_that_gave_nothing_leaves_what_stands_under_the_name
     out.write_bytes(b"a flight")
     command = [sys.executable, "-m", "ridlink", "encode", "-", "-o", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, input="")
-    assert (done.returncode, done.stdout, done.stderr) == (3, "", "ridlink: - is empty\n")
+    assert (done.returncode, done.stdout, done.stderr) == (3, "", "ridlink: standard input is empty\n")
     assert out.read_bytes() == b"a flight"
 
 
@@ -280,3 +280,11 @@ def test_where_no_line_can_be_encoded_what_stands_under_the_name_stays(tmp_path:
     assert (done.returncode, done.stdout) == (3, "") and out.read_bytes() == b"a flight"
     (line,) = done.stderr.splitlines()
     assert "no line that can be encoded; line 1: " in line
+
+
+def test_a_field_that_is_none_and_where_it_was_read_are_told_by_their_names(tmp_path: Path) -> None:
+    line = json.dumps({"t": 1, "src": "1/1", "seq": 0, "type": "HEARTBEAT", "fields": {"tipe": 2}})
+    result = run(encode, "-", "-o", tmp_path / "a.tlog", input=line)
+    assert (
+        str(result.exception) == "standard input has no line that can be encoded; line 1: HEARTBEAT has no field 'tipe'"
+    )

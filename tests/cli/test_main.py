@@ -128,6 +128,11 @@ class TestUsage:
         assert done.stdout == ""
         assert done.stderr == "ridlink: No such command 'fly-me-to-the-moon'. (see 'ridlink --help')\n"
 
+    def test_a_command_that_is_nearly_one_is_told_which(self) -> None:
+        done = ridlink_process("dcode", "flight.tlog")
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == "ridlink: No such command 'dcode': did you mean 'decode'? (see 'ridlink --help')\n"
+
     @pytest.mark.parametrize("group", [(), ("campaign",), ("dialect",)])
     def test_a_group_without_a_command_shows_its_help_and_no_error(self, group: tuple[str, ...]) -> None:
         done = ridlink_process(*group)

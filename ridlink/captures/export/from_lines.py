@@ -20,7 +20,7 @@ from msgspec.structs import fields as struct_fields
 
 from ridlink.captures.broadcasts import RECEIVER_COMPONENT
 from ridlink.captures.messages import UNKNOWN
-from ridlink.errors import PayloadError, UnknownMessageError, WireError
+from ridlink.errors import PayloadError, WireError
 from ridlink.mavlink.codec import CRC_EXTRAS, MessageSpec, encode_payload, message_spec
 from ridlink.mavlink.frames import Frame, encode_frame, parse_datagram
 from ridlink.remote_id.convert import to_mavlink
@@ -165,7 +165,7 @@ def from_text(text: str) -> bytes:
 
 def _wire_value(spec: MessageSpec, name: str, value: Any) -> Any:
     if name not in spec.zeros:
-        raise UnknownMessageError(f"{spec.name}.{name}")
+        raise PayloadError(f"{spec.name} has no field {name!r}", message=spec.name, field=name)
     index = spec.fields.index(name)
     if spec.types[index] == "char":
         if not isinstance(value, str):
