@@ -80,11 +80,11 @@ def write_file(path: Path, content: bytes) -> None:
         OSError: If the path cannot be written; ``filename`` is the path given.
     """
     target = path.resolve()
-    if target.exists() and not target.is_file() and not target.is_dir():
-        target.write_bytes(content)
-        return
     unfinished = ""
     try:
+        if target.exists() and not target.is_file() and not target.is_dir():
+            target.write_bytes(content)
+            return
         descriptor, unfinished = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(content)

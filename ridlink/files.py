@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import quote
@@ -14,6 +16,9 @@ UNFINISHED = ".unfinished"
 
 LONGEST_PART = 120
 """Characters of a text in a file name, which has 255 bytes in all."""
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What writing fails with, and reading does not."""
 
 
 def unfinished(path: Path) -> Path:
@@ -74,3 +79,18 @@ def write_whole(path: Path, data: bytes) -> None:
         os.fsync(listing)
     finally:
         os.close(listing)
+
+
+@contextmanager
+def full_disk_named(path: str) -> Iterator[None]:
+    """A full disk is said of the file or folder that is written meanwhile; the kernel says it of none.
+
+    Args:
+        path: As it was asked for.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno in NO_ROOM and error.filename is None:
+            error.filename = path
+        raise

@@ -21,6 +21,7 @@ from typing import NoReturn
 import click
 
 from ridlink.errors import CaptureError, ConfigError, LinkError, MissingExtraError, RidlinkError
+from ridlink.files import NO_ROOM
 from ridlink.words import did_you_mean
 
 EXIT_DONE = 0
@@ -173,8 +174,8 @@ def _run(loaded: Callable[[], None] | None) -> NoReturn:
     except (LinkError, CaptureError, click.FileError) as error:
         _fail(error.format_message() if isinstance(error, click.FileError) else str(error), EXIT_IO)
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        _fail(f"{where}{error.strerror or error}", EXIT_IO)
+        where = error.filename or ("standard output" if error.errno in NO_ROOM else "")
+        _fail(f"{where}: {error.strerror or error}" if where else str(error.strerror or error), EXIT_IO)
     except RidlinkError as error:
         _fail(str(error), EXIT_USAGE)
     except Exception as error:

@@ -13,6 +13,7 @@ from typing import BinaryIO
 import click
 
 from ridlink.cli.signals import removed_by_signals
+from ridlink.files import full_disk_named
 from ridlink.remote_id.text import display_name
 
 
@@ -45,14 +46,14 @@ def whole_output(path: str | None, read: Iterable[str] = ()) -> Iterator[BinaryI
         return
     target = Path(path)
     if target.exists() and not target.is_file():  # a device or pipe cannot be replaced
-        with open(target, "wb") as stream:
+        with full_disk_named(path), open(target, "wb") as stream:
             yield stream
         return
     refuse_to_replace(path, read)
     unfinished = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     with removed_by_signals(lambda: unfinished.unlink(missing_ok=True)):
         try:
-            with _new(unfinished, path) as stream:
+            with full_disk_named(path), _new(unfinished, path) as stream:
                 yield stream
             os.replace(unfinished, target)
         except BaseException:

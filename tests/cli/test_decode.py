@@ -238,7 +238,22 @@ def test_of_a_command_that_a_signal_ends_nothing_stays(
 
 def test_a_full_disk_is_one_line_and_leaves_nothing(log: Path) -> None:
     done = ridlink("decode", log, "-o", "/dev/full")
-    assert done.returncode == 3 and b"No space left" in done.stderr and len(done.stderr.splitlines()) == 1
+    assert (done.returncode, done.stderr) == (3, b"ridlink: /dev/full: No space left on device\n")
+    command = [sys.executable, "-m", "ridlink", "decode", str(log), "--stats"]
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (3, b"ridlink: standard output: No space left on device\n")
+
+
+@pytest.mark.parametrize("output_format", ["csv", "parquet", "mcap", "kml", "jsonl"])
+def test_a_disk_without_room_is_said_of_the_output(log: Path, tmp_path: Path, output_format: str) -> None:
+    limited = "import resource, runpy, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (300, 300)); " \
+              "runpy.run_module('ridlink', run_name='__main__')"  # fmt: skip
+    output = tmp_path / "out"
+    command = [sys.executable, "-B", "-c", limited, "decode", str(log), "-f", output_format, "-o", str(output)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (3, f"ridlink: {output}: File too large\n")
+    assert list(tmp_path.iterdir()) == [log]
 
 
 @pytest.mark.parametrize(

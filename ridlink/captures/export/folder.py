@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from ridlink.files import full_disk_named
+
 
 @contextmanager
 def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
@@ -27,7 +29,8 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     working = target.absolute().with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:
         _make(working, path)
-        yield working
+        with full_disk_named(str(path)):
+            yield working
         os.replace(working, target)
     except BaseException:
         shutil.rmtree(working, ignore_errors=True)
