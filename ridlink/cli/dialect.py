@@ -33,7 +33,7 @@ def dialect() -> None:
 def _write(form: str, output: Path | None) -> None:
     from message_spec import generate  # mavgen is only imported where a binding is made
 
-    if output is None:
+    if output is None or output == Path("-"):
         if form in FOLDERS_ONLY:
             raise click.UsageError(f"{form} makes many files: name a folder with -o FOLDER")
         click.echo(_single_file(form, "ridlink"), nl=False)

@@ -116,5 +116,5 @@ def _split(text: str | None) -> list[str]:
         avoid.make_context("ridlink avoid", list(options), resilient_parsing=False)
     except (ValueError, click.UsageError) as error:
         words = error.format_message() if isinstance(error, click.UsageError) else str(error)
-        raise click.UsageError(f"--daemon: {words} as options of 'ridlink avoid', as in '--goal 47.39,8.54'") from None
+        raise click.UsageError(f"--daemon, options of 'ridlink avoid' such as '--goal 47.39,8.54': {words}") from None
     return options

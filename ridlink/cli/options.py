@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ridlink.remote_id.text import display_name
 from ridlink.words import did_you_mean
 
 if TYPE_CHECKING:
@@ -102,6 +103,17 @@ def wanted_names(types: str | None) -> frozenset[str] | None:
     if not wanted:
         raise click.BadParameter("names no message", param_hint="'--types'")
     return frozenset(wanted)
+
+
+def refuse_recording(url: str) -> None:
+    """A file where a link belongs.
+
+    Raises:
+        click.UsageError: If it is one; the text names what shows recordings.
+    """
+    if Path(url).is_file():
+        name = display_name(url)
+        raise click.UsageError(f"{name} is a file, not a link: 'ridlink view {name}' shows a recording")
 
 
 def signing_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import above_zero, accuracy_convention, definition_of
+from ridlink.cli.options import above_zero, accuracy_convention, definition_of, refuse_recording
 from ridlink.cli.signals import stopped_by_signals
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def top(
 
     from ridlink.links import parse_link_url
 
+    refuse_recording(url)
     watch = _Watch(parse_link_url(url), definition_of(definition), accuracy_convention, sort)
     asyncio.run(watch.run(interval, seconds, _output(as_json)))
     if not watch.counters["remote_id"]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import NAME, accuracy_convention, capture_kind, definition_of
+from ridlink.cli.options import NAME, accuracy_convention, capture_kind, definition_of, refuse_recording
 from ridlink.cli.reviewing import exit_code
 from ridlink.cli.signals import stopped_by_signals
 
@@ -61,6 +61,7 @@ def view(
 
     if files and source is not None:
         raise click.UsageError("either a FILE or --source, not both")
+    refuse_recording(source or AIR)
     sized_by = definition_of(definition)
     memory_bytes = memory_mb * 2**20
     url: LinkUrl | None = None

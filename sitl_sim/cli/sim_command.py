@@ -241,11 +241,15 @@ def _read_faults(server: FleetServer, printer: Printer) -> None:
 
     def take(line: bytes) -> None:
         try:
-            values = json.loads(line)
+            try:
+                values = json.loads(line)
+            except (ValueError, RecursionError):
+                values = None
             if not isinstance(values, dict):
-                raise ConfigError('stdin: must be an object, as in {"vehicle":1,"what":"gnss-outage"}')
+                begin = json.dumps(line[:40].decode(errors="backslashreplace"), ensure_ascii=True)
+                raise ConfigError(f'stdin: {begin} is no JSON object, as in {{"vehicle":1,"what":"gnss-outage"}}')
             server.world.inject(event_of(values, "stdin", at_s=0.0))
-        except (ValueError, RecursionError) as error:
+        except ValueError as error:
             tell(str(error))
 
     loop = asyncio.get_running_loop()

@@ -23,6 +23,11 @@ class TestForms:
         assert result.exit_code == 0
         assert result.stdout_bytes == DIALECT_XML.read_bytes()
 
+    def test_a_dash_is_standard_output(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        assert invoke("xml", "-o", "-").stdout_bytes == DIALECT_XML.read_bytes()
+        assert list(tmp_path.iterdir()) == []
+
     def test_xml_to_a_file(self, tmp_path: Path) -> None:
         assert invoke("xml", "-o", tmp_path / "mine.xml").exit_code == 0
         assert (tmp_path / "mine.xml").read_bytes() == DIALECT_XML.read_bytes()

@@ -287,8 +287,11 @@ def test_a_daemon_that_cannot_start_keeps_the_vehicle_on_the_ground() -> None:
     [
         (["--takeoff", "0"], "must be a number above 0"),
         (["--takeoff", "5", "--vehicle", "udp:127.0.0.1:14580"], "udpin:127.0.0.1:14580"),
-        (["--takeoff", "5", "--daemon", "--gaol 1,2"], "--daemon: No such option '--gaol'"),
-        (["--takeoff", "5", "--daemon", '--goal "1,2'], "--daemon: No closing quotation"),
+        (["--takeoff", "5", "--daemon", "--gaol 1,2"], "such as '--goal 47.39,8.54': No such option '--gaol'"),
+        (
+            ["--takeoff", "5", "--daemon", '--goal "1,2'],
+            "--daemon, options of 'ridlink avoid' such as '--goal 47.39,8.54': No closing quotation",
+        ),
         ([], "Missing option '--takeoff'"),
     ],
 )

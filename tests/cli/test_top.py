@@ -16,6 +16,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -135,6 +136,16 @@ def test_errors_are_one_line(arguments: list[str], code: int) -> None:
     with running(*arguments) as process:
         out, err = process.communicate(timeout=30)
     assert (process.returncode, out, len(err.splitlines())) == (code, b"", 1)
+
+
+@pytest.mark.parametrize("arguments", [["top"], ["view", "--source"]])
+def test_a_recording_is_sent_to_what_shows_recordings(arguments: list[str], tmp_path: Path) -> None:
+    log = tmp_path / "flight.tlog"
+    log.touch()
+    command = [sys.executable, "-m", "ridlink", *arguments, str(log)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    told = f"ridlink: {log} is a file, not a link: 'ridlink view {log}' shows a recording (see 'ridlink {arguments[0]} "
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"{told}--help')\n")
 
 
 def states_of(flyers: list[Flyer]) -> list[dict[str, Any]]:
