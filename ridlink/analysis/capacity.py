@@ -237,17 +237,20 @@ def _world(airspace: Airspace, side_m: float, duration_s: float, random: np.rand
     velocity = speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     i, j = np.triu_indices(VEHICLES, 1)
     radius = np.broadcast_to(airspace.radius_m(airframe[i], airframe[j], speed[i], speed[j]), i.shape)
-    w = (velocity[j] - velocity[i])[:, None]
+    w = velocity[j] - velocity[i]
+    w_north, w_east = w[:, :1], w[:, 1:]
     far = math.ceil(CROSSINGS + 1.0 + float(radius.max()) / side_m)
     steps = np.arange(-far, far + 1) * side_m
-    images = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    r = (place[j] - place[i])[:, None] + images
-    # |r + w t| = R, the first of the two times
+    d = place[j] - place[i]
+    r_north, r_east = (d[:, axis, None] + image.ravel() for axis, image in enumerate(np.meshgrid(steps, steps)))
+    # |r + w t| = R, the first of the two times; most images pass outside
     speed_2 = (w**2).sum(axis=-1)
-    closing = -(r * w).sum(axis=-1)
-    inside = radius[:, None] ** 2 * speed_2 - (r[..., 0] * w[..., 1] - r[..., 1] * w[..., 0]) ** 2
-    entry_s = (closing - np.sqrt(np.maximum(inside, 0.0))) / np.maximum(speed_2, 1e-12)
-    return int(((inside > 0.0) & (entry_s > 0.0) & (entry_s <= duration_s)).sum()), radius
+    inside = (radius**2 * speed_2)[:, None] - (r_north * w_east - r_east * w_north) ** 2
+    passes = np.nonzero(inside > 0.0)
+    pair = passes[0]
+    closing = -(r_north[passes] * w[pair, 0] + r_east[passes] * w[pair, 1])
+    entry_s = (closing - np.sqrt(inside[passes])) / np.maximum(speed_2[pair], 1e-12)
+    return int(((entry_s > 0.0) & (entry_s <= duration_s)).sum()), radius
 
 
 @dataclass(frozen=True, slots=True)
