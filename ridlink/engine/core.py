@@ -211,7 +211,7 @@ class Engine:
             self.setpoints.restart()
         contested = self.telemetry.other_writer.contested(now_s) or self.rivals.gives_way(now_s)
         self._counters["other_writer"] += contested
-        self.telemetry.other_writer.sent(output.decision.commanded_ned_mps, now_s)
+        self.telemetry.other_writer.sent(None if self.config.dry_run else output.decision.commanded_ned_mps, now_s)
         output.replies, self._replies = self._replies, []
         if text := self.steering.detection_warning(record):
             output.warnings.append(text)

@@ -91,3 +91,16 @@ def test_messages_are_requested_from_an_ardupilot_that_sends_none() -> None:
     flight.step(20)
     assert flight.heard("COMMAND_LONG") == []
     assert flight.engine.rung.state is State.ENGAGED
+
+
+def test_a_dry_run_takes_nobody_for_another_writer_because_its_own_setpoints_are_not_flown() -> None:
+    flight = Flight(Stubborn(), config(200.0, dry_run=True))
+    warned = []
+    for steered_mps in (None, 4.0):
+        for step in range(40):
+            target_mps = 0.0 if steered_mps is None else steered_mps + 0.1 * step
+            target = flight.vehicle.encoder.encode("POSITION_TARGET_LOCAL_NED", type_mask=0x0DC7, vx=target_mps)
+            flight.engine.receive_vehicle(target, flight.now_s, source="autopilot")
+            flight.step()
+        warned.append(flight.engine.counters["other_writer"] > 0)
+    assert warned == [False, True]  # a hover that is not ours, then a velocity that changes
