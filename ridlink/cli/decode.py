@@ -92,6 +92,8 @@ def decode(
     from ridlink.captures.statistics import Statistics
 
     decode_export.check(output_format, output, frames, join, stats, telemetry)
+    if since is not None and until is not None and since >= until:
+        raise click.UsageError("--since is not before --until: between them there is nothing")
     if follow:
         decode_export.check_follow(files, kind, output_format, output, join, stats)
     selection = Selection(wanted_names(types), source_system, since, until)

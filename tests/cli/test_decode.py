@@ -236,6 +236,12 @@ def test_of_a_command_that_a_signal_ends_nothing_stays(
     assert b"Traceback" not in err
 
 
+def test_times_that_hold_nothing_between_them_are_refused(log: Path) -> None:
+    done = ridlink("decode", log, "--since", "2026-11-30T01:53", "--until", "2026-11-30T01:52")
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert done.stderr.startswith(b"ridlink: --since is not before --until: between them there is nothing (see")
+
+
 def test_a_full_disk_is_one_line_and_leaves_nothing(log: Path) -> None:
     done = ridlink("decode", log, "-o", "/dev/full")
     assert (done.returncode, done.stderr) == (3, b"ridlink: /dev/full: No space left on device\n")
