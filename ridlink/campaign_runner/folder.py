@@ -28,7 +28,7 @@ from ridlink.files import UNFINISHED, file_part, unfinished, write_whole
 
 CONFIGURATION = "campaign.json"
 ROWS = "rows.json"
-GO_ON = "go on with it by 'ridlink campaign run --resume'"
+GO_ON = "go on with it by its own 'ridlink campaign run ...' and --resume"
 """What flies what is missing or damaged."""
 
 
@@ -159,7 +159,8 @@ def _check_same(path: Path, configuration: dict[str, Any], resume: bool) -> None
     wanted = json.loads(json.dumps(configuration))
     for key in [*wanted, *found]:
         if found.get(key) != wanted.get(key):
-            raise ConfigError(f"{path}: holds another campaign: {_difference(key, found.get(key), wanted.get(key))}")
+            differs = _difference(key, found.get(key), wanted.get(key))
+            raise ConfigError(f"{path}: holds another campaign: {differs}; give its own options")
 
 
 def _difference(key: str, there: object, here: object) -> str:

@@ -315,7 +315,8 @@ def test_of_another_campaign_the_scene_is_named_that_makes_it_another(whole: Pat
         ("circle8,square24", "scenario has square24 here only"),
     ):
         code, _, err = ridlink(*CAMPAIGN, "--scenario", scenes, "-o", whole, "--resume")
-        assert (code, err.splitlines()) == (2, [f"ridlink: {whole}: holds another campaign: {difference}"])
+        told = f"ridlink: {whole}: holds another campaign: {difference}; give its own options\n"
+        assert (code, err) == (2, told)
 
 
 def test_nobody_waits_for_the_compiler_without_a_word(tmp_path: Path) -> None:
@@ -559,7 +560,7 @@ def test_a_report_needs_a_complete_campaign(whole: Path, tmp_path: Path) -> None
     shutil.copytree(whole, folder)
     broken, *rest = shards(folder)
     broken.write_bytes(b"")
-    assert refusal(folder) == f"{broken}: is damaged; go on with it by 'ridlink campaign run --resume'"
+    assert refusal(folder) == f"{broken}: is damaged; go on with it by its own 'ridlink campaign run ...' and --resume"
     broken.unlink()
     assert refusal(folder).startswith(f"{broken.parent}: has 136 runs instead of 200; go on with it")
     for shard in rest:
@@ -576,7 +577,7 @@ def test_a_report_needs_a_complete_campaign(whole: Path, tmp_path: Path) -> None
             assert told in refusal(folder) and (name in refusal(folder))
             (folder / name).write_text(kept)
     (folder / "rows.json").unlink()
-    assert "is not complete; go on with it by 'ridlink campaign run --resume'" in refusal(folder)
+    assert "is not complete; go on with it by its own 'ridlink campaign run ...' and --resume" in refusal(folder)
 
 
 @pytest.mark.parametrize(
@@ -659,7 +660,7 @@ def test_a_shard_that_holds_what_no_shard_holds_is_damaged(
     altered(shard, name, values)
     pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
     refused = CliRunner().invoke(cli, ["campaign", "report", str(tmp_path / "few")]).exception
-    assert str(refused) == f"{shard}: is damaged; go on with it by 'ridlink campaign run --resume'"
+    assert str(refused) == f"{shard}: is damaged; go on with it by its own 'ridlink campaign run ...' and --resume"
     assert ridlink(*few, "--resume")[0] == 0
     assert rows_of(tmp_path / "few") == before
 
@@ -700,7 +701,9 @@ def test_rows_that_do_not_fit_the_shards_are_no_report(whole: Path, tmp_path: Pa
     ):
         (folder / "rows.json").write_text(json.dumps({"rows": wrong}))
         refused = str(CliRunner().invoke(cli, ["campaign", "report", str(folder)]).exception)
-        assert told in refused and refused.endswith("; go on with it by 'ridlink campaign run --resume'")
+        assert told in refused and refused.endswith(
+            "; go on with it by its own 'ridlink campaign run ...' and --resume"
+        )
 
 
 def test_one_process_at_a_time_flies_a_campaign(tmp_path: Path, ridlink: Ridlink) -> None:

@@ -100,7 +100,7 @@ def test_rows_that_were_tampered_with_are_no_report(folder: Path, ridlink: Ridli
     assert (code, out, len(err.splitlines())) == (3, "", 1), err
     assert told in err
     assert str(folder / ("shards" if name == "another cell" else "rows.json")) in err
-    assert err.endswith("go on with it by 'ridlink campaign run --resume'\n") or name == "no number"
+    assert err.endswith("go on with it by its own 'ridlink campaign run ...' and --resume\n") or name == "no number"
     assert not (folder / "report.json").exists()
 
 
