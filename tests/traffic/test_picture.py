@@ -398,6 +398,16 @@ def test_f12_a_flood_of_identities_does_not_displace_a_real_threat() -> None:
     assert len(made) == 50
 
 
+def test_f12_whoever_is_where_we_are_is_more_urgent_than_all_others() -> None:
+    made = picture(report(sysid=1), settings=replace(SETTINGS, max_tracks=1))
+    made.snapshot(OWN, 10.0)
+    made.receive("rid", report(sysid=2, latitude_deg=HERE[0], longitude_deg=HERE[1]))
+    assert [track.key[1] for track in made.snapshot(OWN, 10.0).tracks] == [2]
+    made.receive("rid", report(sysid=3, north=20.0))
+    assert [track.key[1] for track in made.snapshot(OWN, 10.0).tracks] == [2]
+    assert made.counters["track_refused"] == 1
+
+
 def test_a_full_picture_that_was_never_looked_at_refuses() -> None:
     made = picture(report(sysid=1), report(sysid=2), settings=replace(SETTINGS, max_tracks=1), own=None)
     assert len(made) == 1
