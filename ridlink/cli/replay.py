@@ -77,17 +77,19 @@ def replay(file: str, url: str, kind: str, speed: float, rate: float, types: str
     if file != "-":
         open_capture(file, kind).close()  # what cannot be read shows before the link is opened
     wanted = wanted_names(types)
-    sent, refused, took_s = asyncio.run(_replay(file, kind, url, speed, rate, wanted, loop))
+    sent, refused, unheard, took_s = asyncio.run(_replay(file, kind, url, speed, rate, wanted, loop))
     if refused:
         click.echo(f"ridlink: {counted(refused, 'message')} the network did not take", err=True)
+    if unheard:
+        click.echo(f"ridlink: {counted(unheard, 'message')} came back: nobody listened on {url}", err=True)
     click.echo(f"{url}: {counted(sent, 'message')} in {took_s:.1f} s")
     return EXIT_DONE
 
 
 async def _replay(
     file: str, kind: str, url: str, speed: float, rate: float, wanted: frozenset[str] | None, loop: bool
-) -> tuple[int, int, float]:
-    """Send until the end, or a signal; messages sent and not taken, seconds."""
+) -> tuple[int, int, int, float]:
+    """Send until the end, or a signal; messages sent, not taken by the network and by the peer, seconds."""
     import asyncio
 
     from ridlink.captures import open_capture
@@ -111,7 +113,7 @@ async def _replay(
     finally:
         player.clear_progress()
         link.close()
-    return player.sent, player.refused, running.time() - player.started_s
+    return player.sent, player.refused, link.counters["refused"], running.time() - player.started_s
 
 
 def _selected(capture: Capture, wanted: frozenset[str] | None) -> Iterator[Record]:

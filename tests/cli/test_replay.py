@@ -151,6 +151,16 @@ def test_a_time_that_goes_back_or_is_damaged_does_not_stop_it(tmp_path: Path) ->
         assert process.wait(timeout=10) == 0
 
 
+def test_that_nobody_listens_is_said(tmp_path: Path) -> None:
+    path, _ = spaced(tmp_path, [0.0, 0.05, 0.1])
+    with ground() as (_, url):
+        pass  # the port is nobody's again
+    with replaying(path, "--out", url) as process:
+        out, err = process.communicate(timeout=30)
+    assert process.returncode == 0 and out.startswith(f"{url}: 3 messages in ")
+    assert err == f"ridlink: 2 messages came back: nobody listened on {url}\n"
+
+
 def test_a_listening_link_waits_for_somebody(tmp_path: Path) -> None:
     path, frames = spaced(tmp_path, [0.0, 0.01, 0.02])
     with replaying(path, "--out", "udpin:127.0.0.1:0") as process, ground() as (sock, _):
