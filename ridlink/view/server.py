@@ -334,5 +334,6 @@ def _listen(host: str, port: int) -> socket.socket:
     except UnicodeError as error:  # a name with an empty label is no OSError
         raise LinkError(f"http://{host}:{port}/: no such host: {error}") from error
     except OSError as error:
-        what = f"port {port} is in use" if error.errno == errno.EADDRINUSE else (error.strerror or str(error))
+        in_use = f"port {port} is in use; name another, or 0 for any that is free"
+        what = in_use if error.errno == errno.EADDRINUSE else (error.strerror or str(error))
         raise LinkError(f"http://{host}:{port}/: {what}") from error

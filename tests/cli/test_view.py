@@ -161,7 +161,7 @@ def test_the_page_of_a_demo_knows_the_truth_and_stays_if_asked_to(tmp_path: Path
         (["--source", "udp:1.2.3.4:5"], "udpin:", 2),
         (["--definition", "candidate3"], "candidate3", 2),
         (["x.tlog", "--source", "udpin:127.0.0.1:0"], "not both", 2),
-        (["--port", "{taken}"], "port {taken} is in use", 3),
+        (["--port", "{taken}"], "port {taken} is in use; name another, or 0 for any that is free", 3),
         (["--host", "192.0.2.1", "--port", "0"], "192.0.2.1", 3),
         (["--source", "udpin:127.0.0.1:{heard}", "--port", "0"], "{heard}", 3),
         (["--source", "tcpout:127.0.0.1:{heard}", "--port", "0"], "{heard}", 3),
