@@ -115,6 +115,10 @@ def decode(
                 statistics.as_text().encode(errors="backslashreplace")
             )  # fmt: skip
             out.write(text)
+        elif selection != Selection() and not lines.any_written:
+            click.echo(
+                "ridlink: no message is of those asked for; --stats, without limits, shows what there is", err=True
+            )
     return _verdict(statistics, strict, len(files) - len(found), silent=stats)
 
 
@@ -152,6 +156,7 @@ class _Lines:
         self._out = out
         self._batch: list[bytes] = []
         self._size = 0
+        self.any_written = False
 
     def write(self, capture: Capture) -> None:
         """All messages of a capture."""
@@ -191,7 +196,9 @@ class _Lines:
                 count_block(self.statistics, part, self._selection)
             else:
                 self.flush()
-                self._out.write(lines.of(part))
+                text = lines.of(part)
+                self._out.write(text)
+                self.any_written |= len(text) > 0
             self.progress.tick(reader, part.count)
         self.flush()
 
@@ -200,6 +207,7 @@ class _Lines:
         if self._batch:
             self._out.write(b"".join(self._batch))
             self._out.flush()
+            self.any_written = True
         self._batch, self._size = [], 0
 
 

@@ -76,6 +76,19 @@ def test_a_type_that_does_not_exist_is_a_usage_error(log: Path, types: str) -> N
     assert done.returncode == 2 and b"--types" in done.stderr and done.stdout == b""
 
 
+@pytest.mark.parametrize("limit", [("--source-system", "99"), ("--types", "ATTITUDE"), ("--since", "2033-01-01")])
+@pytest.mark.parametrize("large", [10**12, 0], ids=["by message", "in blocks"])
+def test_limits_that_nothing_keeps_are_told(
+    log: Path, limit: tuple[str, str], large: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing came, and nothing was said."""
+    monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+    result = run(log, *limit)
+    assert (result.stdout, result.return_value) == ("", 0)
+    assert result.stderr == "ridlink: no message is of those asked for; --stats, without limits, shows what there is\n"
+    assert run(log, *limit, "--stats").stderr == ""
+
+
 def test_source_system_selects(log: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.tlog"
     other.write_bytes(tlog_bytes([(START_US, Encoder(7, 1).encode("HEARTBEAT"))]))
