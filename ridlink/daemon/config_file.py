@@ -19,7 +19,6 @@ A key that is not known is an error, for a misspelt key must not pass as a defau
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Mapping
@@ -33,6 +32,7 @@ from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, Rotati
 from ridlink.avoidance.types import SolverKind
 from ridlink.checked_toml import parse_toml
 from ridlink.errors import ConfigError
+from ridlink.words import did_you_mean
 
 SOLVER_TABLES = {
     SolverKind.HALFPLANE: HalfplaneSettings,
@@ -41,9 +41,14 @@ SOLVER_TABLES = {
 }
 """Tables of a file, by the name of the solver whose constants they hold."""
 
-
 LONGEST = 1_048_576
 """Bytes that are read of a file, which may be a device without an end."""
+
+KINDS = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false", "array": "a list",
+    "object": "a table",
+}  # fmt: skip
+"""What values are called, by the names that the reader has for them."""
 
 
 class ObstacleTable(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -113,9 +118,8 @@ def line_of(text: str, key: str) -> str:
 def _refuse_unknown(given: Mapping[str, Any], known: list[str], where: str, text: str) -> None:
     for key in given:
         if key not in known:
-            near = difflib.get_close_matches(key.replace("-", "_"), known, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-            raise ConfigError(f"{where}{line_of(text, key)}: unknown key {key!r}: {hint}")
+            hint = did_you_mean(key.replace("-", "_"), known) or f": known are {', '.join(known)}"
+            raise ConfigError(f"{where}{line_of(text, key)}: unknown key {key!r}{hint}")
 
 
 def _refuse_not_finite(value: Any, key: str, where: str, text: str) -> None:
@@ -190,7 +194,10 @@ def read_config_text(text: str, where: str) -> FlatConfig:
 def _explained(key: str, error: Exception) -> str:
     if key == "goal":
         return "goal must be [latitude, longitude] or [latitude, longitude, altitude]"
-    return f"{key}: {str(error).partition(' - at')[0]}"
+    said = str(error).partition(" - at")[0]
+    for kind, words in KINDS.items():
+        said = said.replace(f"`{kind} | null`", words).replace(f"`{kind}`", words)
+    return f"{key}: {said[:1].lower()}{said[1:]}"
 
 
 def overridden(flat: FlatConfig, over: Mapping[str, Any]) -> FlatConfig:
