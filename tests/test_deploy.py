@@ -6,6 +6,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,8 @@ from ridlink.cli import cli
 from ridlink.daemon.config import daemon_config
 from ridlink.daemon.config_file import read_config_file
 
-DEPLOY = Path(__file__).resolve().parents[1] / "examples" / "deploy"
+PROJECT = Path(__file__).resolve().parents[1]
+DEPLOY = PROJECT / "examples" / "deploy"
 
 
 def test_the_configuration_is_one_that_the_daemon_takes() -> None:
@@ -34,6 +36,23 @@ def test_every_command_and_option_in_it_exists(file: str) -> None:
         shown = CliRunner().invoke(cli, [name, "--help"]).output
         for option in (word for word in words if word.startswith("--")):
             assert re.search(rf"{re.escape(option)}\b", shown), f"{name} has no {option}"
+
+
+def test_what_the_container_is_given_lies_where_the_image_is_built() -> None:
+    """The engine makes an empty folder of a file that is not there, and mounts that."""
+    given = re.findall(r" -v \./(\S+?):", (DEPLOY / "Dockerfile").read_text())
+    assert given
+    for name in given:
+        assert (PROJECT / name).is_file(), name
+
+
+def test_a_configuration_that_is_refused_is_not_tried_again(tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text('vehicel = "udpin:127.0.0.1:0"\n')
+    command = [sys.executable, "-m", "ridlink", "avoid", "--config", str(wrong), "--standby"]
+    refused = subprocess.run(command, capture_output=True, timeout=60)
+    final = re.search(r"^RestartPreventExitStatus=(.*)$", (DEPLOY / "ridlink-avoid@.service").read_text(), re.MULTILINE)
+    assert final is not None and final.group(1).split() == [str(refused.returncode)]
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
