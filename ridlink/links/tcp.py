@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 
 from ridlink.errors import LinkError
 from ridlink.links.link import Address, Link, OnDatagram, whole_frames
@@ -17,6 +18,19 @@ SEND_BUFFER_BYTES = 64 * 1024
 MAX_PEERS = 8
 RECONNECT_S = 1.0
 OPEN_TIMEOUT_S = 5.0
+
+VANISHED_S = 15
+"""Silence of a peer's machine after which it is gone, as one without power or network is, which says no farewell. Else
+a client would wait for it for good, and a server keep its place."""
+
+PROBES = 3
+NOTICES = ((socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+           (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, VANISHED_S // PROBES),
+           (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, VANISHED_S // PROBES),
+           (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, PROBES - 1),
+           (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 1000 * VANISHED_S))  # fmt: skip
+"""Options that make the kernel notice: probes where nothing is said, and a limit to how long what was said may wait for
+its acknowledgement, for then the kernel does not probe."""
 
 
 class _Peer(asyncio.Protocol):
@@ -36,6 +50,8 @@ class _Peer(asyncio.Protocol):
             transport.abort()
             return
         self.address = peer[:2]
+        for option in NOTICES:
+            transport.get_extra_info("socket").setsockopt(*option)
         self.link._joined(self)
 
     def data_received(self, data: bytes) -> None:

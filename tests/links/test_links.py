@@ -14,7 +14,7 @@ import pytest
 
 from ridlink.errors import LinkError
 from ridlink.links import Address, Link, memory_link_pair, open_link, parse_link_url
-from ridlink.links.tcp import TcpLink, _Peer
+from ridlink.links.tcp import VANISHED_S, TcpLink, _Peer
 from ridlink.links.udp import BATCH_S, UdpLink
 from ridlink.mavlink.codec import Encoder
 
@@ -355,6 +355,30 @@ def test_tcp_streams_come_out_as_frames() -> None:
         client.close()
         await counted(server, "peer_left")
         assert not server.send(frames[0])
+        server.close()
+
+    run(test)
+
+
+def test_tcp_a_peer_that_vanishes_without_a_farewell_is_noticed_by_both_ends() -> None:
+    async def test() -> None:
+        server = await open_link("tcpin:127.0.0.1:0", at_server := Inbox())
+        client = await open_link(f"tcpout:127.0.0.1:{server.local_address[1]}", Inbox())
+        client.send(heartbeat())
+        await at_server.count(1)
+        for link in (server, client):
+            assert isinstance(link, TcpLink)
+            [peer] = link._peers.values()
+            assert peer.transport is not None
+            sock = peer.transport.get_extra_info("socket")
+            assert sock.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+            idle, every, probes = (
+                sock.getsockopt(socket.IPPROTO_TCP, option)
+                for option in (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT)
+            )
+            assert idle + every * probes == VANISHED_S  # where nothing is said
+            assert sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 1000 * VANISHED_S  # where it is
+        client.close()
         server.close()
 
     run(test)
