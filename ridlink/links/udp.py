@@ -26,7 +26,7 @@ must not keep the loop from its deadline."""
 
 LARGEST_DATAGRAM = 65535
 
-PASSING = {errno.ECONNREFUSED, errno.EMSGSIZE, errno.ENOBUFS, errno.EHOSTUNREACH, errno.EPERM}
+PASSING = {errno.ECONNREFUSED, errno.EMSGSIZE, errno.ENOBUFS, errno.EHOSTUNREACH, errno.EPERM, errno.EACCES}
 """What the network says of one datagram. Anything else is about the socket, whose interface is down or whose address is
 gone: it is made anew."""
 
@@ -90,7 +90,7 @@ class UdpLink(Link):
                     return
                 continue
             peer = address[:2]
-            if not self._connected:
+            if not self._connected and peer[1]:  # port 0 says that no answer is wanted
                 self._peer = peer
             self._deliver(data, peer)
             closed_meanwhile = self._socket.fileno() < 0
@@ -107,7 +107,7 @@ class UdpLink(Link):
         if self._socket.fileno() < 0:
             return False
         target = address or self._peer
-        if target is None:
+        if target is None or not target[1]:
             self.counters["no_peer"] += 1
             return False
         # The ICMP answer to an earlier datagram is reported by the next call, which sends nothing: once more, then.
@@ -184,6 +184,8 @@ def open_failure(url: LinkUrl, error: OSError) -> str:
         )
     if error.errno == errno.EADDRNOTAVAIL:
         return f"{url}: {url.host} is no address of this machine; 127.0.0.1 is for this machine only, 0.0.0.0 for all"
+    if error.errno == errno.EACCES and url.scheme is Scheme.UDPOUT:
+        return f"{url}: {url.host} is the address of a whole network; write that of one machine"
     if error.errno in (errno.EACCES, errno.EPERM):
         return f"{url}: not allowed to use port {url.port}; ports from 1024 up need no privileges"
     if error.errno == errno.ECONNREFUSED:

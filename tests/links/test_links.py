@@ -218,6 +218,41 @@ def test_f24_a_socket_that_the_machine_takes_away_is_made_anew_on_its_port(schem
     run(test)
 
 
+@pytest.mark.parametrize("nobody", [("127.0.0.1", 0), ("127.255.255.255", 9)])
+def test_f24_a_peer_that_none_can_be_answered_costs_no_socket(nobody: Address) -> None:
+    async def test() -> None:
+        link = await open_link("udpin:127.0.0.1:0", Inbox())
+        assert isinstance(link, UdpLink)
+        assert not link.send(b"into the void", nobody)
+        assert link.counters["network_error"] + link.counters["no_peer"] == 1
+        assert link._retry is None, "what came in meanwhile would be lost with the socket"
+        link.close()
+
+    run(test)
+
+
+def test_who_speaks_from_port_0_and_wants_no_answer_is_heard_and_takes_nobodys_place() -> None:
+    async def test() -> None:
+        link = await open_link("udpin:127.0.0.1:0", inbox := Inbox())
+        port = link.local_address[1]
+        peer = await open_link(f"udpout:127.0.0.1:{port}", at_peer := Inbox())
+        peer.send(b"hello")
+        await inbox.count(1)
+        try:
+            raw = socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_UDP)
+        except PermissionError:
+            pytest.skip("a raw socket is for the superuser")
+        with raw:
+            raw.sendto(struct.pack("!HHHH", 0, port, 8 + 5, 0) + b"quiet", ("127.0.0.1", 0))
+        assert (await inbox.count(2))[1] == b"quiet"
+        assert link.send(b"answer")
+        assert await at_peer.count(1) == [b"answer"]
+        link.close()
+        peer.close()
+
+    run(test)
+
+
 def test_f24_a_socket_that_cannot_be_made_is_tried_again_within_a_second() -> None:
     async def test() -> None:
         inbox = Inbox()
@@ -328,6 +363,8 @@ def test_addresses_that_are_none_of_ours() -> None:
                 free.bind(("127.0.0.1", 0))
                 port = free.getsockname()[1]
             await open_link(f"tcpout:127.0.0.1:{port}", Inbox())
+        with pytest.raises(LinkError, match="a whole network"):
+            await open_link("udpout:127.255.255.255:14550", Inbox())
         for scheme in ("udpout", "tcpout"):
             with pytest.raises(LinkError, match="no such host"):
                 await open_link(f"{scheme}:{'long' * 20}:1", Inbox())
