@@ -33,11 +33,14 @@ Lane = OrderedDict[tuple[str, str], Outgoing]
 
 
 class Outbox:
-    """A bounded queue of the latest values, in two lanes that take turns: QoS 0, and what the broker acknowledges.
+    """A bounded queue of the latest values, in three lanes that take turns: QoS 0, QoS 1, and what the broker retains.
+
+    The last has a lane of its own, since a value that is given up leaves an older one there for good: of an aircraft
+    that is gone, that it is there.
 
     Attributes:
         replaced: Messages that a newer one of their topic overtook while they waited.
-        dropped: Messages given up because there were too many topics.
+        dropped: Messages given up because there were too many topics, those of the longest lane first.
     """
 
     def __init__(self, capacity: int = CAPACITY) -> None:
@@ -45,15 +48,18 @@ class Outbox:
             raise ValueError(f"capacity must be at least 1, not {capacity}")
         self.replaced = self.dropped = 0
         self._capacity = capacity
-        self._lanes: tuple[Lane, Lane] = (OrderedDict(), OrderedDict())
+        self._lanes: tuple[Lane, ...] = (OrderedDict(), OrderedDict(), OrderedDict())
         self._next = 0
 
     def __len__(self) -> int:
-        return len(self._lanes[0]) + len(self._lanes[1])
+        return sum(map(len, self._lanes))
+
+    def _lane(self, message: Outgoing) -> Lane:
+        return self._lanes[2 if message.retain else message.qos > 0]
 
     def put(self, message: Outgoing) -> None:
         """Queue a message; it takes the place of an older one of its topic, and its turn."""
-        lane = self._lanes[message.qos > 0]
+        lane = self._lane(message)
         if message.key in lane:
             self.replaced += 1
         lane[message.key] = message
@@ -63,15 +69,21 @@ class Outbox:
 
     def put_back(self, message: Outgoing) -> None:
         """Queue what could not be sent before everything else, unless something newer of its topic waits."""
-        lane = self._lanes[message.qos > 0]
-        if message.key in lane or len(self) >= self._capacity:
+        lane = self._lane(message)
+        if message.key in lane:
             self.replaced += 1
+            return
+        if len(self) >= self._capacity:
+            self.dropped += 1
             return
         lane[message.key] = message
         lane.move_to_end(message.key, last=False)
 
     def take(self) -> Outgoing | None:
-        """The message of one lane that waits longest, then that of the other; None if there is none."""
-        lane = self._lanes[self._next] or self._lanes[1 - self._next]
-        self._next = 1 - self._next
-        return lane.popitem(last=False)[1] if lane else None
+        """The message of one lane that waits longest, then those of the others; None if there is none."""
+        for _ in self._lanes:
+            lane = self._lanes[self._next]
+            self._next = (self._next + 1) % len(self._lanes)
+            if lane:
+                return lane.popitem(last=False)[1]
+        return None

@@ -58,6 +58,25 @@ def test_what_could_not_be_sent_goes_first_unless_there_is_something_newer() -> 
     assert [message.payload for message in drained(outbox)] == [b"3"]
 
 
+def test_what_could_not_be_sent_and_has_no_room_any_more_is_dropped_not_overtaken() -> None:
+    outbox = Outbox(1)
+    outbox.put(Outgoing("a", b"1"))
+    taken = outbox.take()
+    assert taken is not None
+    outbox.put(Outgoing("b", b"2"))
+    outbox.put_back(taken)
+    assert (outbox.replaced, outbox.dropped) == (0, 1)
+
+
+def test_what_the_broker_retains_is_not_given_up_for_what_is_worth_nothing_later() -> None:
+    outbox = Outbox(10)
+    gone = Outgoing("uas/a/availability", b"offline", 1, True)
+    outbox.put(gone)
+    for number in range(1000):  # while the broker is away
+        outbox.put(Outgoing(f"encounter {number}", b"", 1))
+    assert gone in drained(outbox)
+
+
 def test_no_room_at_all_is_refused() -> None:
     with pytest.raises(ValueError, match="at least 1"):
         Outbox(0)
