@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from datetime import UTC, datetime
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ridlink.remote_id.quantities import (
+    EPOCH_2019_S,
     MAX_UINT8,
     MAX_UINT16,
     read_position,
@@ -55,6 +57,10 @@ def test_an_extent_rounds_up_in_every_unit_and_saturates(value: float, unit_and_
 )  # fmt: skip
 def test_what_is_too_large_is_the_largest_figure(value: float, unit: float, limit: int, units: int) -> None:
     assert write_up(value, unit, limit) == write_error(value, unit, limit) == units
+
+
+def test_absolute_times_count_from_the_beginning_of_2019() -> None:
+    assert datetime.fromtimestamp(EPOCH_2019_S, UTC) == datetime(2019, 1, 1, tzinfo=UTC)
 
 
 @pytest.mark.parametrize(
