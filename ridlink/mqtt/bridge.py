@@ -45,6 +45,9 @@ ANSWER_S = 10.0
 AT_ONCE = 256
 """Messages on their way at the same time; more would only wait in the library, where nothing newer replaces them."""
 
+FAREWELL_S = 1.0
+"""Who ends does not wait longer for a broker to hear of it."""
+
 AT_ONCE_ON_THE_WIRE = (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 """Else a message waits for the acknowledgement of the one before, which the other side delays by 40 ms."""
 
@@ -242,11 +245,15 @@ class Bridge:
             async with beside(self._hear(client)):  # from the first word on: there the loss of the broker shows
                 await self._greet_and_send(client)
         finally:
-            with contextlib.suppress(
-                aiomqtt.MqttError, OSError
-            ):  # at the end; else nobody hears it, and the will speaks
-                for message in self._publisher.farewell():
-                    await client.publish(message.topic, message.payload, message.qos, message.retain, timeout=1.0)
+            with contextlib.suppress(TimeoutError):  # at the end; else nobody hears it, and the will speaks
+                async with asyncio.timeout(FAREWELL_S):
+                    await asyncio.gather(
+                        *(
+                            client.publish(message.topic, message.payload, message.qos, message.retain)
+                            for message in self._publisher.farewell()
+                        ),
+                        return_exceptions=True,
+                    )
 
     async def _greet_and_send(self, client: aiomqtt.Client) -> None:
         for message in self._publisher.greeting():

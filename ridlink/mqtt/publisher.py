@@ -96,7 +96,10 @@ class Publisher:
         self.sky.receive(frame, now_s)
 
     def greeting(self) -> list[Outgoing]:
-        """What is said after every connection: that we are there, and what is published."""
+        """What is said after every connection: that we are there, what is published, and who is there.
+
+        All of it is retained, and a broker that was started again may have kept nothing.
+        """
         origin = self.sky.origin
         info = {
             "schema": SCHEMA,
@@ -107,7 +110,7 @@ class Publisher:
             "origin_deg": None if origin is None else [origin.latitude_deg, origin.longitude_deg],
         }
         topics = self._settings.topics
-        known = [_availability(topics, name, online=True) for name in self._known.values()]
+        known = [message for name in self._known.values() for message in self._arrival(name)]
         return [
             Outgoing(topics.availability, ONLINE, 1, True),
             Outgoing(topics.info, msgspec.json.encode(info), 1, True),
@@ -129,8 +132,17 @@ class Publisher:
         return out
 
     def farewell(self) -> list[Outgoing]:
-        """What is said at the end."""
-        return [Outgoing(self._settings.topics.availability, OFFLINE, 1, True)]
+        """What is said at the end: that we are gone, and nobody is heard any more."""
+        topics = self._settings.topics
+        known = [_availability(topics, name, online=False) for name in self._known.values()]
+        return [Outgoing(topics.availability, OFFLINE, 1, True), *known]
+
+    def _arrival(self, name: str) -> list[Outgoing]:
+        topics = self._settings.topics
+        out = [_availability(topics, name, online=True)]
+        if self._settings.home_assistant:
+            out.append(_device_tracker(topics, name))
+        return out
 
     def _arrivals_and_departures(self, now_s: float) -> list[Outgoing]:
         topics = self._settings.topics
@@ -143,9 +155,7 @@ class Publisher:
         before, now = set(self._known.values()), set(present.values())
         out += [_availability(topics, name, online=False) for name in sorted(before - now)]
         for name in sorted(now - before):
-            out.append(_availability(topics, name, online=True))
-            if self._settings.home_assistant:
-                out.append(_device_tracker(topics, name))
+            out += self._arrival(name)
         self._known = present
         return out
 

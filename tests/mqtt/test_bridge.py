@@ -146,8 +146,9 @@ def test_states_arrive_and_the_end_is_announced() -> None:
             async with a_bridge(port) as (_, publisher):
                 feed_the(publisher)
                 await heard.until(lambda seen: any(topic == TOPICS.state("ALPHA") for topic, _ in seen))
-            await heard.until(lambda seen: (TOPICS.availability, b"offline") in seen)
-        assert (TOPICS.availability, b"online") in heard.messages
+            for topic in (TOPICS.availability, TOPICS.aircraft_availability("ALPHA")):
+                await heard.until(lambda seen, topic=topic: (topic, b"offline") in seen)  # type: ignore[misc]
+                assert (topic, b"online") in heard.messages
         [state, *_] = [json.loads(payload) for topic, payload in heard.messages if topic == TOPICS.state("ALPHA")]
         assert state["uas"] == "ALPHA"
 

@@ -115,6 +115,17 @@ def test_home_assistant_gets_a_device_tracker_for_each() -> None:
     assert json.loads(config.payload)["json_attributes_topic"] == TOPICS.state("A+#/<b>")
 
 
+def test_a_broker_that_kept_nothing_is_told_again_who_is_there_and_at_the_end_that_nobody_is() -> None:
+    publisher = Publisher(PublisherSettings(TOPICS, home_assistant=True))
+    for time_s, frame in frames([ONE], 0.3):
+        publisher.receive(frame, time_s)
+    arrival = {one for one in publisher.step(0.3, UTC_S) if one.retain and "ALPHA" in one.topic}
+    assert len(arrival) == 2 and arrival < set(publisher.greeting())
+    farewell = {message.topic: message for message in publisher.farewell()}
+    assert farewell.keys() == {TOPICS.availability, TOPICS.aircraft_availability("ALPHA")}
+    assert all(message.payload == b"offline" and message.retain for message in farewell.values())
+
+
 @pytest.mark.parametrize("rate", [0.0, -1.0, 11.0, float("nan")])
 def test_a_rate_that_is_none_is_refused(rate: float) -> None:
     with pytest.raises(ConfigError, match="rate"):
