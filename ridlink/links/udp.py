@@ -148,7 +148,8 @@ async def open_udp_link(url: LinkUrl, on_datagram: OnDatagram) -> UdpLink:
         found = await loop.getaddrinfo(url.host, url.port, type=socket.SOCK_DGRAM)
     except (OSError, UnicodeError) as error:  # a name with a label of more than 63 letters is no OSError
         raise LinkError(f"{url}: no such host: {getattr(error, 'strerror', None) or error}") from error
-    family, kind, protocol, _, address = found[0]
+    # A name may have addresses of both families, localhost for one; autopilots and ground stations speak IPv4.
+    family, kind, protocol, _, address = min(found, key=lambda each: each[0] != socket.AF_INET)
     listens = url.scheme is Scheme.UDPIN
     bound: list[Address] = []
 

@@ -372,6 +372,25 @@ def test_addresses_that_are_none_of_ours() -> None:
     run(test)
 
 
+@pytest.mark.parametrize("url", ["udpin:localhost:0", "udpout:localhost:9"])
+def test_a_name_with_addresses_of_both_families_is_taken_by_that_of_ipv4(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def both(host: str, port: int, *_: object, **__: object) -> list[tuple[object, ...]]:
+        return [
+            (socket.AF_INET6, socket.SOCK_DGRAM, 17, "", ("::1", port, 0, 0)),  # most machines have it first
+            (socket.AF_INET, socket.SOCK_DGRAM, 17, "", ("127.0.0.1", port)),
+        ]
+
+    async def test() -> None:
+        monkeypatch.setattr(socket, "getaddrinfo", both)
+        link = await open_link(url, Inbox())
+        assert link.local_address[0] == "127.0.0.1"
+        link.close()
+
+    run(test)
+
+
 def test_tcp_streams_come_out_as_frames() -> None:
     async def test() -> None:
         at_server, at_client = Inbox(), Inbox()
