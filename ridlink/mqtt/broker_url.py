@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 from ridlink.errors import ConfigError
 
@@ -18,7 +18,7 @@ class BrokerUrl:
         host: Name or address.
         port: Port.
         encrypted: TLS, with the certificate checked.
-        user: Who we are, None for nobody. The password never stands in a URL.
+        user: Who we are, None for nobody; in a URL with ``%NN`` for what cannot stand there. The password never does.
     """
 
     host: str
@@ -59,4 +59,5 @@ def parse_broker_url(text: str) -> BrokerUrl:
         raise refuse("no host")
     if parts.path.strip("/") or parts.query or parts.fragment:
         raise refuse("nothing may follow the port")
-    return BrokerUrl(parts.hostname, port or PORTS[parts.scheme], parts.scheme == "mqtts", parts.username)
+    user = None if parts.username is None else unquote(parts.username)
+    return BrokerUrl(parts.hostname, port or PORTS[parts.scheme], parts.scheme == "mqtts", user)

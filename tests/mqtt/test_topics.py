@@ -42,6 +42,7 @@ def test_a_site_that_is_no_name_is_refused(site: str) -> None:
         ("mqtt://127.0.0.1", BrokerUrl("127.0.0.1", 1883, False)),
         ("mqtts://me@broker.example:8884", BrokerUrl("broker.example", 8884, True, "me")),
         ("mqtt://[::1]:1884", BrokerUrl("::1", 1884, False)),
+        ("mqtt://hub%3Ame%40site@broker", BrokerUrl("broker", 1883, False, "hub:me@site")),
     ],
 )
 def test_a_broker_is_read(text: str, broker: BrokerUrl) -> None:
