@@ -298,18 +298,10 @@ class Bridge:
 
 def _refuse_own(feed_topic: str, topics: Topics) -> None:
     try:
-        pattern = aiomqtt.Wildcard(feed_topic)
+        aiomqtt.Wildcard(feed_topic)
     except (TypeError, ValueError) as error:
         raise ConfigError(f"feed topic {feed_topic!r}: is no topic filter, as in 'sensors/drone/+'") from error
-    own = (
-        topics.state("x"),
-        topics.batch,
-        topics.encounter(("x", "y")),
-        topics.info,
-        topics.availability,
-        topics.alert,
-    )
-    if any(aiomqtt.Topic(topic).matches(pattern) for topic in own):
+    if topics.are_heard_by(feed_topic):
         raise ConfigError(f"feed topic {feed_topic!r}: would hear what this bridge publishes under {topics.root}")
 
 

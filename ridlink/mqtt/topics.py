@@ -70,3 +70,15 @@ class Topics:
     def encounter(self, pair: tuple[str, str]) -> str:
         """How two aircraft meet; the same topic, whoever is named first."""
         return f"{self.root}/encounter/{'~'.join(level(name) for name in sorted(pair))}"
+
+    def are_heard_by(self, topic_filter: str) -> bool:
+        """Whether a topic filter, perhaps of a shared subscription, matches any topic below the root."""
+        asked, ours = topic_filter.split("/"), self.root.split("/")
+        if asked[0] == "$share":
+            asked = asked[2:]
+        for level_asked, own in zip(asked, ours, strict=False):
+            if level_asked == "#":
+                return True
+            if level_asked not in ("+", own):
+                return False
+        return len(asked) > len(ours)

@@ -361,7 +361,18 @@ def test_a_bridge_that_is_cancelled_leaves_nothing_behind() -> None:
     run(body)
 
 
-@pytest.mark.parametrize("topic", ["ridlink/#", "#", "+/v1/here/uas/+/state", "bad/#/topic"])
+@pytest.mark.parametrize(
+    "topic",
+    [
+        "ridlink/#",
+        "#",
+        "+/v1/here/uas/+/state",
+        "bad/#/topic",
+        "ridlink/v1/here/uas/ALPHA/state",
+        "+/+/here/encounter/A~B",
+        "$share/all/ridlink/v1/here/uas/ALPHA/#",
+    ],
+)
 def test_our_own_topics_are_no_feed(topic: str) -> None:
     async def body() -> None:
         publisher = Publisher(PublisherSettings(TOPICS))

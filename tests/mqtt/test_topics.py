@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import aiomqtt
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -28,6 +29,15 @@ def test_topics_are_those_of_the_documentation() -> None:
     assert TOPICS.state("1/1") == "ridlink/v1/field-1/uas/1%2F1/state"
     assert TOPICS.encounter(("A~B", "C")) == "ridlink/v1/field-1/encounter/A%7EB~C"
     assert TOPICS.availability == "ridlink/v1/field-1/availability"
+
+
+@given(st.lists(st.sampled_from(["ridlink", "v1", "field-1", "uas", "x", "state", "+"]), max_size=6), st.booleans())
+@example(["ridlink", "v1", "field-1", "uas", "ALPHA", "state"], False)
+def test_a_filter_hears_us_if_it_matches_any_topic_below_our_root(levels: list[str], everything: bool) -> None:
+    asked = "/".join([*levels, "#"] if everything or not levels else levels)
+    below = [TOPICS.root + "".join(f"/{level.replace('+', 'y')}" for level in levels[3:]) + end for end in ("", "/z")]
+    matched = any(aiomqtt.Topic(one).matches(asked) for one in below if one != TOPICS.root)
+    assert TOPICS.are_heard_by(asked) == matched
 
 
 @pytest.mark.parametrize("site", ["", "a/+/b", "#", "/a", "a\n", 70_000 * "a"])
