@@ -60,17 +60,17 @@ class SignedLink(Link):
             self._deliver(b"".join(good), address)
 
     def send(self, data: bytes, address: Address | None = None) -> bool:
-        """Sign every frame and send them; see `Link.send`."""
+        """Sign every frame and send them; see `Link.send`. What cannot be signed is counted and stays here."""
         if self._inner is None or self._closed:
             return False
-        utc_s = self._utc()
-        signed = [
-            self.clock.signing.sign(found.raw, CRC_EXTRAS[found.msgid], utc_s)
-            for found in parse_datagram(data, CRC_EXTRAS)
-            if not isinstance(found, BadFrame) and found.checked
-        ]
+        utc_s, signed = self._utc(), []
+        for found in parse_datagram(data, CRC_EXTRAS, limit=None):
+            if isinstance(found, BadFrame) or not found.checked or found.version == 1 or found.signature:
+                self.counters["unsignable"] += 1
+            else:
+                signed.append(self.clock.signing.sign(found.raw, CRC_EXTRAS[found.msgid], utc_s))
         self.clock.keep_up()
-        return self._inner.send(b"".join(signed), address)
+        return bool(signed) and self._inner.send(b"".join(signed), address)
 
     def close(self) -> None:
         """Release the port and keep the clock as it stands."""

@@ -72,6 +72,25 @@ def signed(encoder: Encoder, signing: Signing, utc_s: float = UTC_S) -> bytes:
     return signing.sign(encoder.encode("HEARTBEAT", type=2, autopilot=12), CRC_EXTRAS[0], utc_s)
 
 
+def test_f23_what_cannot_be_signed_is_counted_and_does_not_leave(key_file: Path, tmp_path: Path) -> None:
+    async def body() -> None:
+        link = await opened(Ear(), key_file, state_file=tmp_path / "ours")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+            peer.bind(("127.0.0.1", 0))
+            peer.setblocking(False)
+            address = peer.getsockname()
+            heartbeats = Encoder(1, 1)
+            there = signed(heartbeats, Signing(KEY))
+            assert not link.send(there, address) and not link.send(b"junk", address)
+            assert link.counters["unsignable"] == 2
+            assert link.send(there + heartbeats.encode("HEARTBEAT", type=2), address)
+            [frame] = parse_datagram(await asyncio.get_running_loop().sock_recv(peer, 65535), CRC_EXTRAS)
+            assert isinstance(frame, Frame) and frame.seq == 1 and frame.signature
+        link.close()
+
+    asyncio.run(body())
+
+
 def test_f23_pymavlink_and_we_believe_each_other_over_udp(key_file: Path) -> None:
     async def test() -> None:
         ear = Ear()
