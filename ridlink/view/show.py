@@ -99,11 +99,12 @@ class Show:
 
     @property
     def vehicles(self) -> int:
-        """How many vehicles, by their names, the history has."""
+        """How many vehicles, by the names that they had last, the history has."""
         at, known = self._counted
         if at != self.history.end:
-            names = {id(instant.names): instant.names for instant in self.history}
-            known = len(set().union(*names.values()))
+            unlike = {(id(one.numbers), id(one.names), id(one.merged)): one for one in self.history}.values()
+            names = {number: name for one in unlike for number, name in zip(one.numbers, one.names, strict=True)}
+            known = len({names[number] for number in names.keys() - set().union(*(one.merged for one in unlike))})
             self._counted = self.history.end, known
         return known
 

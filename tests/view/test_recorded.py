@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from ridlink.captures.tlog import TlogWriter
 from ridlink.errors import CaptureError
 from ridlink.view.recorded import read_history
 from tests.observer.flights import Flyer, frames
-from tests.view.serving import HEAD_ON
+from tests.view.serving import HEAD_ON, a_show
 
 BEGIN_US = 1_700_000_000_000_000
 
@@ -41,6 +42,10 @@ def test_logs_one_behind_the_other_are_shown_one_after_the_other(tmp_path: Path)
     assert times == sorted(times) and times[-1] < 20.0, "not a hundred seconds of nothing in between"
     flown = [float(one.table[0, 0]) for one in history if len(one)]
     assert flown != sorted(flown), "it flies its way twice"
+
+
+def test_who_says_its_name_only_later_is_counted_once() -> None:
+    assert a_show([replace(flyer, identity_from_s=1.0) for flyer in HEAD_ON]).vehicles == 2
 
 
 def test_a_recording_without_remote_id_is_told(tmp_path: Path) -> None:
