@@ -96,9 +96,9 @@ def scene(flown: Scene) -> Scene:
     return replace(flown, speed_mps=np.full(count, SPEED_MPS), airframe_m=np.full(count, AIRFRAME_M))
 
 
-def plan_of(dynamics: str, definition: Definition = Definition.CANDIDATE2) -> Plan:
+def plan_of(dynamics: str, definition: Definition = Definition.CANDIDATE2, count: int = 6) -> Plan:
     settings = IDEAL_HALFPLANES if dynamics == "ideal" else HalfplaneSettings()
-    return Plan(scene(circle(6)), definition, settings, ErrorModel.GAUSS_MARKOV, SIGMA_M, dynamics=dynamics)
+    return Plan(scene(circle(count)), definition, settings, ErrorModel.GAUSS_MARKOV, SIGMA_M, dynamics=dynamics)
 
 
 @pytest.mark.parametrize("dynamics", ["ideal", "px4", "ardupilot"])
@@ -111,10 +111,10 @@ def test_setpoints_of_engines_are_those_of_the_kernels_but_for_what_the_wire_rou
 
 
 def main() -> None:
-    """What quantisation costs, for the documentation."""
+    """What quantisation costs in the circle of eight, for the documentation."""
     for dynamics in ("ideal", "px4", "ardupilot"):
         for definition in (Definition.CANDIDATE2, Definition.CHANCE):
-            off = np.concatenate([differences_of(plan_of(dynamics, definition), run) for run in range(8)])
+            off = np.concatenate([differences_of(plan_of(dynamics, definition, 8), run) for run in range(8)])
             shares = "/".join(f"{np.percentile(off, share):.4f}" for share in (50, 90, 99, 100))
             print(f"{dynamics} {definition}: {len(off)} setpoints, 50/90/99/100 % {shares} m/s, "
                   f"above 0.1 m/s {np.mean(off > 0.1):.2%}", flush=True)  # fmt: skip
