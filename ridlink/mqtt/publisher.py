@@ -245,6 +245,7 @@ def _device_tracker(topics: Topics, name: str) -> Outgoing:
         "source_type": "gps",
         "json_attributes_topic": topics.state(name),
         "json_attributes_template": attributes,
-        "availability_topic": topics.aircraft_availability(name),
+        "availability": [{"topic": topics.availability}, {"topic": topics.aircraft_availability(name)}],
+        "availability_mode": "all",  # of a bridge that was killed its own topic alone says so, by the last will
     }
     return Outgoing(f"homeassistant/device_tracker/{unique}/config", msgspec.json.encode(config), 1, True)

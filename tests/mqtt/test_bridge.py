@@ -237,6 +237,23 @@ def test_f30_a_broker_that_dies_of_the_greeting_is_tried_again_at_once(monkeypat
     run(body)
 
 
+def test_a_greeting_of_many_aircraft_does_not_wait_for_each_answer() -> None:
+    async def body() -> None:
+        silent = Silent(answers=10)
+        server = await asyncio.start_server(silent.serve, "127.0.0.1", 0)
+        publisher = Publisher(PublisherSettings(TOPICS))
+        for _, frame in frames([Flyer(number, (0.0, 40.0 * number), (5.0, 0.0)) for number in range(1, 301)], 0.05):
+            publisher.receive(frame, time.monotonic())
+        publisher.step(time.monotonic(), time.time())
+        assert len(publisher.greeting()) == 302
+        async with server, a_bridge(server.sockets[0].getsockname()[1], publisher) as (bridge, _):
+            await asyncio.wait_for(bridge.connected.wait(), PATIENCE_S)
+        assert bridge.counters["connections"] == 1
+        assert silent.topics[0] == TOPICS.availability.encode()
+
+    run(body)
+
+
 def test_a_feed_that_the_broker_refuses_is_one_line() -> None:
     async def body() -> None:
         silent = Silent()

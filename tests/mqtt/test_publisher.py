@@ -112,7 +112,10 @@ def test_home_assistant_gets_a_device_tracker_for_each() -> None:
     messages = published([replace(ONE, identity=b"A+#/<b>")], 0.5, home_assistant=True)
     [config] = [message for message in messages if message.topic.startswith("homeassistant/")]
     assert config.topic == "homeassistant/device_tracker/ridlink_A_2B_23_2F_3Cb_3E/config" and config.retain
-    assert json.loads(config.payload)["json_attributes_topic"] == TOPICS.state("A+#/<b>")
+    announced = json.loads(config.payload)
+    assert announced["json_attributes_topic"] == TOPICS.state("A+#/<b>")
+    hangs_on = [TOPICS.availability, TOPICS.aircraft_availability("A+#/<b>")]
+    assert [one["topic"] for one in announced["availability"]] == hangs_on and announced["availability_mode"] == "all"
 
 
 def test_a_broker_that_kept_nothing_is_told_again_who_is_there_and_at_the_end_that_nobody_is() -> None:
