@@ -24,7 +24,7 @@ from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.ground_station import HEARTBEAT_EVERY_S, ground_station, heartbeat
 from ridlink.mqtt.broker_url import BrokerUrl
 from ridlink.mqtt.feed import LONGEST_PAYLOAD, Feed
-from ridlink.mqtt.outbox import Outbox
+from ridlink.mqtt.outbox import Outbox, Outgoing
 from ridlink.mqtt.publisher import OFFLINE, STEP_S, Publisher
 from ridlink.mqtt.topics import Topics
 
@@ -44,6 +44,10 @@ BACK_OFF_S = (1.0, 30.0)
 ANSWER_S = 10.0
 AT_ONCE = 256
 """Messages on their way at the same time; more would only wait in the library, where nothing newer replaces them."""
+
+GREETED_AT_ONCE = 20
+"""Messages of a greeting on their way at the same time, as many as the library sends before an answer: more would wait
+inside it, on the clock of `ANSWER_S`."""
 
 FAREWELL_S = 1.0
 """Who ends does not wait longer for a broker to hear of it."""
@@ -247,17 +251,14 @@ class Bridge:
         finally:
             with contextlib.suppress(TimeoutError):  # at the end; else nobody hears it, and the will speaks
                 async with asyncio.timeout(FAREWELL_S):
-                    await asyncio.gather(
-                        *(
-                            client.publish(message.topic, message.payload, message.qos, message.retain)
-                            for message in self._publisher.farewell()
-                        ),
-                        return_exceptions=True,
-                    )
+                    await _publish_together(client, self._publisher.farewell())
 
     async def _greet_and_send(self, client: aiomqtt.Client) -> None:
-        for message in self._publisher.greeting():
-            await client.publish(message.topic, message.payload, message.qos, message.retain)
+        greeting = self._publisher.greeting()
+        for begin in range(0, len(greeting), GREETED_AT_ONCE):
+            for failure in await _publish_together(client, greeting[begin : begin + GREETED_AT_ONCE]):
+                if failure is not None:
+                    raise failure
         if self._feed_topic is not None:
             granted = await client.subscribe(self._feed_topic)
             if any(getattr(code, "value", code) >= REFUSED for code in granted):
@@ -294,6 +295,13 @@ class Bridge:
                 continue
             for frame in self.feed.frames(message.payload, time.time()):
                 self._relay.send(frame)
+
+
+async def _publish_together(client: aiomqtt.Client, messages: list[Outgoing]) -> list[BaseException | None]:
+    """Publish in order, and wait for all answers; what became of each."""
+    return await asyncio.gather(
+        *(client.publish(one.topic, one.payload, one.qos, one.retain) for one in messages), return_exceptions=True
+    )
 
 
 def _refuse_own(feed_topic: str, topics: Topics) -> None:
