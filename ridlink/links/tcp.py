@@ -6,6 +6,7 @@ import asyncio
 import socket
 
 from ridlink.errors import LinkError
+from ridlink.links.addresses import host_and_port, resolve
 from ridlink.links.link import Address, Link, OnDatagram, whole_frames
 from ridlink.links.udp import open_failure
 from ridlink.links.url import LinkUrl, Scheme
@@ -49,7 +50,7 @@ class _Peer(asyncio.Protocol):
         if peer is None:  # it has gone already
             transport.abort()
             return
-        self.address = peer[:2]
+        self.address = host_and_port(peer)
         for option in NOTICES:
             transport.get_extra_info("socket").setsockopt(*option)
         self.link._joined(self)
@@ -77,12 +78,14 @@ class TcpLink(Link):
     async def _open(self) -> None:
         loop = asyncio.get_running_loop()
         if self._url.scheme is Scheme.TCPIN:
-            self._server = await loop.create_server(lambda: _Peer(self), self._url.host, self._url.port)
-            self.local_address = self._server.sockets[0].getsockname()[:2]
+            family, _, address = await resolve(self._url, socket.SOCK_STREAM)
+            host, port = host_and_port(address)
+            self._server = await loop.create_server(lambda: _Peer(self), host, port, family=family)
+            self.local_address = host_and_port(self._server.sockets[0].getsockname())
         else:
             async with asyncio.timeout(OPEN_TIMEOUT_S):
                 transport, _ = await loop.create_connection(lambda: _Peer(self), self._url.host, self._url.port)
-            self.local_address = transport.get_extra_info("sockname")[:2]
+            self.local_address = host_and_port(transport.get_extra_info("sockname"))
 
     def _joined(self, peer: _Peer) -> None:
         assert peer.transport is not None
@@ -153,6 +156,8 @@ async def open_tcp_link(url: LinkUrl, on_datagram: OnDatagram) -> TcpLink:
         await link._open()
     except TimeoutError as error:
         raise LinkError(f"{url}: no answer within {OPEN_TIMEOUT_S:g} s") from error
+    except LinkError:
+        raise
     except UnicodeError as error:
         raise LinkError(f"{url}: no such host: {error}") from error
     except OSError as error:

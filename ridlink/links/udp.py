@@ -11,8 +11,10 @@ import asyncio
 import errno
 import socket
 from collections.abc import Callable
+from typing import Any
 
 from ridlink.errors import LinkError
+from ridlink.links.addresses import host_and_port, resolve
 from ridlink.links.link import Address, Link, OnDatagram
 from ridlink.links.url import LinkUrl, Scheme
 
@@ -54,7 +56,7 @@ class UdpLink(Link):
 
     def _use(self, sock: socket.socket) -> None:
         self._socket = sock
-        self.local_address = sock.getsockname()[:2]
+        self.local_address = host_and_port(sock.getsockname())
         self.receive_buffer_bytes = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         self._loop.add_reader(sock.fileno(), self._read)
 
@@ -89,7 +91,7 @@ class UdpLink(Link):
                 if self._retry is not None:
                     return
                 continue
-            peer = address[:2]
+            peer = host_and_port(address)
             if not self._connected and peer[1]:  # port 0 says that no answer is wanted
                 self._peer = peer
             self._deliver(data, peer)
@@ -144,17 +146,12 @@ async def open_udp_link(url: LinkUrl, on_datagram: OnDatagram) -> UdpLink:
         LinkError: If the port is in use, or the address is none of ours or unknown.
     """
     loop = asyncio.get_running_loop()
-    try:
-        found = await loop.getaddrinfo(url.host, url.port, type=socket.SOCK_DGRAM)
-    except (OSError, UnicodeError) as error:  # a name with a label of more than 63 letters is no OSError
-        raise LinkError(f"{url}: no such host: {getattr(error, 'strerror', None) or error}") from error
-    # A name may have addresses of both families, localhost for one; autopilots and ground stations speak IPv4.
-    family, kind, protocol, _, address = min(found, key=lambda each: each[0] != socket.AF_INET)
+    family, protocol, address = await resolve(url, socket.SOCK_DGRAM)
     listens = url.scheme is Scheme.UDPIN
-    bound: list[Address] = []
+    bound: list[Any] = []
 
     def make() -> socket.socket:
-        sock = socket.socket(family, kind, protocol)
+        sock = socket.socket(family, socket.SOCK_DGRAM, protocol)
         try:
             sock.setblocking(False)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
@@ -172,7 +169,7 @@ async def open_udp_link(url: LinkUrl, on_datagram: OnDatagram) -> UdpLink:
     except OSError as error:
         raise LinkError(open_failure(url, error)) from error
     bound.append(sock.getsockname())
-    return UdpLink(sock, make, on_datagram, loop, None if listens else (str(address[0]), int(address[1])))
+    return UdpLink(sock, make, on_datagram, loop, None if listens else host_and_port(address))
 
 
 def open_failure(url: LinkUrl, error: OSError) -> str:

@@ -14,6 +14,7 @@ import pytest
 
 from ridlink.errors import LinkError
 from ridlink.links import Address, Link, memory_link_pair, open_link, parse_link_url
+from ridlink.links.addresses import host_and_port
 from ridlink.links.tcp import VANISHED_S, TcpLink, _Peer
 from ridlink.links.udp import BATCH_S, UdpLink
 from ridlink.mavlink.codec import Encoder
@@ -365,28 +366,58 @@ def test_addresses_that_are_none_of_ours() -> None:
             await open_link(f"tcpout:127.0.0.1:{port}", Inbox())
         with pytest.raises(LinkError, match="a whole network"):
             await open_link("udpout:127.255.255.255:14550", Inbox())
-        for scheme in ("udpout", "tcpout"):
-            with pytest.raises(LinkError, match="no such host"):
+        for scheme in ("udpout", "tcpout", "tcpin"):
+            with pytest.raises(LinkError, match=rf"^{scheme}:\w+:1: no such host: (?!{scheme})"):
                 await open_link(f"{scheme}:{'long' * 20}:1", Inbox())
 
     run(test)
 
 
-@pytest.mark.parametrize("url", ["udpin:localhost:0", "udpout:localhost:9"])
+@pytest.mark.parametrize("url", ["udpin:localhost:0", "udpout:localhost:9", "tcpin:localhost:0"])
 def test_a_name_with_addresses_of_both_families_is_taken_by_that_of_ipv4(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def both(host: str, port: int, *_: object, **__: object) -> list[tuple[object, ...]]:
+    def both(host: str, port: int, *_: object, type: int = 0, **__: object) -> list[tuple[object, ...]]:
         return [
-            (socket.AF_INET6, socket.SOCK_DGRAM, 17, "", ("::1", port, 0, 0)),  # most machines have it first
-            (socket.AF_INET, socket.SOCK_DGRAM, 17, "", ("127.0.0.1", port)),
+            (socket.AF_INET6, type, 0, "", ("::1", port, 0, 0)),  # most machines have it first
+            (socket.AF_INET, type, 0, "", ("127.0.0.1", port)),
         ]
 
     async def test() -> None:
         monkeypatch.setattr(socket, "getaddrinfo", both)
         link = await open_link(url, Inbox())
         assert link.local_address[0] == "127.0.0.1"
+        if isinstance(link, TcpLink):
+            assert link._server is not None
+            assert len(link._server.sockets) == 1, "each family would have a port of its own"
         link.close()
+
+    run(test)
+
+
+def test_an_address_of_one_link_keeps_its_scope_and_any_other_is_host_and_port() -> None:
+    peer = host_and_port(("fe80::1", 14550, 0, 1))
+    [(*_, answered)] = socket.getaddrinfo(*peer, type=socket.SOCK_DGRAM)  # what the kernel is handed
+    assert answered == ("fe80::1", 14550, 0, 1)
+    assert host_and_port(("::1", 14550, 0, 0)) == ("::1", 14550)
+    assert host_and_port(("127.0.0.1", 14550)) == ("127.0.0.1", 14550)
+
+
+@pytest.mark.parametrize("scheme", ["udp", "tcp"])
+def test_ipv6_on_loopback_is_heard_and_answered(scheme: str) -> None:
+    async def test() -> None:
+        try:
+            server = await open_link(f"{scheme}in:[::1]:0", at_server := Inbox())
+        except LinkError:
+            pytest.skip("this machine has no IPv6")
+        client = await open_link(f"{scheme}out:[::1]:{server.local_address[1]}", at_client := Inbox())
+        client.send(heartbeat(1))
+        await at_server.count(1)
+        assert at_server.datagrams[0][1] == client.local_address and client.local_address[0] == "::1"
+        assert server.send(heartbeat(2), client.local_address)
+        assert await at_client.count(1) == [heartbeat(2)]
+        server.close()
+        client.close()
 
     run(test)
 
