@@ -96,6 +96,16 @@ def check_follow(
         raise click.UsageError("--follow writes to standard output: a file of -o appears only when it is whole")
 
 
+def refuse_unreadable(path: str) -> None:
+    """A file that cannot be opened, before anything is loaded that would read it.
+
+    Raises:
+        OSError: If it is one.
+    """
+    if path != "-" and not stat.S_ISFIFO(os.stat(path).st_mode):  # whoever writes a pipe sees it close
+        open(path, "rb").close()
+
+
 def readable(files: tuple[str, ...]) -> tuple[str, ...]:
     """The files that can be opened. Of the others it is said at once, not after an hour of the files before them.
 
@@ -105,8 +115,7 @@ def readable(files: tuple[str, ...]) -> tuple[str, ...]:
     found = []
     for number, path in enumerate(files, 1):
         try:
-            if path != "-" and not stat.S_ISFIFO(os.stat(path).st_mode):  # whoever writes a pipe sees it close
-                open(path, "rb").close()
+            refuse_unreadable(path)
             found.append(path)
         except OSError as error:
             if number == len(files) and not found:

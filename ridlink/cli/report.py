@@ -50,11 +50,6 @@ def report(
     Vehicles count as they were broadcast; one whose own broadcast is not recorded takes part with its telemetry.
     All of it is as reported: nothing in a recording says where a vehicle truly was.
     """
-    import msgspec
-
-    from ridlink.review import Report
-    from ridlink.review.page import Summary, report_page, summary_line
-
     sized_by = definition_of(definition)
     if no_html and html is not None:
         raise click.UsageError("--html and --no-html exclude each other")
@@ -64,6 +59,12 @@ def report(
         refuse_to_replace(str(page), files)
     refuse_to_replace(output, files)
     sources, absent = open_sources(files, kind)
+
+    import msgspec
+
+    from ridlink.review import Report
+    from ridlink.review.page import Summary, report_page, summary_line
+
     with whole_output(output) as out:
 
         def write(row: dict[str, Any]) -> None:

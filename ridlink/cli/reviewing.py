@@ -29,12 +29,13 @@ def open_sources(files: tuple[str, ...], kind: str) -> tuple[list[Source], int]:
         OSError: If none of them can be read.
         click.UsageError: If standard input is to be read twice.
     """
-    from ridlink.review import Source
-
     if files.count("-") > 1:
         raise click.UsageError("standard input can be read once: - only once")
-    sources: list[Source] = []
     found = readable(files)
+
+    from ridlink.review import Source  # takes half a second
+
+    sources: list[Source] = []
     for number, path in enumerate(found, 1):
         try:
             sources.append(Source(path, kind))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
+from ridlink.cli.decode_export import refuse_unreadable
 from ridlink.cli.options import NAME, accuracy_convention, capture_kind, definition_of, refuse_recording
 from ridlink.cli.reviewing import exit_code
 from ridlink.cli.signals import stopped_by_signals
@@ -52,6 +53,12 @@ def view(
     ridlink view --source udpin:127.0.0.1:14550   what a vehicle sends to a ground station
     ridlink view flight.tlog                      a recording; of several files, one picture
     """
+    if files and source is not None:
+        raise click.UsageError("either a FILE or --source, not both")
+    refuse_recording(source or AIR)
+    for file in files:
+        refuse_unreadable(file)
+
     import asyncio
 
     from ridlink.links import parse_link_url
@@ -59,9 +66,6 @@ def view(
     from ridlink.view.scenery import Scenery
     from ridlink.view.show import Show
 
-    if files and source is not None:
-        raise click.UsageError("either a FILE or --source, not both")
-    refuse_recording(source or AIR)
     sized_by = definition_of(definition)
     memory_bytes = memory_mb * 2**20
     url: LinkUrl | None = None

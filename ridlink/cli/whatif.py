@@ -64,16 +64,18 @@ def whatif(
     An alert begins when two are inside the disc, or would enter it within --ahead seconds if both flew on. Vehicles
     flew under the definition of that day: under another they would have flown otherwise.
     """
-    from ridlink.review.whatif import AHEAD_S, WhatIf
-    from ridlink.separation.chance import DEFAULT_ETA
     from ridlink.separation.definitions import Definition
 
     if as_json and as_csv:
         raise click.UsageError("--json and --csv exclude each other")
     wanted = [definition_of(name) for name in definitions.split(",")] if definitions is not None else list(Definition)
-    ahead_s = AHEAD_S if ahead is None else ahead
     refuse_to_replace(output, files)
     sources, absent = open_sources(files, kind)
+
+    from ridlink.review.whatif import AHEAD_S, WhatIf
+    from ridlink.separation.chance import DEFAULT_ETA
+
+    ahead_s = AHEAD_S if ahead is None else ahead
     judged = WhatIf(wanted, ahead_s=ahead_s, eta=DEFAULT_ETA if eta is None else eta)
     walk = walk_through(sources, [judged], accuracy_convention)
     rows = [judgement.as_dict() for judgement in judged.judgements]

@@ -268,3 +268,16 @@ class TestExitCodes:
             )
             assert done.returncode == code and (done.stdout + done.stderr).startswith("ridlink")
             assert "torn down" not in done.stdout
+
+
+@pytest.mark.parametrize("command", ["view", "report", "whatif"])
+def test_a_file_that_is_missing_is_told_before_anything_is_loaded_that_would_read_it(command: str) -> None:
+    program = (
+        "import sys\nfrom ridlink.cli import main\n"
+        f"sys.argv = ['ridlink', {command!r}, 'absent.tlog']\n"
+        "try: main()\n"
+        "finally: print([name for name in ('numba', 'ridlink.review') if name in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (3, "ridlink: absent.tlog: No such file or directory\n")
+    assert done.stdout == "[]\n"
