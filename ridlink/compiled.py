@@ -211,6 +211,15 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
             super().save_overload(sig, data._replace(type_annotation=""))
 
 
+def how_often_compiled() -> str:
+    """For whoever has to wait: that it is for once, or why it is not."""
+    try:
+        _KernelCache(how_often_compiled, ())
+    except RuntimeError:
+        return "at every start, for it can be kept nowhere: NUMBA_CACHE_DIR may name a folder"
+    return "once"
+
+
 def _stamp(files: tuple[Path, ...]) -> tuple[tuple[int, int], ...]:
     return tuple((status.st_mtime_ns, status.st_size) for status in (file.stat() for file in files if file.exists()))
 

@@ -19,6 +19,7 @@ from numba.core import caching
 from numba.core.errors import TypingError
 
 import ridlink
+from ridlink.captures.fast.calling import announce
 from ridlink.compiled import _KernelCache, instructions_for, is_compiled, kernel_decorator
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
@@ -92,6 +93,16 @@ def test_without_a_place_to_keep_them_kernels_are_compiled_all_the_same(monkeypa
     kernel = kernel_decorator([Path(__file__)])(halved)
     assert not is_compiled(kernel)
     assert kernel(3.0) == 1.5 and is_compiled(kernel)
+
+
+def test_whoever_waits_for_the_compiler_is_told_whether_that_is_for_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for places, often in (([caching.UserProvidedCacheLocator], "once"), ([], "at every start, for it can be kept")):
+        monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+        monkeypatch.setattr(caching.CacheImpl, "_locator_classes", places)
+        announce(kernel_decorator([Path(__file__)])(halved))
+        assert f"ridlink: compiling the decoder ({often}" in capsys.readouterr().err
 
 
 def test_what_is_kept_is_loaded_without_a_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -26,10 +26,12 @@ SPARED = ("infeasible %", "nearest m", "longest s")
 def say_if_compiling(plans: Sequence[Plan]) -> None:
     """A word on standard error before the compiler is waited for."""
     from ridlink.campaign.flight import is_warm
+    from ridlink.compiled import how_often_compiled
 
     cold = dict.fromkeys(str(plan.solver) for plan in plans if not is_warm(plan))
     if cold:
-        click.echo(f"campaign: compiling {', '.join(cold)} (once, up to half a minute) ...", err=True)
+        often = how_often_compiled()
+        click.echo(f"campaign: compiling {', '.join(cold)} ({often}; up to half a minute) ...", err=True)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ import numpy as np
 from ridlink.avoidance.types import SolverKind
 from ridlink.captures.recorder import Recorder
 from ridlink.companions import beside
+from ridlink.compiled import how_often_compiled
 from ridlink.daemon.warming import warm_up_unless
 from ridlink.errors import ConfigError, LinkError
 from ridlink.scenario import Scenario, resolve_scenario
@@ -177,7 +178,7 @@ async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int)
     warming = asyncio.create_task(warm_up_unless(asyncio.Event(), solver))
     done, _ = await asyncio.wait([warming], timeout=WORTH_A_WORD_S)
     if not done:
-        screen.say("Compiling the solver, once for this installation (up to half a minute) ...")
+        screen.say(f"Compiling the solver ({how_often_compiled()}; up to half a minute) ...")
     await warming
     if processes:
         screen.say(f"Starting {counted(count, 'daemon')}, each a process of its own ...")

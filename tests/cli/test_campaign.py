@@ -325,7 +325,7 @@ def test_nobody_waits_for_the_compiler_without_a_word(tmp_path: Path) -> None:
         command = [sys.executable, "-m", "ridlink", "campaign", "run", *CAMPAIGN, *map(str, more)]
         flying = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
         assert flying.stderr is not None
-        assert flying.stderr.readline() == "campaign: compiling rotation (once, up to half a minute) ...\n"
+        assert flying.stderr.readline() == "campaign: compiling rotation (once; up to half a minute) ...\n"
         flying.kill()
         flying.communicate(timeout=30)
 

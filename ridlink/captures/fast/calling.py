@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numba import config
 
-from ridlink.compiled import is_compiled
+from ridlink.compiled import how_often_compiled, is_compiled
 
 
 def plain(array: np.ndarray) -> Any:
@@ -21,5 +21,5 @@ def plain(array: np.ndarray) -> Any:
 def announce(kernel: Any, what: str = "the decoder") -> None:
     """Say that the compiler runs, before it is waited for."""
     if not is_compiled(kernel):
-        sys.stderr.write(f"ridlink: compiling {what} (once, a few seconds) ...\n")
+        sys.stderr.write(f"ridlink: compiling {what} ({how_often_compiled()}; a few seconds) ...\n")
         sys.stderr.flush()
