@@ -124,7 +124,7 @@ def read_packets(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Packet]:
     window.reach(FILE_HEADER_LENGTH)
     magic = window.peek(0, 4)
     if magic in PCAP_MAGICS and window.left >= FILE_HEADER_LENGTH:
-        yield from PcapReader(window, *PCAP_MAGICS[magic]).packets()
+        yield from PcapReader(window).packets()
     elif magic == PCAPNG_MAGIC:
         yield from PcapngReader(window, rejects).packets()
     elif window.left:

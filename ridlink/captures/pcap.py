@@ -2,7 +2,7 @@
 
 A header must be plausible, and where the next one is not, the true end of the record is looked for within it. After
 damage the next header is looked for at every byte, and must be followed by another one or the end. A cut tail is
-``truncated``.
+``truncated``. A file header in the place of a record's, as ``cat`` leaves it, says how to read on.
 
 Source: https://datatracker.ietf.org/doc/draft-ietf-opsawg-pcap/
 """
@@ -25,16 +25,30 @@ PCAP_MAGICS = {
 }
 """Byte order, and units of a second."""
 FILE_HEADER_LENGTH = 24
+_FILE_HEADER = re.compile(
+    b"|".join(re.escape(magic + struct.pack(order + "HHQ", 2, 4, 0)) for magic, (order, _) in PCAP_MAGICS.items())
+)
+"""Magic, version 2.4, and two fields that nobody fills: there a record has the length of its packet, which is not 0."""
 PACKET_HEADER_LENGTH = 16
 LINK_TYPE_MASK = 0x03FFFFFF
 """Above it stands whether packets end with a checksum; nothing that is read here is hurt by one."""
 
 
 class PcapReader:
-    """The classic format: one header, then one record after the other."""
+    """The classic format: one header, then one record after the other.
 
-    def __init__(self, window: Window, order: str, per_second: int) -> None:
+    Args:
+        window: Begins with a file header, of which magic and length are known to be right.
+    """
+
+    def __init__(self, window: Window) -> None:
         self._window = window
+        self._begin()
+
+    def _begin(self) -> None:
+        """Take a file header."""
+        window = self._window
+        order, per_second = PCAP_MAGICS[window.peek(0, 4)]
         self._header = struct.Struct(order + "IIII")
         self._per_second = per_second
         self._link_type = struct.unpack(order + "I", window.peek(20, 24))[0] & LINK_TYPE_MASK
@@ -47,15 +61,19 @@ class PcapReader:
         if order == ">":
             fraction = rb"\x00" + high if per_second == MICROSECONDS else high + rb"."
             pattern = rb".{4}" + fraction + rb"..\x00[\x00-\x04].."
-        self._first_sight = re.compile(rb"(?!.{8}\x00{4})(?=" + pattern + rb")", re.DOTALL)
+        record = rb"(?!.{8}\x00{4})(?=" + pattern + rb")"
+        self._first_sight = re.compile(record + rb"|(?=" + _FILE_HEADER.pattern + rb")", re.DOTALL)
         self._last_s: int | None = None
+        window.skip(FILE_HEADER_LENGTH)
 
     def packets(self) -> Iterator[Packet]:
         """All packets, in the order of the file; damage goes into the rejects of the window."""
         window = self._window
-        window.skip(FILE_HEADER_LENGTH)
         while window.reach(PACKET_HEADER_LENGTH):
             length = self._record_length(0)
+            if length is None and self._is_file(0):
+                self._begin()
+                continue
             if length is None or self._ends_within(length) or self._is_of_another_time(length):
                 self._resynchronise()
                 continue
@@ -78,12 +96,23 @@ class PcapReader:
             return None
         return PACKET_HEADER_LENGTH + int(captured)
 
+    def _is_file(self, start: int) -> bool:
+        """Another file begins so far on."""
+        window = self._window
+        return (
+            window.reach(start + FILE_HEADER_LENGTH) and _FILE_HEADER.match(window.data, window.at + start) is not None
+        )
+
+    def _goes_on(self, start: int) -> bool:
+        """What stands so far on is a record, or another file."""
+        return self._record_length(start) is not None or self._is_file(start)
+
     def _ends_within(self, length: int) -> bool:
         """The record does not end where it says: what follows is no header, but within it there is one."""
         window = self._window
         window.reach(length + PACKET_HEADER_LENGTH)
         follows = window.left - length
-        if follows >= 0 and (follows < PACKET_HEADER_LENGTH or self._record_length(length) is not None):
+        if follows >= 0 and (follows < PACKET_HEADER_LENGTH or self._goes_on(length)):
             return False
         return self._find_record(PACKET_HEADER_LENGTH, length) is not None
 
@@ -95,7 +124,7 @@ class PcapReader:
         return not self._is_near(0, self._last_s) and self._find_record(1, length) is not None
 
     def _find_record(self, start: int, end: int) -> int | None:
-        """Where between two places the next record starts that another one, or the end of the file, follows."""
+        """Where between two places another file starts, or the next record that one of both or the end follows."""
         window = self._window
         while True:
             seen = self._first_sight.search(window.data, window.at + start, window.at + end + PACKET_HEADER_LENGTH)
@@ -104,7 +133,7 @@ class PcapReader:
             start = seen.start() - window.at
             if start >= end:
                 return None
-            if self._is_record(start):
+            if self._is_record(start) or self._is_file(start):
                 return start
             start += 1
 
@@ -120,7 +149,9 @@ class PcapReader:
         if follows < PACKET_HEADER_LENGTH:
             return window.ended
         seconds = self._header.unpack(window.peek(start, start + PACKET_HEADER_LENGTH))[0]
-        return self._record_length(start + length) is not None and self._is_near(start + length, seconds)
+        if self._record_length(start + length) is None:
+            return self._is_file(start + length)
+        return self._is_near(start + length, seconds)
 
     def _is_near(self, start: int, reference_s: int | None) -> bool:
         seconds = self._header.unpack(self._window.peek(start, start + PACKET_HEADER_LENGTH))[0]

@@ -81,6 +81,31 @@ def test_every_form_of_file_gives_the_same(data: bytes, chunk: int) -> None:
         assert record.frame.raw in data[record.offset : record.offset + 400]
 
 
+@pytest.mark.parametrize("chunk", [1, 7, 1000, 10**6])
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("nanoseconds", [False, True])
+def test_captures_one_behind_the_other_are_each_read_as_its_header_says(
+    order: str, nanoseconds: bool, chunk: int
+) -> None:
+    beacons = timed([radiotap(odid_beacon())])
+    data = pcap(DATAGRAMS) + pcap(DATAGRAMS, order=order, nanoseconds=nanoseconds) + pcap(beacons, 127, order=">")
+    records, rejects = read(data + pcap([]) + pcap(DATAGRAMS[:1]), chunk)
+    times = [START_US + index * STEP_US for index in range(30)]
+    expected = [*times, *times, *[START_US] * (len(records) - 61), START_US]
+    assert [record.time_us for record in records] == expected and not rejects
+    assert frames_of(records)[:60] == FRAMES * 2 and len(records) > 61
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 1000, 10**6])
+@pytest.mark.parametrize("cut", [1, 16, 40, 90])
+@pytest.mark.parametrize("order", "<>")
+def test_a_capture_behind_one_that_was_cut_is_read_as_its_header_says(order: str, cut: int, chunk: int) -> None:
+    first = pcap(DATAGRAMS)[:-cut]
+    records, rejects = read(first + pcap(DATAGRAMS, order=order, nanoseconds=True), chunk)
+    assert frames_of(records)[-30:] == FRAMES and len(records) >= 58 and len(rejects) == 1
+    assert [record.time_us for record in records[-30:]] == [START_US + index * STEP_US for index in range(30)]
+
+
 @pytest.mark.parametrize("chunk", [1, 7, 100, 10**6])
 def test_what_an_impostor_made_us_read_is_judged_too(chunk: int) -> None:
     """Among damage stands what looks like a header, of a record as long as the file: nothing is lost behind it."""
