@@ -60,7 +60,7 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     is_flag=True,
     help="Each daemon in an operating-system process of its own; without it all share one, apart from the fleet.",
 )
-@click.option("--headless", is_flag=True, help="Show nothing but the verdict, neither a table nor the page.")
+@click.option("--headless", is_flag=True, help="Neither a table nor the page: how far it is, and the verdict.")
 @click.option("--no-view", is_flag=True, help="Do not serve the page.")
 @click.option(
     "--view-port",
@@ -144,7 +144,7 @@ def demo(
     scenario_of(options)  # what cannot be flown needs no page
     end_by_interrupts()
     printer = Printer()
-    screen = Screen(printer.stream(error=True), quiet=headless)
+    screen = Screen(printer.stream(error=True), table=not headless)
     flights = _compared(options) if compare else [options]
     tell_one, tell_all = _words(printer, screen, compare=compare, as_json=as_json)
 

@@ -186,7 +186,7 @@ async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int)
 
 async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: str) -> None:
     """Show the flight until nobody is left to wait for."""
-    if not screen.is_terminal:
+    if not screen.has_table:
         screen.say(f"Flying {title} (at most {server.scenario.duration_s:.0f} s) ...")
     with screen.flight(title):
         while not (server.world.finished or _all_stand(server)):

@@ -31,22 +31,29 @@ _STATE = {
 
 
 class Screen:
-    """Progress for people: a live table on a terminal, single lines elsewhere, nothing when ``quiet``.
+    """Progress for people: a live table, or a line, on a terminal, single lines elsewhere, nothing when ``quiet``.
 
     Args:
         file: Where it goes; writing there must not wait for whoever reads it, the fleet flies on the same loop.
         quiet: Show nothing.
+        table: Show where everybody is, and not only how far the flight is.
     """
 
-    def __init__(self, file: TextIO, *, quiet: bool) -> None:
+    def __init__(self, file: TextIO, *, quiet: bool = False, table: bool = True) -> None:
         self._console = Console(file=file, highlight=False)
         self._quiet = quiet
+        self._table = table
         self._live: Live | None = None
 
     @property
     def is_terminal(self) -> bool:
         """Somebody watches."""
         return self._console.is_terminal and not self._quiet
+
+    @property
+    def has_table(self) -> bool:
+        """The table shows what is flown."""
+        return self.is_terminal and self._table
 
     def say(self, text: str) -> None:
         """One line about what is going on."""
@@ -59,7 +66,7 @@ class Screen:
 
     @contextmanager
     def flight(self, title: str) -> Iterator[None]:
-        """Shows ``update``'s table while the flight lasts."""
+        """Shows what ``update`` draws while the flight lasts."""
         if not self.is_terminal:
             yield
             return
@@ -71,9 +78,9 @@ class Screen:
                 self._live = None
 
     def update(self, world: World, title: str, solver: dict[int, str]) -> None:
-        """Redraw the table from the truth; ``solver`` is each daemon's last status by system id."""
+        """Redraw it from the truth; ``solver`` is each daemon's last status by system id."""
         if self._live is not None:
-            self._live.update(flight_table(world, title, solver))
+            self._live.update(flight_table(world, title, solver) if self._table else _how_far(world))
 
 
 def show(result: RenderableType, file: TextIO) -> None:
@@ -106,10 +113,11 @@ def flight_table(world: World, title: str, solver: dict[int, str]) -> Renderable
             str(nearest + 1) if np.isfinite(distance) else "",
             solver.get(index + 1, "" if spec.cooperative else "none: flies straight on"),
         )
-    footer = Text(
-        f"{world.mission_time_s:5.1f} s   arrived {int(world.arrived.sum())} of {len(world.scenario.vehicles)}"
-    )
-    return Group(table, footer)
+    return Group(table, _how_far(world))
+
+
+def _how_far(world: World) -> Text:
+    return Text(f"{world.mission_time_s:5.1f} s   arrived {int(world.arrived.sum())} of {len(world.scenario.vehicles)}")
 
 
 def _colour(state: VehicleState) -> str:

@@ -19,7 +19,9 @@ import pytest
 from rich.console import Console
 
 from ridlink.captures import read_messages
-from sitl_sim.demo.screen import held_up_by, verdict_table
+from ridlink.scenario import built_in
+from sitl_sim.demo.screen import Screen, held_up_by, verdict_table
+from sitl_sim.world import World
 from tests.cli.full_pipe import full_pipe
 
 pytestmark = pytest.mark.programs
@@ -96,8 +98,9 @@ def test_a_pair_passes_and_the_last_line_says_so(tmp_path: Path, options: list[s
         "--log", str(log), *options,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr + done.stdout
-    assert done.stderr == ""
-    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    *_, said = done.stderr.splitlines()
+    assert re.fullmatch(r"Flying short head-on, .*, seed 1 \(at most 60 s\) \.\.\.", said), "a minute without a word"
+    result: dict[str, Any] = json.loads(done.stdout)
     assert set(result) >= KEYS
     assert (result["vehicles"], result["arrived"], result["macs"]) == (2, 2, 0)
     assert result["min_separation_m"] > 5.0, "two discs of 6 m of errors between the airframes"
@@ -139,7 +142,7 @@ def test_a_disk_that_takes_no_more_of_the_log_is_told_and_ends_no_flight(tmp_pat
         "--log", "/dev/full",
     )  # fmt: skip
     assert (done.returncode, json.loads(done.stdout)["arrived"]) == (0, 1)
-    assert done.stderr == "ridlink: /dev/full: the recording ended early: No space left on device\n"
+    assert done.stderr.endswith("\nridlink: /dev/full: the recording ended early: No space left on device\n")
 
 
 def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
@@ -150,6 +153,25 @@ def test_a_collision_is_seen_and_ends_with_1(tmp_path: Path) -> None:
     assert done.returncode == 1, done.stderr
     assert "0 of 2 arrived, 1 mid-air collision" in done.stdout
     assert "decision p99 -, longest setpoint gap -" in done.stdout, "nobody decided, so there is no figure"
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("table", [True, False])
+def test_on_a_terminal_a_flight_is_a_table_or_one_line_that_goes_on(
+    table: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    world, shown = World(built_in("circle8", 8)), Terminal()
+    screen = Screen(shown, table=table)
+    with screen.flight("circle8"):
+        screen.update(world, "circle8", {})
+    assert "arrived 0 of 8" in shown.getvalue()
+    assert ("nearest m" in shown.getvalue()) is table
+    assert (shown.getvalue().count("\n") > 8) is table
 
 
 @pytest.mark.parametrize(
