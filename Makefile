@@ -60,7 +60,7 @@ lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@echo "mypy ..."
-	@$(BIN)/mypy ridlink sitl_sim message_spec
+	@$(BIN)/mypy ridlink sitl_sim message_spec examples
 
 test: lint
 	@echo "pytest, the pure core (its kernels are compiled once, which takes half a minute) ..."

@@ -11,7 +11,7 @@ import numpy as np
 from ridlink.engine import Engine, EngineConfig, Goal
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
-from ridlink.mavlink.frames import parse_datagram
+from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Location, Separation, SeparationFlags
 
@@ -54,11 +54,12 @@ class Vehicle:
             commanded_vx_mps=command[0], commanded_vy_mps=command[1], commanded_vz_mps=command[2],
             flags=SeparationFlags.AVOIDING | SeparationFlags.COMMANDED_VELOCITY_GIVEN | SeparationFlags.SIMULATED,
         )  # fmt: skip
-        return b"".join(self.encode(name, **fields) for name, fields in map(to_mavlink, (location, separation)))
+        return b"".join(self.encode(name, **fields) for name, fields in (to_mavlink(location), to_mavlink(separation)))
 
     def obey(self, frames: list[bytes]) -> None:
-        for message in map(decode_message, parse_datagram(b"".join(frames), CRC_EXTRAS)):
-            if message.name == "SET_POSITION_TARGET_LOCAL_NED":
+        for found in parse_datagram(b"".join(frames), CRC_EXTRAS):
+            message = decode_message(found) if isinstance(found, Frame) else None
+            if message is not None and message.name == "SET_POSITION_TARGET_LOCAL_NED":
                 self.velocity = np.array([message.vx, message.vy, message.vz])
         self.position = self.position + self.velocity * STEP_S
 

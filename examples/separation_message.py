@@ -29,7 +29,7 @@ heard = from_mavlink(decode_message(frame))
 assert isinstance(heard, Separation)
 
 print(f"{'field':20} {'told':>10} {'heard':>10}")
-for field in Separation.__slots__:
+for field in Separation.__struct_fields__:
     before, after = getattr(told, field), getattr(heard, field)
     print(f"{field:20} {'unknown' if before is None else before:>10} {'unknown' if after is None else after:>10}")
 
