@@ -477,6 +477,19 @@ def test_tracks_that_cannot_be_flown_are_refused(geojson: Callable[..., str], fe
     assert told in str(refused.value) and path in str(refused.value)
 
 
+def test_all_mistakes_of_tracks_are_told_at_once(geojson: Callable[..., str]) -> None:
+    def told_of(*features: object) -> list[str]:
+        with pytest.raises(ConfigError) as refused:
+            load_tracks(geojson(*features))
+        return [line.split("geojson: ")[1].split(" must ")[0] for line in (str(refused.value), *refused.value.others)]
+
+    points = [8.0, 47.0], [8.001, 47.0]
+    wrong = track(*points, sigma_m=-1, ghost=1), track(*points), track(*points, speed_mps=0)
+    assert told_of(*wrong) == ["feature 1: sigma_m", "feature 1: ghost", "feature 3: speed_mps"]
+    assert told_of(track(), track(*points), track()) == ["feature 1: coordinates", "feature 3: coordinates"]
+    assert len(told_of(*(track() for _ in range(50)))) == MOST_FAULTS
+
+
 @pytest.mark.parametrize(
     "content, told",
     [(b"{", "tracks.json:1: is not JSON"), (b"[]", "is not a GeoJSON FeatureCollection"), (b"\xff", "is not UTF-8")],

@@ -21,8 +21,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,7 +31,7 @@ import msgspec
 
 from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.avoidance.types import SolverKind
-from ridlink.checked_toml import parse_toml
+from ridlink.checked_toml import MOST_FAULTS, parse_toml
 from ridlink.errors import ConfigError
 from ridlink.words import did_you_mean
 
@@ -49,6 +50,10 @@ KINDS = {
     "object": "a table",
 }  # fmt: skip
 """What values are called, by the names that the reader has for them."""
+
+
+POLYGON = ("polygon",)
+"""Keys of an [[obstacle]]."""
 
 
 class ObstacleTable(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -115,24 +120,24 @@ def line_of(text: str, key: str) -> str:
     return ""
 
 
-def _refuse_unknown(given: Mapping[str, Any], known: list[str], where: str, text: str) -> None:
+def _unknown(given: Mapping[str, Any], known: Sequence[str], where: str, text: str) -> Iterator[str]:
     for key in given:
         if key not in known:
             hint = did_you_mean(key.replace("-", "_"), known) or f": known are {', '.join(known)}"
-            raise ConfigError(f"{where}{line_of(text, key)}: unknown key {key!r}{hint}")
+            yield f"{where}{line_of(text, key)}: unknown key {key!r}{hint}"
 
 
-def _refuse_not_finite(value: Any, key: str, where: str, text: str) -> None:
+def _not_finite(value: Any, key: str, where: str, text: str) -> Iterator[str]:
     if isinstance(value, float) and not math.isfinite(value):
-        raise ConfigError(f"{where}{line_of(text, key)}: {key} must be a finite number, not {value}")
+        yield f"{where}{line_of(text, key)}: {key} must be a finite number, not {value}"
     if isinstance(value, dict):
         for name, inner in value.items():
             # Infinite means "stops at once" to the solver, and only there.
             if key not in SOLVER_TABLES or inner != math.inf:
-                _refuse_not_finite(inner, name, where, text)
+                yield from _not_finite(inner, name, where, text)
     if isinstance(value, list):
         for inner in value:
-            _refuse_not_finite(inner, key, where, text)
+            yield from _not_finite(inner, key, where, text)
 
 
 def config_text(path: str | Path) -> str:
@@ -157,7 +162,7 @@ def read_config_file(path: str | Path) -> FlatConfig:
 
     Raises:
         ConfigError: If it is not TOML, has an unknown key, or a value of the wrong kind; the text names file, line and
-            key.
+            key. One line for each mistake, the first as its text, up to four more as `others`.
         OSError: If it cannot be read.
     """
     return read_config_text(config_text(path), str(path))
@@ -174,21 +179,28 @@ def read_config_text(text: str, where: str) -> FlatConfig:
         ConfigError: As `read_config_file`.
     """
     document = parse_toml(text, where)
-    known = [item.name for item in msgspec.structs.fields(FlatConfig)]
-    _refuse_unknown(document, known, where, text)
-    for table_name, settings in SOLVER_TABLES.items():
-        if isinstance(document.get(table_name), dict):
-            _refuse_unknown(document[table_name], [item.name for item in fields(settings)], where, text)
-    for table in document.get("obstacle", []) if isinstance(document.get("obstacle"), list) else []:
-        if isinstance(table, dict):
-            _refuse_unknown(table, ["polygon"], where, text)
-    for key, value in document.items():
-        _refuse_not_finite(value, key, where, text)
-        try:
-            msgspec.convert({key: value}, FlatConfig)
-        except msgspec.ValidationError as error:
-            raise ConfigError(f"{where}{line_of(text, key)}: {_explained(key, error)}") from error
+    faults = [*islice(_faults(document, where, text), MOST_FAULTS)]
+    if faults:
+        raise ConfigError(*faults)
     return msgspec.convert(document, FlatConfig)
+
+
+def _faults(document: Mapping[str, Any], where: str, text: str) -> Iterator[str]:
+    """What is wrong, a line for each mistake: with keys that nobody knows first, then with values."""
+    known = [item.name for item in msgspec.structs.fields(FlatConfig)]
+    yield from _unknown(document, known, where, text)
+    for key, value in document.items():
+        found = [*dict.fromkeys(_not_finite(value, key, where, text))]
+        if key in SOLVER_TABLES and isinstance(value, dict):
+            found += _unknown(value, [item.name for item in fields(SOLVER_TABLES[SolverKind(key)])], where, text)
+        if key == "obstacle" and isinstance(value, list):
+            found += [line for one in value if isinstance(one, dict) for line in _unknown(one, POLYGON, where, text)]
+        yield from found
+        if not found:
+            try:
+                msgspec.convert({key: value}, FlatConfig)
+            except msgspec.ValidationError as error:
+                yield f"{where}{line_of(text, key)}: {_explained(key, error)}"
 
 
 def _explained(key: str, error: Exception) -> str:

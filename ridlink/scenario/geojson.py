@@ -17,7 +17,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from ridlink.checked_toml import UNREADABLE, CheckedTable, TomlSource, finite_number
+from ridlink.checked_toml import MOST_FAULTS, UNREADABLE, CheckedTable, TomlSource, finite_number
 from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic, ned_from_geodetic
 from ridlink.scenario.model import DEFAULT_SPEED_MPS, Point3, Scenario, VehicleSpec
@@ -42,7 +42,8 @@ def load_tracks(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Sc
         speed_mps: Speed of tracks that state none.
 
     Raises:
-        ConfigError: If it is no GeoJSON, or a track is none: file, feature, key, what would be right.
+        ConfigError: If it is no GeoJSON, or a track is none: file, feature, key, what would be right. One line for
+            each mistake, the first as its text, up to four more as `others`.
         OSError: If the file cannot be read.
     """
     name = str(path)
@@ -57,11 +58,15 @@ def load_tracks(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Sc
     features = document.get("features") if isinstance(document, dict) else None
     if not isinstance(features, list):
         raise ConfigError(f"{name}: is not a GeoJSON FeatureCollection")
-    tracks = []
+    tracks, faults = [], list[ConfigError]()
     for number, feature in enumerate(features, start=1):
         geometry = feature.get("geometry") if isinstance(feature, dict) else None
         if isinstance(geometry, dict) and geometry.get("type") == "LineString":
-            tracks.append(_Track(name, number, feature, geometry))
+            try:
+                tracks.append(_Track(name, number, feature, geometry))
+            except ConfigError as error:
+                faults.append(error)
+    _refuse(faults)
     if not tracks:
         raise ConfigError(f"{name}: has no feature with a LineString, which is what a track is")
     points = [point for track in tracks for point in track.points]
@@ -71,7 +76,9 @@ def load_tracks(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Sc
         (min(point[0] for point in points) + max(point[0] for point in points)) / 2.0,
         min(altitudes) - FLOOR_M if altitudes else 0.0,
     )
-    vehicles = tuple(track.vehicle(home, speed_mps) for track in tracks)
+    made = [track.vehicle(home, speed_mps, faults) for track in tracks]
+    _refuse(faults)
+    vehicles = tuple(vehicle for vehicle in made if vehicle is not None)
     duration_s = max(PATIENCE * _length_m(vehicle) / vehicle.speed_mps for vehicle in vehicles)
     try:
         return Scenario(
@@ -82,6 +89,11 @@ def load_tracks(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Sc
         )
     except ConfigError as error:
         raise ConfigError(f"{name}: {error}") from None
+
+
+def _refuse(faults: list[ConfigError]) -> None:
+    if faults:
+        raise ConfigError(*map(str, faults[:MOST_FAULTS]))
 
 
 class _Track:
@@ -114,8 +126,11 @@ class _Track:
             raise ConfigError(f"{self._where}: coordinates: {position!r} is no place on Earth (longitude comes first)")
         return longitude, latitude, numbers[2] if len(numbers) > 2 else None
 
-    def vehicle(self, home: Geodetic, speed_mps: float) -> VehicleSpec:
-        """The vehicle that flies it."""
+    def vehicle(self, home: Geodetic, speed_mps: float, faults: list[ConfigError]) -> VehicleSpec | None:
+        """The vehicle that flies it; None if something is wrong with it, which joins the faults."""
+        return self._table.read(lambda table: self._spec(table, home, speed_mps), faults)
+
+    def _spec(self, table: CheckedTable, home: Geodetic, speed_mps: float) -> VehicleSpec:
         route: list[Point3] = []
         for longitude, latitude, altitude in self.points:
             height = home.altitude_m + FLOOR_M if altitude is None else altitude
@@ -125,7 +140,6 @@ class _Track:
                     f"{self._where}: lies {math.hypot(north, east) / 1e3:.0f} km from the middle of the tracks"
                 )
             route.append((round(north, 3), round(east, 3), min(round(down, 3), -1.0)))
-        table = self._table
         length_m = sum(math.dist(*leg) for leg in pairwise(route))
         if length_m < MIN_LENGTH_M:
             raise ConfigError(f"{self._where}: the track goes nowhere")
@@ -136,16 +150,16 @@ class _Track:
         return VehicleSpec(
             start_ned_m=route[0],
             goal_ned_m=route[-1],
-            speed_mps=table.number("speed_mps", self._timed_speed_mps(length_m) or speed_mps, above=0.0),
+            speed_mps=table.number("speed_mps", self._timed_speed_mps(table, length_m) or speed_mps, above=0.0),
             cooperative=cooperative,
             route_ned_m=() if cooperative else tuple(route[1:-1]),
             **keys,
         )
 
-    def _timed_speed_mps(self, length_m: float) -> float | None:
-        if not self._table.has("times"):
+    def _timed_speed_mps(self, table: CheckedTable, length_m: float) -> float | None:
+        if not table.has("times"):
             return None
-        times = self._table.take("times")
+        times = table.take("times")
         numbers = isinstance(times, list) and all(finite_number(t) is not None for t in times)
         if not numbers or len(times) != len(self.points):
             raise ConfigError(f"{self._where}: times must be seconds, one for each of {len(self.points)} points")

@@ -69,7 +69,8 @@ def load_airframe(name_or_path: str) -> Airframe:
     """A type by its name, or from a file (anything that ends in .toml or has a slash).
 
     Raises:
-        ConfigError: If the name is unknown or the file is wrong: file, line, key, what would be right.
+        ConfigError: If the name is unknown or the file is wrong: file, line, key, what would be right. One line for
+            each mistake, the first as its text, up to four more as `others`.
         OSError: If the file cannot be read.
     """
     path = Path(name_or_path)
@@ -78,24 +79,32 @@ def load_airframe(name_or_path: str) -> Airframe:
             raise ConfigError(f"unknown airframe '{name_or_path}': known are {', '.join(AIRFRAMES)}, or a .toml file")
         path = FOLDER / f"{name_or_path}.toml"
     top = read_toml(path)
-    title = top.text("title")
-    top.take("source", "")
-    feedback = _figures(top, "feedback", VelocityFeedback)
-    shaped = _figures(top, "shaped", ShapedTarget)
-    battery = _figures(top, "battery", BatteryType)
-    top.nothing_else()
+    faults: list[ConfigError] = []
+    feedback = _figures(top, "feedback", VelocityFeedback, faults)
+    shaped = _figures(top, "shaped", ShapedTarget, faults)
+    battery = _figures(top, "battery", BatteryType, faults)
+    title = top.read(_title, faults)
+    if title is None or faults:
+        raise ConfigError(*map(str, faults))
     if battery is None:
         raise top.error("battery", "is missing: cells, capacity_wh, hover_w")
     return Airframe(path.stem, title, feedback, shaped, battery)
 
 
-def _figures(top: CheckedTable, name: str, kind: type[Figures]) -> Figures | None:
-    if not top.has(name):
-        return None
-    table = top.table(name)
-    figures = {field.name: table.number(field.name, above=0.0) for field in fields(kind)}  # type: ignore[arg-type]
-    table.nothing_else()
-    return kind(**figures)
+def _title(top: CheckedTable) -> str:
+    title = top.text("title")
+    top.take("source", "")
+    top.nothing_else()
+    return title
+
+
+def _figures(top: CheckedTable, name: str, kind: type[Figures], faults: list[ConfigError]) -> Figures | None:
+    def figures(table: CheckedTable) -> Figures:
+        read = {field.name: table.number(field.name, above=0.0) for field in fields(kind)}  # type: ignore[arg-type]
+        table.nothing_else()
+        return kind(**read)
+
+    return top.table(name).read(figures, faults) if top.has(name) else None
 
 
 def model_for_speed(autopilot: str, speed_mps: float, airframe: str | None = None) -> Model:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +154,22 @@ def test_f34_mistakes_are_named(write, text: str, words: list[str]) -> None:
     for word in words:
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_f34_all_mistakes_are_told_at_once_and_none_twice(write) -> None:
+    text = 'cruise = "fast"\ncruize = 7.0\ngoal = [nan, nan]\nguard = true\n[halfplane]\nhorizon = 7.0\nwait = 1.0\n'
+    with pytest.raises(ConfigError) as caught:
+        read_config_file(write(text))
+    lines = [str(caught.value), *caught.value.others]
+    assert [re.search(r":(\d+): (?:unknown key ')?(\w+)", line).groups() for line in lines] == [
+        ("2", "cruize"), ("1", "cruise"), ("3", "goal"), ("6", "horizon"), ("7", "wait"),
+    ]  # fmt: skip
+    with pytest.raises(ConfigError) as caught:
+        read_config_file(write("".join(f"key{number} = 1\n" for number in range(50))))
+    assert len(caught.value.others) == 4
+    with pytest.raises(ConfigError) as caught:
+        read_config_file(write("[[obstacle]]\npoligon = []\n"))
+    assert not caught.value.others
 
 
 @pytest.mark.parametrize(

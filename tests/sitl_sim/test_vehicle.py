@@ -231,6 +231,22 @@ def test_a_wrong_airframe_file_is_refused_by_file_line_and_key(tmp_path: Path, o
     assert told in str(refused.value)
 
 
+def test_all_mistakes_of_an_airframe_file_are_told_at_once(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    text = (FOLDER / "category1.toml").read_text()
+    for old, new in (("d = 0.2", "d = -0.2"), ("jerk_mps3 = 30.0", 'jerk_mps3 = "much"'), ("title", "titel"),
+                     ("[battery]", "[batery]")):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new, 1)
+    own.write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        load_airframe(str(own))
+    lines = [line.split(": ", 1)[1] for line in (str(refused.value), *refused.value.others)]
+    assert [line.split(" must ")[0].split(" is ")[0] for line in lines] == [
+        "feedback: d", "shaped: jerk_mps3", "title",
+    ]  # fmt: skip
+
+
 def test_what_nobody_has_measured_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"ardupilot-quad.*px4.*feedback"):
         model_for_speed("px4", 10.0, "ardupilot-quad")
