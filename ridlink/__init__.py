@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     from ridlink.captures.columns import decode
 
+    __version__: str
+
 __all__ = ["decode"]
 
 
@@ -30,7 +32,9 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """``decode`` when it is asked for: importing the package stays instant."""
+    """``decode`` and ``__version__`` when they are asked for: importing the package stays instant."""
     if name == "decode":
         return importlib.import_module("ridlink.captures.columns").decode
+    if name == "__version__":
+        return importlib.import_module("importlib.metadata").version("ridlink")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -160,7 +160,7 @@ def _joined(first: list[int], second: list[int]) -> list[int] | None:
 
 @dataclass(frozen=True, slots=True)
 class Obstacles:
-    """Static obstacles as flat arrays of vertices.
+    """Static obstacles as flat arrays of vertices, as `from_polygons` makes them.
 
     Attributes:
         piece_vertex_ne_m: Vertices of all convex pieces, shape (m, 2).
