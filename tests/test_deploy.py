@@ -55,6 +55,15 @@ def test_a_configuration_that_is_refused_is_not_tried_again(tmp_path: Path) -> N
     assert final is not None and final.group(1).split() == [str(refused.returncode)]
 
 
+def test_no_instance_takes_the_folders_of_another() -> None:
+    """With DynamicUser each is another user, to whom systemd gives them when it starts."""
+    unit = dict(re.findall(r"^(\w+)=(.*)$", (DEPLOY / "ridlink-avoid@.service").read_text(), re.MULTILINE))
+    assert unit["DynamicUser"] == "yes"
+    assert unit["CacheDirectory"].endswith("/%i") and unit["StateDirectory"].endswith("/%i")
+    assert unit["Environment"] == f"NUMBA_CACHE_DIR=/var/cache/{unit['CacheDirectory']}"
+    assert unit["WorkingDirectory"] == f"/var/lib/{unit['StateDirectory']}"
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 def test_the_unit_is_one_that_systemd_takes(tmp_path: Path) -> None:
     unit = (DEPLOY / "ridlink-avoid@.service").read_text().replace("/opt/ridlink/bin/ridlink", "/bin/true")
