@@ -1,7 +1,8 @@
 """What goes wrong in a flight, carried out: events of the scenario, and whatever is injected while it runs.
 
-Units: seconds of the caller's clock. An event with a duration is undone when that is over, unless another of its kind
-has come meanwhile: the last one counts.
+Units: seconds. Events of the scenario wait for the mission; durations count from when something happened, mission or
+not. An event with a duration is undone when that is over, unless another of its kind has come meanwhile: the last one
+counts.
 """
 
 from __future__ import annotations
@@ -68,10 +69,15 @@ class Faults:
         self._undo: dict[tuple[str, int], tuple[float, Callable[[], None]]] = {}
         self._now_s = 0.0
 
-    def step(self, now_s: float) -> None:
-        """Carry out what is due by now."""
+    def step(self, now_s: float, mission_s: float | None) -> None:
+        """Carry out what is due by now.
+
+        Args:
+            now_s: Time.
+            mission_s: Time since the mission began; None before.
+        """
         self._now_s = now_s
-        while self._waiting and self._waiting[0].at_s <= now_s:
+        while mission_s is not None and self._waiting and self._waiting[0].at_s <= mission_s:
             self.inject(self._waiting.pop(0))
         if self._undo:
             for key in [key for key, (until_s, _) in self._undo.items() if until_s <= now_s]:

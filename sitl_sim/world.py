@@ -77,7 +77,7 @@ class World:
         sigma_m: For vehicles of which the scenario says nothing.
         airborne: True: everybody hovers at its start. False: everybody stands below its start until ``lift_off``.
         begins: Whether the mission of an airborne fleet begins at once. It is ``begin_mission`` that begins any other:
-            nothing is judged and nothing goes wrong before.
+            before, nothing is judged, and nothing goes wrong but what is injected.
         arrival: "land": who has arrived comes down and stands. "leave": it is gone at once, as in the paper.
         gnss_common_share: Share of the variance of position errors that all vehicles have in common.
         gnss_time_constant_s: Correlation time of "gauss-markov".
@@ -332,8 +332,7 @@ class World:
 
     def _tick(self) -> None:
         in_air = self.in_air
-        if self._mission_from_s is not None:
-            self.faults.step(self.mission_time_s)
+        self.faults.step(self.time_s, None if self._mission_from_s is None else self.mission_time_s)
         flying = self.state == VehicleState.AIRBORNE
         for index, velocity in self._routes.turns(self.position_ned_m, flying):
             self.command_velocity(index, velocity)

@@ -61,6 +61,16 @@ def test_events_wait_for_the_mission() -> None:
     assert world.fix_type[0] == 0
 
 
+def test_what_is_injected_ends_in_time_though_the_mission_has_not_begun() -> None:
+    flight = Flight("px4", Start.GROUND)
+    flight.advance(2.0)
+    assert flight.command(420, 105, 1) == 0
+    flight.advance(9.0)
+    assert not flight.world.link_on[0]
+    flight.advance(1.5)
+    assert flight.world.link_on[0] and flight.world.mission_time_s == 0.0
+
+
 def test_a_jump_shows_in_the_reports_and_in_no_figure_of_the_receiver() -> None:
     world = world_of(sigma_m=2.0)
     before, claimed = error_m(world), world.h_acc_m[0]
