@@ -189,14 +189,13 @@ class Nose:
         self._wanted_rate_radps = min(max(rate_radps, -YAW_RATE_RADPS), YAW_RATE_RADPS)
 
     def let_go(self) -> None:
-        """Nobody asks for a heading any more."""
-        self._follows = self._usually_follows
+        """Nobody asks for a heading any more, nor for a turn."""
+        self._follows, self._wanted_rate_radps = self._usually_follows, None
 
     def follow(self, velocity_ned_mps: Vector) -> None:
         """Turn into the direction of flight, where it follows that; slower than 1 m/s, keep the last one."""
         if self._follows and math.hypot(velocity_ned_mps[0], velocity_ned_mps[1]) >= MIN_NOSE_SPEED_MPS:
             self._wanted_rad = math.atan2(velocity_ned_mps[1], velocity_ned_mps[0])
-            self._wanted_rate_radps = None
 
     def update(self, dt_s: float) -> None:
         """Let time pass."""

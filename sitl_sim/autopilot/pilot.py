@@ -292,6 +292,7 @@ class Pilot:
         if flies_on and not self.has_stream(now_s, self._board.parameters["GUID_TIMEOUT"]):
             self.guidance = Velocity()
             self._steered = False
+            self.nose.let_go()
 
     def _advance_manoeuvre(self) -> None:
         guidance = self.guidance

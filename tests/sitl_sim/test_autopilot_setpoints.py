@@ -12,6 +12,7 @@ from sitl_sim.autopilot import Start
 from tests.sitl_sim.flight import (
     ACCEPTED,
     GUIDED,
+    LAND,
     NAN,
     PX4_HOLD,
     PX4_OFFBOARD,
@@ -52,6 +53,24 @@ def test_ardupilot_turns_its_nose_into_the_flight_and_px4_does_not() -> None:
         flight.fly(4.0, 0.0, 4.0, 0.0)
         headings[flavour] = flight.last("GLOBAL_POSITION_INT").hdg
     assert headings == {"px4": 0, "ardupilot": 9000}
+
+
+@both
+def test_a_rate_of_turn_ends_with_the_setpoints_that_ask_for_it(flavour: str) -> None:
+    flight = airborne(flavour)
+    flight.fly(1.0, mask=0x05C7, yaw_rate=0.5)
+    assert flight.last("ATTITUDE").yawspeed == pytest.approx(0.5)
+    flight.fly(0.3)
+    heading = flight.last("ATTITUDE").yaw
+    assert (heading, flight.last("ATTITUDE").yawspeed) == (pytest.approx(0.5, abs=0.1), 0.0)
+    flight.fly(0.5, mask=0x05C7, yaw_rate=0.5)
+    flight.command(LAND)
+    flight.advance(1.0)
+    assert flight.last("ATTITUDE").yawspeed == 0.0
+    flight = airborne(flavour)
+    flight.fly(0.5, mask=0x05C7, yaw_rate=0.5)
+    flight.advance(3.5)
+    assert flight.last("ATTITUDE").yawspeed == 0.0
 
 
 @both
