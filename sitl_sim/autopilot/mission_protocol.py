@@ -44,13 +44,16 @@ class MissionProtocol:
     """One vehicle's side.
 
     Args:
-        board: PX4 asks again for the item that it wants; ArduPilot refuses the one that it did not ask for.
+        board: PX4 asks again for the item that it wants, and acknowledges the last one again; ArduPilot refuses the one
+            that it did not ask for.
         flight: Keeps the mission and flies it.
     """
 
     def __init__(self, board: Board, flight: MissionFlight) -> None:
         self._board, self._flight = board, flight
         self._upload: _Upload | None = None
+        self._done: tuple[Hashable, Sender, int] | None = None
+        """Peer and sender of the mission that was written last, and its last item."""
 
     def receive(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> list[Reply]:
         """Take one message of the protocol; the answers.
@@ -112,12 +115,15 @@ class MissionProtocol:
             return [self._refused(sender, MissionResult.NO_SPACE)]
         if count == 0:
             return self._clear(message, sender)
-        self._upload = _Upload(peer, sender, count, now_s)
+        self._upload, self._done = _Upload(peer, sender, count, now_s), None
         return [self._request(self._upload)]
 
     def _take(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> list[Reply]:
         upload = self._upload
         if message.mission_type != MISSION or upload is None or upload.peer != peer:
+            came_twice = message.mission_type == MISSION and self._done == (peer, sender, message.seq)
+            if came_twice and self._board.is_px4:  # its acknowledgement was lost
+                return [self._acknowledged(sender, MISSION)]
             return [self._refused(sender, MissionResult.ERROR, message.mission_type)]
         wanted = len(upload.items)
         if message.seq != wanted:
@@ -132,7 +138,7 @@ class MissionProtocol:
         upload.requested_s, upload.requests = now_s, 1
         if len(upload.items) < upload.count:
             return [self._request(upload)]
-        self._upload = None
+        self._upload, self._done = None, (peer, sender, wanted)
         self._flight.load(upload.items)
         return [self._acknowledged(sender, MISSION)]
 
@@ -156,7 +162,7 @@ class MissionProtocol:
         if kind not in (MISSION, FENCE, RALLY, ALL):
             return [self._refused(sender, MissionResult.UNSUPPORTED, kind)]
         if kind in (MISSION, ALL):
-            self._upload = None
+            self._upload = self._done = None
             self._flight.load([])
         return [self._acknowledged(sender, kind)]
 

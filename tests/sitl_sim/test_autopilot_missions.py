@@ -157,6 +157,22 @@ def test_an_item_that_comes_twice_is_asked_for_again_and_one_that_comes_early_is
     assert uninvited.type == MissionResult.ERROR
 
 
+@both
+def test_the_last_item_comes_twice_where_its_acknowledgement_was_lost(flavour: str) -> None:
+    flight = holding(flavour)
+    items = planned(flavour, [item(), item(north=10.0)])
+    assert upload(flight, items) == ACCEPTED
+    last = len(items) - 1
+    (again,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=last, **items[last])
+    assert again.type == (MissionResult.ACCEPTED if flavour == "px4" else MissionResult.ERROR)
+    (other,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=last - 1, **items[last - 1])
+    assert other.type == MissionResult.ERROR
+    stranger = {"sender": Encoder(254, 191), "address": ("127.0.0.1", 50001)}
+    (refused,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=last, **items[last], **stranger)
+    assert (refused.type, refused.target_system) == (MissionResult.ERROR, 254)
+    assert len(download(flight)) == len(items)
+
+
 @pytest.mark.parametrize(
     ("bad", "why"),
     [
