@@ -194,7 +194,6 @@ class Commands:
 
     def _turn(self, command: Command, now_s: float) -> Result:
         """CONDITION_YAW: to a heading, or by an angle in the direction of parameter 3."""
-        relative = command[4] is not None
-        sign = -1.0 if relative and (command[3] or 1.0) < 0.0 else 1.0
-        self._pilot.nose.turn_degrees(sign * (command[1] or 0.0), relative=relative)
+        relative, direction = command[4] is not None, command[3] or 1.0
+        self._pilot.nose.turn_degrees(command[1] or 0.0, relative=relative, direction=direction)
         return Result.ACCEPTED

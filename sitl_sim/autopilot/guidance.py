@@ -178,10 +178,14 @@ class Nose:
         """Turn to a heading and keep it."""
         self._wanted_rad, self._wanted_rate_radps, self._follows = yaw_rad, None, False
 
-    def turn_degrees(self, yaw_deg: float, *, relative: bool = False) -> None:
-        """Turn to a heading given in degrees, from north or from where the nose is; what is not finite is ignored."""
+    def turn_degrees(self, yaw_deg: float, *, relative: bool = False, direction: float = 1.0) -> None:
+        """Turn to a heading given in degrees, from north or from where the nose is, to the left of that where the
+        direction is negative; what is not finite is ignored."""
         if math.isfinite(yaw_deg):
-            self.turn_to(math.remainder(math.radians(yaw_deg) + (self.yaw_rad if relative else 0.0), math.tau))
+            yaw_rad = math.radians(yaw_deg)
+            if relative:
+                yaw_rad = self.yaw_rad + (-yaw_rad if direction < 0.0 else yaw_rad)
+            self.turn_to(math.remainder(yaw_rad, math.tau))
 
     def turn_at(self, rate_radps: float) -> None:
         """Keep turning, no faster than the vehicle can."""

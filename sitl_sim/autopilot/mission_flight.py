@@ -181,7 +181,8 @@ class MissionFlight:
                 if speed > 0.0:
                     self._speeds.commanded_cruise_mps = speed
             case Item.CONDITION_YAW:
-                self._nose.turn_degrees(item.parameters[0], relative=item.parameters[3] == 1.0)
+                yaw_deg, _, direction, relative = item.parameters
+                self._nose.turn_degrees(yaw_deg, relative=relative == 1.0, direction=direction)
             case Item.JUMP:
                 done, wanted = self._jumps.get(self.current, 0), item.parameters[1]
                 if wanted < 0 or done < wanted:

@@ -352,6 +352,16 @@ def test_jumps_are_counted_and_a_circle_of_them_hovers() -> None:
     assert flight.mode == PX4_MISSION and math.hypot(*flight.velocity) < 0.5
 
 
+@both
+def test_a_relative_heading_turns_the_way_it_says(flavour: str) -> None:
+    flight = holding(flavour)
+    left = at_once(CONDITION_YAW, param1=45.0, param3=-1.0, param4=1.0)
+    assert upload(flight, planned(flavour, [left, at_once(DELAY, param1=60.0)])) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    flight.advance(2.0)
+    assert flight.last("GLOBAL_POSITION_INT").hdg == 31500
+
+
 def test_items_can_be_left_out_and_a_new_mission_begins_at_once() -> None:
     flight = holding("px4")
     assert upload(flight, [item(north=200.0), item(DELAY, param1=1.0), item(east=6.0)]) == ACCEPTED
