@@ -107,8 +107,11 @@ class Reception:
             drawn: FloatArray = np.stack([random.random(self._shape) for random in self._random])
             self._bad: BoolArray = drawn < channel.loss
 
-    def next(self) -> tuple[BoolArray, FloatArray, FloatArray]:
+    def next(self, sending: BoolArray | None = None) -> tuple[BoolArray, FloatArray, FloatArray]:
         """What the next reports meet: who misses them, and how late the others hear them; receiver before sender.
+
+        Args:
+            sending: Who reports, shape (W, N); None: everybody. Bursts are of reports: those of the others wait.
 
         Returns:
             Lost, latencies [s], and a figure below 1 which `Channel.share` must exceed, shape (W, N, N) each.
@@ -132,7 +135,8 @@ class Reception:
         leave = 1.0 / channel.burst
         enter = leave * channel.loss / (1.0 - channel.loss)
         lost = self._bad
-        self._bad = np.where(lost, drawn[..., 0] >= leave, drawn[..., 0] < enter)
+        after = np.where(lost, drawn[..., 0] >= leave, drawn[..., 0] < enter)
+        self._bad = after if sending is None else np.where(sending[:, None, :], after, lost)
         return lost, latency, luck
 
     def keep(self, runs: BoolArray) -> None:

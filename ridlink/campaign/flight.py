@@ -144,7 +144,7 @@ class PairBatch(Batch):
         self.due_s = np.where(due, self.due_s + plan.interval_s, self.due_s)
         sending: BoolArray = np.ones_like(due) if step == 0 else due
         # Drawn at every step: what a run draws does not depend on when others of its batch report.
-        lost, latency_s, luck = self.reception.next()
+        lost, latency_s, luck = self.reception.next(sending)
         if sending.any():
             slot = step % self.sent.shape[2]
             fresh = np.empty((*sending.shape, tracks.REPORT_COLUMNS))

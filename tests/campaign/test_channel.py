@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
+from ridlink.campaign import tracks
 from ridlink.campaign.cell import BASELINE
 from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.channel import Channel, Reception
+from ridlink.campaign.flight import PairBatch
+from ridlink.campaign.plan import Plan
 from ridlink.campaign.response import Dynamics
+from ridlink.campaign.scene import circle
 from ridlink.campaign_runner.choice import SOLVERS
 from ridlink.cli import campaign_options
 from ridlink.separation import Definition
@@ -25,6 +29,25 @@ def test_losses_have_their_share_and_their_length(burst, mean):
     bursts = (np.diff(lost.astype(int), axis=0) == 1).sum() + lost[0].sum()
     assert lost.sum() / bursts == pytest.approx(mean, rel=0.05)
     assert lost[0].mean() == pytest.approx(0.3, abs=0.15), "the first one is as likely lost as any other"
+
+
+@pytest.mark.parametrize("interval_s", [0.1, 0.3, 1.0])
+def test_bursts_count_reports_however_often_vehicles_decide(interval_s):
+    plan = Plan(
+        circle(6), channel=Channel(0.3, 5.0), interval_s=interval_s, step_s=0.1, displaced_s=0.1, range_m=1e6, seed=3
+    )  # fmt: skip
+    batch = PairBatch(plan, range(2))
+    reports = 1500
+    heard = [[[] for _ in range(6)] for _ in range(2)]
+    for step in range(1, round(reports * interval_s / 0.1)):
+        sending = batch._send(step, 0.1 * step, batch.position)
+        for world, sender in np.argwhere(sending).tolist():
+            row = batch.tracks[world, :, sender, tracks.AT] == 0.1 * step
+            heard[world][sender].append(np.delete(row, sender))
+    lost = ~np.concatenate([np.array(rows)[: reports - 1] for world in heard for rows in world], axis=1)
+    bursts = (np.diff(lost.astype(int), axis=0) == 1).sum() + lost[0].sum()
+    assert lost.mean() == pytest.approx(0.3, abs=0.02)
+    assert lost.sum() / bursts == pytest.approx(5.0, rel=0.07)
 
 
 def test_receivers_have_their_own_luck_and_runs_their_own_draws():
