@@ -185,6 +185,8 @@ class Choice:
         scene = drawn_scene(name)
         if scene is not None:
             speed_mps = conditions.speed_mps
+            if speed_mps is not None and conditions.category is not None:
+                raise ConfigError("--speed and --category exclude each other: a category says how fast its fleets fly")
             if speed_mps is None and conditions.category is None and set(self.dynamics) != {Dynamics.IDEAL}:
                 speed_mps = REAL_SPEED_MPS
             if speed_mps is not None:

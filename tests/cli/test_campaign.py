@@ -347,6 +347,7 @@ def test_nobody_waits_for_the_compiler_without_a_word(tmp_path: Path) -> None:
         (["--interval", "0"], 2, "0.0 is not in the range"),
         (["--stock", "1.5"], 2, "1.5 is not in the range"),
         (["--scenario", "head-on", "--speed", "12"], 2, "says itself who flies"),
+        (["--scenario", "circle3", "--speed", "1", "--category", "3"], 2, "--speed and --category exclude each other"),
         (["--scenario", "circles"], 2, "unknown scenario 'circles': known are circle8, square24"),
         (["--scenario", "missing.toml"], 3, "missing.toml: No such file"),
         (["--sigma", "nan"], 2, "'nan' is not"),
