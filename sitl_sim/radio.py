@@ -191,14 +191,17 @@ class Air:
         return share
 
     def _senders_around(self, now_s: float) -> FloatArray:
-        """How many senders each receiver has in range besides the one it hears, shape (m,); counted once a second."""
+        """How many other senders each receiver has in range, shape (m,): besides the one that it hears, and its own
+        vehicle; counted once a second."""
         receivers = self.listeners.receivers
         if self._crowd is None or self._crowd_of is not receivers or now_s - self._crowd_s >= CROWD_S:
             patience_s = SENDING_PERIODS * max(self.technology.period_s, 1.0)
             self._sent_from = {key: sent for key, sent in self._sent_from.items() if now_s - sent[0] <= patience_s}
             senders = np.array([position for _, position in self._sent_from.values()]).reshape(-1, 3)
             gap = np.linalg.norm(self.listeners.places()[:, None] - senders[None, :], axis=2)
-            self._crowd = np.maximum(np.count_nonzero(gap <= self.range_m, axis=1) - 1.0, 0.0)
+            is_another = receivers.system_id[:, None] != np.array(list(self._sent_from), dtype=np.int64)
+            in_range = np.count_nonzero(is_another & (gap <= self.range_m), axis=1)
+            self._crowd = np.maximum(in_range - 1.0, 0.0)
             self._crowd_s, self._crowd_of = now_s, receivers
         return self._crowd
 

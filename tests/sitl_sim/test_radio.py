@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -363,6 +364,20 @@ def test_senders_in_range_destroy_what_the_table_says(crowd: int) -> None:
         air.broadcast(1, None, b"x", 0.5)
     expected = float(technology.link_share(0.0) * technology.collision_share(crowd))
     assert len(air.due(1e9)) / 1500 == pytest.approx(expected, abs=0.035)
+
+
+@pytest.mark.parametrize("crowd", [0, 1])
+def test_a_receiver_that_sends_is_none_of_the_others(crowd: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    technology = replace(TECHNOLOGIES["wifi-beacon"], loss=0.0, edge_loss=0.0, crowding=1.0)
+    monkeypatch.setitem(TECHNOLOGIES, "crowded", technology)
+    air = Air("crowded", seed=2)
+    air.listeners.place_vehicles(np.zeros((crowd + 2, 3)))
+    for sender in range(1, crowd + 3):
+        air.broadcast(sender, None, b"crowd", 0.0)
+    air.listeners.subscribe(TWO, 2, 0.5)
+    for _ in range(1500):
+        air.broadcast(1, None, b"x", 0.5)
+    assert len(air.due(1e9)) / 1500 == pytest.approx(float(technology.collision_share(crowd)), abs=0.035)
 
 
 def test_a_crowd_that_has_fallen_silent_destroys_nothing() -> None:
