@@ -148,7 +148,9 @@ class World:
         self._ghost_rows = np.flatnonzero(self.is_ghost)
         self._ghost_goals = np.array([v.goal_ned_m for v in vehicles if v.ghost]).reshape(-1, 3)
         self._routes = Routes(vehicles)
-        self._dynamics = FleetDynamics(models, position)
+        self._dynamics = FleetDynamics(
+            models, position, wind_ne_mps=scenario.wind.velocity_ne_mps if airborne else (0.0, 0.0)
+        )
         self._referee = Referee(scenario, position)
         self._pair_radius = pair_radius or eq8_pair_radius
         self._arrival = arrival

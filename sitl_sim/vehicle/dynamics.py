@@ -79,8 +79,8 @@ class _Group(Protocol):
         """Velocity (m, 3) one tick later."""
         ...
 
-    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
-        """Inner state as after a long flight at these velocities."""
+    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray, wind_ne: FloatArray) -> None:
+        """Inner state as after a long flight at these velocities in this wind."""
         ...
 
 
@@ -92,7 +92,7 @@ class _IdealGroup:
     def step(self, command: FloatArray, velocity: FloatArray, wind_ne: FloatArray) -> FloatArray:
         return command
 
-    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
+    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray, wind_ne: FloatArray) -> None:
         return None
 
 
@@ -144,10 +144,11 @@ class _ShapedGroup:
         curved = np.sqrt(np.maximum(2.0 * limit * (error - 0.5 * linear), 0.0))
         return np.where(error > linear, curved, self._gain * error)
 
-    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
+    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray, wind_ne: FloatArray) -> None:
         self._target[rows] = velocity
         self._target_acceleration[rows] = 0.0
         self._blown[rows] = 0.0
+        self._known_wind[rows] = wind_ne
         self._delay.fill(rows, velocity)
 
 
@@ -188,8 +189,10 @@ class _FeedbackGroup:
         self._acceleration = self._thrust - self._drag * airspeed
         return velocity + self._acceleration * TICK_S
 
-    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
-        self._integral[rows] = self._drag[rows] * velocity
+    def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray, wind_ne: FloatArray) -> None:
+        airspeed = velocity.copy()
+        airspeed[:, :2] -= wind_ne
+        self._integral[rows] = self._drag[rows] * airspeed
         self._thrust[rows] = self._tilting[rows] = self._integral[rows]
         self._acceleration[rows] = 0.0
         self._delay.fill(rows, self._integral[rows])
@@ -202,6 +205,7 @@ class FleetDynamics:
         models: One model a vehicle, or its name.
         position_ned_m: Where they are, shape (n, 3).
         velocity_ned_mps: How they fly, shape (n, 3); hovering unless given. The inner state is that of a long flight.
+        wind_ne_mps: In this wind, shape (2,); in calm air unless given.
 
     Attributes:
         position_ned_m: Shape (n, 3).
@@ -216,7 +220,8 @@ class FleetDynamics:
         self,
         models: Sequence[Model | str],
         position_ned_m: npt.ArrayLike,
-        velocity_ned_mps: npt.ArrayLike | None = None,
+        velocity_ned_mps: npt.ArrayLike = 0.0,
+        wind_ne_mps: npt.ArrayLike = 0.0,
     ) -> None:
         chosen = [model_for_speed(model, 0.0) if isinstance(model, str) else model for model in models]
         count = len(chosen)
@@ -231,8 +236,7 @@ class FleetDynamics:
             rows = np.array([row for row, model in enumerate(chosen) if isinstance(model, kind)], dtype=np.int64)
             if len(rows):
                 self._groups.append((rows, _group([chosen[row] for row in rows])))
-        if velocity_ned_mps is not None:
-            self.reset(np.arange(count), self.position_ned_m, velocity_ned_mps)
+        self.reset(np.arange(count), self.position_ned_m, velocity_ned_mps, wind_ne_mps)
 
     def step(
         self,
@@ -264,19 +268,26 @@ class FleetDynamics:
         for _ in range(ticks):
             self._tick(command, standing, np.broadcast_to(wind_ne_mps, (len(command), 2)))
 
-    def reset(self, index: npt.ArrayLike, position_ned_m: npt.ArrayLike, velocity_ned_mps: npt.ArrayLike = 0.0) -> None:
-        """Put one vehicle (or several) somewhere, flying steadily at a velocity."""
+    def reset(
+        self,
+        index: npt.ArrayLike,
+        position_ned_m: npt.ArrayLike,
+        velocity_ned_mps: npt.ArrayLike = 0.0,
+        wind_ne_mps: npt.ArrayLike = 0.0,
+    ) -> None:
+        """Put one vehicle (or several) somewhere, flying steadily at a velocity in a wind."""
         rows = np.atleast_1d(np.asarray(index, dtype=np.int64))
         self.position_ned_m[rows] = position_ned_m
-        self._settle(rows, np.broadcast_to(np.asarray(velocity_ned_mps, dtype=np.float64), (len(rows), 3)))
+        velocity = np.broadcast_to(np.asarray(velocity_ned_mps, dtype=np.float64), (len(rows), 3))
+        self._settle(rows, velocity, np.broadcast_to(np.asarray(wind_ne_mps, dtype=np.float64), (len(rows), 2)))
 
-    def _settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray) -> None:
+    def _settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray, wind_ne: FloatArray) -> None:
         self.velocity_ned_mps[rows] = velocity
         self.acceleration_ned_mps2[rows] = 0.0
         for group_rows, group in self._groups:
             _, within, which = np.intersect1d(group_rows, rows, assume_unique=True, return_indices=True)
             if len(within):
-                group.settle(within, velocity[which])
+                group.settle(within, velocity[which], wind_ne[which])
 
     def _tick(self, command: FloatArray, standing: npt.NDArray[np.int64], wind_ne: FloatArray) -> None:
         before = self.velocity_ned_mps
@@ -286,7 +297,7 @@ class FleetDynamics:
         self.velocity_ned_mps = after
         self.acceleration_ned_mps2 = (after - before) / TICK_S
         if len(standing):
-            self._settle(standing, np.zeros((len(standing), 3)))
+            self._settle(standing, np.zeros((len(standing), 3)), np.zeros((len(standing), 2)))
         # with the velocity after the change: an ideal vehicle has it for the whole tick
         self.position_ned_m = self.position_ned_m + self.velocity_ned_mps * TICK_S
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ridlink.scenario import Scenario, VehicleSpec, built_in
+from ridlink.scenario import Scenario, VehicleSpec, Wind, built_in
 from sitl_sim.pair_radius import eq8_pair_radius
 from sitl_sim.vehicle import TICK_S
 from sitl_sim.verdict import Outcome
@@ -167,6 +167,17 @@ def test_pair_radius_is_equation_8() -> None:
         world.fly_straight(index)
     world.step(TICK_S)
     assert eq8_pair_radius(world)[0, 1] == pytest.approx(1.5 + 10.5 + 3.0 + 0.1 * 15.0)
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_who_begins_in_the_air_hovers_in_the_wind_that_blows(autopilot: str) -> None:
+    scenario = Scenario("windy", 60.0, (VehicleSpec((0.0, 0.0, -50.0), (500.0, 0.0, -50.0)),), wind=Wind((6.0, -6.0)))
+    world = World(scenario, autopilot=autopilot)
+    world.step(10.0)
+    assert world.position_ned_m[0] == pytest.approx([0.0, 0.0, -50.0], abs=1e-6)
+    world.set_wind(Wind((0.0, 0.0)))
+    world.step(2.0)
+    assert world.position_ned_m[0, 0] < -0.3, "what it leans against has gone"
 
 
 def test_another_pair_radius_can_be_judged_by() -> None:
