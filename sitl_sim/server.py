@@ -92,7 +92,7 @@ class FleetServer:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._tick_handle: asyncio.Handle | None = None
         self._flown_until_s = 0.0
-        self._expired_s = 0.0
+        self._expired_s = -math.inf
         self._logged_s = -math.inf
         self._unlogged = 0
 

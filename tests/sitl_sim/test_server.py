@@ -21,6 +21,7 @@ from ridlink.scenario import Scenario, VehicleSpec, built_in
 from sitl_sim.autopilot import Start
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.server import FleetServer
+from sitl_sim.vehicle import TICK_S
 
 CLIENT = Path(__file__).with_name("mavutil_client.py")
 PATIENCE_S = 10.0
@@ -472,6 +473,15 @@ def test_in_lockstep_two_fleets_of_one_seed_say_the_same_bytes() -> None:
     once = said(1)
     assert len(once) > 40 and once == said(1)
     assert once != said(2)
+
+
+def test_in_lockstep_receivers_on_board_listen_from_the_first_tick() -> None:
+    async def act(server: FleetServer) -> None:
+        server.advance(TICK_S)
+        assert sorted(server.air.listeners.subscribers.values()) == [1, 2]
+
+    config = FleetConfig(start=Start.AIRBORNE, speedup=0.0, rid_on_bus=True, **ANY_PORT)
+    asyncio.run(run(FleetServer(two_apart(50.0), config), act))
 
 
 def test_a_fleet_in_real_time_is_not_advanced_by_hand() -> None:
