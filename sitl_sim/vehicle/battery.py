@@ -23,7 +23,8 @@ CLIMB_SHARE_PER_MPS = 0.1
 """Power added for each m/s of climb, by hover power; a descent saves half as much."""
 
 DRAG_SHARE = 0.002
-"""Power added by drag at 1 m/s, by hover power; it grows with the cube of the speed beyond what hovering saves."""
+"""Power added by flying at 1 m/s, by hover power; it grows with the square of the speed: drag would with the cube, and
+lift is cheaper in flight."""
 
 SECONDS_PER_HOUR = 3600.0
 
