@@ -8,6 +8,7 @@ Source for CRC_EXTRA and the order of fields: https://mavlink.io/en/guide/serial
 
 from __future__ import annotations
 
+import hashlib
 import re
 import xml.parsers.expat
 from dataclasses import dataclass, field
@@ -96,7 +97,8 @@ class Definitions:
 def read_definitions(path: Path) -> Definitions:
     """Everything that a definition and what it includes define.
 
-    An include is looked up beside the file that names it, then among the definitions that pymavlink ships.
+    An include is looked up beside the file that names it, then among the definitions that pymavlink ships; one that
+    lies in both places, letter for letter, is one.
 
     Raises:
         DefinitionError: If a file is malformed, or an include is not found.
@@ -104,9 +106,15 @@ def read_definitions(path: Path) -> Definitions:
     """
     definitions = Definitions()
     waiting, seen = [path], {path.resolve()}
+    read: set[tuple[str, bytes]] = set()
     while waiting:
         current = waiting.pop(0)
-        for name in _read_one(current, definitions):
+        content = _content(current)
+        known = current.name, hashlib.sha256(content).digest()
+        if known in read:
+            continue
+        read.add(known)
+        for name in _read_one(current.name, content, definitions):
             target = _included(name, current)
             if target.resolve() in seen:
                 continue
@@ -127,21 +135,25 @@ def _included(name: str, by: Path) -> Path:
     return shipped
 
 
-def _read_one(path: Path, definitions: Definitions) -> list[str]:
-    """Add what one file defines; the names that it includes."""
+def _content(path: Path) -> bytes:
     if path.exists() and not path.is_file():
         raise DefinitionError(f"{path.name}: not a file")
     with path.open("rb") as stream:
         content = stream.read(MAX_FILE_BYTES + 1)
     if len(content) > MAX_FILE_BYTES:
         raise DefinitionError(f"{path.name}: larger than {MAX_FILE_BYTES // 2**20} MiB")
-    reader = _Reader(path.name, definitions)
+    return content
+
+
+def _read_one(name: str, content: bytes, definitions: Definitions) -> list[str]:
+    """Add what one file defines; the names that it includes."""
+    reader = _Reader(name, definitions)
     try:
         reader.parser.Parse(content, True)
     except xml.parsers.expat.ExpatError as error:
-        raise DefinitionError(f"{path.name}: {error}") from error
+        raise DefinitionError(f"{name}: {error}") from error
     except (LookupError, ValueError) as error:  # an encoding that Python does not have
-        raise DefinitionError(f"{path.name}: not readable: {error}") from error
+        raise DefinitionError(f"{name}: not readable: {error}") from error
     return [include.strip() for include in reader.includes]
 
 

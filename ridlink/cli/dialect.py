@@ -102,7 +102,7 @@ def check(ctx: click.Context, file: Path, allow_missing: bool) -> None:
     if allow_missing:
         differences = [difference for difference in differences if difference.kind != "missing"]
     for difference in differences:
-        click.echo(f"{difference.kind:9} {difference.msgid or '-':>8} {difference.text}")
+        click.echo(f"{difference.kind:9} {'-' if difference.msgid is None else difference.msgid:>8} {difference.text}")
     if differences:
         kinds = Counter(difference.kind for difference in differences)
         click.echo(f"not compatible: {', '.join(f'{kinds[kind]} {kind}' for kind in sorted(kinds))}")

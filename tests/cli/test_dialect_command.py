@@ -108,6 +108,13 @@ class TestCheck:
         assert result.stdout.startswith("changed      61400 RIDLINK_SEPARATION: CRC_EXTRA ")
         assert result.stdout.endswith("\nnot compatible: 1 changed\n")
 
+    def test_a_message_of_id_0_is_named_by_its_id(self, tmp_path: Path) -> None:
+        invoke("xml", "-o", tmp_path)
+        path = tmp_path / "minimal.xml"
+        path.write_text(path.read_text().replace('name="system_status"', 'name="status"'))
+        result = invoke("check", tmp_path / "ridlink.xml")
+        assert result.exit_code == 1 and result.stdout.startswith("changed          0 HEARTBEAT: CRC_EXTRA ")
+
     def test_malformed_xml(self, tmp_path: Path) -> None:
         path = tmp_path / "theirs.xml"
         path.write_text("<mavlink>")

@@ -62,6 +62,21 @@ def test_a_dialect_that_includes_ours_and_adds_to_it_is_compatible(tmp_path: Pat
     assert check_file(theirs) == ([], COUNT + 1)
 
 
+def test_a_definition_that_lies_in_two_places_is_one(tmp_path: Path) -> None:
+    """The dialect of a vehicle, as pymavlink ships it, and ours: either brings a common.xml, and they are the same."""
+    write_files(tmp_path, definition_files())
+    theirs = tmp_path / "theirs.xml"
+    text = DIALECT_XML.with_name("README.md").read_text()  # the example of the specification
+    theirs.write_text(text[text.index("    <mavlink>") : text.index("    </mavlink>")] + "</mavlink>")
+    assert "<include>ardupilotmega.xml</include>" in theirs.read_text() and "MY_WIND" in theirs.read_text()
+    differences, count = check_file(theirs)
+    assert not differences and count > COUNT
+    common = tmp_path / "common.xml"
+    common.write_text(common.read_text() + "<!-- of another day -->")
+    assert "collision 0 defined 2 times: HEARTBEAT" not in lines(theirs)  # minimal.xml is still the same
+    assert "collision 12901 defined 2 times: OPEN_DRONE_ID_LOCATION" in lines(theirs)
+
+
 def test_missing(edited: Edit) -> None:
     assert lines(edited("<include>common.xml</include>", "<include>minimal.xml</include>"))[:2] == [
         "missing 1 SYS_STATUS of common.xml",
