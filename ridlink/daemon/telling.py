@@ -55,6 +55,8 @@ class Telling:
             emit("recording_ended", reason=_words(recording_error))
         for text in output.warnings:
             emit("warning", text=text)
+        if said := engine.telemetry.words.take(record.time_s):
+            emit("warning", text=f"vehicle: {said}")
         if refused_signatures and not self._told_of_signatures:  # a key set up wrongly looks like silence otherwise
             self._told_of_signatures = True
             emit("warning", text=f"frames on the vehicle link are refused: {', '.join(refused_signatures)}")

@@ -15,7 +15,7 @@ from typing import Any
 from ridlink.daemon.events import Events, EventSink
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.vehicle_link import open_vehicle_link
-from ridlink.engine.intake import VEHICLE_IDS, Intake
+from ridlink.engine.intake import STATUSTEXT, VEHICLE_IDS, Intake
 from ridlink.links import (
     Address,
     Link,
@@ -37,6 +37,9 @@ from ridlink.remote_id.text import display_text
 TRANSMITTER_COMPONENT = 236
 TYPE_ODID, AUTOPILOT_INVALID, STATE_ACTIVE = 34, 8, 4
 ARM_STATUS = 12918
+HEARD_IDS = VEHICLE_IDS - {STATUSTEXT}
+"""Of the vehicle link; its grave words are for whoever steers."""
+
 SILENT_S = 3.0
 
 
@@ -130,7 +133,7 @@ class Transmitter:
 
     def _from_vehicle(self, data: bytes, address: Address) -> None:
         now_s = time.monotonic()
-        for frame, message in self._intake.messages(data, VEHICLE_IDS):
+        for frame, message in self._intake.messages(data, HEARD_IDS):
             if frame.msgid not in REMOTE_ID_IDS:
                 self._telemetry.receive(frame.sysid, frame.compid, message, now_s, address)
                 continue

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import Message
+from ridlink.own_ship.grave_words import GraveWords
 from ridlink.own_ship.jump import JumpWatch
 from ridlink.own_ship.lateness import Lateness
 from ridlink.own_ship.other_writer import OtherWriter
@@ -76,9 +77,10 @@ class OwnShipTelemetry:
         home: Where it took off, as HOME_POSITION says, altitude above mean sea level; None before that is told.
         trust: What receiver and estimator say of themselves.
         other_writer: Whether somebody else steers as well.
+        words: What it says that is grave.
         counters: `foreign_autopilot`, `own_position_unusable`, `own_position_untrusted`, `own_position_late`,
             `own_position_jump`, `own_position_delayed`, `own_height_implausible`,
-            `autopilot_restart`, `no_multirotor`.
+            `autopilot_restart`, `no_multirotor`, `vehicle_text_left_out`.
     """
 
     def __init__(self, sysid: int | None = None, *, filtered: bool = True) -> None:
@@ -98,6 +100,7 @@ class OwnShipTelemetry:
         self.home: Geodetic | None = None
         self.trust = NavigationTrust()
         self.other_writer = OtherWriter()
+        self.words = GraveWords(self.counters)
         self._heartbeat_at_s = -math.inf
         self._landed_state = 0
         self._rebooted = False
@@ -152,6 +155,8 @@ class OwnShipTelemetry:
                 self._landed_state = message.landed_state
             case "HOME_POSITION":
                 self._home(message)
+            case "STATUSTEXT":
+                self.words.receive(message, now_s)
 
     def _heartbeat(self, sysid: int, message: Message, now_s: float, source: Hashable) -> None:
         offered = AutopilotLock(sysid, message.autopilot, source)

@@ -38,6 +38,18 @@ def test_a_goal_below_home_is_said_before_it_is_flown_to(up_m: float, told: bool
     run(test)
 
 
+def test_a_crash_that_the_vehicle_tells_in_words_alone_stands_in_the_log_of_the_daemon() -> None:
+    async def test() -> None:
+        async with running() as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 5)
+            vehicle.send(vehicle.vehicle.encoder.encode("STATUSTEXT", severity=0, text="Crash: Disarming"))
+            said = {"event": "warning", "text": "vehicle: Crash: Disarming"}
+            await vehicle.until(lambda: any(said.items() <= event.items() for event in flight.events))
+
+    run(test)
+
+
 def test_flies_and_says_so() -> None:
     async def test() -> None:
         async with running() as flight:

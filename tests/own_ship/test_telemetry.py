@@ -475,3 +475,23 @@ def test_setpoints_and_commands_steer_and_words_and_requests_do_not() -> None:
     assert steers(command(encoder, 176, (1.0, 6.0, 0.0), 1))
     assert not any(steers(frame) for frame in message_requests(encoder, 1))
     assert not steers(encoder.encode("HEARTBEAT")) and not steers(encoder.encode("STATUSTEXT", text=b"x"))
+
+
+def test_grave_words_of_the_vehicle_are_told_once_and_a_flood_of_them_not_at_once() -> None:
+    telemetry, autopilot = flying()
+    stranger = Autopilot(telemetry, sysid=2)
+    for text, severity in (("Crash: Disarming: \x1b[2J", 0), ("GPS Glitch", 2), ("EKF3 IMU0 in-flight yaw", 6)):
+        for _ in range(3):
+            autopilot.say(1.0, "STATUSTEXT", severity=severity, text=text)
+    stranger.say(1.0, "STATUSTEXT", severity=0, text="I am you")
+    autopilot.say(1.0, "STATUSTEXT", severity=0, text="w" * 50, id=7)
+    autopilot.say(1.0, "STATUSTEXT", severity=0, text="the rest of it", id=7, chunk_seq=1)
+    told = [telemetry.words.take(1.0 + 0.1 * step) for step in range(100)]
+    assert [text for text in told if text] == ["Crash: Disarming: \\x1b[2J", "GPS Glitch", "w" * 50 + " ..."]
+    assert told.index("GPS Glitch") == 10, "one a second"
+    for number in range(1000):
+        autopilot.say(20.0, "STATUSTEXT", severity=0, text=f"flood {number}")
+    told = [telemetry.words.take(20.0 + second) for second in range(100)]
+    assert len([text for text in told if text]) + telemetry.counters["vehicle_text_left_out"] == 1000
+    autopilot.say(90.0, "STATUSTEXT", severity=2, text="GPS Glitch")
+    assert telemetry.words.take(200.0) == "GPS Glitch", "it is so again, or still"
