@@ -125,7 +125,8 @@ class Capture:
         if self.kind in (CaptureKind.TLOG, CaptureKind.MAVLINK):
             return f"has no MAVLink frame ({self.kind})"
         damage = f"; refused: {self.rejects}" if self.rejects else ""
-        return f"has no MAVLink frame and no Remote ID broadcast ({self.kind}){damage}"
+        where = " in UDP" if self.kind is CaptureKind.PCAP else ""
+        return f"has no MAVLink frame{where} and no Remote ID broadcast ({self.kind}){damage}"
 
     def close(self) -> None:
         """Close the file; standard input stays open."""

@@ -170,4 +170,4 @@ def test_other_protocols_alone_are_no_capture_of_ours(tmp_path: Path) -> None:
     path.write_bytes(pcapng(timed([ethernet(ipv4(udp(b"GET / HTTP/1.1")))] * 300)))
     found = in_blocks(path)
     assert found == outcome(NEVER, path)
-    assert "has no MAVLink frame and no Remote ID broadcast (pcap)" in found[3]
+    assert "has no MAVLink frame in UDP and no Remote ID broadcast (pcap)" in found[3]

@@ -358,7 +358,7 @@ def test_an_unknown_link_type_is_one_clear_line(tmp_path: Path) -> None:
 def test_a_capture_without_anything_of_ours_is_an_error_at_its_end(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "x.pcap"
     path.write_bytes(data)
-    with open_capture(path) as capture, pytest.raises(CaptureError, match="no MAVLink frame and no Remote ID"):
+    with open_capture(path) as capture, pytest.raises(CaptureError, match="no MAVLink frame in UDP and no Remote ID"):
         list(capture)
 
 
