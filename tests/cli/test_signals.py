@@ -20,7 +20,8 @@ async def main(how, second, pause_s, still_s):
         stopped = signals.stopped_by_signals(loop)
     os.kill(os.getpid(), signal.SIGTERM)
     await stopped.wait()
-    await asyncio.sleep(pause_s)
+    if pause_s:  # one turn more of the loop would be a chance more for a busy machine to take 20 ms
+        await asyncio.sleep(pause_s)
     os.kill(os.getpid(), second)
     time.sleep(still_s)
     await asyncio.sleep(0.2)
