@@ -11,7 +11,8 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -21,8 +22,9 @@ from click.testing import CliRunner
 
 from ridlink import decode
 from ridlink.campaign.statistics import clopper_pearson
-from ridlink.cli import cli, main
+from ridlink.cli import cli
 from tests.cli.campaign_process import await_shards, rows_of, shards, start
+from tests.cli.conftest import Ridlink
 
 pyarrow = pytest.importorskip("pyarrow", reason="shards need the extra 'export'")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -53,22 +55,11 @@ cooperative = false
 extended = false
 """
 
-Ridlink = Callable[..., tuple[int, str, str]]
-
 
 @pytest.fixture
-def ridlink(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Ridlink:
-    """``ridlink campaign run`` in this process: exit code, standard output, standard error."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["ridlink", "campaign", "run", *map(str, arguments)])
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return run
+def ridlink(ridlink: Ridlink) -> Ridlink:
+    """``ridlink campaign run`` in this process."""
+    return partial(ridlink, "campaign", "run")
 
 
 def workers_of(process: subprocess.Popen[str]) -> Iterator[int]:

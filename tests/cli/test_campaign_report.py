@@ -7,12 +7,14 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from ridlink.cli import main
+from tests.cli.conftest import Ridlink
 
 pytest.importorskip("pyarrow", reason="shards need the extra 'export'")
 pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
@@ -20,22 +22,11 @@ pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
 RUNS = 7
 CELL = "crossing_candidate2_white_rotation"
 
-Ridlink = Callable[..., tuple[int, str, str]]
-
 
 @pytest.fixture
-def ridlink(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Ridlink:
-    """``ridlink campaign`` in this process: exit code, standard output, standard error."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["ridlink", "campaign", *map(str, arguments)])
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return run
+def ridlink(ridlink: Ridlink) -> Ridlink:
+    """``ridlink campaign`` in this process."""
+    return partial(ridlink, "campaign")
 
 
 @pytest.fixture(scope="module")
