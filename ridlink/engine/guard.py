@@ -163,6 +163,7 @@ class Guard:
         if now_s - self._since_s > GIVE_UP_S:
             self._go(Phase.WATCHING, now_s)
             return Wish(end=True)
+        self._found_item = seen.mission_item  # its plan is flown on until the mode is there
         stream_first_s = STREAM_FIRST_S if seen.autopilot == PX4 else 0.0
         if now_s - self._since_s < stream_first_s - 1e-6 or not self._ask(now_s):
             return Wish()

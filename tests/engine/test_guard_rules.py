@@ -84,6 +84,15 @@ def test_a_mission_item_that_moved_is_set_back_before_the_mode() -> None:
     assert guard.hand_back(seen()) == ()
 
 
+def test_a_waypoint_that_is_passed_before_the_takeover_is_not_flown_to_again() -> None:
+    guard = taking_over()
+    guard.step(seen(conflict=True, mission_item=2), 0.5)
+    assert guard.hand_back(seen(conflict=True, mission_item=2)) == (mode_command(PX4, missions.PX4_MISSION),)
+    guard.step(seen(custom_mode=6 << 16, clear=False, mission_item=2), 1.0)
+    wish = guard.step(seen(custom_mode=6 << 16, mission_item=2), 2.0)
+    assert wish.commands == (mode_command(PX4, missions.PX4_MISSION),)
+
+
 def test_what_was_found_is_asked_for_again_until_a_heartbeat_says_it() -> None:
     guard = taking_over()
     guard.step(seen(custom_mode=6 << 16, clear=False), 1.0)
