@@ -2,12 +2,13 @@
 
     WATCHING      nothing is sent but words. Only autonomous modes are taken over from, never a pilot's.
     TAKING_OVER   a conflict is predicted: PX4 gets its stream first, then the mode is asked for until a heartbeat says
-                  it.
+                  it. Where the link is lost meanwhile, the next heartbeat tells whether it was heard.
     RESOLVING     in GUIDED or OFFBOARD; until the way has been free for the hysteresis, or nobody has steered for five
                   seconds: a lost own state or link ends the avoidance, and an ArduPilot would hover there for ever.
     HANDING_BACK  the mission item and the mode that were found are asked for until a heartbeat says so.
-    ENDED         somebody else changed the mode meanwhile, or steers as well. It is theirs until the operator engages
-                  the guard again, by MAV_CMD_DO_PAUSE_CONTINUE with 1 sent to this component.
+    ENDED         somebody else changed the mode meanwhile, or steers as well, or another vehicle speaks on the link. It
+                  is theirs until the operator engages the guard again, by MAV_CMD_DO_PAUSE_CONTINUE with 1 sent to this
+                  component.
 
 No acknowledgement counts: PX4 acknowledges twice, and only the second one may be the refusal. A guard is fed with what
 is seen and names what is to be asked for; it sends nothing itself.
@@ -57,13 +58,15 @@ class Seen:
     Args:
         autopilot: MAV_AUTOPILOT.
         custom_mode: As the last heartbeat says.
-        flying: A multirotor, armed, heard, off the ground.
+        flying: A multirotor, armed, off the ground.
         interruptible: Not in a climb-out that must not be interrupted.
         conflict: A disc is entered within the horizon if all fly on.
         clear: The way has been free for the hysteresis.
+        sysid: System id of the autopilot.
         mission_item: As MISSION_CURRENT says; None where it says nothing.
         steering: The avoidance steers, be it to a stop.
         taken: Somebody else sends setpoints, and the avoidance gave way.
+        heard: The autopilot is heard; what it said last may be long past otherwise.
     """
 
     autopilot: int
@@ -72,9 +75,16 @@ class Seen:
     interruptible: bool
     conflict: bool
     clear: bool
+    sysid: int
     mission_item: int | None = None
     steering: bool = True
     taken: bool = False
+    heard: bool = True
+
+    @property
+    def vehicle(self) -> tuple[int, int]:
+        """Which one it is."""
+        return self.sysid, self.autopilot
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +130,7 @@ class Guard:
         self.found_mode = 0
         self.takeovers = 0
         self._found_item: int | None = None
+        self._vehicle: tuple[int, int] | None = None
         self._since_s = self._asked_s = self._steered_s = 0.0
 
     def engage(self) -> None:
@@ -134,6 +145,9 @@ class Guard:
             seen: What is seen.
             now_s: Monotonic time.
         """
+        if self.phase not in (Phase.WATCHING, Phase.ENDED) and seen.vehicle != self._vehicle:
+            self._go(Phase.ENDED, now_s)
+            return Wish(end=True)
         external = _same(seen.autopilot, seen.custom_mode, EXTERNAL_MODE[seen.autopilot])
         match self.phase:
             case Phase.WATCHING:
@@ -145,10 +159,10 @@ class Guard:
         return Wish()
 
     def _watch(self, seen: Seen, now_s: float) -> Wish:
-        wanted = seen.conflict and seen.flying and seen.interruptible
+        wanted = seen.conflict and seen.flying and seen.heard and seen.interruptible
         if not wanted or not is_autonomous(seen.autopilot, seen.custom_mode):
             return Wish()
-        self.found_mode, self._found_item = seen.custom_mode, seen.mission_item
+        self.found_mode, self._found_item, self._vehicle = seen.custom_mode, seen.mission_item, seen.vehicle
         self.takeovers += 1
         self._go(Phase.TAKING_OVER, now_s)
         return Wish(begin=True)
@@ -156,6 +170,8 @@ class Guard:
     def _take_over(self, seen: Seen, now_s: float, external: bool) -> Wish:
         if external:
             self._go(Phase.RESOLVING, now_s)
+            return Wish()
+        if not seen.heard:
             return Wish()
         if not _same(seen.autopilot, seen.custom_mode, self.found_mode) or not seen.flying:
             self._go(Phase.ENDED if seen.flying else Phase.WATCHING, now_s)
@@ -188,7 +204,8 @@ class Guard:
     def hand_back(self, seen: Seen) -> Commands:
         """Commands that bring back what was found; none unless it was taken, or asked for and perhaps not told yet."""
         asked = self.phase is Phase.TAKING_OVER and self._asked_s >= self._since_s
-        if not asked and self.phase not in (Phase.RESOLVING, Phase.HANDING_BACK):
+        taken = asked or self.phase in (Phase.RESOLVING, Phase.HANDING_BACK)
+        if not taken or seen.vehicle != self._vehicle:
             return ()
         mode = mode_command(seen.autopilot, self.found_mode)
         if self._found_item is None or seen.mission_item in (None, self._found_item):

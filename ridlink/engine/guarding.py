@@ -17,8 +17,8 @@ from ridlink.traffic.position_filter import moved
 AHEAD_M = 1000.0
 """Further than any conflict lasts."""
 
-FLYING_HEARD_S = 3.0
-"""Who was not heard for so long is not known to fly."""
+HEARD_S = 3.0
+"""Who was not heard for so long may be in another mode by now, or on the ground."""
 
 
 def resting(guard: Guard) -> Rung:
@@ -52,17 +52,17 @@ def seen_by_guard(
         now_s: Monotonic time.
     """
     last = last if own is not None else None
+    lock = telemetry.lock
     return Seen(
-        autopilot=telemetry.lock.autopilot if telemetry.lock is not None else 0,
+        autopilot=lock.autopilot if lock is not None else 0,
         custom_mode=telemetry.custom_mode,
-        flying=telemetry.armed
-        and telemetry.is_multirotor
-        and not telemetry.on_ground
-        and telemetry.heard_s(now_s) <= FLYING_HEARD_S,
+        flying=telemetry.armed and telemetry.is_multirotor and not telemetry.on_ground,
         interruptible=interruptible(config, telemetry, own, last),
         conflict=last is not None and bool(last.conflicts),
         clear=rung.state is State.ENGAGED and last is not None and not last.recovering,
         steering=rung.state in STEERING,
         taken=rung.reason == OTHER_WRITER,
+        sysid=lock.sysid if lock is not None else 0,
         mission_item=telemetry.mission_item,
+        heard=telemetry.heard_s(now_s) <= HEARD_S,
     )

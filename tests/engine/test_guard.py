@@ -17,7 +17,7 @@ from ridlink.own_ship import ARDUPILOT, PX4
 from ridlink.traffic.position_filter import moved
 from sitl_sim.autopilot import Start
 from tests.daemon.emulated import Emulated
-from tests.daemon.invariants import ASKED, GUARDING, Observer
+from tests.daemon.invariants import ASKED, GUARDING, Observer, messages
 from tests.sitl_sim import test_autopilot_missions as missions
 from tests.sitl_sim.flight import COMPANION, HOME, START_NED_M, Flight
 
@@ -213,6 +213,37 @@ def test_f14_f15_an_ardupilot_that_is_steered_no_more_is_handed_back(lost: set[s
     flight.until(lambda: flight.guard.phase is Phase.WATCHING, 10.0)
     assert flight.mode == MISSION["ardupilot"]
     assert flight.engine.rung.reason == "guard: watching"
+
+
+@pytest.mark.no_cover
+def test_f15_an_ardupilot_whose_link_is_lost_before_it_tells_the_mode_is_handed_back() -> None:
+    flight = on_a_mission("ardupilot")
+    cross(flight)
+    flight.until(lambda: flight.guard.phase is Phase.TAKING_OVER)
+    flight.lost = {"HEARTBEAT"}
+    flight.until(lambda: DO_SET_MODE in flight.asked)
+    flight.intruder = None
+    heard_s = flight.now_s
+    flight.until(lambda: flight.now_s > heard_s + 10.0)
+    assert flight.mode == EXTERNAL_MODE[ARDUPILOT], "it hovers and waits"
+    flight.lost = set()
+    flight.until(lambda: flight.mode == MISSION["ardupilot"], 15.0)
+    flight.until(lambda: flight.guard.phase is Phase.WATCHING, 3.0)
+
+
+def test_i3_the_mode_of_another_vehicle_on_the_link_is_left_alone() -> None:
+    flight = on_a_mission("px4")
+    cross(flight)
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    second, sent = Emulated(2), []
+    for k in range(150):  # the first one is silent from now on
+        now_s = flight.now_s + 4.0 + 0.1 * k
+        flight.engine.receive_vehicle(second.telemetry(now_s), now_s, source=COMPANION)
+        sent += [m for frame in flight.engine.step(now_s).to_vehicle for m in messages(frame)]
+    assert flight.guard.phase is Phase.ENDED and flight.engine.rung.reason == "guard: ended"
+    assert {m.command for m in sent if m.name == "COMMAND_LONG"} <= ASKED
+    assert not any(m.name == "SET_POSITION_TARGET_LOCAL_NED" for m in sent)
+    assert flight.engine.stop(flight.now_s + 20.0) == []
 
 
 @pytest.mark.parametrize(("off_m", "interrupts"), [(4.0, False), (0.0, True)])

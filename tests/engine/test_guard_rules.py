@@ -13,7 +13,7 @@ from ridlink.errors import ConfigError
 from ridlink.own_ship import ARDUPILOT, PX4
 from tests.sitl_sim import test_autopilot_missions as missions
 
-CLEAR = Seen(PX4, missions.PX4_MISSION, True, True, False, True, 1)
+CLEAR = Seen(PX4, missions.PX4_MISSION, True, True, False, True, sysid=1, mission_item=1)
 
 
 def seen(**fields: Any) -> Seen:
@@ -173,6 +173,35 @@ def test_what_was_not_asked_for_yet_is_not_handed_back() -> None:
     assert not guard.hand_back(seen(conflict=True))
     guard.step(seen(conflict=True), T + 0.5)
     assert guard.hand_back(seen(conflict=True)) == (mode_command(PX4, missions.PX4_MISSION),)
+
+
+def test_whether_the_mode_came_before_the_link_was_lost_is_told_by_the_next_heartbeat() -> None:
+    guard = Guard()
+    flying_auto = seen(autopilot=ARDUPILOT, custom_mode=3, conflict=True)
+    lost = replace(flying_auto, heard=False, conflict=False)
+    assert not guard.step(replace(flying_auto, heard=False), T).begin, "whoever is not heard is not taken over from"
+    guard.step(flying_auto, T)
+    assert guard.step(flying_auto, T + 0.1).commands
+    assert guard.step(lost, T + 4.0) == guard.step(lost, T + 40.0) == Wish()
+    guard.step(replace(lost, heard=True, custom_mode=4, steering=False, clear=False), T + 41.0)
+    assert guard.phase is Phase.RESOLVING, "an ArduPilot would hover there for ever"
+    for told, phase in (({"custom_mode": 3}, Phase.WATCHING), ({"custom_mode": 5}, Phase.ENDED)):
+        guard = Guard()
+        guard.step(flying_auto, T)
+        guard.step(lost, T + 4.0)
+        assert guard.step(replace(lost, heard=True, **told), T + 6.0).end and guard.phase is phase
+
+
+def test_another_vehicle_on_the_link_is_told_nothing_of_what_was_found_on_the_last_one() -> None:
+    for mode in (missions.PX4_MISSION, 6 << 16):
+        guard = taking_over(T)
+        guard.step(seen(conflict=True), T + 0.5)
+        guard.step(seen(conflict=True, clear=False, custom_mode=mode), T + 1.0)
+        other = seen(sysid=2, custom_mode=mode, steering=False)
+        assert guard.hand_back(other) == ()
+        assert guard.step(other, T + 9.0) == Wish(end=True)
+        assert guard.phase is Phase.ENDED
+        assert guard.step(other, T + 9.1) == Wish()
 
 
 def test_it_tries_for_five_seconds() -> None:
