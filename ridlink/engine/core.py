@@ -157,8 +157,8 @@ class Engine:
         own = self.telemetry.state(now_s)
         home_altitude_m = None if own is None else own.home_altitude_m
         answer = answered(message, home_altitude_m, self.config.failsafe, guarding=self.guard is not None)
-        if answer.engages_guard and self.guard is not None:
-            self.guard.engage()
+        if answer.engages_guard and self.guard is not None and self.guard.engage():
+            self.rung = resting(self.guard)
         if answer.goal is not None:
             self.goal = answer.goal
             self.rung = request(self.rung)

@@ -133,10 +133,12 @@ class Guard:
         self._vehicle: tuple[int, int] | None = None
         self._since_s = self._asked_s = self._steered_s = 0.0
 
-    def engage(self) -> None:
-        """The operator engages it again."""
-        if self.phase is Phase.ENDED:
+    def engage(self) -> bool:
+        """The operator engages it again; whether it had ended."""
+        ended = self.phase is Phase.ENDED
+        if ended:
             self.phase = Phase.WATCHING
+        return ended
 
     def step(self, seen: Seen, now_s: float) -> Wish:
         """What it wants now.

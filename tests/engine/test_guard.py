@@ -152,17 +152,27 @@ def test_a_pilot_who_interrupts_has_it_until_the_operator_engages_again(flavour:
         flight.step()
     assert len(flight.observer.setpoints) == sent
     assert flight.mode == pilots
+    assert flight.engine.rung.reason == "guard: ended"
     assert missions.start(flight) == 0
     flight.intruder = None
     cross_again(flight)
     for _ in range(20):
         flight.step()
     assert flight.guard.phase is Phase.ENDED
+    engage(flight)
+    assert flight.engine.rung.reason == "guard: watching"
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    rung = flight.engine.rung
+    engage(flight)
+    assert flight.engine.rung is rung, "it is engaged, and goes on"
+
+
+def engage(flight: Guarded) -> None:
+    """The operator engages the guard."""
     flight.engine.receive_vehicle(
         flight.client.encode("COMMAND_LONG", command=193, target_system=1, target_component=196, param1=1.0),
         flight.now_s, source=COMPANION,
     )  # fmt: skip
-    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
 
 
 def cross_again(flight: Guarded) -> None:

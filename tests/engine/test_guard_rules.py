@@ -60,7 +60,7 @@ def test_whoever_changes_the_mode_before_us_has_it(fields: dict[str, Any], phase
     guard = taking_over()
     assert guard.step(seen(conflict=True, **fields), 0.2).end
     assert guard.phase is phase
-    guard.engage()
+    assert guard.engage() is (phase is Phase.ENDED)
     assert guard.phase is Phase.WATCHING
 
 
