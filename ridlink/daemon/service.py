@@ -145,6 +145,8 @@ class AvoidDaemon:
         await self._tick_until(warm)
         if warm.done():
             warm.result()
+        if stop.is_set():  # nothing is decided any more, and nothing may be: the kernels need not be there
+            return
         self.engine.warm = True
         # What lives now lives for ever: no collection needs to walk through the compiled kernels and the dialect again.
         gc.freeze()

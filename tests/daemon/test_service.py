@@ -266,6 +266,31 @@ def test_stopping_during_the_warm_up_is_prompt(monkeypatch: pytest.MonkeyPatch) 
     run(test)
 
 
+def test_who_is_stopped_during_the_warm_up_does_not_engage_for_the_last_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def endless(stop: asyncio.Event, _: object) -> None:
+        await stop.wait()
+
+    monkeypatch.setattr("ridlink.daemon.service.warm_up_unless", endless)
+
+    async def test() -> None:
+        reasons: asyncio.Queue[str] = asyncio.Queue()
+        engine = EngineConfig(goal=Goal(*at(300.0)))
+        config = DaemonConfig(vehicle="udpin:127.0.0.1:0", remote_id="udpin:127.0.0.1:0", engine=engine)  # type: ignore[arg-type]
+        daemon = AvoidDaemon(config, on_event=lambda event: reasons.put_nowait(event.get("reason", "")))
+        stop = asyncio.Event()
+        task = asyncio.create_task(daemon.run(stop))
+        async with asyncio.timeout(PATIENCE_S):
+            await reasons.get()
+            assert daemon.vehicle_address is not None
+            async with LoopbackVehicle(Emulated(autopilot=3), daemon.vehicle_address[1]):
+                while "kernels" not in await reasons.get():
+                    continue
+                stop.set()
+                assert (await task).setpoints == 0, "whoever flies it in GUIDED would be stopped"
+
+    run(test)
+
+
 def test_a_warm_up_that_fails_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     async def test() -> None:
         monkeypatch.setattr("ridlink.daemon.warming.warm_up", lambda _: 1 / 0)
