@@ -178,7 +178,6 @@ class AvoidDaemon:
     def _stalled(self, stack: str) -> None:
         """From the watchdog's thread: hold when the loop comes back, and keep where it stood."""
         self._hold = True
-        self._counters["loop_stalled"] += 1
         self._telling.stalled(stack)
 
     def _tick(self) -> None:
@@ -186,7 +185,8 @@ class AvoidDaemon:
         self._utc.check(now_s)
         utc_s = self._utc.at(now_s)
         hold, self._hold = self._hold, False
-        if hold:
+        if hold:  # counted here: the watchdog's thread must not change what the loop may be reading
+            self._counters["loop_stalled"] += 1
             self.engine.hold_next()
         try:
             output = self.engine.step(now_s, utc_s=utc_s)

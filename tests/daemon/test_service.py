@@ -233,6 +233,16 @@ def test_f26_a_stall_is_followed_by_one_tick_and_a_hold() -> None:
     run(test)
 
 
+def test_f26_a_stall_while_the_counters_are_read_ends_no_flight() -> None:
+    daemon = AvoidDaemon(DaemonConfig())
+    daemon._tick()
+    counted = iter(daemon._counters)  # by a loop that stands still in the middle of it
+    daemon._stalled("here")  # from the watchdog's thread
+    list(counted)
+    daemon._tick()
+    assert daemon.rejects()["loop_stalled"] == 1
+
+
 def test_several_daemons_share_a_process() -> None:
     async def test() -> None:
         async with running() as first, running(emulated=Emulated(2)) as second:
