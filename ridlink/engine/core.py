@@ -43,6 +43,9 @@ from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import TrafficPicture
 from ridlink.traffic.snapshot import PictureSettings
 
+LAST_WORDS = 3
+"""How often the last setpoint is sent, and what a guard hands back: one may be lost."""
+
 
 class Engine:
     """Fed with datagrams, asked once a step.
@@ -263,14 +266,17 @@ class Engine:
     def stop(self, now_s: float) -> list[bytes]:
         """Three zero setpoints for the end, 50 ms apart by their time stamps; none if nothing was being streamed.
 
-        A guard that has taken over, or asked to, hands back what it found.
+        A guard that has taken over, or asked to, hands back what it found, and says so three times as well: nobody will
+        be there to ask again.
         """
         frames = []
         if self.rung.state in STEERING:
-            frames = [self._setpoint(STOP, now_s + 0.05 * k) for k in range(3)]
+            frames = [self._setpoint(STOP, now_s + 0.05 * k) for k in range(LAST_WORDS)]
             self.rung = Rung(State.STANDBY, False, Stream.NOTHING, "ended")
         if self.guard is not None and self.telemetry.lock is not None:
-            frames += self._commands(self.guard.hand_back(self._seen_by_guard(self.telemetry.state(now_s), now_s)))
+            wanted = self.guard.hand_back(self._seen_by_guard(self.telemetry.state(now_s), now_s))
+            for _ in range(LAST_WORDS):
+                frames += self._commands(wanted)
         return frames
 
     def note_decision_time(self, seconds: float) -> None:

@@ -180,13 +180,16 @@ def cross_again(flight: Guarded) -> None:
     cross(flight)
 
 
-def test_a_clean_stop_in_the_middle_hands_back() -> None:
+@pytest.mark.parametrize("lost", [0, 4])
+def test_a_clean_stop_in_the_middle_hands_back_whatever_is_lost(lost: int) -> None:
     flight = on_a_mission("px4")
     cross(flight)
     flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
     flight.step()
-    for frame in flight.engine.stop(flight.now_s + 0.1):
+    for k, frame in enumerate(flight.engine.stop(flight.now_s + 0.1)):
         flight.observer.watch(frame)
+        if k < lost:
+            continue
         flight._note(flight.autopilot.receive(frame, COMPANION, flight.now_s))
     flight.advance(1.5)
     assert flight.mode == MISSION["px4"]
