@@ -184,6 +184,8 @@ class Engine:
         self._last_step_s = now_s
         self.picture.drop_silent(now_s)
         own = self.telemetry.state(now_s)
+        if own is None:
+            self.picture.forget_own_state()
         before = self.rung.state
         commands = [] if self.guard is None else self._watch(self.guard, own, now_s)
         self.rung = advance(self.rung, self._conditions(own, now_s, since_last), self.config.failsafe)

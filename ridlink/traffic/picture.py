@@ -202,7 +202,8 @@ class TrafficPicture:
             return False
         own = self._own
         if own is None or report.latitude_deg is None or report.longitude_deg is None:
-            return True  # without a place there is nothing to track, and nothing to steer either
+            # without a place there is nothing to track, and nothing to steer either
+            return track is None or not track.seen_elsewhere
         here = (own.position.latitude_deg, own.position.longitude_deg)
         distance = math.hypot(*offset_m(here, (report.latitude_deg, report.longitude_deg)))
         bound = self.settings.unknown_error_m if report.horizontal_error_m is None else report.horizontal_error_m
@@ -255,6 +256,10 @@ class TrafficPicture:
         for key in silent:
             del self.tracks[key]
         self.counters["track_lost"] += len(silent)
+
+    def forget_own_state(self) -> None:
+        """Nobody knows where we are: what is heard is not held against where we were."""
+        self._own = None
 
     def _urgency_of(self, track: Track, own: OwnState) -> float:
         here = (own.position.latitude_deg, own.position.longitude_deg)

@@ -43,6 +43,25 @@ def test_own_remote_id_on_the_own_bus_is_no_traffic_and_tells_our_identity() -> 
     assert flight.engine.counters["own_echo"] >= 1
 
 
+def test_f09_our_own_remote_id_is_no_intruder_while_the_telemetry_is_lost_nor_when_it_is_back() -> None:
+    """The autopilot flies home meanwhile, far from where it was heard last."""
+    flight = Flight(settings=EngineConfig(standby=True))
+    flight.others = [lambda now_s: flight.vehicle.remote_id(now_s)]
+    flight.vehicle.velocity = np.array([10.0, 0.0, 0.0])
+    flight.step(20)
+    flight.telling = False
+    flight.vehicle.velocity = np.zeros(3)
+    flight.step(100)
+    flight.vehicle.velocity = np.array([-10.0, 0.0, 0.0])
+    flight.step(300)
+    flight.telling = True
+    flight.vehicle.velocity = np.zeros(3)
+    flight.step(20)
+    assert flight.outputs[-1].decision.own is not None
+    assert len(flight.engine.picture) == 0 and flight.engine.counters["own_id_elsewhere"] == 0
+    assert flight.engine.counters["own_echo"] == 440
+
+
 def test_own_remote_id_that_comes_before_the_first_heartbeat_is_no_neighbour() -> None:
     flight = Flight()
     own = flight.vehicle.remote_id(0.0, extended=False)

@@ -228,6 +228,18 @@ def test_f09_an_intruder_under_our_identity_is_no_echo_when_it_comes_near() -> N
     assert made.counters["own_echo"] == 1 and len(made) == 1, "what is nearer to us than to it is our own"
 
 
+def test_f09_while_nobody_knows_where_we_are_nothing_is_said_of_where_our_identity_is() -> None:
+    made = picture()
+    flown(made, report(north=300.0), 20.0, own_sysid=5)
+    (intruder,) = made.tracks.values()
+    made.forget_own_state()
+    echo = report(north=30.0, timestamp_s=102.0, received_at_s=12.0)
+    made.receive("rid", structs.replace(echo, source=(6, 1)), own_sysid=6)
+    assert made.counters["own_echo"] == 1 and made.counters["own_id_elsewhere"] == 20 and len(made) == 1
+    made.receive("rid", report(north=280.0, timestamp_s=102.0, received_at_s=12.0), own_sysid=5)
+    assert intruder.received_at_s == 12.0, "who was seen elsewhere is somebody else all the same"
+
+
 def still(**fields: object) -> RemoteIdReport:
     return report(velocity_ned_mps=(0.0, 0.0, 0.0), **fields)  # type: ignore[arg-type]
 
