@@ -234,7 +234,8 @@ class TrafficPicture:
             # Urgency is cheap to forge, persistence less so: half of the room is for who has shown it.
             ranked = sorted(self.tracks.values(), key=lambda track: track.urgency_s)
             kept = [track for track in ranked if _established(track)][: self.settings.max_tracks // 2]
-            self._least_urgent = [track for track in ranked if track not in set(kept)]
+            stay = set(kept)
+            self._least_urgent = [track for track in ranked if track not in stay]
         while self._least_urgent:
             last = self._least_urgent[-1]
             if self.tracks.get(last.key) is not last:
