@@ -50,7 +50,7 @@ def summary_facts(engine: Engine, record: DecisionRecord, rejects: dict[str, int
         "reason": engine.rung.reason,
         "autopilot_heard_s": _finite(vehicle.heard_s(record.time_s)),
         "armed": vehicle.armed if vehicle.lock is not None else None,
-        "on_ground": vehicle.on_ground if vehicle.landed_state_known else None,
+        "on_ground": vehicle.on_ground if vehicle.landed_state_known(record.time_s) else None,
         "tracks": record.tracks,
         "conflicts": len(record.conflicts),
         "nearest_margin_m": _finite(record.nearest_margin_m),

@@ -101,7 +101,7 @@ class Announcer:
         silent = telemetry.position_silent_s(now_s) > 1.0 or trust.receiver_silent_s(now_s) > 5.0
         if silent or trust.estimator_silent(now_s):
             return message_requests(encoder, sysid) if self._request_due.due(now_s) else []
-        if not telemetry.landed_state_known and self._untold_due.due(now_s):
+        if not telemetry.landed_state_known(now_s) and self._untold_due.due(now_s):
             return message_requests(encoder, sysid, UNTOLD_US)
         return []
 

@@ -276,9 +276,9 @@ def _location(
 
 
 def _status(telemetry: OwnShipTelemetry, now_s: float) -> int:
-    """On the ground only where the autopilot says so: what stands on the ground is no traffic to others."""
+    """On the ground only where the autopilot says so, or is disarmed: what stands there is no traffic to others."""
     if telemetry.heard_s(now_s) > LOCK_SILENCE_S:
         return STATUS_UNDECLARED
-    if telemetry.landed_state_known:
+    if telemetry.landed_state_known(now_s):
         return STATUS_GROUND if telemetry.on_ground else STATUS_AIRBORNE
     return STATUS_AIRBORNE if telemetry.armed else STATUS_GROUND

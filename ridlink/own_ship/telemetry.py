@@ -46,6 +46,8 @@ LOCK_SILENCE_S = 3.0
 INFLATE_AFTER_S = 0.3
 LONGEST_AGE_S = 10.0
 """A position older than this says nothing about where we are."""
+LANDED_STATE_VALID_S = 5.0
+"""EXTENDED_SYS_STATE comes once or twice a second."""
 CLOCK_BACK_MS = 1000
 """time_boot_ms back by more is a restart of the autopilot; by less, a datagram that overtook another."""
 
@@ -103,6 +105,7 @@ class OwnShipTelemetry:
         self.words = GraveWords(self.counters)
         self._heartbeat_at_s = -math.inf
         self._landed_state = 0
+        self._landed_told_at_s = -math.inf
         self._rebooted = False
         self._position_heard_at_s = -math.inf
         self._clock_ms: int | None = None
@@ -152,7 +155,7 @@ class OwnShipTelemetry:
             case "MISSION_CURRENT":
                 self.mission_item = message.seq
             case "EXTENDED_SYS_STATE":
-                self._landed_state = message.landed_state
+                self._landed_state, self._landed_told_at_s = message.landed_state, now_s
             case "HOME_POSITION":
                 self._home(message)
             case "STATUSTEXT":
@@ -279,10 +282,9 @@ class OwnShipTelemetry:
         """It stands, as far as the autopilot tells."""
         return self._landed_state == LANDED_ON_GROUND
 
-    @property
-    def landed_state_known(self) -> bool:
-        """The autopilot tells whether it stands or flies."""
-        return self._landed_state != 0
+    def landed_state_known(self, now_s: float) -> bool:
+        """The autopilot tells whether it stands or flies, and has told lately: it forgets in a restart what to send."""
+        return self._landed_state != 0 and now_s - self._landed_told_at_s <= LANDED_STATE_VALID_S
 
     @property
     def ready(self) -> bool:

@@ -93,6 +93,15 @@ def test_messages_are_requested_from_an_ardupilot_that_sends_none() -> None:
     assert flight.engine.rung.state is State.ENGAGED
 
 
+def test_an_autopilot_that_tells_no_more_whether_it_stands_or_flies_is_asked_again() -> None:
+    flight = Flight(Emulated(autopilot=3))
+    flight.step(20)
+    assert flight.heard("COMMAND_LONG") == []
+    flight.vehicle.landed_state = None
+    flight.step(60)
+    assert [message.param1 for message in flight.heard("COMMAND_LONG")] == [85, 193, 245]
+
+
 def test_a_dry_run_takes_nobody_for_another_writer_because_its_own_setpoints_are_not_flown() -> None:
     flight = Flight(Stubborn(), config(200.0, dry_run=True))
     warned = []

@@ -191,6 +191,19 @@ def test_standing_on_the_ground_is_said_only_where_it_is_known() -> None:
     assert status(armed=True, landed=1, now_s=4.0) == 0  # not heard for so long: undeclared
 
 
+@pytest.mark.parametrize(("armed", "status"), [(True, 2), (False, 1)])
+def test_who_told_long_ago_that_it_stands_may_fly(armed: bool, status: int) -> None:
+    """An autopilot that has restarted sends what was asked of it no more, but what a ground station asks anew."""
+    vehicle = Emulated(7)
+    vehicle.landed_state = 1
+    aircraft = Aircraft(vehicle)
+    aircraft.hear(vehicle.telemetry(0.0), 0.0)
+    assert aircraft.report(0.0).status == 1
+    vehicle.landed_state, vehicle.armed = None, armed
+    aircraft.hear(vehicle.telemetry(5.1), 5.1)
+    assert aircraft.report(5.1).status == status, "what stands on the ground is no traffic to others"
+
+
 def test_identity_type_and_place_of_take_off() -> None:
     aircraft = Aircraft()
     aircraft.hear(aircraft.vehicle.telemetry(0.0), 0.0)

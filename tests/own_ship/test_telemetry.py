@@ -245,7 +245,10 @@ def test_neither_on_the_ground_nor_taking_off() -> None:
     assert telemetry.ready
     for landed_state, ready in ((1, False), (3, False), (2, True), (4, True)):
         autopilot.say(0.0, "EXTENDED_SYS_STATE", landed_state=landed_state)
-        assert telemetry.ready is ready
+        assert telemetry.ready is ready and telemetry.landed_state_known(5.0)
+    assert not telemetry.landed_state_known(5.1)
+    autopilot.say(5.1, "EXTENDED_SYS_STATE", landed_state=0)
+    assert not telemetry.landed_state_known(5.1) and telemetry.ready
 
 
 def test_white_noise_in_positions_is_smoothed_and_a_jump_is_followed() -> None:
