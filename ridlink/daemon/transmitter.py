@@ -28,6 +28,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.broadcast import INTERVAL_S, Broadcast, BroadcastSettings, honest_error_m
+from ridlink.own_ship.names import OwnNames
 from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, message_requests
 from ridlink.periodic import Periodic
 from ridlink.remote_id.bridge import REMOTE_ID_IDS
@@ -91,7 +92,7 @@ class Transmitter:
         self._broadcast = Broadcast(config.settings)
         self._encoder = Encoder(config.vehicle_sysid or 1, TRANSMITTER_COMPONENT)
         self._utc = SteadyUtc(time.monotonic())
-        self._uas_id: bytes | None = None
+        self._names = OwnNames(self._telemetry, config.settings.uas_id)
         self._heartbeat_due, self._second, self._home_due = Periodic(1.0), Periodic(1.0), Periodic(HOME_PERIOD_S)
         self._told: tuple[int, str] | None = None
         self._vehicle: Link | None = None
@@ -141,8 +142,8 @@ class Transmitter:
             if lock is None or (lock.sysid, lock.source) != (frame.sysid, address):
                 continue
             for part in self._intake.remote_id(message):
-                if isinstance(part, BasicId) and part.id_or_mac is None and part.uas_id:
-                    self._uas_id = part.uas_id
+                if isinstance(part, BasicId) and part.id_or_mac is None:
+                    self._names.hear(part)
         lock = self._telemetry.lock
         if lock is not None and lock.sysid != self._encoder.sysid:
             self._encoder = Encoder(lock.sysid, TRANSMITTER_COMPONENT)
@@ -171,7 +172,7 @@ class Transmitter:
             if lock is not None and telemetry.heard_s(now_s) < SILENT_S:
                 self._ask(lock.sysid, now_s)
         for datagram in self._broadcast.datagrams(
-            self._encoder, telemetry, now_s=now_s, utc_s=utc_s, uas_id=self._uas_id
+            self._encoder, telemetry, now_s=now_s, utc_s=utc_s, uas_id=self._names.uas_id
         ):
             self.counters["sent"] += self._send(datagram)
         if self._second.due(now_s):
@@ -203,7 +204,7 @@ class Transmitter:
             "summary",
             state=state,
             system_id=None if telemetry.lock is None else telemetry.lock.sysid,
-            identity=(identity := self.config.settings.uas_id or self._uas_id) and display_text(identity),
+            identity=(identity := self._names.uas_id) and display_text(identity),
             error_m=None if own is None else round(min(honest_error_m(telemetry, own, now_s), 655.35), 2),
             sent=self.counters["sent"],
             rejects=self.rejects(),

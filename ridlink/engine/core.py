@@ -200,7 +200,7 @@ class Engine:
                 stream=self.rung.stream,
                 goal=self.goal,
                 last=self.setpoints.velocity,
-                identity=(self.encoder.sysid, self._hearing.uas_id),
+                identity=(self.encoder.sysid, self._hearing.names.uas_id),
                 since_last_s=since_last,
             )
         elif self.rung.stream is Stream.ZERO:
@@ -243,7 +243,7 @@ class Engine:
             telemetry,
             now_s=now_s,
             utc_s=utc_s,
-            uas_id=self._hearing.uas_id,
+            uas_id=self._hearing.names.uas_id,
             commanded=output.decision.commanded_ned_mps if steers else None,
             avoiding=self.rung.state is State.ENGAGED and steers,
         )

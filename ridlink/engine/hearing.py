@@ -13,14 +13,12 @@ from ridlink.engine.config import EngineConfig
 from ridlink.engine.intake import LOCATION, Intake
 from ridlink.mavlink.codec import Message
 from ridlink.mavlink.frames import Frame
-from ridlink.own_ship import AutopilotLock, OwnShipTelemetry
-from ridlink.remote_id.assembler import ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER, ReportAssembler
+from ridlink.own_ship import OwnShipTelemetry
+from ridlink.own_ship.names import OwnNames
+from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage
 from ridlink.traffic.picture import TrafficPicture
-
-MOST_NAMES = 8
-"""Identities that a vehicle may give itself: a serial number, a registration, a session; each at most once."""
 
 
 class Hearing:
@@ -33,9 +31,7 @@ class Hearing:
         picture: Where reports go.
 
     Attributes:
-        uas_id: Identity of the own vehicle, as configured or as it tells it, its serial number where it has one; None
-            while unknown.
-        names: All identities under which it is known: by any of them its echo comes back.
+        names: Of the own vehicle.
         reports: LOCATION messages that were taken.
         counters: What was not taken, by cause.
     """
@@ -45,8 +41,7 @@ class Hearing:
     ) -> None:
         self._config, self._intake, self._telemetry, self._picture = config, intake, telemetry, picture
         self._assemblers = {link: ReportAssembler(convention=config.accuracy_convention) for link in ("vehicle", "rid")}
-        self._called: AutopilotLock | None = None
-        self._forget_names()
+        self.names = OwnNames(telemetry, config.uas_id.encode() if config.uas_id else None)
         self.reports = 0
         self.counters: Counter[str] = Counter()
 
@@ -63,41 +58,18 @@ class Hearing:
         self, frame: Frame, message: Message, source: Hashable, now_s: float, utc_s: float | None
     ) -> None:
         """Take a Remote ID message of the vehicle link: of others, relayed by receivers, or of the vehicle itself."""
-        lock = self._own_vehicle()
+        lock = self._telemetry.lock
         itself = lock is not None and lock.sysid == frame.sysid and lock.source == source
         for part in self._intake.remote_id(message):
             if not (itself and part.id_or_mac is None):
                 self._take("vehicle", source, frame, part, now_s, utc_s)
             elif isinstance(part, BasicId):
-                self._call_itself(part)
-
-    def _forget_names(self) -> None:
-        """Another vehicle: what the last one called itself is a neighbour's name now."""
-        self.uas_id = self._config.uas_id.encode() if self._config.uas_id else None
-        self.names = set() if self.uas_id is None else {self.uas_id}
-        self._serial_number_known = False
-
-    def _call_itself(self, said: BasicId) -> None:
-        """The vehicle tells one of its identities; a serial number is its name before any other, as of neighbours."""
-        if not said.uas_id or said.id_type == ID_TYPE_NONE:
-            return
-        if len(self.names) < MOST_NAMES:
-            self.names.add(said.uas_id)
-        is_serial_number = said.id_type == ID_TYPE_SERIAL_NUMBER
-        if self._config.uas_id is None and (is_serial_number or not self._serial_number_known):
-            self.uas_id, self._serial_number_known = said.uas_id, is_serial_number
-
-    def _own_vehicle(self) -> AutopilotLock | None:
-        lock = self._telemetry.lock
-        if lock != self._called:
-            self._called = lock
-            self._forget_names()
-        return lock
+                self.names.hear(part)
 
     def _take(
         self, link: str, source: Hashable, frame: Frame, part: RemoteIdMessage, now_s: float, utc_s: float | None
     ) -> None:
-        lock = self._own_vehicle()
+        lock = self._telemetry.lock
         sysid = lock.sysid if lock else self._config.vehicle_sysid
         if sysid is None:  # who cannot tell its own reports from others' would avoid itself
             self.counters["heard_before_the_vehicle"] += 1
@@ -107,5 +79,5 @@ class Hearing:
             self.reports += 1
         if report is not None:
             self._picture.receive(
-                link, report, utc_s=utc_s, own_sysid=sysid, own_names=self.names, source=(link, source)
+                link, report, utc_s=utc_s, own_sysid=sysid, own_names=self.names.known, source=(link, source)
             )

@@ -217,7 +217,7 @@ def test_f09_a_vehicle_with_a_serial_number_and_a_registration_is_its_own_echo_u
             hostile.vehicle.send(named(receiver, id_type, name, mac))
             hostile.vehicle.send(relayed.remote_id(float(id_type), id_or_mac=mac, extended=False))
             await hostile.vehicle.until(lambda count=id_type: hostile.counted("own_echo") >= count)  # type: ignore[misc]
-        assert not len(hostile.picture) and hostile.engine._hearing.uas_id == b"SERIAL"
+        assert not len(hostile.picture) and hostile.engine._hearing.names.uas_id == b"SERIAL"
 
     flown(test)
 
@@ -225,7 +225,7 @@ def test_f09_a_vehicle_with_a_serial_number_and_a_registration_is_its_own_echo_u
 def test_f09_somebody_with_our_system_id_who_calls_itself_otherwise_is_no_echo() -> None:
     async def test(hostile: Hostile) -> None:
         hostile.vehicle.send(named(hostile.vehicle.vehicle.encoder, 1, b"OURS"))
-        await hostile.vehicle.until(lambda: hostile.engine._hearing.uas_id == b"OURS")
+        await hostile.vehicle.until(lambda: hostile.engine._hearing.names.uas_id == b"OURS")
         twin = Emulated(1)
         twin.position = hostile.vehicle.vehicle.position + np.array((8.0, 0.0, 0.0))
         await hostile.send(named(twin.encoder, 1, b"THEIRS"), twin.remote_id(0.0))
@@ -252,7 +252,7 @@ def test_f09_an_echo_that_was_heard_before_its_name_is_given_up() -> None:
 def test_f09_who_came_here_is_no_echo_though_somebody_calls_it_by_our_name() -> None:
     async def test(hostile: Hostile) -> None:
         hostile.vehicle.send(named(hostile.vehicle.vehicle.encoder, 1, b"SERIAL"))
-        await hostile.vehicle.until(lambda: hostile.engine._hearing.uas_id == b"SERIAL")
+        await hostile.vehicle.until(lambda: hostile.engine._hearing.names.uas_id == b"SERIAL")
         for k in range(12):  # 50 m/s, until it is within the gate of an echo
             hostile.other.position = hostile.vehicle.vehicle.position + np.array((63.0 - 5.0 * k, 0.0, 0.0))
             hostile.other.velocity[:] = (-50.0, 0.0, 0.0)

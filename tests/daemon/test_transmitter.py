@@ -6,11 +6,17 @@ import asyncio
 import socket
 from typing import Any
 
+import pytest
+
 from ridlink.daemon.transmitter import Transmitter, TransmitterConfig
 from ridlink.links import open_link, parse_link_url
-from ridlink.own_ship.broadcast import BroadcastSettings
+from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
+from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.own_ship.broadcast import BroadcastSettings, Form
 from tests.daemon.emulated import PATIENCE_S, Emulated
 from tests.daemon.harness import run
+
+BASIC_ID = 12900
 
 
 def test_what_the_network_did_not_take_is_not_counted_as_sent() -> None:
@@ -43,6 +49,51 @@ def test_what_the_network_did_not_take_is_not_counted_as_sent() -> None:
         vehicle.close()
         stop.set()
         assert (await asyncio.wait_for(task, PATIENCE_S))["sent"] == before["sent"]
+
+    run(test)
+
+
+def test_a_vehicle_goes_by_its_serial_number_and_the_next_one_not_by_that_of_the_last(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("ridlink.own_ship.telemetry.LOCK_SILENCE_S", 0.0)
+
+    async def test() -> None:
+        named: asyncio.Queue[tuple[int, bytes]] = asyncio.Queue()
+
+        def hear(data: bytes, _: object) -> None:
+            for frame in parse_datagram(data, CRC_EXTRAS):
+                if isinstance(frame, Frame) and frame.msgid == BASIC_ID:
+                    named.put_nowait((frame.sysid, bytes(decode_message(frame).uas_id).rstrip(b"\0")))
+
+        air = await open_link(parse_link_url("udpin:127.0.0.1:0"), hear)
+        config = TransmitterConfig(
+            vehicle=parse_link_url("udpin:127.0.0.1:0"),
+            to=parse_link_url(f"udpout:127.0.0.1:{air.local_address[1]}"),
+            settings=BroadcastSettings(airframe_m=0.6, airframe_height_m=0.3, form=Form.MODULE),
+        )
+        transmitter, stop = Transmitter(config), asyncio.Event()
+        task = asyncio.create_task(transmitter.run(stop))
+        async with asyncio.timeout(PATIENCE_S):
+            await transmitter.ready.wait()
+            assert transmitter.vehicle_address is not None
+            vehicle = await open_link(f"udpout:127.0.0.1:{transmitter.vehicle_address[1]}", lambda data, address: None)
+            first, second = Emulated(1), Emulated(2)
+            names = [(1, b"SERIAL"), (2, b"REGISTRATION"), (0, b"NOTHING")]
+            told = b"".join(
+                first.encoder.encode("OPEN_DRONE_ID_BASIC_ID", id_type=id_type, uas_id=name.ljust(20, b"\0"))
+                for id_type, name in names
+            )
+            vehicle.send(first.heartbeat() + told)
+            assert await named.get() == (1, b"SERIAL")
+            vehicle.send(second.heartbeat())
+            while (said := await named.get())[0] == 1:
+                continue
+            assert said == (2, b"")
+            vehicle.close()
+            stop.set()
+            await task
+        air.close()
 
     run(test)
 

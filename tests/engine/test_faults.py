@@ -199,7 +199,7 @@ def fingerprint(engine: Engine) -> object:
     telemetry = engine.telemetry
     return (
         engine.config, engine.goal, engine.rung, telemetry.lock, telemetry.armed, telemetry.external_mode,
-        telemetry.state(2.0), engine.encoder.sysid, engine.encoder.compid, engine._hearing.uas_id,
+        telemetry.state(2.0), engine.encoder.sysid, engine.encoder.compid, engine._hearing.names.uas_id,
     )  # fmt: skip
 
 

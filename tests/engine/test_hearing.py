@@ -13,6 +13,7 @@ from ridlink.remote_id.bridge import pack_to_mavlink
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, Separation
 from tests.daemon.emulated import Emulated, at
+from tests.daemon.invariants import messages
 from tests.engine.flight import Flight, reposition
 
 
@@ -85,6 +86,18 @@ def test_another_vehicle_on_the_link_does_not_inherit_the_name_of_the_last_one()
     near = Emulated(1, ned_m=(10.0, 0.0, -50.0)).remote_id(flight.now_s)
     flight.engine.receive_remote_id(first + near, "air", flight.now_s)
     assert len(flight.engine.picture) == 1, "taken for an echo of ourselves it would be flown into"
+
+
+def test_another_vehicle_on_the_link_is_not_broadcast_under_the_name_of_the_last_one() -> None:
+    flight = Flight(settings=EngineConfig(standby=True, broadcast=True))
+    flight.step(2)
+    name, fields = to_mavlink(BasicId(1, 2, b"FIRST"))
+    flight.engine.receive_vehicle(flight.vehicle.encoder.encode(name, **fields), flight.now_s, source="autopilot")
+    flight.now_s += 4.0
+    flight.vehicle = Emulated(2)
+    said = [message for datagram in flight.step().broadcasts for message in messages(datagram)]
+    (basic_id,) = [message for message in said if message.name == name]
+    assert basic_id.id_type == 0 and not any(basic_id.uas_id)
 
 
 def test_a_stranger_on_the_vehicle_link_cannot_lend_us_the_identity_of_an_intruder() -> None:
