@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.avoidance.types import SolverKind
@@ -134,6 +135,8 @@ class EngineConfig:
         )
 
     def __post_init__(self) -> None:
+        for name, choices in _CHOICES.items():
+            object.__setattr__(self, name, _chosen(name, getattr(self, name), choices))
         if not 0.0 < self.eta < 1.0:
             raise ConfigError(f"eta must lie between 0 and 1, ends excluded, got {self.eta:g}")
         if not (math.isfinite(self.cruise_mps) and self.cruise_mps > 0.0):
@@ -168,6 +171,24 @@ class EngineConfig:
         StaticObstacles(self.obstacles)
         if self.goal is not None and (problem := goal_problem(self.goal, self.failsafe)):
             raise ConfigError(f"goal: {problem}")
+
+
+_CHOICES: dict[str, type[StrEnum]] = {
+    "definition": Definition,
+    "chance_bound": ChanceBound,
+    "accuracy_convention": AccuracyConvention,
+    "solver": SolverKind,
+    "broadcast_form": Form,
+}
+
+
+def _chosen(name: str, value: object, choices: type[StrEnum]) -> StrEnum:
+    """A choice, which may be given by its name."""
+    try:
+        return choices(str(value))
+    except ValueError:
+        option, names = name.replace("_", "-"), ", ".join(choices)
+        raise ConfigError(f"{option} must be one of {names}, got {value!r}") from None
 
 
 def goal_problem(goal: Goal, settings: FailsafeSettings) -> str:

@@ -7,8 +7,10 @@ from typing import Any
 
 import pytest
 
+from ridlink.avoidance import SolverKind
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
+from ridlink.separation import Definition
 from ridlink.setpoint import VelocityLimits
 
 
@@ -33,11 +35,22 @@ from ridlink.setpoint import VelocityLimits
         ({"obstacles": (((47.0, 8.0), (47.1, 8.0), (47.0, 8.0)),)}, "distinct"),
         ({"obstacles": (((95.0, 8.0), (47.1, 8.0), (47.0, 8.1)),)}, "95, 8 is no latitude"),
         ({"obstacles": ((),)}, "without vertices"),
+        ({"definition": "candidate"}, "definition must be one of snmac, .*, chance, got 'candidate'"),
+        ({"chance_bound": "none"}, "chance-bound must be one of"),
+        ({"accuracy_convention": "two-sigma"}, "accuracy-convention must be one of letter"),
+        ({"solver": "half"}, "solver must be one of halfplane"),
+        ({"broadcast_form": None}, "broadcast-form must be one of air"),
     ],
 )
 def test_configuration_is_refused_in_words(options: dict[str, Any], text: str) -> None:
     with pytest.raises(ConfigError, match=text):
         EngineConfig(**options)
+
+
+def test_a_choice_may_be_given_by_its_name() -> None:
+    config = EngineConfig(definition="candidate1", solver="graded")  # type: ignore[arg-type]
+    assert config.definition is Definition.CANDIDATE1 and config.solver is SolverKind.GRADED
+    assert config.solver_settings is config.graded
 
 
 def test_cruise_above_the_default_limit_is_possible_with_a_higher_limit() -> None:
