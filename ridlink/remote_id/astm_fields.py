@@ -52,12 +52,25 @@ def fitting_text(message: RemoteIdMessage, field: str, length: int) -> bytes:
     """A byte string that must fit its length, filled up with zeros.
 
     Raises:
-        PayloadError: If it is longer.
+        PayloadError: If it is longer, or text.
     """
-    value: bytes = getattr(message, field)
+    value = filled_up(message, field, length)
     if len(value) > length:
         name = MAVLINK_NAMES[type(message)]
         raise PayloadError(f"{name}.{field} takes {length} bytes, not {len(value)}", message=name, field=field)
+    return value
+
+
+def filled_up(message: RemoteIdMessage, field: str, length: int) -> bytes:
+    """A byte string with zeros up to its length; a longer one as it is, for the encoder of frames to refuse.
+
+    Raises:
+        PayloadError: If it is text.
+    """
+    value: bytes | str = getattr(message, field)
+    if isinstance(value, str):
+        name = MAVLINK_NAMES[type(message)]
+        raise PayloadError(f"{name}.{field} takes bytes, not str", message=name, field=field)
     return value.ljust(length, b"\x00")
 
 

@@ -57,6 +57,9 @@ def to_mavlink(message: RemoteIdMessage) -> tuple[str, dict[str, Any]]:
     """Name and fields of the MAVLink message, for `ridlink.mavlink.codec.Encoder.encode`; addressed to everybody.
 
     An accuracy code of 0 whose bound is given is derived from the bound.
+
+    Raises:
+        PayloadError: If a byte string is text.
     """
     fields = _WRITERS[type(message)](message)
     fields["target_system"] = fields["target_component"] = 0

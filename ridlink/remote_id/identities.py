@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-from ridlink.remote_id.astm_fields import MessageType, fitting_bits, fitting_text, header
+from ridlink.remote_id.astm_fields import MessageType, filled_up, fitting_bits, fitting_text, header
 from ridlink.remote_id.messages import Authentication, BasicId, OperatorId, SelfId
 from ridlink.remote_id.quantities import (
     AUTHENTICATION_FIRST_PAGE_LENGTH,
@@ -42,7 +42,7 @@ def basic_id_to_fields(message: BasicId) -> dict[str, Any]:
     return {
         "id_type": message.id_type,
         "ua_type": message.ua_type,
-        "uas_id": message.uas_id.ljust(ID_LENGTH, b"\x00"),
+        "uas_id": filled_up(message, "uas_id", ID_LENGTH),
     }
 
 
@@ -57,7 +57,7 @@ def self_id_to_fields(message: SelfId) -> dict[str, Any]:
     """The fields of its MAVLink form, but for whom it is meant and ``id_or_mac``."""
     return {
         "description_type": message.description_type,
-        "description": message.description.ljust(TEXT_LENGTH, b"\x00"),
+        "description": filled_up(message, "description", TEXT_LENGTH),
     }
 
 
@@ -72,7 +72,7 @@ def operator_id_to_fields(message: OperatorId) -> dict[str, Any]:
     """The fields of its MAVLink form, but for whom it is meant and ``id_or_mac``."""
     return {
         "operator_id_type": message.operator_id_type,
-        "operator_id": message.operator_id.ljust(ID_LENGTH, b"\x00"),
+        "operator_id": filled_up(message, "operator_id", ID_LENGTH),
     }
 
 
@@ -100,7 +100,7 @@ def authentication_to_fields(message: Authentication) -> dict[str, Any]:
         "last_page_index": message.last_page_index,
         "length": message.length,
         "timestamp": write_seconds_since_2019(message.timestamp_s),
-        "authentication_data": message.authentication_data.ljust(AUTHENTICATION_PAGE_LENGTH, b"\x00"),
+        "authentication_data": filled_up(message, "authentication_data", AUTHENTICATION_PAGE_LENGTH),
     }
 
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ridlink.errors import PayloadError
 from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES_BY_NAME, Encoder, Message, decode_message, message_spec
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.astm import decode_message as decode_broadcast
 from ridlink.remote_id.astm import encode_message as encode_broadcast
 from ridlink.remote_id.convert import from_mavlink, to_mavlink
 from ridlink.remote_id.messages import (
+    MAVLINK_NAMES,
     Authentication,
     BasicId,
     Location,
@@ -44,6 +47,24 @@ def received(name: str, rejects: Counter[str] | None = None, **fields: Any) -> A
     frame = parse_datagram(Encoder(1, 1).encode(name, **fields), CRC_EXTRAS)[0]
     assert isinstance(frame, Frame)
     return from_mavlink(decode_message(frame), rejects)
+
+
+@pytest.mark.parametrize(
+    ("message", "field"),
+    [
+        (BasicId(1, 2, "1596F001"), "uas_id"),  # type: ignore[arg-type]
+        (SelfId(0, "Survey"), "description"),  # type: ignore[arg-type]
+        (OperatorId(0, "CHE123"), "operator_id"),  # type: ignore[arg-type]
+        (Authentication(1, 0, 0, 1, None, "1"), "authentication_data"),  # type: ignore[arg-type]
+    ],
+)
+@pytest.mark.parametrize("write", [to_mavlink, encode_broadcast])
+def test_text_in_place_of_bytes_is_refused_by_name(
+    write: Callable[[RemoteIdMessage], object], message: RemoteIdMessage, field: str
+) -> None:
+    with pytest.raises(PayloadError, match=f"{field} takes bytes, not str") as caught:
+        write(message)
+    assert caught.value.field == field and caught.value.message == MAVLINK_NAMES[type(message)]
 
 
 SENTINELS: dict[str, Any] = {
