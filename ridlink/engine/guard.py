@@ -188,7 +188,8 @@ class Guard:
         return Wish(commands=(mode_command(seen.autopilot, EXTERNAL_MODE[seen.autopilot]),))
 
     def _resolve(self, seen: Seen, now_s: float, external: bool) -> Wish:
-        if not external or seen.taken:
+        # Who hands back lets go of the stream anyway, and the plan that is flown again sets targets of its own.
+        if not external or (seen.taken and self.phase is Phase.RESOLVING):
             handed = self.phase is Phase.HANDING_BACK and _same(seen.autopilot, seen.custom_mode, self.found_mode)
             self._go(Phase.WATCHING if handed else Phase.ENDED, now_s)
             return Wish(end=True)

@@ -167,6 +167,18 @@ def test_a_vehicle_that_somebody_else_steers_as_well_is_theirs() -> None:
     assert guard.phase is Phase.ENDED
 
 
+def test_who_hands_back_takes_nobody_for_another_writer_than_the_plan_that_is_flown_again() -> None:
+    guard = taking_over(T)
+    ours = seen(custom_mode=6 << 16)
+    guard.step(ours, T + 1.0)
+    assert guard.step(ours, T + 1.1).commands
+    assert guard.phase is Phase.HANDING_BACK
+    told_late = replace(ours, steering=False, taken=True, clear=False)
+    assert guard.step(told_late, T + 2.5) == Wish()
+    assert guard.step(told_late, T + 6.2).commands, "it is asked for until it is told"
+    assert guard.step(seen(), T + 7.0).end and guard.phase is Phase.WATCHING
+
+
 def test_what_was_not_asked_for_yet_is_not_handed_back() -> None:
     guard = taking_over(T)
     guard.step(seen(conflict=True), T + 0.4)
