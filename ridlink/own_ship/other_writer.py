@@ -21,6 +21,11 @@ POSITION_IGNORED, VELOCITY_IGNORED = 0x07, 0x38
 ECHO_S = 1.0
 """A target may be what was sent so long ago: the stream at 5 Hz, and a link with delay."""
 
+UNHEARD_S = 3.0
+SAME_MPS = 0.05
+"""An ArduPilot that hears nothing more flies so long after what it heard last (GUID_TIMEOUT): the very same velocity,
+which is nobody else's for being old."""
+
 TOLERANCE_MPS, TOLERANCE_SHARE = 0.5, 0.25
 """Autopilots clip targets and shape them a little."""
 
@@ -89,6 +94,8 @@ class OtherWriter:
             return streaming and now_s - (self._streaming_since_s or 0.0) > ECHO_S
         target = (message.vx, message.vy, message.vz)
         if not all(math.isfinite(value) for value in target):
+            return False
+        if any(math.dist(target, ours) <= SAME_MPS for at_s, ours in self._sent if now_s - at_s <= UNHEARD_S):
             return False
         lately = [velocity for at_s, velocity in self._sent if now_s - at_s <= ECHO_S]
         if lately:

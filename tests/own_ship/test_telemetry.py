@@ -401,6 +401,16 @@ def test_our_own_targets_are_nobody_elses_however_they_are_clipped_and_shaped() 
         assert not telemetry.other_writer.contested(now_s + 0.05)
 
 
+def test_an_ardupilot_that_does_not_hear_us_flies_after_what_it_heard_last_for_three_seconds() -> None:
+    telemetry, _ = flying()
+    writer = telemetry.other_writer
+    for tick in range(50):
+        now_s, ours = 0.1 * tick, 0.5 * min(tick, 20)
+        writer.sent((ours, 0.0, 0.0), now_s)
+        target(telemetry, now_s + 0.05, min(ours, 2.5))  # the sixth was the last one that it heard
+        assert writer.contested(now_s + 0.05) is (now_s + 0.05 > 3.8), "then it is somebody else's, or nobody's"
+
+
 def test_whoever_comes_second_gives_way_and_the_first_waits_for_that() -> None:
     second = contest(begins_s=0.0, lasts_s=1.5).other_writer
     assert second.contested(1.4) and second.must_yield(1.4)
