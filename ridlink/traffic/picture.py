@@ -13,6 +13,8 @@ from collections import Counter
 from collections.abc import Collection, Hashable
 from typing import Any
 
+import numpy as np
+
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.traffic.flood import NewcomerGate
 from ridlink.traffic.own_state import OwnState
@@ -158,7 +160,7 @@ class TrafficPicture:
         if self._own is not None:
             here = (self._own.position.latitude_deg, self._own.position.longitude_deg)
             track.first_heard_m = math.hypot(*offset_m(here, (track.latitude_deg, track.longitude_deg)))
-            track.urgency_s = self._urgency_of(track, self._own)
+            track.urgency_s = math.inf if report.on_ground else self._urgency_of(track, self._own)
         number = self._number_among(others, track)
         if number is None:
             self.counters["track_refused"] += 1
@@ -285,7 +287,9 @@ class TrafficPicture:
         airborne = [track for track in self.tracks.values() if not track.report.on_ground]
         self.counters["on_ground"] += len(self.tracks) - len(airborne)
         sight = look(airborne, own, now_s, self.settings)
-        for track, value in zip(airborne, sight.urgency_s.tolist(), strict=True):
+        for track in self.tracks.values():  # whoever does not count must not hold the room of those who do
+            track.urgency_s, track.in_conflict = math.inf, False
+        matters_s = np.where(sight.everybody.apart & (not self.settings.all_heights), math.inf, sight.urgency_s)
+        for track, value in zip(airborne, matters_s.tolist(), strict=True):
             track.urgency_s = value
-            track.in_conflict = False
         return sight.chosen(self.settings.max_considered, self.counters, all_heights=self.settings.all_heights)

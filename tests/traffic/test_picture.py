@@ -410,6 +410,33 @@ def test_f12_a_flood_of_identities_does_not_displace_a_real_threat() -> None:
     assert len(made) == 50
 
 
+@pytest.mark.parametrize("fields", [{"status": 1}, {"altitude_geodetic_m": 900.0}], ids=["ground", "height"])
+def test_f12_those_who_are_no_traffic_hold_no_room_against_those_who_are(fields: dict[str, object]) -> None:
+    """However near they say they are: nobody avoids them, so a flood of them would cost its sender nothing."""
+    small = replace(SETTINGS, max_tracks=50)
+    ghosts = [report(sysid=k, north=1.0, **fields) for k in range(1, 60)]
+    made = picture(*ghosts, settings=small)
+    assert len(made.snapshot(OWN, 10.0)) == 0 and len(made) == 50
+    made.receive("rid", report(sysid=200, north=400.0))
+    assert [track.key[1] for track in made.snapshot(OWN, 10.0).tracks] == [200]
+    for ghost in ghosts[:40]:
+        made.receive("rid", structs.replace(ghost, source=(ghost.source[0] + 100, 1)))
+    assert [track.key[1] for track in made.snapshot(OWN, 10.0).tracks] == [200] and len(made) == 50
+    everywhere = picture(*ghosts, settings=replace(small, all_heights=True))
+    everywhere.snapshot(OWN, 10.0)
+    everywhere.receive("rid", report(sysid=200, north=400.0))
+    assert any(key[1] == 200 for key in everywhere.tracks) is (fields == {"status": 1}), "who may climb counts them"
+
+
+def test_who_has_landed_is_in_conflict_with_nobody() -> None:
+    made = picture(report())
+    (track,) = made.tracks.values()
+    track.in_conflict = True
+    made.receive("rid", report(status=1, timestamp_s=101.0, received_at_s=11.0))
+    made.snapshot(OWN, 11.0)
+    assert not track.in_conflict and not track.expired(16.0) and track.expired(16.1)
+
+
 def test_f12_whoever_is_where_we_are_is_more_urgent_than_all_others() -> None:
     made = picture(report(sysid=1), settings=replace(SETTINGS, max_tracks=1))
     made.snapshot(OWN, 10.0)
