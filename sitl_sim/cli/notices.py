@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 PLACELESS = 30
 """So many broadcasts from nobody knows where are more than what comes before a first LOCATION."""
 
+STOOD_STILL_MS = 10_000
+"""Of the fleet's time: more than others on the machine take now and then."""
+
 FATES = {Outcome.COLLIDED: "has collided", Outcome.HIT_OBSTACLE: "flew into an obstacle"}
 
 
@@ -28,9 +31,17 @@ class Notices:
 
     def fresh(self) -> list[str]:
         """Lines that have not been said yet."""
-        lines = [line for line in (*self._of_the_air(), *self._of_vehicles()) if line not in self._said]
+        known = (*self._of_the_machine(), *self._of_the_air(), *self._of_vehicles())
+        lines = [line for line in known if line not in self._said]
         self._said.update(lines)
         return lines
+
+    def _of_the_machine(self) -> list[str]:
+        if self._server.counters["slipped_ms"] <= STOOD_STILL_MS:
+            return []
+        speedup = self._server.config.speedup
+        pace = "for this fleet" if speedup == 1.0 else f"to fly this fleet {speedup:g} times as fast"
+        return [f"this machine is too slow {pace}: at times the vehicles stand still, and the clock goes on"]
 
     def _of_the_air(self) -> list[str]:
         counters, port = self._server.air.counters, self._server.ports.air

@@ -299,6 +299,7 @@ def _verdict(server: FleetServer) -> dict[str, Any]:
         "time_s": round(server.world.time_s, 2),
         "mission_begun": server.mission_begun,
         "internal_errors": server.counters["error"],
+        "stood_still_ms": server.counters["slipped_ms"],
         "refused": {
             cause: sum(autopilot.counters[cause] for autopilot in server.autopilots)
             for cause in ("bad_frame", "refused_peer", "not_passed_on")

@@ -86,6 +86,7 @@ def test_json_has_one_line_a_second_and_the_verdict_last() -> None:
     assert len(state["ports"]["vehicles"]) == 2 and 0 not in (*state["ports"]["vehicles"], state["ports"]["air"])
     assert (verdict["scenario"], verdict["vehicles"], verdict["arrived"], verdict["macs"]) == ("head-on", 2, 0, 0)
     assert verdict["mission_begun"] and verdict["internal_errors"] == 0
+    assert verdict["stood_still_ms"] >= 0
     assert verdict["refused"] == {"bad_frame": 0, "refused_peer": 0, "not_passed_on": 0}
     assert verdict["air"].pop("broadcast") > 0
     assert verdict["air"] == {"delivered": 0, "malformed": 0, "no_position": 0, "refused": 0, "overflow": 0}

@@ -19,6 +19,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.scenario import Scenario, VehicleSpec, built_in
 from sitl_sim.autopilot import Start
+from sitl_sim.cli.notices import STOOD_STILL_MS, Notices
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.server import FleetServer
 from sitl_sim.vehicle import TICK_S
@@ -392,6 +393,20 @@ def test_a_stall_is_caught_up_for_a_quarter_of_a_second_only() -> None:
     assert server.counters["slipped_ms"] == pytest.approx(9750, abs=1)
     server._fly(110.2)
     assert server.world.time_s == pytest.approx(0.44, abs=0.021)
+
+
+@pytest.mark.parametrize(("speedup", "how"), [(1.0, "for this fleet"), (50.0, "to fly this fleet 50 times as fast")])
+def test_a_machine_that_is_too_slow_is_told_of_once(speedup: float, how: str) -> None:
+    async def act(server: FleetServer) -> None:
+        notices = Notices(server)
+        server.counters["slipped_ms"] = STOOD_STILL_MS
+        assert notices.fresh() == []
+        server.counters["slipped_ms"] += 1
+        (line,) = notices.fresh()
+        assert f"too slow {how}:" in line
+        assert notices.fresh() == []
+
+    fly(built_in("circle8", 1), act, speedup=speedup)
 
 
 def test_a_failing_vehicle_is_counted_and_logged_once_a_second_and_the_others_fly_on(
