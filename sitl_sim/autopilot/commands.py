@@ -146,8 +146,8 @@ class Commands:
         return self._orders.take_off(altitude_m)
 
     def _change_speed(self, command: Command, now_s: float) -> Result:
-        if command[2] is not None and command[2] > 0.0:
-            self._pilot.speeds.commanded_cruise_mps = command[2]
+        if not self._pilot.speeds.change(command[1] or 0.0, command[2] or 0.0):
+            return self._orders.refuse("speed refused: not above zero")
         return Result.ACCEPTED
 
     def _reposition(self, command: Command, now_s: float) -> Result:

@@ -177,9 +177,7 @@ class MissionFlight:
         """Items that take no time."""
         match item.command:
             case Item.CHANGE_SPEED:
-                speed = item.parameters[1]
-                if speed > 0.0:
-                    self._speeds.commanded_cruise_mps = speed
+                self._speeds.change(item.parameters[0], item.parameters[1])
             case Item.CONDITION_YAW:
                 yaw_deg, _, direction, relative = item.parameters
                 self._nose.turn_degrees(yaw_deg, relative=relative == 1.0, direction=direction)

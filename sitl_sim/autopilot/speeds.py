@@ -7,6 +7,9 @@ from sitl_sim.autopilot.modes import Flavour
 from sitl_sim.autopilot.navigation import Vector
 from sitl_sim.autopilot.parameters import Parameters
 
+CRUISE, CLIMB, DESCENT = 1, 2, 3
+"""SPEED_TYPE of DO_CHANGE_SPEED; all others are of the cruise, too."""
+
 
 class Speeds:
     """Speeds, heights and radii of one vehicle, read anew each time: parameters change in flight.
@@ -14,14 +17,24 @@ class Speeds:
     Args:
         flavour: Whose parameters they are.
         parameters: PX4's are in metres, ArduPilot's in centimetres.
-
-    Attributes:
-        commanded_cruise_mps: As DO_CHANGE_SPEED asked; None: the parameter's.
     """
 
     def __init__(self, flavour: Flavour, parameters: Parameters) -> None:
         self._px4, self._parameters = flavour.is_px4, parameters
-        self.commanded_cruise_mps: float | None = None
+        self._asked_mps: dict[int, float] = {}
+
+    def change(self, kind: float, speed_mps: float) -> bool:
+        """DO_CHANGE_SPEED; whether it is taken.
+
+        PX4 does not look at the kind, and goes back to its parameter for a speed that is not above zero; ArduPilot does
+        not take such a one.
+        """
+        if speed_mps > 0.0:
+            self._asked_mps[int(kind) if kind in (CLIMB, DESCENT) and not self._px4 else CRUISE] = speed_mps
+            return True
+        if self._px4:
+            self._asked_mps.clear()
+        return self._px4
 
     def _figure(self, px4: str, ardupilot: str) -> float:
         return self._parameters[px4] if self._px4 else self._parameters[ardupilot] / 100.0
@@ -34,19 +47,17 @@ class Speeds:
     @property
     def cruise_mps(self) -> float:
         """Of missions, repositions and the way home."""
-        if self.commanded_cruise_mps is not None:
-            return self.commanded_cruise_mps
-        return self._figure("MPC_XY_CRUISE", "WPNAV_SPEED")
+        return self._asked_mps.get(CRUISE) or self._figure("MPC_XY_CRUISE", "WPNAV_SPEED")
 
     @property
     def climb_mps(self) -> float:
         """Up."""
-        return self._figure("MPC_Z_VEL_MAX_UP", "WPNAV_SPEED_UP")
+        return self._asked_mps.get(CLIMB) or self._figure("MPC_Z_VEL_MAX_UP", "WPNAV_SPEED_UP")
 
     @property
     def descent_mps(self) -> float:
         """Down."""
-        return self._figure("MPC_Z_VEL_MAX_DN", "WPNAV_SPEED_DN")
+        return self._asked_mps.get(DESCENT) or self._figure("MPC_Z_VEL_MAX_DN", "WPNAV_SPEED_DN")
 
     @property
     def takeoff_mps(self) -> float:

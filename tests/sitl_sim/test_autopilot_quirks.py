@@ -37,7 +37,7 @@ from tests.sitl_sim.flight import (
     one_vehicle,
 )
 
-CONDITION_YAW, LOITER = 115, 17
+CONDITION_YAW, LOITER, CHANGE_SPEED = 115, 17, 178
 ARDUPILOT_LOITER, ARDUPILOT_RETURN, ARDUPILOT_LAND = 5, 6, 9
 
 
@@ -184,6 +184,23 @@ def test_ardupilot_sinks_in_loiter_unless_the_throttle_stick_is_held() -> None:
     flight.send("MANUAL_CONTROL", target=1, z=0)
     flight.advance(3.0)
     assert flight.velocity[2] > 1.0
+
+
+def test_a_change_of_speed_is_of_the_kind_that_each_autopilot_knows() -> None:
+    flight = flying("ardupilot")
+    speeds = flight.autopilot.pilot.speeds
+    for kind, speed_mps in ((1, 4.0), (2, 1.2), (3, 0.9)):
+        assert flight.command(CHANGE_SPEED, kind, speed_mps) == ACCEPTED
+    assert (speeds.cruise_mps, speeds.climb_mps, speeds.descent_mps) == pytest.approx((4.0, 1.2, 0.9))
+    assert flight.command(CHANGE_SPEED, 1, -1) == FAILED
+    assert speeds.cruise_mps == 4.0
+    flight = flying("px4")
+    speeds = flight.autopilot.pilot.speeds
+    usual = speeds.cruise_mps, speeds.climb_mps, speeds.descent_mps
+    assert flight.command(CHANGE_SPEED, 2, 4.0) == ACCEPTED
+    assert (speeds.cruise_mps, speeds.climb_mps, speeds.descent_mps) == (4.0, *usual[1:])
+    assert flight.command(CHANGE_SPEED, 1, -1) == ACCEPTED
+    assert speeds.cruise_mps == usual[0]
 
 
 def test_ardupilot_turns_its_nose_when_told_and_px4_has_no_such_command() -> None:
