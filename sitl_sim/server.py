@@ -92,6 +92,7 @@ class FleetServer:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._tick_handle: asyncio.Handle | None = None
         self._flown_until_s = 0.0
+        self._ahead_s = 0.0
         self._expired_s = -math.inf
         self._logged_s = -math.inf
         self._unlogged = 0
@@ -212,14 +213,21 @@ class FleetServer:
                 self._note_failure(f"vehicle {autopilot.system_id}")
 
     def advance(self, seconds: float) -> None:
-        """In lockstep (`speedup` 0): let time go on by so much, tick by tick, and send what is due.
+        """In lockstep (`speedup` 0): let time go on by so much, tick by tick, and send what is due; what is left of a
+        tick of 20 ms waits for the next time.
 
         Raises:
             RuntimeError: If time goes on by itself.
+            ValueError: If the time is negative or not finite.
         """
         if not self.clock.is_lockstep:
             raise RuntimeError("the fleet's time goes on by itself; lockstep is speedup 0")
-        for _ in range(round(seconds / TICK_S)):
+        if not (math.isfinite(seconds) and seconds >= 0.0):
+            raise ValueError(f"seconds must be finite and not negative, not {seconds}")
+        self._ahead_s += seconds
+        ticks = int(self._ahead_s / TICK_S + 1e-6)
+        self._ahead_s -= ticks * TICK_S
+        for _ in range(ticks):
             self.clock.advance(TICK_S)
             now_s = self.clock.now_s()
             self._fly(now_s)

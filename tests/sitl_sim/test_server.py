@@ -490,6 +490,20 @@ def test_in_lockstep_two_fleets_of_one_seed_say_the_same_bytes() -> None:
     assert once != said(2)
 
 
+def test_in_lockstep_steps_shorter_than_a_tick_add_up() -> None:
+    async def act(server: FleetServer) -> None:
+        for _ in range(10):
+            server.advance(0.01)
+        assert server.world.time_s == pytest.approx(0.1)
+        server.advance(0.05)
+        server.advance(0.05)
+        assert (server.world.time_s, server.clock.now_s()) == pytest.approx((0.2, 0.2))
+        with pytest.raises(ValueError, match="not negative"):
+            server.advance(-1.0)
+
+    asyncio.run(run(FleetServer(two_apart(50.0), FleetConfig(speedup=0.0, **ANY_PORT)), act))
+
+
 def test_in_lockstep_receivers_on_board_listen_from_the_first_tick() -> None:
     async def act(server: FleetServer) -> None:
         server.advance(TICK_S)
