@@ -1,11 +1,13 @@
 """The way of those who avoid nobody: straight from point to point, at cruise speed.
 
-Units and axes: metres, seconds; north-east-down about home. Index k is system id k + 1.
+Units and axes: metres, seconds; north-east-down about home. Index k is system id k + 1. Nobody turns on the spot, and a
+gust blows everybody off: who is beside its leg flies back onto it, and a point that was passed, however far off, is
+behind. A goal that was passed is flown to once more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +16,16 @@ from ridlink.scenario import VehicleSpec
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 
 ROUTE_POINT_M = 2.0
 ROUTE_LEAD_S = 0.3
 """A route's next leg begins this near to its point, or this long before it."""
+
+LOOK_AHEAD_S = 2.0
+"""Who is beside its leg heads for where it would be on it after this time: slowly enough for either autopilot."""
+
+ON_LEG_M = 1e-6
 
 
 class Routes:
@@ -28,33 +36,66 @@ class Routes:
     """
 
     def __init__(self, vehicles: Sequence[VehicleSpec]) -> None:
+        count = len(vehicles)
         self._vehicles = vehicles
-        self._ahead: dict[int, list[FloatArray]] = {}
+        self._speed_mps = np.array([vehicle.speed_mps for vehicle in vehicles], dtype=np.float64)
+        self._lead_m = np.maximum(ROUTE_POINT_M, ROUTE_LEAD_S * self._speed_mps)
+        self._under_way = np.zeros(count, dtype=np.bool_)
+        self._ahead: list[list[FloatArray]] = [[] for _ in vehicles]
+        self._begin_m = np.zeros((count, 3))
+        self._velocity_mps = np.zeros((count, 3))
+        self._length_m = np.zeros(count)
 
     def set_out(self, index: int) -> FloatArray:
-        """The velocity of the first leg of a vehicle's way, whose later legs `turns` gives."""
+        """The velocity of the first leg of a vehicle's way; from now on `steer` gives it."""
         vehicle = self._vehicles[index]
-        points = [np.array(point) for point in (*vehicle.route_ned_m, vehicle.goal_ned_m)]
-        self._ahead[index] = points
-        return self._leg(index, np.array(vehicle.start_ned_m), points[0])
+        self._under_way[index] = True
+        self._ahead[index] = [np.array(point) for point in (*vehicle.route_ned_m, vehicle.goal_ned_m)]
+        self._begin(index, np.array(vehicle.start_ned_m))
+        return np.array(self._velocity_mps[index])
 
-    def turns(self, position_ned_m: FloatArray, flying: BoolArray) -> Iterator[tuple[int, FloatArray]]:
-        """Who has come to a point of its route now, and its velocity to the next one.
+    def leave(self, index: int) -> None:
+        """Somebody else flies this vehicle now."""
+        self._under_way[index] = False
+
+    def steer(self, position_ned_m: FloatArray, flying: BoolArray) -> tuple[IntArray, FloatArray]:
+        """Who is under way now, and how it is to fly.
 
         Args:
             position_ned_m: Where everybody is, shape (n, 3).
             flying: Who flies what it is told, shape (n,); the way of the others ends.
-        """
-        for index, points in list(self._ahead.items()):
-            if len(points) == 1 or not flying[index]:
-                del self._ahead[index]
-                continue
-            here = position_ned_m[index]
-            lead_m = max(ROUTE_POINT_M, ROUTE_LEAD_S * self._vehicles[index].speed_mps)
-            if float(np.linalg.norm(points[0] - here)) <= lead_m:
-                points.pop(0)
-                yield index, self._leg(index, here, points[0])
 
-    def _leg(self, index: int, start: FloatArray, end: FloatArray) -> FloatArray:
-        way = end - start
-        return np.asarray(way * (self._vehicles[index].speed_mps / max(float(np.linalg.norm(way)), 1e-9)))
+        Returns:
+            Indices, shape (m,), and velocities, shape (m, 3).
+        """
+        self._under_way &= flying
+        rows = np.flatnonzero(self._under_way)
+        if not len(rows):
+            return rows, np.empty((0, 3))
+        left_m = self._length_m[rows] - self._along(position_ned_m, rows)[0]
+        for index, left in zip(rows.tolist(), left_m.tolist(), strict=True):
+            ahead = self._ahead[index]
+            if len(ahead) > 1 and left <= self._lead_m[index]:
+                ahead.pop(0)
+                self._begin(index, position_ned_m[index])
+            elif left <= 0.0:
+                self._begin(index, position_ned_m[index])
+        _, direction, beside_m = self._along(position_ned_m, rows)
+        speed = self._speed_mps[rows, None]
+        heading = LOOK_AHEAD_S * speed * direction - beside_m
+        back = speed * heading / np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-9)
+        is_beside = np.linalg.norm(beside_m, axis=1, keepdims=True) > ON_LEG_M
+        return rows, np.where(is_beside, back, self._velocity_mps[rows])
+
+    def _begin(self, index: int, here: FloatArray) -> None:
+        way = self._ahead[index][0] - here
+        length_m = float(np.linalg.norm(way))
+        self._begin_m[index], self._length_m[index] = here, length_m
+        self._velocity_mps[index] = way * (self._speed_mps[index] / max(length_m, 1e-9))
+
+    def _along(self, position_ned_m: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """How far everybody has come on its leg, which way that leads, and how far beside it everybody is."""
+        direction = self._velocity_mps[rows] / self._speed_mps[rows, None]
+        gone = position_ned_m[rows] - self._begin_m[rows]
+        along_m = np.einsum("ij,ij->i", gone, direction)
+        return along_m, direction, gone - along_m[:, None] * direction

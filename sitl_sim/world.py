@@ -285,7 +285,7 @@ class World:
             self._tick()
 
     def command_velocity(self, index: int, velocity_ned_mps: npt.ArrayLike) -> None:
-        """What one vehicle is to fly from now on; kept until changed, used while it is AIRBORNE.
+        """What one vehicle is to fly from now on; kept until changed, used while it is AIRBORNE. Its route ends.
 
         Raises:
             ValueError: If the velocity is not three finite figures.
@@ -294,11 +294,12 @@ class World:
         if velocity.shape != (3,) or not np.all(np.isfinite(velocity)):
             raise ValueError("velocity_ned_mps must be three finite figures")
         self._command[index] = velocity
+        self._routes.leave(index)
 
     def fly_straight(self, index: int) -> None:
         """Send one vehicle straight on from its start to its goal at cruise speed, as one that avoids nobody flies; on
         the way through the points of its route, if it has any."""
-        self.command_velocity(index, self._routes.set_out(index))
+        self._command[index] = self._routes.set_out(index)
 
     def lift_off(self, index: int) -> None:
         """GROUNDED to AIRBORNE; it climbs when commanded to."""
@@ -336,8 +337,8 @@ class World:
         in_air = self.in_air
         self.faults.step(self.time_s, None if self._mission_from_s is None else self.mission_time_s)
         flying = self.state == VehicleState.AIRBORNE
-        for index, velocity in self._routes.turns(self.position_ned_m, flying):
-            self.command_velocity(index, velocity)
+        under_way, velocity = self._routes.steer(self.position_ned_m, flying)
+        self._command[under_way] = velocity
         self._wind.step()
         self._dynamics.step(self._commands(), TICK_S, in_air, self._wind.velocity_ne_mps)
         self._touch_ground(in_air)
