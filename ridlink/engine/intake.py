@@ -21,8 +21,8 @@ _EKF_FLAGS_AT = 20
 CHECKED = {**CRC_EXTRAS, EKF_STATUS_REPORT: 71}
 
 STATUSTEXT = 253
-VEHICLE_IDS = REMOTE_ID_IDS | {0, 24, 32, 33, 42, 75, 76, 77, 85, EKF_STATUS_REPORT, 230, 242, 245, STATUSTEXT}
-"""What an engine reads of either link; anything else is skipped before it is decoded."""
+VEHICLE_IDS = REMOTE_ID_IDS | {0, 24, 32, 33, 42, 75, 76, 85, EKF_STATUS_REPORT, 230, 242, 245, STATUSTEXT}
+"""What an engine reads of the vehicle link, and the first of them of the air; anything else is not decoded."""
 LOCATION = MAVLINK_NAMES[Location]
 
 

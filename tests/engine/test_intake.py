@@ -67,7 +67,7 @@ def test_ardupilots_estimator_is_read_by_hand_also_where_zeros_were_cut_off() ->
 def test_every_remote_id_message_is_read_of_either_link_and_nothing_else_of_the_air() -> None:
     assert {12900, 12901, 12902, 12903, 12904, 12905, 12915, 61400} <= REMOTE_ID_IDS <= VEHICLE_IDS
     assert all(12900 <= msgid <= 12920 or msgid == 61400 for msgid in REMOTE_ID_IDS)
-    assert {0, 24, 32, 33, 42, 75, 76, 77, 85, 193, 230, 242, 245, 253} == VEHICLE_IDS - REMOTE_ID_IDS
+    assert {0, 24, 32, 33, 42, 75, 76, 85, 193, 230, 242, 245, 253} == VEHICLE_IDS - REMOTE_ID_IDS
 
 
 def test_of_a_pack_the_location_comes_last_so_that_it_makes_one_report() -> None:
