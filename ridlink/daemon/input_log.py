@@ -5,8 +5,8 @@ was, and decisions depend on all three. This log does: MessagePack, one array a 
 
     ["ridlink-input", 2, configuration as TOML]
     ["v" | "a", now_s, utc_s or nil, address or nil, bytes]     a datagram of the vehicle link, of the air
-    ["s", now_s, hold, warm, utc_s or nil]                      a step; whether the loop stood still before it, and
-                                                                whether decisions could be made
+    ["s", now_s, hold, warm, utc_s or nil]                      a step, which may have failed; whether the loop stood
+                                                                still before it, and whether decisions could be made
     ["t", seconds]                                              what it took to compute, which RIDLINK_STATUS tells
     ["e", now_s]                                                the end of the stream
     ["d", steps, hash]                                          of the decisions, see `decision_log`; last
@@ -116,10 +116,13 @@ class InputLog:
         """A datagram, before the engine is told it."""
         self._put(datagram)
 
-    def step(self, now_s: float, hold: bool, warm: bool, utc_s: float | None, output: StepOutput, reason: str) -> None:
-        """A step, and what came of it."""
-        self.decisions.add(decision_line(output, reason))
+    def step(self, now_s: float, hold: bool, warm: bool, utc_s: float | None) -> None:
+        """A step, before the engine takes it: one that fails is taken again as well."""
         self._put(_Step(now_s, hold, warm, utc_s))
+
+    def decided(self, output: StepOutput, reason: str) -> None:
+        """What came of the step."""
+        self.decisions.add(decision_line(output, reason))
 
     def took(self, seconds: float) -> None:
         """What the last step took."""
@@ -200,14 +203,20 @@ def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None
         for record in records:
             match record:
                 case FromVehicle(now_s, utc_s, source, data):
-                    engine.receive_vehicle(data, now_s, source=source, utc_s=utc_s)
+                    with contextlib.suppress(Exception):  # as the link does
+                        engine.receive_vehicle(data, now_s, source=source, utc_s=utc_s)
                 case FromAir(now_s, utc_s, source, data):
-                    engine.receive_remote_id(data, source, now_s, utc_s=utc_s)
+                    with contextlib.suppress(Exception):
+                        engine.receive_remote_id(data, source, now_s, utc_s=utc_s)
                 case _Step(now_s, hold, warm, utc_s):
                     engine.warm = warm
                     if hold:
                         engine.hold_next()
-                    line = decision_line(engine.step(now_s, utc_s=utc_s), engine.rung.reason)
+                    try:
+                        output = engine.step(now_s, utc_s=utc_s)
+                    except Exception:  # as the daemon does: a step that fails decides nothing
+                        continue
+                    line = decision_line(output, engine.rung.reason)
                     decisions.add(line)
                     if on_line is not None:
                         on_line(line)

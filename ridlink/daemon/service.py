@@ -188,6 +188,8 @@ class AvoidDaemon:
         if hold:  # counted here: the watchdog's thread must not change what the loop may be reading
             self._counters["loop_stalled"] += 1
             self.engine.hold_next()
+        if self._input_log is not None:
+            self._input_log.step(now_s, hold, self.engine.warm, utc_s)
         try:
             output = self.engine.step(now_s, utc_s=utc_s)
         except Exception as error:
@@ -203,7 +205,7 @@ class AvoidDaemon:
         self._decision_cpu_ms.add((time.thread_time() - begin_cpu_s) * 1e3)
         self._send(output)
         if self._input_log is not None:
-            self._input_log.step(now_s, hold, self.engine.warm, utc_s, output, self.engine.rung.reason)
+            self._input_log.decided(output, self.engine.rung.reason)
             self._input_log.took(took)
         self._leave_figures(output)
         self._telling.tell(

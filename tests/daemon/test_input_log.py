@@ -7,6 +7,7 @@ import json
 import math
 import socket
 import threading
+from collections import Counter
 from pathlib import Path
 
 import msgspec
@@ -18,7 +19,9 @@ from ridlink.daemon.config import DaemonConfig, as_toml
 from ridlink.daemon.config_file import LONGEST
 from ridlink.daemon.input_log import InputLog, read_records, replay
 from ridlink.daemon.service import AvoidDaemon
+from ridlink.engine.announcer import Announcer
 from ridlink.errors import CaptureError
+from ridlink.own_ship import OwnShipTelemetry
 from tests.daemon.emulated import POSITION_MODE, Emulated
 from tests.daemon.harness import run, running
 
@@ -71,6 +74,31 @@ def test_the_replay_of_a_recorded_input_gives_the_identical_decision_log(tmp_pat
     path.write_bytes(data[: beginning + 1] + b"x" + data[beginning + 2 :])
     with pytest.raises(CaptureError, match="damaged one: Invalid value 'x'"):
         replay(path)
+
+
+def test_steps_and_datagrams_that_failed_fail_again_and_the_flight_is_decided_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: Counter[tuple[str, int]] = Counter()
+
+    def failing(cls: type, name: str, at: int) -> None:
+        real = getattr(cls, name)
+
+        def called(self: object, *args: object, **options: object) -> object:
+            calls[name, id(self)] += 1
+            if calls[name, id(self)] == at:
+                raise ArithmeticError(name)
+            return real(self, *args, **options)
+
+        monkeypatch.setattr(cls, name, called)
+
+    failing(Announcer, "announce", 12)
+    failing(OwnShipTelemetry, "_position", 40)
+    path = tmp_path / "failed.input"
+    digest = flown(path)
+    assert {name for (name, _), count in calls.items() if count > 40} == {"_position"}
+    decisions, recorded = replay(path)
+    assert decisions.digest == recorded == digest
 
 
 @pytest.mark.parametrize(
