@@ -171,8 +171,9 @@ class Transmitter:
                 self._send(beat)
             if lock is not None and telemetry.heard_s(now_s) < SILENT_S:
                 self._ask(lock.sysid, now_s)
+        names = self._names
         for datagram in self._broadcast.datagrams(
-            self._encoder, telemetry, now_s=now_s, utc_s=utc_s, uas_id=self._names.uas_id
+            self._encoder, telemetry, now_s=now_s, utc_s=utc_s, uas_id=names.uas_id, id_type=names.id_type
         ):
             self.counters["sent"] += self._send(datagram)
         if self._second.due(now_s):

@@ -244,6 +244,7 @@ class Engine:
             now_s=now_s,
             utc_s=utc_s,
             uas_id=self._hearing.names.uas_id,
+            id_type=self._hearing.names.id_type,
             commanded=output.decision.commanded_ned_mps if steers else None,
             avoiding=self.rung.state is State.ENGAGED and steers,
         )

@@ -135,6 +135,7 @@ class Broadcast:
         now_s: float,
         utc_s: float | None,
         uas_id: bytes | None = None,
+        id_type: int = ID_SERIAL_NUMBER,
         commanded: Velocity | None = None,
         avoiding: bool = False,
     ) -> list[bytes]:
@@ -146,6 +147,7 @@ class Broadcast:
             now_s: Monotonic time.
             utc_s: Seconds since 1970; None while that is not known.
             uas_id: Identity that the vehicle gives itself, where the settings have none.
+            id_type: Of what type that is, MAV_ODID_ID_TYPE.
             commanded: Velocity that its autopilot is given now, north, east, down [m/s].
             avoiding: It takes its half of every avoidance.
         """
@@ -160,7 +162,9 @@ class Broadcast:
             separation = self._separation(telemetry, own, error_m, timestamp_s, commanded, avoiding, now_s)
             found.append(self._encode(encoder, location) + self._encode(encoder, self._as_sent(separation, utc_s)))
         if self._static_due.due(now_s):
-            static = self._static(telemetry, self.settings.uas_id or uas_id, utc_s)
+            if self.settings.uas_id is not None:
+                uas_id, id_type = self.settings.uas_id, ID_SERIAL_NUMBER
+            static = self._static(telemetry, uas_id, id_type, utc_s)
             found.append(b"".join(self._encode(encoder, message) for message in static))
         return found
 
@@ -204,11 +208,13 @@ class Broadcast:
             flags=int(flags),
         )
 
-    def _static(self, telemetry: OwnShipTelemetry, uas_id: bytes | None, utc_s: float | None) -> list[RemoteIdMessage]:
+    def _static(
+        self, telemetry: OwnShipTelemetry, uas_id: bytes | None, id_type: int, utc_s: float | None
+    ) -> list[RemoteIdMessage]:
         ua_type = UA_TYPES.get(telemetry.vehicle_type, 0)
         home, undulation_m = telemetry.home, telemetry.trust.undulation_m
         messages: list[RemoteIdMessage] = [
-            BasicId(ID_NONE, ua_type, b"") if uas_id is None else BasicId(ID_SERIAL_NUMBER, ua_type, uas_id),
+            BasicId(ID_NONE, ua_type, b"") if uas_id is None else BasicId(id_type, ua_type, uas_id),
             System(
                 operator_location_type=TAKEOFF_LOCATION,
                 operator_latitude_deg=None if home is None else home.latitude_deg,

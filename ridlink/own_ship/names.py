@@ -30,7 +30,7 @@ class OwnNames:
         self._of = self._telemetry.lock
         self._uas_id = self._configured
         self._known = set() if self._configured is None else {self._configured}
-        self._serial_number_known = False
+        self._id_type = ID_TYPE_NONE if self._configured is None else ID_TYPE_SERIAL_NUMBER
 
     def _follow(self) -> None:
         if self._of != self._telemetry.lock:
@@ -44,14 +44,20 @@ class OwnNames:
         if len(self._known) < MOST_NAMES:
             self._known.add(said.uas_id)
         is_serial_number = said.id_type == ID_TYPE_SERIAL_NUMBER
-        if self._configured is None and (is_serial_number or not self._serial_number_known):
-            self._uas_id, self._serial_number_known = said.uas_id, is_serial_number
+        if self._configured is None and (is_serial_number or self._id_type != ID_TYPE_SERIAL_NUMBER):
+            self._uas_id, self._id_type = said.uas_id, said.id_type
 
     @property
     def uas_id(self) -> bytes | None:
         """Its name; None while unknown."""
         self._follow()
         return self._uas_id
+
+    @property
+    def id_type(self) -> int:
+        """Of what type its name is, MAV_ODID_ID_TYPE; one that is configured is a serial number."""
+        self._follow()
+        return self._id_type
 
     @property
     def known(self) -> set[bytes]:

@@ -100,6 +100,16 @@ def test_another_vehicle_on_the_link_is_not_broadcast_under_the_name_of_the_last
     assert basic_id.id_type == 0 and not any(basic_id.uas_id)
 
 
+def test_a_vehicle_that_tells_a_registration_alone_is_broadcast_under_a_registration() -> None:
+    flight = Flight(settings=EngineConfig(standby=True, broadcast=True))
+    flight.engine.receive_vehicle(flight.vehicle.telemetry(0.0), 0.0, source="autopilot")
+    name, fields = to_mavlink(BasicId(2, 2, b"REGISTRATION"))
+    flight.engine.receive_vehicle(flight.vehicle.encoder.encode(name, **fields), 0.0, source="autopilot")
+    said = [message for datagram in flight.step().broadcasts for message in messages(datagram)]
+    (basic_id,) = [message for message in said if message.name == name]
+    assert basic_id.id_type == 2 and bytes(basic_id.uas_id).rstrip(b"\0") == b"REGISTRATION"
+
+
 def test_a_stranger_on_the_vehicle_link_cannot_lend_us_the_identity_of_an_intruder() -> None:
     flight = Flight()
     flight.step(2)

@@ -215,6 +215,10 @@ def test_identity_type_and_place_of_take_off() -> None:
     aircraft.hear(aircraft.vehicle.telemetry(3.0), 3.0)
     basic, system = (m for m in aircraft.say(3.0, uas_id=b"SERIAL-1") if m.name in STATIC)
     assert messages_of(basic) == [BasicId(1, 2, b"SERIAL-1")]
+    configured = Aircraft(uas_id=b"SERIAL-2")
+    configured.hear(configured.vehicle.telemetry(0.0), 0.0)
+    first, _ = (m for m in configured.say(0.0, uas_id=b"REGISTRATION", id_type=2) if m.name in STATIC)
+    assert messages_of(first) == [BasicId(1, 2, b"SERIAL-2")]
     (read,) = messages_of(system)
     assert isinstance(read, System)
     assert read.operator_latitude_deg == pytest.approx(47.3977)

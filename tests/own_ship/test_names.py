@@ -18,13 +18,15 @@ def test_a_serial_number_is_the_name_and_all_of_them_are_known() -> None:
         assert names.uas_id == told[0].uas_id
         for each in told[1:]:
             names.hear(each)
-        assert names.uas_id == b"SERIAL" and names.known == {b"SERIAL", b"REGISTRATION"}
+        assert (names.uas_id, names.id_type) == (b"SERIAL", 1) and names.known == {b"SERIAL", b"REGISTRATION"}
 
 
 def test_a_name_that_is_configured_stays_and_the_vehicles_own_are_known_as_well() -> None:
     names = OwnNames(flying()[0], b"CONFIGURED")
     names.hear(SERIAL)
     assert names.uas_id == b"CONFIGURED" and names.known == {b"CONFIGURED", b"SERIAL"}
+    names.hear(REGISTRATION)
+    assert names.id_type == 1
 
 
 def test_no_name_is_none_and_there_are_not_too_many() -> None:
@@ -47,4 +49,4 @@ def test_another_vehicle_has_other_names() -> None:
     assert names.uas_id is None and names.known == set()
     assert second.uas_id == b"CONFIGURED" and second.known == {b"CONFIGURED"}
     names.hear(REGISTRATION)
-    assert names.uas_id == b"REGISTRATION", "no serial number of this one is known"
+    assert (names.uas_id, names.id_type) == (b"REGISTRATION", 2), "no serial number of this one is known"
