@@ -47,7 +47,8 @@ class Conditions:
 
     Args:
         paper: The paper's simulation: error bounds of three sigma for a pair, not for each vehicle (not under
-            `graded`), decisions on every report and discs that allow for the time between two.
+            `graded`), decisions on every report and discs that allow for the time between two, collisions judged at
+            the instants of decisions and not between them.
         eta: Of the definition `chance`.
         accuracy_convention: Of the definition `odid-accuracy`, by its name.
         seed: Seed of everything.
@@ -154,6 +155,7 @@ class Choice:
             "solver": list(self.solvers),
             **({"point": ["/".join(point) for point in self.points]} if self.points else {}),
             "dynamics": [str(each) for each in self.dynamics],
+            **({} if conditions["paper"] else {"swept": True}),  # of the preset as it was before there was a difference
             "preset": "paper" if conditions.pop("paper") else None,
             "sigma_m": list(self.sigmas_m),
             "interval_s": list(dict.fromkeys(plan.interval_s for plan in plans)),
@@ -180,7 +182,7 @@ class Choice:
             seed=conditions.seed, category=conditions.category,
             stock_share=conditions.stock_share, unresponsive_share=conditions.unresponsive_share,
             correlation_s=conditions.correlation_s, common_share=conditions.common_share, bias_m=conditions.bias_m,
-            range_m=conditions.range_m or TECHNOLOGIES[conditions.technology].range_m,
+            range_m=conditions.range_m or TECHNOLOGIES[conditions.technology].range_m, swept=not conditions.paper,
         )  # fmt: skip
         scene = drawn_scene(name)
         if scene is not None:

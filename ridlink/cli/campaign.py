@@ -97,6 +97,7 @@ def run(
     Runs are seeded one by one: the same seed gives the same rows, in any number of processes, and a run can be flown
     again alone. Times count the flights without a collision; one that has not arrived by the cut-off counts with it.
     Reported error bounds are three sigma of each vehicle; with --preset paper three sigma for a pair, its reading.
+    Collisions are judged at the instants of decisions and between them; with --preset paper at them alone.
 
     \b
         ridlink campaign run --preset paper -o paper/

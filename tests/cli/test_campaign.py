@@ -55,6 +55,8 @@ cooperative = false
 extended = false
 """
 
+THROUGH = FILE.replace("-200.0", "-201.0").replace("extended = false\n", "airframe_m = 0.4\n")
+
 
 @pytest.fixture
 def ridlink(ridlink: Ridlink) -> Ridlink:
@@ -98,6 +100,19 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "stdout").write_text(out)
     (folder / "stderr").write_text(err)
     return folder
+
+
+def test_who_flies_through_another_between_two_instants_has_collided(tmp_path: Path, ridlink: Ridlink) -> None:
+    file = tmp_path / "through.toml"
+    file.write_text(THROUGH.format(down=-50.0))
+    through = ["--scenario", file, "--definition", "none", "--sigma", "0", "--runs", "2", "--json", "-o"]
+    code, out, _ = ridlink(*through, tmp_path / "swept")
+    (row,) = json.loads(out)["rows"]
+    assert (code, row["macs"]) == (0, 4)
+    assert row["min_separation_m"] == pytest.approx(0.0, abs=1e-6)
+    code, out, _ = ridlink("--preset", "paper", *through, tmp_path / "paper")
+    (row,) = json.loads(out)["rows"]
+    assert (code, row["macs"], row["min_separation_m"]) == (0, 0, pytest.approx(1.0)), "which the paper does not see"
 
 
 def test_rows_have_the_keys_that_are_promised_and_the_orders_of_the_paper(whole: Path) -> None:
