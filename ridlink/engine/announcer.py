@@ -24,6 +24,7 @@ QUIET_S = 10.0
 ALERTS = {
     "newcomer_refused": "Remote ID flood: new senders refused",
     "track_evicted": "Remote ID flood: traffic picture is full",
+    "track_refused": "Remote ID flood: newcomers find no room",
     "own_id_elsewhere": "our own Remote ID is used elsewhere",
     "other_writer": "another writer steers this vehicle, too",
     "own_position_jump": "own position jumped",

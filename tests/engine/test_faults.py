@@ -239,3 +239,17 @@ def test_i6_i7_a_flood_is_bounded_and_every_datagram_is_accounted_for() -> None:
     refused = counters["newcomer_refused"] + counters["track_refused"] + counters["track_evicted"]
     assert len(flight.engine.picture) <= 2000
     assert len(flight.engine.picture) + refused == sent == flight.engine.summary().reports_received
+
+
+def test_f12_a_picture_that_is_full_of_those_who_are_nearer_is_said() -> None:
+    flight = Flight()
+    flight.step(3)
+    near = [Emulated(50, ned_m=(60.0, 10.0, -50.0)).remote_id(0.3, id_or_mac=b"g%d" % k) for k in range(2000)]
+    for k, datagram in enumerate(near):
+        flight.engine.receive_remote_id(datagram, f"source {k % 5}", flight.now_s)
+    assert not any("flood" in text for text in flight.step().warnings) and len(flight.engine.picture) == 2000
+    far = Emulated(9, ned_m=(400.0, 0.0, -50.0))
+    flight.others = [lambda now_s: far.remote_id(now_s)]
+    flight.step(11)
+    assert flight.engine.counters["track_refused"] > 0 and not flight.engine.counters["track_evicted"]
+    assert [text for output in flight.outputs for text in output.warnings if "flood" in text]
