@@ -16,8 +16,15 @@ from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.quantities import ID_LENGTH
 from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
 from ridlink.separation.definitions import Definition
-from ridlink.separation.reference import MIN_AIRFRAME_M
+from ridlink.separation.reference import (
+    AIRFRAME_CAP_M,
+    ERROR_CAP_M,
+    MIN_AIRFRAME_M,
+    UNKNOWN_ERROR_BOUND_M,
+    UNKNOWN_SPEED_MPS,
+)
 from ridlink.setpoint import VelocityLimits
+from ridlink.traffic.snapshot import PictureSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +129,20 @@ class EngineConfig:
     def height_m(self) -> float:
         """Vertical extent of the own airframe."""
         return self.airframe_m if self.airframe_height_m is None else self.airframe_height_m
+
+    @property
+    def picture_settings(self) -> PictureSettings:
+        """What counts as traffic."""
+        return PictureSettings(
+            unknown_error_m=UNKNOWN_ERROR_BOUND_M,
+            unusable_error_m=ERROR_CAP_M,
+            absurd_airframe_m=AIRFRAME_CAP_M,
+            unknown_speed_mps=UNKNOWN_SPEED_MPS,
+            filtered=self.filter_positions,
+            own_height_m=self.height_m,
+            vertical_horizon_s=self.halfplane.horizon_s,
+            all_heights=self.vertical_avoidance,
+        )
 
     @property
     def broadcast_settings(self) -> BroadcastSettings:

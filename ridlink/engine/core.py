@@ -32,16 +32,9 @@ from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, command, 
 from ridlink.own_ship.rival import Rivals
 from ridlink.periodic import Periodic
 from ridlink.remote_id.bridge import REMOTE_ID_IDS
-from ridlink.separation.reference import (
-    AIRFRAME_CAP_M,
-    ERROR_CAP_M,
-    UNKNOWN_ERROR_BOUND_M,
-    UNKNOWN_SPEED_MPS,
-)
 from ridlink.setpoint import STOP, SetpointStream, Velocity
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import TrafficPicture
-from ridlink.traffic.snapshot import PictureSettings
 
 LAST_WORDS = 3
 """How often the last setpoint is sent, and what a guard hands back: one may be lost."""
@@ -71,18 +64,7 @@ class Engine:
         if config.goal is not None and not config.standby:
             self.rung = request(self.rung)
         self.telemetry = OwnShipTelemetry(config.vehicle_sysid, filtered=config.filter_positions)
-        self.picture = TrafficPicture(
-            PictureSettings(
-                unknown_error_m=UNKNOWN_ERROR_BOUND_M,
-                unusable_error_m=ERROR_CAP_M,
-                absurd_airframe_m=AIRFRAME_CAP_M,
-                unknown_speed_mps=UNKNOWN_SPEED_MPS,
-                filtered=config.filter_positions,
-                own_height_m=config.height_m,
-                vertical_horizon_s=config.halfplane.horizon_s,
-                all_heights=config.vertical_avoidance,
-            )
-        )
+        self.picture = TrafficPicture(config.picture_settings)
         self.setpoints = SetpointStream(config.limits)
         self._counters: Counter[str] = Counter()
         self.steering = Steering(config, self.picture, self.telemetry)
