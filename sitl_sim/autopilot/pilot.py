@@ -319,7 +319,8 @@ class Pilot:
         One that cannot be taken is ignored by PX4, which then misses its stream; ArduPilot stops.
         """
         try:
-            setpoint = decode_setpoint(message, Here(self.local_position_ned_m, self.yaw_rad, self._board.own_home))
+            here = Here(self.local_position_ned_m, self.yaw_rad, self._board.own_home, self._board.is_px4)
+            setpoint = decode_setpoint(message, here)
         except RefusedSetpoint as refusal:
             if self.mode is Mode.OFFBOARD:
                 self._board.say(Severity.CRITICAL if self._board.is_px4 else Severity.WARNING, str(refusal))

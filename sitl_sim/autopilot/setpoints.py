@@ -60,11 +60,13 @@ class Here:
         position_ned_m: Where the vehicle believes to be, about its own origin; for frames that give an offset.
         yaw_rad: Its heading; for frames that turn with it.
         home: Its own origin; for global frames.
+        px4: A heading of PX4's counts from north, of ArduPilot's from the nose, beside a frame that turns with it.
     """
 
     position_ned_m: Vector
     yaw_rad: float
     home: Geodetic
+    px4: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +103,7 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
     """
     mask = message.type_mask
     velocity = acceleration = position = None
+    yaw = None if mask & TypeMask.YAW or not math.isfinite(message.yaw) else message.yaw
     is_local = message.name == "SET_POSITION_TARGET_LOCAL_NED"
     _check_frame(message.coordinate_frame, is_local)
     if not mask & TypeMask.VELOCITY:
@@ -113,6 +116,8 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
         velocity = velocity and _turned(velocity, here.yaw_rad)
         acceleration = acceleration and _turned(acceleration, here.yaw_rad)
         position = position and _turned(position, here.yaw_rad)
+        if yaw is not None and not here.px4:
+            yaw = math.remainder(here.yaw_rad + yaw, math.tau)
     if position is not None and is_local and message.coordinate_frame != LocalFrame.LOCAL_NED:
         position = _sum(position, here.position_ned_m)
     if velocity is None and mask & TypeMask.VELOCITY != TypeMask.VELOCITY:
@@ -121,7 +126,7 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
         velocity,
         position,
         acceleration,
-        None if mask & TypeMask.YAW or not math.isfinite(message.yaw) else message.yaw,
+        yaw,
         None if mask & TypeMask.YAW_RATE or not math.isfinite(message.yaw_rate) else message.yaw_rate,
     )
 

@@ -46,6 +46,17 @@ def test_body_frames_turn_with_the_nose() -> None:
     assert flight.velocity == pytest.approx([0.0, 3.0, 0.0], abs=0.8)
 
 
+def test_beside_a_body_frame_a_heading_of_ardupilot_counts_from_its_nose() -> None:
+    headings = {}
+    for flavour in ("px4", "ardupilot"):
+        flight = airborne(flavour)
+        flight.fly(3.0, mask=0x09C7, yaw=math.pi / 2.0)
+        flight.fly(3.0, 3.0, 0.0, 0.0, frame=8, mask=0x09C7, yaw=0.0)
+        headings[flavour] = flight.last("GLOBAL_POSITION_INT").hdg
+    assert headings == {"px4": 0, "ardupilot": 9000}
+    assert flight.velocity == pytest.approx([0.0, 3.0, 0.0], abs=0.8)
+
+
 def test_ardupilot_turns_its_nose_into_the_flight_and_px4_does_not() -> None:
     headings = {}
     for flavour in ("px4", "ardupilot"):
