@@ -203,6 +203,14 @@ def test_names_and_paths_are_told_apart(write: Write) -> None:
         resolve_scenario("circle")
 
 
+def test_what_happens_to_those_who_are_left_out_is_left_out(write: Write) -> None:
+    happens = '[[event]]\nat_s = {}\nvehicle = {}\nwhat = "{}"\n'
+    events = [(1.0, 2, "link-off"), (2.0, 1, "radio-off"), (3.0, 0, "gnss-outage"), (4.0, 2, "wind")]
+    path = str(write(GOOD + "".join(happens.format(*event) for event in events)))
+    assert len(resolve_scenario(path).events) == 4
+    assert [event.what for event in resolve_scenario(path, 1).events] == ["radio-off", "gnss-outage", "wind"]
+
+
 @pytest.mark.parametrize("name", list(BUILT_IN))
 def test_built_in_scenarios_share_one_altitude_and_scale_with_speed(name: str) -> None:
     scenario, faster = built_in(name), built_in(name, speed_mps=20.0)

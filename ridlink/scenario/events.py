@@ -108,7 +108,7 @@ def read_event(table: CheckedTable, *, at_s: float | None = None, vehicles: int 
         if figures[name] > figure.most:
             raise table.error(name, f"must be at most {figure.most:g}, not {figures[name]:g}")
     table.nothing_else()
-    return Event(when_s, int(vehicle), what, figures)
+    return Event(when_s, EVERYBODY if what == "wind" else int(vehicle), what, figures)
 
 
 def event_of(values: Mapping[str, Any], source: str, *, at_s: float) -> Event:

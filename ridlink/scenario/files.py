@@ -38,7 +38,7 @@ def resolve_scenario(name_or_path: str, count: int | None = None, *, speed_mps: 
 
     Args:
         name_or_path: Name or path.
-        count: Number of vehicles; of a file, its first ones.
+        count: Number of vehicles; of a file, its first ones, and what happens to them.
         speed_mps: Cruise speed of vehicles that state none.
 
     Raises:
@@ -55,7 +55,8 @@ def resolve_scenario(name_or_path: str, count: int | None = None, *, speed_mps: 
         return scenario
     if not 0 <= count <= len(scenario.vehicles):
         raise ConfigError(f"{name_or_path}: has {counted(len(scenario.vehicles), 'vehicle')}, not {count}")
-    return replace(scenario, vehicles=scenario.vehicles[:count])
+    events = tuple(event for event in scenario.events if event.vehicle <= count)
+    return replace(scenario, vehicles=scenario.vehicles[:count], events=events)
 
 
 def load_scenario(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Scenario:
