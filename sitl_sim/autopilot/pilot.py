@@ -197,6 +197,9 @@ class Pilot:
         self.mission.is_flown = self.mode is Mode.MISSION and self._board.spec.cooperative
         self._advance_manoeuvre()
         self._command()
+        if self._leaves_the_ground():
+            self.lift_off()
+            self._command()
         if navigation.in_air:
             self.nose.follow(self.command_ned_mps)
         self.nose.update(dt_s)
@@ -303,13 +306,17 @@ class Pilot:
                 self.guidance = Velocity()
             if self.mode is Mode.TAKEOFF:
                 self.mode = Mode.HOLD
-        elif self.mode is Mode.RETURN and isinstance(guidance, GoTo):
-            if guidance.distance_m(self.estimate) < HOME_REACHED_M:
-                self.guidance = Descend(guidance.target_ned_m[:2])
-        elif isinstance(guidance, Velocity) and self.navigation.state is VehicleState.GROUNDED:
-            asks_to_climb = -guidance.velocity_ned_mps[2] > LIFT_OFF_MPS
-            if self._board.is_px4 and self.armed and self.mode is Mode.OFFBOARD and asks_to_climb:
-                self.lift_off()
+        elif (
+            self.mode is Mode.RETURN
+            and isinstance(guidance, GoTo)
+            and guidance.distance_m(self.estimate) < HOME_REACHED_M
+        ):
+            self.guidance = Descend(guidance.target_ned_m[:2])
+
+    def _leaves_the_ground(self) -> bool:
+        """Whether it stands, and what it is asked for leads up: enough for PX4, in OFFBOARD."""
+        stands = self.armed and self.navigation.state is VehicleState.GROUNDED
+        return stands and self._board.is_px4 and self.mode is Mode.OFFBOARD and -self.command_ned_mps[2] > LIFT_OFF_MPS
 
     # --- setpoints ----------------------------------------------------------------------------------------------------
 

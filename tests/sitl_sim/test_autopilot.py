@@ -313,6 +313,26 @@ def test_px4_leaves_the_ground_on_a_climbing_setpoint_and_ardupilot_does_not() -
         assert (flight.height_m > 1.0) is flies
 
 
+@pytest.mark.parametrize(
+    ("setpoint", "flies"),
+    [
+        ({"mask": 0x0DF8, "z": -4.0}, True),
+        ({"mask": 0x0DF8, "x": 4.0, "z": 0.0}, False),
+        ({"mask": 0x0DF8, "frame": 7, "z": -4.0}, True),
+        ({"mask": 0x0C3F, "afz": -1.0}, True),
+        ({"mask": 0x0C3F, "afx": 1.0}, False),
+    ],
+)
+def test_px4_leaves_the_ground_for_a_place_or_an_acceleration_above_it_too(setpoint: Any, flies: bool) -> None:
+    flight = Flight("px4")
+    flight.command(ARM, 1)
+    flight.fly(0.3, **setpoint)
+    assert flight.set_mode(6) == ACCEPTED
+    flight.fly(4.0, **setpoint)
+    assert (flight.height_m > 1.0) is flies
+    assert (flight.last("EXTENDED_SYS_STATE").landed_state == 1) is not flies
+
+
 def test_a_wreck_is_silent() -> None:
     flight = Flight(start=Start.AIRBORNE)
     flight.advance(1.0)
