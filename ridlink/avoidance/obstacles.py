@@ -1,13 +1,13 @@
 """Static obstacles: polygons in north-east metres, checked once and laid out flat for the kernels.
 
 The half-plane of an obstacle comes from its nearest point, which needs convex pieces; concave polygons are cut into
-triangles ("ear clipping") that are merged again while they stay convex. Routes go round the convex hull.
+triangles ("ear clipping") that are merged again while they stay convex.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -83,20 +83,6 @@ def _cross_all(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     return np.asarray(along[..., 0] * offset[..., 1] - along[..., 1] * offset[..., 0])
 
 
-def convex_hull(points: FloatArray) -> FloatArray:
-    """Convex hull, positively oriented, without collinear vertices (Andrew's monotone chain)."""
-    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
-    chains: list[list[FloatArray]] = []
-    for sequence in (ordered, ordered[::-1]):
-        chain: list[FloatArray] = []
-        for point in sequence:
-            while len(chain) >= 2 and _cross(chain[-2], chain[-1], point) <= 0.0:
-                chain.pop()
-            chain.append(point)
-        chains.append(chain[:-1])
-    return np.array(chains[0] + chains[1])
-
-
 def _is_convex(vertices: FloatArray) -> bool:
     count = len(vertices)
     return all(_cross(vertices[i - 1], vertices[i], vertices[(i + 1) % count]) >= -1e-9 for i in range(count))
@@ -165,14 +151,12 @@ class Obstacles:
     Attributes:
         piece_vertex_ne_m: Vertices of all convex pieces, shape (m, 2).
         piece_start: Where each piece begins in it, with the end, shape (pieces + 1,).
-        hull_vertex_ne_m: Vertices of the convex hull of each polygon, shape (h, 2).
-        hull_start: Where each hull begins in it, with the end, shape (polygons + 1,).
+        layout: The same object wherever the same obstacles are told about another origin.
     """
 
     piece_vertex_ne_m: FloatArray
     piece_start: IntArray
-    hull_vertex_ne_m: FloatArray
-    hull_start: IntArray
+    layout: object = field(default_factory=object, compare=False, repr=False)
 
     @classmethod
     def from_polygons(cls, polygons_ne_m: Sequence[ArrayLike]) -> Obstacles:
@@ -186,27 +170,18 @@ class Obstacles:
                 crosses or touches itself.
         """
         pieces: list[FloatArray] = []
-        hulls: list[FloatArray] = []
         for index, polygon in enumerate(polygons_ne_m):
             vertices = _checked(polygon, f"obstacle {index}")
             parts = convex_pieces(vertices)
             if abs(sum(map(signed_area, parts)) / signed_area(vertices) - 1.0) > LOST_SHARE:
                 raise ValueError(f"obstacle {index} cannot be cut into convex pieces")
             pieces.extend(parts)
-            hulls.append(convex_hull(vertices))
-        piece_vertices, piece_start = _flat(pieces)
-        hull_vertices, hull_start = _flat(hulls)
-        return cls(piece_vertices, piece_start, hull_vertices, hull_start)
+        return cls(*_flat(pieces))
 
     @property
     def pieces(self) -> Polygons:
         """The convex pieces as the kernels take them."""
         return self.piece_vertex_ne_m, self.piece_start
-
-    @property
-    def hulls(self) -> Polygons:
-        """The hulls as the kernels take them."""
-        return self.hull_vertex_ne_m, self.hull_start
 
     @property
     def piece_count(self) -> int:

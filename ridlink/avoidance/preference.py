@@ -10,8 +10,18 @@ import math
 from ridlink.avoidance.encounter import EPSILON
 from ridlink.avoidance.keep_out import buffered_clearance
 from ridlink.avoidance.kernel import kernel, norm
-from ridlink.avoidance.route import route_aim
-from ridlink.avoidance.rows import AIM, AIM_IS_VELOCITY, ARRIVAL, COMMAND, CRUISE, POSITION, ROUTE_MARGIN, VELOCITY
+from ridlink.avoidance.rows import (
+    AIM,
+    AIM_IS_VELOCITY,
+    ARRIVAL,
+    COMMAND,
+    CRUISE,
+    POSITION,
+    ROUTE_MARGIN,
+    VELOCITY,
+    WAY,
+)
+from ridlink.avoidance.ways import NO_WAY, way_aim
 
 APPROACH_OFFSET_MPS = 0.3
 """Keeps the last metre to a goal from taking for ever."""
@@ -58,7 +68,7 @@ def steadied(c_1, c_2, v_1, v_2, to_1, to_2, to_goal_m):  # type: ignore[no-unty
 
 
 @kernel(forceinline=True, inner=True)
-def preferred_velocity(own, hulls, memory, settings, ring, aim, preferred):  # type: ignore[no-untyped-def]
+def preferred_velocity(own, pieces, ways, memory, settings, room, aim, preferred):  # type: ignore[no-untyped-def]
     """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
     if own[AIM_IS_VELOCITY] != 0.0:
         preferred[0], preferred[1] = own[AIM], own[AIM + 1]
@@ -66,9 +76,16 @@ def preferred_velocity(own, hulls, memory, settings, ring, aim, preferred):  # t
     p_1, p_2 = own[POSITION], own[POSITION + 1]
     to_1, to_2, route = own[AIM] - p_1, own[AIM + 1] - p_2, 0
     to_goal = length = norm(to_1, to_2)
-    if len(hulls[1]) > 1:
-        clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
-        route = route_aim(hulls, p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, ring, aim)
+    way = int(own[WAY]) - 1
+    if way >= 0:
+        clearance = buffered_clearance(own, settings)
+        route = NO_WAY
+        for narrow in range(2):
+            if route == NO_WAY:
+                wide = clearance + (settings[ROUTE_MARGIN] if narrow == 0 else 0.0)
+                route = way_aim(pieces, ways[way, narrow], p_1, p_2, own[AIM], own[AIM + 1], wide, memory, room, aim)
+        # Where there is no way, straight on: half-planes keep out.
+        route = max(route, 0)
         to_1, to_2 = aim[0] - p_1, aim[1] - p_2
         length = norm(to_1, to_2)
     slow = not math.isinf(settings[ARRIVAL])

@@ -13,6 +13,7 @@ from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import RightOfWay, give_way
+from ridlink.avoidance.roadmap import Roadmap
 from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.avoidance.types import (
     Decision,
@@ -42,7 +43,7 @@ class Solver(Protocol):
         obstacles: Obstacles | None = None,
         own_clearance_m: float | None = None,
         extra_right_turn_rad: float = 0.0,
-        route_side: int = 0,
+        route: int = 0,
     ) -> Decision:
         """Decide one step [m/s, north-east].
 
@@ -56,7 +57,7 @@ class Solver(Protocol):
             own_clearance_m: Distance to keep from them: airframe / 2 + own error bound + 0.1 s of flight; half the
                 airframe if not given.
             extra_right_turn_rad: Turn of the preferred velocity on top of the solver's own, see `ProgressWatch`.
-            route_side: `Decision.route_side` of the last step.
+            route: `Decision.route` of the last step.
 
         Returns:
             Decision; its velocities are finite and not faster than the speed limit, whatever the status.
@@ -97,7 +98,7 @@ class _RowSolver(ABC):
     def __init__(self) -> None:
         self._own = np.zeros(rows.OWN_COLUMNS)
         self._result = rows.result_row()
-        self._most = self._count = self._route_side = 0
+        self._most = self._count = self._route = 0
         self._make_room(32, NO_OBSTACLES)
 
     def solve(
@@ -111,7 +112,7 @@ class _RowSolver(ABC):
         obstacles: Obstacles | None = None,
         own_clearance_m: float | None = None,
         extra_right_turn_rad: float = 0.0,
-        route_side: int = 0,
+        route: int = 0,
     ) -> Decision:
         """See `Solver.solve`."""
         if (goal_ne_m is None) == (preferred_ne_mps is None):
@@ -150,7 +151,7 @@ class _RowSolver(ABC):
         table[:count, 8], table[:count, 9] = traffic.radius_m, traffic.error_sum_m
         memory[:count] = traffic.memory
         pack(table, memory, count, self._neighbours)
-        self._route_side = route_side
+        self._route = route
         self._decide(count, obstacles)
         return self._decision(count)
 
@@ -191,7 +192,7 @@ class _RowSolver(ABC):
             nearest_index=int(row[rows.R_NEAREST]),
             time_to_violation_s=float(row[rows.R_TIME]),
             memory=self._memory[:count].copy(),
-            route_side=self._route_side,
+            route=self._route,
         )
 
 
@@ -204,6 +205,7 @@ class HalfplaneSolver(_RowSolver):
     def __init__(self, settings: HalfplaneSettings | None = None) -> None:
         self.settings = settings or HalfplaneSettings()
         self._vector = self.settings.as_vector()
+        self._layout, self._roadmap = NO_OBSTACLES.layout, Roadmap(NO_OBSTACLES)
         super().__init__()
 
     def half_planes(self) -> list[tuple[FloatArray, int]]:
@@ -233,9 +235,12 @@ class HalfplaneSolver(_RowSolver):
         return halfplane.has_room(self._scratch, obstacles)
 
     def _decide(self, count: int, obstacles: Obstacles) -> None:
-        self._route_side = halfplane.avoid_one(
-            self._own, self._neighbours, rows.blocks_for(count), math.inf, obstacles.pieces, obstacles.hulls,
-            self._route_side, self._vector, self._scratch, self._result,
+        if obstacles.layout is not self._layout:
+            self._layout, self._roadmap = obstacles.layout, Roadmap(obstacles)
+        ways = self._roadmap.ways(self._own, self._vector, obstacles)
+        self._route = halfplane.avoid_one(
+            self._own, self._neighbours, rows.blocks_for(count), math.inf, obstacles.pieces, ways,
+            self._route, self._vector, self._scratch, self._result,
         )  # fmt: skip
 
 

@@ -198,7 +198,7 @@ class Decision:
         time_to_violation_s: Time until the reported velocities lead into the pair radius of the first neighbour, 0
             inside, infinite if never.
         memory: What to hand in with the next step of each encounter, shape (n,), `Memory` flags.
-        route_side: Memory of the way round an obstacle to hand in with the next step.
+        route: Memory of the way round an obstacle to hand in with the next step.
     """
 
     velocity_ne_mps: FloatArray
@@ -212,7 +212,7 @@ class Decision:
     nearest_index: int
     time_to_violation_s: float
     memory: Int8Array = field(default_factory=lambda: np.empty(0, np.int8))
-    route_side: int = 0
+    route: int = 0
 
     @property
     def passing_side(self) -> Int8Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ridlink.avoidance import graded, rotation, rows, worlds
 from ridlink.avoidance.obstacles import Obstacles
+from ridlink.avoidance.roadmap import Roadmap
 from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 
 FloatArray = NDArray[np.float64]
@@ -127,6 +128,15 @@ class _Halfplanes(_Batched):
     def __init__(self, settings: HalfplaneSettings, shape: tuple[int, int], obstacles: Obstacles) -> None:
         self._kernel = worlds.avoid_worlds
         self._memories = (worlds.new_memory(*shape), np.zeros(shape, np.int64))
-        self._constants = (obstacles.pieces, obstacles.hulls, settings.as_vector())
+        self._obstacles, self._roadmap, self._settings = obstacles, Roadmap(obstacles), settings.as_vector()
         self._scratch = worlds.halfplane_scratch(*shape, obstacles)
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
+
+    def decide(
+        self, own: FloatArray, deciding: BoolArray, heard: FloatArray, present: BoolArray, radius_m: FloatArray,
+        error_sum_m: FloatArray, range_m: float,
+    ) -> FloatArray:  # fmt: skip
+        """See `Decider.decide`; the ways of own-ships are filled in."""
+        ways = self._roadmap.ways(own, self._settings, self._obstacles)
+        self._constants = (self._obstacles.pieces, ways, self._settings)
+        return super().decide(own, deciding, heard, present, radius_m, error_sum_m, range_m)

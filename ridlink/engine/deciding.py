@@ -63,7 +63,7 @@ class Decider:
         """A new goal, or a new engagement."""
         self._kept_altitude_m: float | None = None
         self._watch, self._right_of_way = ProgressWatch(), RightOfWay()
-        self._route_side = 0
+        self._route = 0
 
     def traffic(self, own: OwnState, snapshot: Snapshot) -> tuple[Traffic, Encounters]:
         """Discs and velocities for the solver, and what happens if everybody flies on."""
@@ -151,9 +151,9 @@ class Decider:
             obstacles=self._obstacles.about(here),
             own_clearance_m=config.airframe_m / 2.0 + own.error_bound_m + REPORT_INTERVAL_S * own.speed_mps,
             extra_right_turn_rad=turn if makes_way is None else 0.0,
-            route_side=self._route_side,
+            route=self._route,
         )
-        self._route_side = decision.route_side
+        self._route = decision.route
         for track, memory in zip(snapshot.tracks, decision.memory.tolist(), strict=True):
             track.memory = memory
         self.infeasible += decision.status is Status.INFEASIBLE

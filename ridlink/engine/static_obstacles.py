@@ -46,17 +46,12 @@ class StaticObstacles:
         except ValueError as error:
             raise ConfigError(str(error)) from error
         self._pieces = _degrees(self._layout.piece_vertex_ne_m, origin)
-        self._hulls = _degrees(self._layout.hull_vertex_ne_m, origin)
 
     def about(self, origin: Geodetic) -> Obstacles | None:
         """The obstacles in north-east metres about a position; None without any."""
         if self._layout is None:
             return None
-        return replace(
-            self._layout,
-            piece_vertex_ne_m=_metres(self._pieces, origin),
-            hull_vertex_ne_m=_metres(self._hulls, origin),
-        )
+        return replace(self._layout, piece_vertex_ne_m=_metres(self._pieces, origin))
 
 
 def _degrees(vertices_ne_m: FloatArray, origin: Geodetic) -> tuple[FloatArray, FloatArray]:

@@ -234,13 +234,30 @@ def test_a_static_obstacle_is_flown_round(solver: SolverKind) -> None:
     assert math.dist(flight.vehicle.position[:2], (200.0, 0.0)) < 2.0
 
 
+def test_the_way_leads_out_of_a_bay_and_round_gaps_that_are_too_narrow() -> None:
+    """Between the arms of a U, with the goal behind it, beside a block that leaves too little room."""
+    bay = ((60.0, -60.0), (60.0, 60.0), (-40.0, 60.0), (-40.0, 50.0), (50.0, 50.0), (50.0, -60.0))
+    block = ((-40.0, 65.0), (60.0, 65.0), (60.0, 100.0), (-40.0, 100.0))
+    polygons = tuple(tuple(at(north, east)[:2] for north, east in polygon) for polygon in (bay, block))
+    flight = Flight(settings=config(200.0, obstacles=polygons, halfplane=IDEAL))
+    ring, nearest = np.array(bay), math.inf
+    for _ in range(900):
+        flight.step()
+        here = np.array(flight.vehicle.position[:2])
+        edge = np.roll(ring, -1, axis=0) - ring
+        along = np.clip(((here - ring) * edge).sum(axis=1) / (edge**2).sum(axis=1), 0.0, 1.0)
+        nearest = min(nearest, float(np.linalg.norm(ring + along[:, None] * edge - here, axis=1).min()))
+    assert nearest >= 0.3
+    assert math.dist(flight.vehicle.position[:2], (200.0, 0.0)) < 2.0
+
+
 def test_static_obstacles_lie_where_they_are_wherever_we_are() -> None:
     obstacles = StaticObstacles((square(0.0, 10.0), square(2000.0, 10.0)))
     for north in (0.0, 500.0, 2000.0):
         here = Geodetic(*at(north))
         about = obstacles.about(here)
         assert about is not None
-        centre = about.hull_vertex_ne_m[:4].mean(axis=0)
+        centre = about.piece_vertex_ne_m[:4].mean(axis=0)
         assert centre == pytest.approx((-north, 0.0), abs=0.05)
     assert StaticObstacles(()).about(HOME) is None
 

@@ -1,0 +1,284 @@
+"""The way round static obstacles: the shortest, on the right of two that are equal, in and out of bays."""
+
+import heapq
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ridlink.avoidance import HalfplaneSettings, Obstacles, keep_out, rows, ways
+from ridlink.avoidance.halfplane import room_for_ways
+from ridlink.avoidance.roadmap import Roadmap
+from tests.avoidance.lockstep import signed_distance
+from tests.avoidance.way_in import way_in
+
+nearest_point, way_aim = way_in(keep_out.nearest_point), way_in(ways.way_aim)
+
+GRAZING = HalfplaneSettings(buffer_share=0.0, route_margin_m=0.0).as_vector()
+SQUARE = np.array([[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]])
+BAY = np.array(
+    [[-60.0, -60.0], [60.0, -60.0], [60.0, -50.0], [-50.0, -50.0], [-50.0, 50.0], [60.0, 50.0], [60.0, 60.0],
+     [-60.0, 60.0]]
+)  # fmt: skip
+"""Open to the north."""
+
+
+def wall(*corners, thickness=2.0):
+    """Polygons along a line from corner to corner."""
+    parts = []
+    for here, there in pairwise(np.array(corners, float)):
+        along = (there - here) / np.linalg.norm(there - here)
+        aside = thickness / 2.0 * np.array([-along[1], along[0]])
+        parts.append(np.array([here - aside, there - aside, there + aside, here + aside]))
+    return parts
+
+
+SPIRAL = wall(
+    (0.0, 40.0), (0.0, -60.0), (120.0, -60.0), (120.0, 120.0), (-100.0, 120.0), (-100.0, -160.0), (220.0, -160.0)
+)
+
+
+def own_row(goal, clearance):
+    own = np.zeros(rows.OWN_COLUMNS)
+    own[rows.AIM : rows.AIM + 2], own[rows.CLEARANCE] = goal, clearance
+    return own
+
+
+class Way:
+    """The way to a goal, asked for at one place after the other."""
+
+    def __init__(self, obstacles, goal, clearance=12.0):
+        self.obstacles, self.goal, self.clearance, self.memory = obstacles, np.array(goal), clearance, 0
+        self.ways = Roadmap(obstacles).ways(own_row(goal, clearance), GRAZING, obstacles)[0, 0]
+
+    def aim(self, position):
+        aim = np.zeros(2)
+        self.memory = way_aim(
+            self.obstacles.pieces, self.ways, *position, *self.goal, self.clearance, max(self.memory, 0),
+            room_for_ways(self.obstacles), aim,
+        )  # fmt: skip
+        return aim
+
+    def fly(self, position, step_m=2.0, most=2000):
+        """Places on the way, in steps, until the goal is reached, none is in sight or there are too many."""
+        position = np.array(position, float)
+        places = [position]
+        for _ in range(most):
+            way = self.aim(position) - position
+            length = np.linalg.norm(way)
+            if self.memory < 0 or length < 1e-9:
+                break
+            position = position + way * min(step_m / length, 1.0)
+            places.append(position)
+            if np.linalg.norm(self.goal - position) < 1e-6:
+                break
+        return np.array(places)
+
+
+def length(places):
+    return np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
+
+
+def test_a_free_way_leads_straight_to_the_goal():
+    way = Way(Obstacles.from_polygons([SQUARE]), (300.0, 60.0))
+    assert way.aim((-300.0, 60.0)) == pytest.approx([300.0, 60.0])
+    assert way.memory == 0
+
+
+@pytest.mark.parametrize(("east", "side"), [(10.0, 1), (-10.0, -1), (0.0, 1)])
+def test_the_shorter_way_round_counts_and_of_equal_ways_the_right_hand_one(east, side):
+    """Flying north, east is to the right."""
+    way = Way(Obstacles.from_polygons([SQUARE]), (300.0, east))
+    aim = way.aim((-300.0, east))
+    assert side * aim[1] > 40.0
+    assert aim[0] < 0.0
+
+
+def test_the_side_is_kept_against_drifting_positions_until_the_other_one_is_much_shorter():
+    for side in (1, -1):
+        way = Way(Obstacles.from_polygons([SQUARE]), (300.0, 0.0))
+        way.aim((-300.0, 30.0 * side))
+        for east in (3.0, -3.0, 3.0, -3.0):
+            assert side * way.aim((-300.0, east))[1] > 40.0
+        assert side * way.aim((-60.0, -38.0 * side))[1] < -40.0
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(0.0, 2.0 * math.pi), st.floats(0.0, 2.0 * math.pi), st.floats(1.0, 30.0), st.sampled_from([1.0, 3.0]))
+def test_following_the_aim_leads_to_the_goal_outside_the_clearance(start, end, clearance, stretch):
+    """A point that flies at its aim in steps of 2 m arrives, and comes hardly nearer than the clearance."""
+    obstacles = Obstacles.from_polygons([SQUARE * [1.0, stretch / 3.0]])
+    position = 150.0 * np.array([math.cos(start), math.sin(start)])
+    goal = 150.0 * np.array([math.cos(end), math.sin(end)])
+    places = Way(obstacles, goal, clearance).fly(position)
+    assert np.linalg.norm(goal - places[-1]) < 1e-6
+    assert signed_distance(obstacles, places).min() > 0.95 * clearance - 0.5
+
+
+@pytest.mark.parametrize("bulge_m", [-1e-6, -1e-12, 0.0, 1e-12, 1e-6])
+@pytest.mark.parametrize("corner", range(4))
+def test_a_corner_that_is_straight_but_for_rounding_changes_no_way(corner, bulge_m):
+    """Degrees and back make one of every third point on a wall."""
+    plain = Obstacles.from_polygons([SQUARE])
+    before, after = SQUARE[corner], SQUARE[(corner + 1) % 4]
+    outward = np.array([after[1] - before[1], before[0] - after[0]]) / np.linalg.norm(after - before)
+    bent = Obstacles.from_polygons([np.insert(SQUARE, corner + 1, (before + after) / 2.0 + bulge_m * outward, axis=0)])
+    for position in ((-300.0, 10.0), (-60.0, 5.0), (50.0, 70.0), (45.0, -52.0)):
+        here, there = (Way(obstacles, (300.0, 0.0)) for obstacles in (plain, bent))
+        assert here.aim(position)[1] * there.aim(position)[1] >= 0.0
+        assert length(there.fly(position)) == pytest.approx(length(here.fly(position)), abs=0.5)
+
+
+def test_two_obstacles_in_a_row_are_passed_one_after_the_other():
+    obstacles = Obstacles.from_polygons([SQUARE, SQUARE + np.array([200.0, 30.0])])
+    places = Way(obstacles, (400.0, 0.0), 10.0).fly((-150.0, 0.0))
+    assert places[-1] == pytest.approx([400.0, 0.0])
+    assert signed_distance(obstacles, places).min() > 9.0
+
+
+def test_inside_a_piece_the_way_leads_over_the_nearest_edge():
+    aim = Way(Obstacles.from_polygons([SQUARE]), (0.0, -300.0)).aim((0.0, 30.0))
+    assert aim[1] > 40.0 and aim[0] == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("gap_m", [20.0, 30.0])
+def test_a_gap_is_flown_through_if_it_is_wide_enough_and_otherwise_round_both_sides_of_it(gap_m):
+    aside = np.array([0.0, 40.0 + gap_m / 2.0])
+    obstacles = Obstacles.from_polygons([SQUARE - aside, SQUARE + aside])
+    places = Way(obstacles, (200.0, 0.0)).fly((-200.0, 0.0))
+    assert places[-1] == pytest.approx([200.0, 0.0])
+    assert signed_distance(obstacles, places).min() > 11.5
+    assert (np.abs(places[:, 1]).max() > 80.0) == (gap_m < 24.0)
+
+
+@pytest.mark.parametrize("from_within", [False, True])
+@pytest.mark.parametrize("outside", [(-150.0, 5.0), (150.0, -5.0), (10.0, 150.0)])
+def test_bays_are_found_into_and_out_of(outside, from_within):
+    obstacles = Obstacles.from_polygons([BAY])
+    start, goal = ((-30.0, 0.0), outside) if from_within else (outside, (-30.0, 0.0))
+    places = Way(obstacles, goal).fly(start)
+    assert places[-1] == pytest.approx(goal)
+    assert signed_distance(obstacles, places).min() > 11.5
+
+
+def test_a_spiral_is_found_into_and_out_of():
+    obstacles = Obstacles.from_polygons(SPIRAL)
+    middle, outside = (40.0, 0.0), (-200.0, -50.0)
+    into, out = Way(obstacles, middle).fly(outside), Way(obstacles, outside).fly(middle)
+    assert into[-1] == pytest.approx(middle) and out[-1] == pytest.approx(outside)
+    assert length(into) == pytest.approx(length(out), abs=3.0)
+    assert length(into) > 600.0
+
+
+def test_a_goal_that_cannot_be_reached_is_in_nobodys_sight():
+    obstacles = Obstacles.from_polygons(wall((-50, -50), (50, -50), (50, 50), (-50, 50), (-50, -50)))
+    way = Way(obstacles, (0.0, 0.0))
+    assert way.aim((-300.0, 0.0)) == pytest.approx([0.0, 0.0])
+    assert way.memory == ways.NO_WAY
+
+
+def scattered(random):
+    """Some obstacles, a start and a goal outside of them, as random as can be."""
+    polygons = []
+    for _ in range(int(random.integers(1, 6))):
+        corner = np.sort(random.uniform(-math.pi, math.pi, int(random.integers(3, 8))))
+        if not np.diff(corner).min() > 0.2 or not np.diff(corner, append=corner[0] + 2.0 * math.pi).max() < 3.0:
+            continue
+        radius = random.uniform(10.0, 60.0) * random.choice([1.0, 0.4], len(corner))
+        ring = radius[:, None] * np.stack([np.cos(corner), np.sin(corner)], axis=1)
+        polygons.append(random.uniform(-120.0, 120.0, 2) + ring)
+    obstacles = Obstacles.from_polygons(polygons)
+    while True:
+        ends = random.uniform(-180.0, 180.0, (2, 2))
+        if not polygons or signed_distance(obstacles, ends).min() > 8.0:
+            return obstacles, *ends
+
+
+def shortest_on_a_grid(obstacles, start, goal, clearance, step_m=4.0):
+    """Length of the shortest way in steps to sixteen sides, infinite if there is none."""
+    places = np.arange(-260.0, 260.0 + step_m, step_m)
+    grid = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1)
+    free = signed_distance(obstacles, grid) > clearance
+    here, there = (tuple(np.rint((np.array(end) + 260.0) / step_m).astype(int)) for end in (start, goal))
+    least, queue = {here: 0.0}, [(0.0, here)]
+    steps = [(i, j) for i in range(-2, 3) for j in range(-2, 3) if math.gcd(i, j) == 1]
+    while queue:
+        so_far, place = heapq.heappop(queue)
+        if place == there:
+            return so_far
+        for i, j in steps:
+            following = place[0] + i, place[1] + j
+            if max(following) < len(places) and min(following) >= 0 and free[following]:
+                longer = so_far + step_m * math.hypot(i, j)
+                if longer < least.get(following, math.inf):
+                    least[following] = longer
+                    heapq.heappush(queue, (longer, following))
+    return math.inf
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_among_any_obstacles_the_way_is_as_short_as_any(seed):
+    """Whatever way a grid finds with more clearance, there is one, and it is no longer than that."""
+    clearance = 5.0
+    obstacles, start, goal = scattered(np.random.default_rng(seed))
+    if not obstacles.piece_count:
+        return
+    places = Way(obstacles, goal, clearance).fly(start)
+    known = shortest_on_a_grid(obstacles, start, goal, clearance + 4.0)
+    if math.isfinite(known):
+        assert places[-1] == pytest.approx(goal)
+        assert length(places) <= 1.02 * known + 8.0
+        assert signed_distance(obstacles, places).min() > 0.9 * clearance - 0.5
+
+
+def test_a_roadmap_works_out_what_is_new_and_keeps_the_rest(monkeypatch):
+    obstacles = Obstacles.from_polygons([BAY, SQUARE + 200.0])
+    vector, asked = HalfplaneSettings().as_vector(), []
+
+    def counted(pieces, rounding, owner, clearance_m, *rest):
+        asked.append(clearance_m)
+        ways.measure_ways(pieces, rounding, owner, clearance_m, *rest)
+
+    monkeypatch.setattr("ridlink.avoidance.roadmap.measure_ways", counted)
+    own = np.stack([own_row((0.0, 10.0 * k), 9.0) for k in range(4)])
+    own[3, rows.AIM_IS_VELOCITY] = 1.0
+    roadmap = Roadmap(obstacles)
+    assert roadmap.ways(own, vector, obstacles).shape[1:] == (2, ways.ROUND * len(obstacles.piece_vertex_ne_m), 4)
+    assert own[:, rows.WAY].tolist() == [1.0, 2.0, 3.0, 0.0]
+    assert asked == [15.0, 12.0] * 3
+    own[:, rows.AIM] += 0.2
+    own[1, rows.AIM] = 70.0
+    roadmap.ways(own, vector, obstacles)
+    assert own[:, rows.WAY].tolist() == [1.0, 4.0, 3.0, 0.0]
+    assert len(asked) == 8
+    roadmap.ways(own[:2], vector, obstacles)
+    assert own[:, rows.WAY].tolist() == [1.0, 4.0, 3.0, 0.0]
+    assert len(asked) == 8
+
+
+def test_ways_do_not_fill_the_memory():
+    obstacles = Obstacles.from_polygons([SQUARE])
+    roadmap, vector = Roadmap(obstacles), HalfplaneSettings().as_vector()
+    most = 0
+    for k in range(300):
+        most = max(most, len(roadmap.ways(own_row((100.0, float(k)), 9.0), vector, obstacles)))
+    assert most <= 128
+
+
+@pytest.mark.parametrize("moved", [(0.0, 0.0), (123.4, -56.7)])
+def test_ways_move_with_the_origin(moved):
+    """A daemon tells its obstacles about its own position, wherever that is."""
+    layout = Obstacles.from_polygons([BAY])
+    roadmap, vector = Roadmap(layout), GRAZING
+    roadmap.ways(own_row((-30.0, 0.0), 12.0), vector, layout)
+    here = Obstacles.from_polygons([BAY + moved])
+    own = own_row(np.array([-30.0, 0.0]) + moved, 12.0)
+    found = roadmap.ways(own, vector, here)[int(own[rows.WAY]) - 1, 0]
+    aim = np.zeros(2)
+    way_aim(here.pieces, found, *(np.array([-150.0, 5.0]) + moved), *own[rows.AIM : rows.AIM + 2], 12.0, 0,
+            room_for_ways(here), aim)  # fmt: skip
+    assert aim - moved == pytest.approx(Way(layout, (-30.0, 0.0)).aim((-150.0, 5.0)), abs=1e-6)
