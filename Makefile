@@ -7,7 +7,7 @@ SOURCES := pyproject.toml hatch_build.py message_spec/ridlink.xml message_spec/g
 
 # The pure core, which the tests must cover by branches. Compiled kernels cannot be traced: see `make coverage`.
 # Flights that reach no branch of their own bear the mark no_cover, for tracing doubles their time.
-KERNELS := ridlink/avoidance/contact.py,ridlink/avoidance/encounter.py,ridlink/avoidance/evasion.py,ridlink/avoidance/graded.py,ridlink/avoidance/halfplane.py,ridlink/avoidance/headings.py,ridlink/avoidance/meeting.py,ridlink/avoidance/packing.py,ridlink/avoidance/priority.py,ridlink/avoidance/programme.py,ridlink/avoidance/reach.py,ridlink/avoidance/rotation.py,ridlink/avoidance/route.py,ridlink/avoidance/sift.py,ridlink/avoidance/turning.py,ridlink/avoidance/worlds.py
+KERNELS := ridlink/avoidance/contact.py,ridlink/avoidance/encounter.py,ridlink/avoidance/evasion.py,ridlink/avoidance/graded.py,ridlink/avoidance/halfplane.py,ridlink/avoidance/headings.py,ridlink/avoidance/meeting.py,ridlink/avoidance/packing.py,ridlink/avoidance/priority.py,ridlink/avoidance/programme.py,ridlink/avoidance/reach.py,ridlink/avoidance/rotation.py,ridlink/avoidance/sift.py,ridlink/avoidance/turning.py,ridlink/avoidance/ways.py,ridlink/avoidance/worlds.py
 CORE    := ridlink/errors.py,ridlink/units.py,ridlink/geodesy.py,ridlink/mavlink/*,ridlink/remote_id/*,ridlink/traffic/*,ridlink/separation/*,ridlink/avoidance/*,ridlink/own_ship/*,ridlink/failsafe.py,ridlink/setpoint.py,ridlink/engine/*
 # The last line of defence, of which no branch may be left untested: what may leave, and what is believed.
 DEFENCE := ridlink/failsafe.py,ridlink/setpoint.py,ridlink/own_ship/*,ridlink/traffic/*,ridlink/engine/commands.py,ridlink/engine/guard.py,ridlink/engine/guarding.py,ridlink/engine/intake.py,ridlink/engine/recovery.py,ridlink/engine/takeoff.py,ridlink/mavlink/frames.py,ridlink/mavlink/signing.py,ridlink/remote_id/accuracy.py,ridlink/remote_id/assembler.py,ridlink/remote_id/convert.py,ridlink/remote_id/identities.py,ridlink/remote_id/location.py,ridlink/remote_id/mavlink_fields.py,ridlink/remote_id/quantities.py,ridlink/remote_id/report.py,ridlink/remote_id/separation.py,ridlink/remote_id/system.py,ridlink/separation/definitions.py
@@ -79,7 +79,7 @@ programs: $(VENV)/.installed-dev
 coverage: $(VENV)/.installed-dev
 	@echo "The kernels as plain Python, so that they can be traced ..."
 	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q --cov=ridlink.avoidance --cov-report= \
-	  tests/avoidance/test_programme.py tests/avoidance/test_solver.py tests/avoidance/test_obstacles.py \
+	  tests/avoidance/test_programme.py tests/avoidance/test_solver.py tests/avoidance/test_obstacles.py tests/avoidance/test_ways.py \
 	  tests/avoidance/test_evasion.py tests/avoidance/test_headings.py tests/avoidance/test_reference.py tests/avoidance/test_priority.py
 	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q --cov=ridlink.captures.fast --cov-append --cov-report= \
 	  tests/captures/test_fast.py tests/captures/test_columns.py tests/captures/test_export.py

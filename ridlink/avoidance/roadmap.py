@@ -79,9 +79,10 @@ class Roadmap:
         Returns:
             Ways about that origin, shape (n, WIDTHS, points, WAY_COLUMNS).
         """
+        rows = own.reshape(-1, OWN_COLUMNS)
+        rows[:, WAY] = 0.0
         if not len(self._owner):
             return self._table
-        rows = own.reshape(-1, OWN_COLUMNS)
         moved = obstacles.pieces[0][0] - self._pieces[0][0]
         narrow = rows[:, CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
         keys = np.empty((len(rows), 4))

@@ -260,6 +260,14 @@ def test_a_roadmap_works_out_what_is_new_and_keeps_the_rest(monkeypatch):
     assert len(asked) == 8
 
 
+def test_without_obstacles_there_are_no_ways_whatever_there_was_before():
+    own = own_row((100.0, 0.0), 9.0)
+    vector = HalfplaneSettings().as_vector()
+    square, nothing = Obstacles.from_polygons([SQUARE]), Obstacles.from_polygons([])
+    assert len(Roadmap(square).ways(own, vector, square)) and own[rows.WAY] == 1.0
+    assert not len(Roadmap(nothing).ways(own, vector, nothing)) and own[rows.WAY] == 0.0
+
+
 def test_ways_do_not_fill_the_memory():
     obstacles = Obstacles.from_polygons([SQUARE])
     roadmap, vector = Roadmap(obstacles), HalfplaneSettings().as_vector()
