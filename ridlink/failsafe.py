@@ -1,7 +1,7 @@
 """Engage, hold, stop: which kind of setpoint may leave now. A pure function of the last rung and of what is seen.
 
     STANDBY   nothing is steered. PX4 gets zero velocity while it is armed and waits, since it wants a stream before it
-              accepts OFFBOARD; it ignores it outside.
+              accepts OFFBOARD; it ignores it outside, and hovers inside, where its position may yet come.
     ENGAGED   the vehicle is armed and in GUIDED or OFFBOARD, an operator asked for it, the own state is fresh.
     HOLD      engaged, but own state or loop are in doubt, or it stands on the ground: zero velocity.
     STOPPED   doubt lasted: the stream has ended on purpose, so that the native failsafe of the autopilot acts.
@@ -75,6 +75,7 @@ class Conditions:
         own_state_age_s: Time since the last trusted own position; infinite without one.
         armed: As the last heartbeat says.
         external_mode: GUIDED or OFFBOARD, as the last heartbeat says.
+        obeying_s: Time for which heartbeats have said both without a break.
         ready: The vehicle is neither on the ground nor in an automatic take-off, where a setpoint aborts the climb.
         wants_stream: The autopilot (PX4) accepts OFFBOARD only with a stream.
         rebooted: The clock of the autopilot went back since the last step.
@@ -93,6 +94,7 @@ class Conditions:
     own_state_age_s: float = math.inf
     armed: bool = False
     external_mode: bool = False
+    obeying_s: float = 0.0
     ready: bool = True
     wants_stream: bool = False
     rebooted: bool = False
@@ -145,18 +147,26 @@ def advance(rung: Rung, seen: Conditions, settings: FailsafeSettings | None = No
 
 
 def _engaged(seen: Conditions, settings: FailsafeSettings) -> Rung:
-    # What was said while the loop slept waits in the sockets until the next step: that is no silence of the autopilot.
-    asleep_s = seen.since_last_step_s if seen.since_last_step_s > settings.pause_s else 0.0
+    asleep_s = _asleep_s(seen, settings)
     ended = _end_of_engagement(seen, settings, asleep_s)
     if ended:
         return Rung(State.STANDBY, False, Stream.NOTHING, ended)
     if not seen.own_state_age_s - asleep_s <= settings.stop_after_s:
-        lost = f"own state lost for {settings.stop_after_s:g} s: the autopilot's own failsafe takes over"
-        return Rung(State.STOPPED, False, Stream.NOTHING, lost)
+        return _stopped(settings)
     doubt = _doubt(seen, settings)
     if doubt:
         return Rung(State.HOLD, True, Stream.ZERO, doubt)
     return Rung(State.ENGAGED, True, Stream.DECISION, "avoiding")
+
+
+def _asleep_s(seen: Conditions, settings: FailsafeSettings) -> float:
+    # What was said while the loop slept waits in the sockets until the next step: that is no silence of the autopilot.
+    return seen.since_last_step_s if seen.since_last_step_s > settings.pause_s else 0.0
+
+
+def _stopped(settings: FailsafeSettings) -> Rung:
+    lost = f"own state lost for {settings.stop_after_s:g} s: the autopilot's own failsafe takes over"
+    return Rung(State.STOPPED, False, Stream.NOTHING, lost)
 
 
 def _end_of_engagement(seen: Conditions, settings: FailsafeSettings, asleep_s: float) -> str:
@@ -209,6 +219,10 @@ def _waiting(rung: Rung, seen: Conditions, settings: FailsafeSettings) -> Rung:
     prestream = Stream.ZERO if seen.wants_stream else Stream.NOTHING
     if not seen.external_mode:
         return Rung(State.STANDBY, True, prestream, "waiting for GUIDED or OFFBOARD")
+    # A PX4 in OFFBOARD obeys the stream, which must not outlast its position, nor resume: that brings OFFBOARD back.
+    lost_s = min(seen.own_state_age_s, seen.obeying_s) - _asleep_s(seen, settings)
+    if seen.wants_stream and not lost_s <= settings.stop_after_s:
+        return _stopped(settings)
     if not seen.ready:
         return Rung(State.STANDBY, True, prestream, "waiting for the end of the take-off")
     doubt = _doubt(seen, settings)

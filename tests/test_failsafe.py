@@ -165,6 +165,40 @@ def test_lasting_doubt_stops_the_stream_for_good() -> None:
     assert climb(request(still), FLYING).state is State.ENGAGED
 
 
+NEVER_PLACED = replace(FLYING, own_state_age_s=math.inf, obeying_s=5.1)
+
+
+def test_f14_px4_that_waits_in_offboard_without_a_position_is_not_hovered_for_ever() -> None:
+    waiting = climb(ASKED, replace(NEVER_PLACED, obeying_s=5.0))
+    assert (waiting.state, waiting.stream, waiting.requested) == (State.STANDBY, Stream.ZERO, True)
+    stopped = climb(waiting, NEVER_PLACED)
+    assert (stopped.state, stopped.stream, stopped.requested) == (State.STOPPED, Stream.NOTHING, False)
+    assert stopped.reason == "own state lost for 5 s: the autopilot's own failsafe takes over"
+    # PX4 takes a stream that resumes for a wish to be in OFFBOARD again.
+    left = climb(stopped, replace(NEVER_PLACED, external_mode=False, obeying_s=0.0), FLYING)
+    assert left.stream is Stream.NOTHING
+    assert climb(request(left), FLYING).state is State.ENGAGED
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"own_state_age_s": 5.0},  # it may come back yet
+        {"own_state_age_s": 0.1, "warming": True},  # it is no position that is missing
+        {"since_last_step_s": 0.5},  # what was said meanwhile has not been read
+        {"external_mode": False},  # PX4 ignores it there, and wants it
+    ],
+)
+def test_f14_who_waits_for_something_else_is_streamed_to(change: dict[str, object]) -> None:
+    rung = climb(ASKED, replace(NEVER_PLACED, **change))
+    assert (rung.state, rung.stream, rung.requested) == (State.STANDBY, Stream.ZERO, True)
+
+
+def test_f14_ardupilot_without_a_position_is_waited_for_in_silence() -> None:
+    rung = climb(ASKED, replace(NEVER_PLACED, wants_stream=False))
+    assert (rung.state, rung.stream, rung.requested) == (State.STANDBY, Stream.NOTHING, True)
+
+
 def test_who_finds_another_writer_before_it_begins_stands_by_until_asked_again() -> None:
     rung = climb(ASKED, replace(FLYING, other_writer=True))
     assert (rung.state, rung.stream, rung.requested) == (State.STANDBY, Stream.NOTHING, False)
@@ -188,6 +222,7 @@ conditions = st.builds(
     own_state_age_s=st.sampled_from([0.1, 0.9, 1.1, 4.9, 5.1, math.inf]),
     armed=st.booleans(),
     external_mode=st.booleans(),
+    obeying_s=st.sampled_from([0.0, 4.9, 5.1]),
     ready=st.booleans(),
     wants_stream=st.booleans(),
     rebooted=st.booleans(),
@@ -243,7 +278,7 @@ def test_what_is_not_told_is_neither_an_alarm_nor_a_permission() -> None:
         told.other_writer,
         told.deciding_fails,
     )
-    assert not any(alarms) and told.latitude_deg == 0.0 and told.since_last_step_s == 0.0
+    assert not any(alarms) and told.latitude_deg == 0.0 and told.since_last_step_s == told.obeying_s == 0.0
     assert (Rung().state, Rung().requested, Rung().stream) == (State.STANDBY, False, Stream.NOTHING)
 
 

@@ -307,6 +307,7 @@ class Engine:
             own_state_age_s=telemetry.age_s(now_s),
             armed=telemetry.armed,
             external_mode=telemetry.external_mode,
+            obeying_s=telemetry.obeying_s(now_s),
             ready=interruptible(self.config, telemetry, own, self._last_record),
             wants_stream=telemetry.wants_stream,
             rebooted=telemetry.take_reboot(),

@@ -104,6 +104,7 @@ class OwnShipTelemetry:
         self.other_writer = OtherWriter()
         self.words = GraveWords(self.counters)
         self._heartbeat_at_s = -math.inf
+        self._obeying_since_s = math.inf
         self._landed_state = 0
         self._landed_told_at_s = -math.inf
         self._rebooted = False
@@ -186,6 +187,8 @@ class OwnShipTelemetry:
         self.external_mode = external and self.is_multirotor
         if not self.external_mode:
             self.other_writer.forget()
+        obeys = self.armed and self.external_mode
+        self._obeying_since_s = min(self._obeying_since_s, now_s) if obeys else math.inf
 
     def _in_order(self, time_boot_ms: int) -> bool:
         """Watch the autopilot's clock; False for a message that was overtaken."""
@@ -264,6 +267,10 @@ class OwnShipTelemetry:
     def heard_s(self, now_s: float) -> float:
         """Time since the last heartbeat of the autopilot [s]; infinite without one."""
         return now_s - self._heartbeat_at_s
+
+    def obeying_s(self, now_s: float) -> float:
+        """Time for which heartbeats have said armed and GUIDED or OFFBOARD [s]; 0 where they do not."""
+        return max(now_s - self._obeying_since_s, 0.0)
 
     def age_s(self, now_s: float) -> float:
         """Time since the last trusted position [s]; infinite without one."""

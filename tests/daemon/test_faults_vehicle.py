@@ -228,11 +228,29 @@ def test_f14_an_own_state_that_stays_away_ends_the_stream_on_purpose_after_a_hol
     run(test)
 
 
+def test_f14_a_px4_that_never_has_a_position_in_offboard_is_left_to_its_own_failsafe() -> None:
+    async def test() -> None:
+        emulated = Emulated()
+        emulated.fix_type = 1
+        impatient = EngineConfig(goal=Goal(*at(300.0)), failsafe=FailsafeSettings(hold_after_s=0.4, stop_after_s=1.0))
+        async with running(emulated=emulated, engine=impatient) as flight:
+            vehicle = flight.vehicle
+            await vehicle.until(lambda: state(flight) is State.STOPPED)
+            count = len(vehicle.setpoints())
+            assert {(m.vx, m.vy, m.vz) for m in vehicle.setpoints()} == {(0.0, 0.0, 0.0)}
+            emulated.fix_type = 3  # it comes back, and nobody asked
+            await vehicle.speaks(25)
+            assert len(vehicle.setpoints()) <= count + 1 and state(flight) is State.STOPPED
+
+    run(test)
+
+
 def test_f14_a_receiver_that_lost_its_fix_and_fell_silent_is_not_believed_again() -> None:
     async def test() -> None:
         emulated = Emulated()
         emulated.fix_type = 1
-        async with running(emulated=emulated) as flight:
+        patient = EngineConfig(goal=Goal(*at(300.0)), failsafe=FailsafeSettings(stop_after_s=60.0))
+        async with running(emulated=emulated, engine=patient) as flight:
             vehicle = flight.vehicle
             await vehicle.until(lambda: flight.daemon.engine.counters["own_position_untrusted"] > 0)
             emulated.receiver_silent = True  # positions keep coming

@@ -77,6 +77,19 @@ def test_f14_stale_own_state_holds_and_then_stops_on_purpose() -> None:
     assert flight.engine.rung.state is State.STOPPED
 
 
+def test_f14_px4_that_never_has_a_position_in_offboard_is_left_to_its_own_failsafe() -> None:
+    flight = Flight()
+    flight.vehicle.fix_type = 1
+    flight.vehicle.armed = False
+    flight.step(80)
+    assert flight.vehicle.observer.setpoints == []
+    flight.vehicle.armed = True
+    flight.step(80)
+    assert flight.engine.rung.state is State.STOPPED
+    assert len(flight.vehicle.observer.setpoints) == 51
+    assert {(message.vx, message.vy, message.vz) for message in flight.vehicle.observer.setpoints} == {(0.0, 0.0, 0.0)}
+
+
 def test_a_lost_fix_holds_although_positions_keep_coming() -> None:
     flight = Flight()
     flight.step(20)
