@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.rows import AIM, AIM_IS_VELOCITY, BUFFER_SHARE, CLEARANCE, OWN_COLUMNS, ROUTE_MARGIN, WAY
-from ridlink.avoidance.ways import EAST, KEEP, NORTH, ROUND, STEPS_PER_M, WAY_COLUMNS, measure_ways
+from ridlink.avoidance.ways import EAST, KEEP, NORTH, ROUND, WAY_COLUMNS, measure_ways
 
 FloatArray = NDArray[np.float64]
 
 SPARE, SPARE_TIMES = 64, 4
 """Ways that are kept: so many, and so many for each own-ship."""
+
+STEPS_PER_M = 2.0
+"""Clearances are rounded down to such steps: they change with the speed, and each has ways of its own."""
 
 WIDTHS = 2
 """Ways to a goal: with the route margin, and without it for where that leaves none."""
@@ -46,7 +49,7 @@ def rounded_corners(vertex_ne_m: FloatArray, start: NDArray[np.int64]) -> FloatA
 
 
 def in_steps(clearance_m: FloatArray) -> FloatArray:
-    """Clearances as `way_aim` rounds them."""
+    """Clearances rounded down."""
     return np.asarray(np.floor(clearance_m * STEPS_PER_M) / STEPS_PER_M)
 
 

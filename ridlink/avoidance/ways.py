@@ -20,9 +20,9 @@ from ridlink.avoidance.kernel import kernel, norm
 ROUND = 5
 """Points that stand for a grown corner: where tangents of its arc meet, so that no way between them cuts it."""
 
-# Columns of a way: the point, how far the goal is from there, infinite where it cannot be reached, and the point that
-# comes next, NO_POINT where that is the goal.
-(NORTH, EAST, REMAINING, NEXT, WAY_COLUMNS) = range(5)
+# Columns of a way: the point, how far the goal is from there, infinite where it cannot be reached, the point that comes
+# next, NO_POINT where that is the goal, and how far ways keep off the piece of the point.
+(NORTH, EAST, REMAINING, NEXT, OFF, WAY_COLUMNS) = range(6)
 
 # Columns of the scratch of `way_aim`: of a piece how far it is kept off; of a point the length of the way that leads by
 # it, which share of its clearance there is to its piece, and where it lies then.
@@ -44,9 +44,6 @@ TOUCH_M = 0.01
 
 WITHIN = 0.98
 """Who is nearer to an obstacle than its clearance, and a goal that is, are granted this share of what there is."""
-
-STEPS_PER_M = 2.0
-"""Clearances are rounded down to such steps: they change with the speed, and each has ways of its own."""
 
 LEAN = 4.0
 """Too near, the way leans outwards by so many times the share that is lacking."""
@@ -129,7 +126,7 @@ def measure_ways(pieces, rounding, owner, clearance_m, goal_1, goal_2, keep, set
     for n in range(len(way)):
         way[n, NORTH] = vertex[n // ROUND, 0] + keep[owner[n], KEEP] * rounding[n, 0]
         way[n, EAST] = vertex[n // ROUND, 1] + keep[owner[n], KEEP] * rounding[n, 1]
-        way[n, REMAINING], way[n, NEXT] = math.inf, NO_POINT
+        way[n, REMAINING], way[n, NEXT], way[n, OFF] = math.inf, NO_POINT, keep[owner[n], KEEP]
         # A point that is too near to another piece is none, nor is one of a piece that the goal is in.
         settled[n] = keep[owner[n], KEEP] <= 0.0
         for piece in range(len(start) - 1):
@@ -183,7 +180,7 @@ def way_aim(  # type: ignore[no-untyped-def]
         p_2: East of own-ship.
         goal_1: North of the goal.
         goal_2: East of the goal.
-        clearance_m: Distance to keep from every piece; rounded down to steps it is that of the way.
+        clearance_m: Distance from pieces that the way out of one leads to.
         memory: Result of the last step.
         room: Scratch, shape (points, ROOM_COLUMNS).
         aim: Result, shape (2,).
@@ -192,7 +189,6 @@ def way_aim(  # type: ignore[no-untyped-def]
         Memory for the next step: the number of the point, from 1, or 0 for the goal; NO_WAY if no way is in sight.
     """
     vertex, start = pieces
-    clearance_m = math.floor(clearance_m * STEPS_PER_M) / STEPS_PER_M
     for piece in range(len(start) - 1):
         first, last = start[piece], start[piece + 1]
         own = nearest_point(vertex, first, last, p_1, p_2, aim)
@@ -201,7 +197,8 @@ def way_aim(  # type: ignore[no-untyped-def]
             aim[0], aim[1] = p_1 + aim[0] * reach, p_2 + aim[1] * reach
             return 0
         far = nearest_point(vertex, first, last, goal_1, goal_2, aim)
-        wanted = min(clearance_m, WITHIN * far) if far > 0.0 else 0.0
+        # The way is that to a goal nearby, which may be nearer to the piece: what is further off is in nobody's sight.
+        wanted = min(way[ROUND * first, OFF], WITHIN * far) if far > 0.0 else 0.0
         room[piece, KEEP] = min(wanted, WITHIN * own)
         # Too near, one flies along the piece rather than away from it: in a crowd all lanes would become one.
         share = min(own / wanted, 1.0) if wanted > 0.0 else 1.0

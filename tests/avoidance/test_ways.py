@@ -180,6 +180,15 @@ def test_a_goal_that_cannot_be_reached_is_in_nobodys_sight():
     assert way.memory == ways.NO_WAY
 
 
+@pytest.mark.parametrize("off_m", [6.0, 6.3, 6.49, 6.51])
+def test_a_goal_within_the_clearance_is_found_wherever_it_is_between_whole_metres(off_m):
+    """Ways to it keep as far off as it is itself, and not further than those do that were worked out to the metre."""
+    obstacles = Obstacles.from_polygons(wall((0.0, -60.0), (0.0, 60.0)))
+    places = Way(obstacles, (off_m, 0.0)).fly((-100.0, 5.0))
+    assert places[-1] == pytest.approx([off_m, 0.0])
+    assert signed_distance(obstacles, places).min() > 0.98 * (off_m - 1.5) - 0.1
+
+
 def scattered(random):
     """Some obstacles, a start and a goal outside of them, as random as can be."""
     polygons = []
@@ -247,7 +256,8 @@ def test_a_roadmap_works_out_what_is_new_and_keeps_the_rest(monkeypatch):
     own = np.stack([own_row((0.0, 10.0 * k), 9.0) for k in range(4)])
     own[3, rows.AIM_IS_VELOCITY] = 1.0
     roadmap = Roadmap(obstacles)
-    assert roadmap.ways(own, vector, obstacles).shape[1:] == (2, ways.ROUND * len(obstacles.piece_vertex_ne_m), 4)
+    points = ways.ROUND * len(obstacles.piece_vertex_ne_m)
+    assert roadmap.ways(own, vector, obstacles).shape[1:] == (2, points, ways.WAY_COLUMNS)
     assert own[:, rows.WAY].tolist() == [1.0, 2.0, 3.0, 0.0]
     assert asked == [15.0, 12.0] * 3
     own[:, rows.AIM] += 0.2
