@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from enum import IntEnum, IntFlag, StrEnum
+from enum import IntEnum, IntFlag
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from ridlink.words import Named
 
 FloatArray = NDArray[np.float64]
 Int8Array = NDArray[np.int8]
@@ -144,7 +146,7 @@ class Traffic:
         return cls(pairs, pairs, pairs, scalars, scalars, scalars, np.empty(0, np.bool_), np.empty(0, np.int8))
 
 
-class SolverKind(StrEnum):
+class SolverKind(Named):
     """Which solver decides.
 
     HALFPLANE: the velocity nearest the preferred one outside of every disc, for vehicles that do not obey at once. May

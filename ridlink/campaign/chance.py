@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum, StrEnum
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ridlink.separation.reference import CATEGORIES, MAX_AIRFRAME_M, MIN_AIRFRAME_M
+from ridlink.words import Named
 
 FloatArray = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ class Source(IntEnum):
     PHASE = 7
 
 
-class ErrorModel(StrEnum):
+class ErrorModel(Named):
     """How a standard deviation becomes a position error.
 
     WHITE_RADIAL: the paper's, `|N(0, sigma^2)| (cos phi, sin phi)`, new in every report. Its radius is half-normal, so

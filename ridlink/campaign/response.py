@@ -11,13 +11,13 @@ Axes: north-east, metres, m/s, seconds. W worlds of N vehicles.
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ridlink.compiled import kernel_decorator
+from ridlink.words import Named
 
 FloatArray = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ P_PER_S, I_PER_S2, D, TILT_MPS2, DRAG_PER_S, LOOP_LAG_S, SECOND_LAG_S = 1.8, 0.4
 FIRST, SECOND, CHANGE, TILTING, HISTORY, STATE_COLUMNS = 0, 2, 4, 6, 8, 16
 
 
-class Dynamics(StrEnum):
+class Dynamics(Named):
     """How vehicles answer."""
 
     IDEAL = "ideal"

@@ -10,7 +10,6 @@ import itertools
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from enum import StrEnum
 from pathlib import PurePath
 from typing import BinaryIO, Self, TypeVar
 
@@ -23,6 +22,7 @@ from ridlink.errors import CaptureError
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.text import display_name
+from ridlink.words import Named
 
 CHUNK_LENGTH = 256 * 1024
 HEAD_LENGTH = 64 * 1024
@@ -39,7 +39,7 @@ _FOREIGN = {
 }
 
 
-class CaptureKind(StrEnum):
+class CaptureKind(Named):
     """Formats that are read."""
 
     TLOG = "tlog"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -23,6 +22,7 @@ from ridlink.own_ship.broadcast import Form
 from ridlink.remote_id.accuracy import AccuracyConvention
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition
+from ridlink.words import unknown_name
 
 DEFAULT_VEHICLE = "udpin:127.0.0.1:14540"
 DEFAULT_REMOTE_ID = "udpout:127.0.0.1:14650"
@@ -232,9 +232,7 @@ def _named(kind: type[StrEnum], what: str, name: str) -> StrEnum:
     try:
         return kind(name)
     except ValueError:
-        near = difflib.get_close_matches(name, [str(member) for member in kind], n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise ConfigError(f"unknown {what} {name!r}: {hint}known are {', '.join(kind)}") from None
+        raise ConfigError(unknown_name(what, name, kind)) from None
 
 
 def as_toml(config: DaemonConfig) -> str:

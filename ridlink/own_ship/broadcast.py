@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 
 from ridlink.errors import ConfigError
 from ridlink.mavlink.codec import Encoder
@@ -37,6 +36,7 @@ from ridlink.remote_id.separation import authentication_of
 from ridlink.separation.reference import ERROR_CAP_M, MIN_AIRFRAME_M, UNKNOWN_ERROR_BOUND_M
 from ridlink.setpoint import Velocity
 from ridlink.traffic.own_state import OwnState
+from ridlink.words import Named
 
 INTERVAL_S = 0.1
 STATIC_INTERVAL_S = 3.0
@@ -65,7 +65,7 @@ UA_TYPES = {
 """MAV_ODID_UA_TYPE by MAV_TYPE; any other one is not declared."""
 
 
-class Form(StrEnum):
+class Form(Named):
     """For whom it is meant.
 
     AIR: receivers that speak MAVLink, with RIDLINK_SEPARATION as it is.

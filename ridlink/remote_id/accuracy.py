@@ -15,9 +15,9 @@ Source: MAV_ODID_HOR_ACC, MAV_ODID_VER_ACC, MAV_ODID_SPEED_ACC and MAV_ODID_TIME
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 
 from ridlink.units import ceil_units
+from ridlink.words import Named
 
 HORIZONTAL_BOUNDS_M: dict[int, float] = {
     1: 18520.0,
@@ -45,7 +45,7 @@ THREE_SIGMA_PER_95_PERCENT_RADIUS = 3.0 / math.sqrt(-2.0 * math.log(0.05))
 """1.2256: with equal errors on both axes 95 % of positions lie within 2.4477 standard deviations."""
 
 
-class AccuracyConvention(StrEnum):
+class AccuracyConvention(Named):
     """What a horizontal accuracy is taken for.
 
     LETTER: the radius that holds 95 % of positions, as the standard has it. The default: it is what a sender can be

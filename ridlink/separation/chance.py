@@ -17,20 +17,20 @@ quadrature, `sqrt(bound^2 + (3 s_w t)^2)`. The engine does not: it decides anew 
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ridlink.separation.gaussian import normal_cdf, normal_quantile
 from ridlink.separation.volumes import checked_lengths
+from ridlink.words import Named
 
 FloatArray = NDArray[np.float64]
 
 DEFAULT_ETA = 0.999
 
 
-class ChanceBound(StrEnum):
+class ChanceBound(Named):
     """How a probability becomes a distance.
 
     HALFPLANE: the exact one-sided constraint, `Phi^-1(eta) sqrt(s_i^2 + s_j^2)`. A pair that keeps the line of closest

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -27,11 +26,12 @@ from ridlink.separation.reference import (
     UNKNOWN_ERROR_BOUND_M,
     UNKNOWN_SPEED_MPS,
 )
+from ridlink.words import Named
 
 FloatArray = NDArray[np.float64]
 
 
-class Definition(StrEnum):
+class Definition(Named):
     """Which fields of a report size the disc of a pair.
 
     Beside each, what a pair that never enters the disc by its reports holds at one instant, where errors are normal
