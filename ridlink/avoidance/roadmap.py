@@ -86,10 +86,16 @@ class Roadmap:
         rows[:, WAY] = 0.0
         if not len(self._owner):
             return self._table
-        moved = obstacles.pieces[0][0] - self._pieces[0][0]
+        vertex, goals = obstacles.pieces[0], rows[:, AIM : AIM + 2]
+        # Corner by corner: about another origin north is another direction, too.
+        moved = vertex - self._pieces[0]
+        stays = not moved.any()
+        if not stays:
+            nearest = np.argmin(np.sum(np.square(vertex - goals[:, None]), axis=2), axis=1)
+            goals = goals - moved[nearest]
         narrow = rows[:, CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
         keys = np.empty((len(rows), 4))
-        keys[:, :2] = np.rint(rows[:, AIM : AIM + 2] - moved)
+        keys[:, :2] = np.rint(goals)
         keys[:, 2], keys[:, 3] = in_steps(narrow + settings[ROUTE_MARGIN]), in_steps(narrow)
         keys[rows[:, AIM_IS_VELOCITY] != 0.0] = np.nan
         changed = np.ones(len(keys), np.bool_)
@@ -102,12 +108,11 @@ class Roadmap:
         for row in np.flatnonzero(changed).tolist():
             rows[row, WAY] = self._number(keys[row])
         self._numbers = rows[:, WAY].copy()
-        if not moved.any():
+        if stays or not self._places:
             return self._table
         asked, which = np.unique(rows[:, WAY], return_inverse=True)
         ways: FloatArray = self._table[np.maximum(asked.astype(np.int64) - 1, 0)]
-        ways[..., NORTH] += moved[0]
-        ways[..., EAST] += moved[1]
+        ways[..., NORTH : EAST + 1] += np.repeat(moved, ROUND, axis=0)
         rows[:, WAY] = np.where(rows[:, WAY] > 0.0, which.reshape(-1) + 1.0, 0.0)
         return ways
 

@@ -300,3 +300,26 @@ def test_ways_move_with_the_origin(moved):
     way_aim(here.pieces, found, *(np.array([-150.0, 5.0]) + moved), *own[rows.AIM : rows.AIM + 2], 12.0, 0,
             room_for_ways(here), aim)  # fmt: skip
     assert aim - moved == pytest.approx(Way(layout, (-30.0, 0.0)).aim((-150.0, 5.0)), abs=1e-6)
+
+
+def test_ways_keep_to_their_corners_where_north_is_another_direction():
+    """It is, of a daemon that has flown some hundred metres: what is far from the first corner is not where it was."""
+    turn, far = 2e-4, np.array([2000.0, 2000.0])
+    turned = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    layout = Obstacles.from_polygons([SQUARE, SQUARE + far])
+    here = Obstacles.from_polygons([SQUARE @ turned, (SQUARE + far) @ turned])
+    beyond = far + np.array([200.3, 5.0])
+    roadmap, goal, position = Roadmap(layout), beyond @ turned, (far - np.array([200.0, 5.0])) @ turned
+    roadmap.ways(own_row(beyond, 12.0), GRAZING, layout)
+    own, aim = own_row(goal, 12.0), np.zeros(2)
+    found = roadmap.ways(own, GRAZING, here)[int(own[rows.WAY]) - 1, 0]
+    assert way_aim(here.pieces, found, *position, *goal, 12.0, 0, room_for_ways(here), aim) != ways.NO_WAY
+    assert aim == pytest.approx(Way(here, goal).aim(position), abs=0.05)
+
+
+def test_whoever_has_no_goal_needs_no_way_about_any_origin():
+    layout, here = Obstacles.from_polygons([SQUARE]), Obstacles.from_polygons([SQUARE + 50.0])
+    own = own_row((5.0, 0.0), 12.0)
+    own[rows.AIM_IS_VELOCITY], own[rows.WAY] = 1.0, 1.0
+    Roadmap(layout).ways(own, GRAZING, here)
+    assert own[rows.WAY] == 0.0
