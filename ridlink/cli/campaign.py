@@ -73,7 +73,7 @@ campaign.add_command(report)
     "--log",
     type=click.Path(dir_okay=False, readable=False, path_type=Path),
     metavar="F.tlog",
-    help="With --only-run: that flight as a MAVLink log, what was true and what was told.",
+    help="With --only-run: that flight as a MAVLink log, what was true and what was told; replaces the file.",
 )
 @click.option(
     "-o",

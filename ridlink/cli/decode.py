@@ -35,7 +35,12 @@ BATCH_BYTES = 64 * 1024
     show_default=True,
     help="One aligned row, or one JSON object, a message; a folder of tables (csv, parquet); a map; MCAP.",
 )
-@click.option("-o", "--output", metavar="OUT", help="Write there instead of to standard output; whole or not at all.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="OUT",
+    help="Write there, not to standard output, and whole or not at all; replaces a file, or an empty folder.",
+)
 @click.option("--frames", is_flag=True, help="Add each frame's bytes to its JSON line: 'encode' gives the file back.")
 @click.option(
     "--join",

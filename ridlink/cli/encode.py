@@ -28,7 +28,7 @@ MAX_LINE_LENGTH = 64 * 1024
     "--output",
     required=True,
     metavar="F.tlog|F.mavlink|F.hex",
-    help="What to write; its suffix says the format. Whole or not at all.",
+    help="What to write; its suffix says the format. Whole or not at all; replaces the file.",
 )
 @click.option(
     "--to",

@@ -21,8 +21,8 @@ ROWS = 500
 @capture_kind("Format of the files; auto tells it by content and suffix.")
 @click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="Whose discs count.")
 @accuracy_convention
-@click.option("-o", "--output", metavar="F.jsonl", help="Write the lines there instead of to standard output.")
-@click.option("--html", metavar="F.html", help="Where the page goes.  [default: NAME-report.html, here]")
+@click.option("-o", "--output", metavar="F.jsonl", help="Where the lines go, if not to standard output; replaces it.")
+@click.option("--html", metavar="F.html", help="Where the page goes; replaces it.  [default: NAME-report.html, here]")
 @click.option("--no-html", is_flag=True, help="No page.")
 @click.option(
     "--pictures", type=click.IntRange(0, ROWS), default=40, show_default=True, metavar="N",

@@ -40,7 +40,7 @@ def _share(_: click.Context, __: click.Parameter, value: float | None) -> float 
 @accuracy_convention
 @click.option("--json", "as_json", is_flag=True, help="One JSON object instead of a table.")
 @click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values instead of a table.")
-@click.option("-o", "--output", metavar="OUT", help="Write there instead of to standard output.")
+@click.option("-o", "--output", metavar="OUT", help="Write there instead of to standard output; replaces the file.")
 @strict
 def whatif(
     files: tuple[str, ...],

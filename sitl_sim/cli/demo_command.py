@@ -78,7 +78,7 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     "--log",
     type=click.Path(dir_okay=False, readable=False, path_type=Path),
     metavar="FILE.tlog",
-    help="Record the flight there.  [default: a new file in the temporary folder]",
+    help="Record the flight there; replaces the file.  [default: a new file in the temporary folder]",
 )
 def demo(
     fleet: dict[str, Any],

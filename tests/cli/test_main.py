@@ -114,6 +114,13 @@ class TestHelp:
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.startswith("Usage: ridlink")
 
+    @pytest.mark.parametrize(
+        "command",
+        ["decode", "encode", "report", "whatif", "record", "avoid", "demo", "campaign run"],
+    )
+    def test_what_writes_a_file_says_what_becomes_of_one_that_is_there(self, command: str) -> None:
+        assert "replace" in ridlink_process(*command.split(), "--help").stdout
+
     def test_version_names_the_generator(self) -> None:
         done = ridlink_process("--version")
         assert done.returncode == 0
