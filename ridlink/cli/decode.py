@@ -106,6 +106,7 @@ def decode(
     found = decode_export.readable(files)
     if join or output_format in decode_export.EXPORTS:
         decode_export.export(found, kind, output_format, output, join, selection, statistics, telemetry=telemetry)
+        _tell_timeless(statistics, selection)
         return _verdict(statistics, strict, len(files) - len(found))
     with whole_output(output, files) as out:
         lines = _Lines(output_format, selection, frames, stats, statistics, out)
@@ -120,11 +121,24 @@ def decode(
                 statistics.as_text().encode(errors="backslashreplace")
             )  # fmt: skip
             out.write(text)
-        elif selection != Selection() and not lines.any_written:
+        elif selection != Selection() and not lines.any_written and not _timeless(statistics, selection):
             click.echo(
                 "ridlink: no message is of those asked for; --stats, without limits, shows what there is", err=True
             )
+    _tell_timeless(statistics, selection)
     return _verdict(statistics, strict, len(files) - len(found), silent=stats)
+
+
+def _timeless(statistics: Statistics, selection: Selection) -> list[str]:
+    """Captures whose format has no times, where some were asked for."""
+    if selection.takes_time(None):
+        return []
+    return [capture.name for capture in statistics.captures if capture.kind in ("mavlink", "hex")]
+
+
+def _tell_timeless(statistics: Statistics, selection: Selection) -> None:
+    for name in _timeless(statistics, selection):
+        click.echo(f"ridlink: {name} has no times: nothing of it is within --since and --until", err=True)
 
 
 def _verdict(statistics: Statistics, strict: bool, absent: int, *, silent: bool = False) -> int:

@@ -90,6 +90,22 @@ def test_limits_that_nothing_keeps_are_told(
     assert run(log, *limit, "--stats").stderr == ""
 
 
+@pytest.mark.parametrize("options", [(), ("--stats",), ("-f", "geojson"), ("--join", "-f", "jsonl")])
+@pytest.mark.parametrize("large", [10**12, 0], ids=["by message", "in blocks"])
+@pytest.mark.parametrize("suffix", ["mavlink", "hex"])
+def test_limits_of_time_are_told_to_be_in_vain_where_there_are_no_times(
+    tmp_path: Path, suffix: str, large: int, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+    frame = Encoder(7, 1).encode("HEARTBEAT")
+    path = tmp_path / f"stream.{suffix}"
+    path.write_bytes(3 * (frame if suffix == "mavlink" else frame.hex().encode() + b"\n"))
+    run(path, *options)  # in a new clone the compiler says a word of its own
+    result = run(path, "--until", "2033-01-01", *options)
+    assert result.stderr == f"ridlink: {path} has no times: nothing of it is within --since and --until\n"
+    assert "no times" not in run(path, "--source-system", "7", *options).stderr
+
+
 def test_source_system_selects(log: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.tlog"
     other.write_bytes(tlog_bytes([(START_US, Encoder(7, 1).encode("HEARTBEAT"))]))
