@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -280,6 +281,14 @@ def test_no_generated_code_is_tracked() -> None:
 
 def test_nothing_else_is_tracked_at_the_top() -> None:
     assert {path.split("/")[0] for path in tracked()} <= AT_THE_TOP
+
+
+def test_type_checkers_of_others_read_every_package() -> None:
+    packages = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"][
+        "packages"
+    ]
+    assert len(packages) == 3
+    assert [name for name in packages if f"{name}/py.typed" not in tracked()] == []
 
 
 def test_core_import_is_light() -> None:
