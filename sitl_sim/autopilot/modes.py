@@ -33,6 +33,7 @@ class Flavour:
         custom_modes: Numbers of the modes that it has.
         ground_mode: Where a disarmed vehicle without a pilot rests.
         capabilities: MAV_PROTOCOL_CAPABILITY in AUTOPILOT_VERSION.
+        version: Of the build that was measured, in AUTOPILOT_VERSION: bytes major, minor, patch, FIRMWARE_VERSION_TYPE.
         refused: MAV_RESULT of a command at the wrong moment: PX4 says TEMPORARILY_REJECTED, ArduPilot FAILED.
         mode_names: What its ground stations call modes that have another name here.
     """
@@ -43,6 +44,7 @@ class Flavour:
     custom_modes: dict[Mode, int]
     ground_mode: Mode
     capabilities: int
+    version: int
     refused: int
     mode_names: dict[Mode, str] = field(default_factory=dict)
 
@@ -92,6 +94,7 @@ PX4 = Flavour(
     },
     ground_mode=Mode.HOLD,
     capabilities=_COMMON | _PARAM_ENCODE_BYTEWISE,
+    version=0x01_11_00_40,  # 1.17.0, alpha
     refused=1,
 )
 
@@ -112,6 +115,7 @@ ARDUPILOT = Flavour(
     },
     ground_mode=Mode.MANUAL,
     capabilities=_COMMON | _PARAM_ENCODE_C_CAST,
+    version=0x04_06_00_00,  # 4.6.0, development
     refused=4,
     mode_names={
         Mode.MANUAL: "STABILIZE",

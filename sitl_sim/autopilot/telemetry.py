@@ -24,8 +24,6 @@ from sitl_sim.world import VehicleState
 
 Fields = dict[str, Any]
 
-VERSION = 1 << 24 | 16 << 16 | 255  # 1.16.0, official
-
 _MAV_TYPE_QUADROTOR = 2
 _STANDBY, _ACTIVE, _CRITICAL = 3, 4, 5
 _ON_GROUND, _IN_AIR, _TAKING_OFF, _LANDING = 1, 2, 3, 4
@@ -316,11 +314,13 @@ class Telemetry:
         return basic_id_fields(self._board.system_id)
 
     def _autopilot_version(self) -> Fields:
+        flavour = self._board.flavour
+        below = flavour.version if flavour.is_px4 else 0  # ArduPilot says nothing of what it stands on
         return {
-            "capabilities": self._board.flavour.capabilities,
-            "flight_sw_version": VERSION,
-            "middleware_sw_version": VERSION,
-            "os_sw_version": VERSION,
+            "capabilities": flavour.capabilities,
+            "flight_sw_version": flavour.version,
+            "middleware_sw_version": below,
+            "os_sw_version": below,
             "uid": self._board.system_id,
         }
 

@@ -154,6 +154,19 @@ def test_messages_are_sent_when_asked_for(number: int, parameter: float, name: s
     assert answers[0].result == ACCEPTED
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "version", "below"),
+    [("px4", (1, 17, 0, 64), (1, 17, 0, 64)), ("ardupilot", (4, 6, 0, 0), (0, 0, 0, 0))],
+)
+def test_each_autopilot_says_the_version_that_was_measured(
+    autopilot: str, version: tuple[int, ...], below: tuple[int, ...]
+) -> None:
+    flight = Flight(autopilot)
+    *_, answer = flight.send("COMMAND_LONG", target_system=1, command=REQUEST, param1=148)
+    assert tuple(answer.flight_sw_version.to_bytes(4, "big")) == version
+    assert tuple(answer.middleware_sw_version.to_bytes(4, "big")) == below
+
+
 def test_legacy_stream_request_sets_rates_of_a_group() -> None:
     flight = Flight("ardupilot")
     flight.advance(0.1)
