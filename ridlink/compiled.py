@@ -211,13 +211,20 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
             super().save_overload(sig, data._replace(type_annotation=""))
 
 
+def can_be_kept() -> bool:
+    """Whether there is a place on disk for what is compiled."""
+    try:
+        _KernelCache(can_be_kept, ())
+    except RuntimeError:
+        return False
+    return True
+
+
 def how_often_compiled() -> str:
     """For whoever has to wait: that it is for once, or why it is not."""
-    try:
-        _KernelCache(how_often_compiled, ())
-    except RuntimeError:
-        return "at every start, for it can be kept nowhere: NUMBA_CACHE_DIR may name a folder"
-    return "once"
+    if can_be_kept():
+        return "once"
+    return "at every start, for it can be kept nowhere: NUMBA_CACHE_DIR may name a folder"
 
 
 def _stamp(files: tuple[Path, ...]) -> tuple[tuple[int, int], ...]:

@@ -15,6 +15,7 @@ from typing import Any
 
 from ridlink.avoidance.solver import is_warm, warm_up
 from ridlink.avoidance.types import SolverKind
+from ridlink.compiled import can_be_kept
 
 THREAD = "warm-up"
 COMPILE = "import sys; from ridlink.avoidance.solver import warm_up; warm_up(sys.argv[1])"
@@ -32,7 +33,7 @@ async def warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
     """
     stopped = asyncio.ensure_future(stop.wait())
     try:
-        if not is_warm(solver):
+        if not is_warm(solver) and can_be_kept():
             compiling = asyncio.ensure_future(compile_apart(solver))
             try:
                 await asyncio.wait({compiling, stopped}, return_when=asyncio.FIRST_COMPLETED)
