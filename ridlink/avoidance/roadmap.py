@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.rows import AIM, AIM_IS_VELOCITY, BUFFER_SHARE, CLEARANCE, OWN_COLUMNS, ROUTE_MARGIN, WAY
-from ridlink.avoidance.ways import EAST, KEEP, NORTH, ROUND, WAY_COLUMNS, measure_ways
+from ridlink.avoidance.ways import EAST, KEEP_COLUMNS, NORTH, ROUND, WAY_COLUMNS, measure_ways
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Roadmap:
         points = ROUND * len(vertex)
         self._rounding = rounded_corners(vertex, start)
         self._owner = np.repeat(np.arange(len(start) - 1), ROUND * np.diff(start))
-        self._scratch = np.empty((points, KEEP + 1)), np.empty(points, np.bool_), np.empty(2)
+        self._scratch = np.empty((points, KEEP_COLUMNS)), np.empty(points, np.bool_), np.empty(2)
         self._table = np.empty((0, WIDTHS, points, WAY_COLUMNS))
         self._places: dict[tuple[float, ...], int] = {}
         self._keys, self._numbers = np.empty((0, 4)), np.empty(0)

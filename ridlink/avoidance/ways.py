@@ -24,9 +24,12 @@ ROUND = 5
 # next, NO_POINT where that is the goal, and how far ways keep off the piece of the point.
 (NORTH, EAST, REMAINING, NEXT, OFF, WAY_COLUMNS) = range(6)
 
-# Columns of the scratch of `way_aim`: of a piece how far it is kept off; of a point the length of the way that leads by
-# it, which share of its clearance there is to its piece, and where it lies then.
-(KEEP, LENGTH, SHARE, POINT, ROOM_COLUMNS) = (0, 1, 2, 3, 5)
+# Columns of scratch. Of a piece: how far it is kept off, and a circle that encloses it.
+(KEEP, MIDDLE, REACH, KEEP_COLUMNS) = (0, 1, 3, 4)
+
+# Those of `way_aim` go on, of a point: the length of the way that leads by it, which share of its clearance there is to
+# its piece, and where it lies then.
+(LENGTH, SHARE, POINT, ROOM_COLUMNS) = (4, 5, 6, 8)
 
 NO_POINT = -1
 
@@ -50,12 +53,29 @@ LEAN = 4.0
 
 
 @kernel(inner=True)
+def enclose(pieces, keep):  # type: ignore[no-untyped-def]
+    """Write a circle about each piece to columns MIDDLE and REACH, from which most are seen to be out of the way."""
+    vertex, start = pieces
+    for piece in range(len(start) - 1):
+        first, last = start[piece], start[piece + 1]
+        middle_1 = middle_2 = square = 0.0
+        for k in range(first, last):
+            middle_1 += vertex[k, 0] / (last - first)
+            middle_2 += vertex[k, 1] / (last - first)
+        for k in range(first, last):
+            q_1, q_2 = vertex[k, 0] - middle_1, vertex[k, 1] - middle_2
+            square = max(square, q_1 * q_1 + q_2 * q_2)
+        keep[piece, MIDDLE], keep[piece, MIDDLE + 1], keep[piece, REACH] = middle_1, middle_2, math.sqrt(square)
+
+
+@kernel(inner=True)
 def in_sight(pieces, keep, p_1, p_2, t_1, t_2):  # type: ignore[no-untyped-def]
     """Whether the straight way from p to t keeps its distance from every piece, as both of its ends do.
 
     Args:
         pieces: Convex pieces, `Obstacles.pieces`.
-        keep: Distance to keep from each, in column KEEP, shape (>= pieces, KEEP + 1); with 0 it is not in the way.
+        keep: Distance to keep from each, with 0 it is not in the way, and what `enclose` wrote, shape
+            (>= pieces, >= KEEP_COLUMNS).
         p_1: North of the beginning.
         p_2: East of it.
         t_1: North of the end.
@@ -70,6 +90,10 @@ def in_sight(pieces, keep, p_1, p_2, t_1, t_2):  # type: ignore[no-untyped-def]
     for piece in range(len(start) - 1):
         least = keep[piece, KEEP] - TOUCH_M
         if least <= -TOUCH_M:
+            continue
+        q_1, q_2 = keep[piece, MIDDLE] - p_1, keep[piece, MIDDLE + 1] - p_2
+        along, reach = q_1 * d_1 + q_2 * d_2, keep[piece, REACH] + keep[piece, KEEP]
+        if abs(d_1 * q_2 - d_2 * q_1) > reach or along < -reach or along > length + reach:
             continue
         square = max(least, 0.0) * max(least, 0.0)
         before = start[piece + 1] - 1
@@ -114,12 +138,13 @@ def measure_ways(pieces, rounding, owner, clearance_m, goal_1, goal_2, keep, set
         clearance_m: Distance to keep from each of them, less from one that the goal is nearer to.
         goal_1: North of the goal.
         goal_2: East of it.
-        keep: Scratch, shape (points, KEEP + 1).
+        keep: Scratch, shape (points, KEEP_COLUMNS).
         settled: Scratch, shape (points,), bool.
         outward: Scratch, shape (2,).
         way: Result, shape (points, WAY_COLUMNS).
     """
     vertex, start = pieces
+    enclose(pieces, keep)
     for piece in range(len(start) - 1):
         far = nearest_point(vertex, start[piece], start[piece + 1], goal_1, goal_2, outward)
         keep[piece, KEEP] = min(clearance_m, WITHIN * far) if far > 0.0 else 0.0
@@ -131,24 +156,27 @@ def measure_ways(pieces, rounding, owner, clearance_m, goal_1, goal_2, keep, set
         settled[n] = keep[owner[n], KEEP] <= 0.0
         for piece in range(len(start) - 1):
             if piece != owner[n] and not settled[n] and keep[piece, KEEP] > 0.0:
-                apart = nearest_point(vertex, start[piece], start[piece + 1], way[n, NORTH], way[n, EAST], outward)
-                settled[n] = apart < keep[piece, KEEP] - TOUCH_M
+                off = norm(way[n, NORTH] - keep[piece, MIDDLE], way[n, EAST] - keep[piece, MIDDLE + 1])
+                if off < keep[piece, REACH] + keep[piece, KEEP]:
+                    apart = nearest_point(vertex, start[piece], start[piece + 1], way[n, NORTH], way[n, EAST], outward)
+                    settled[n] = apart < keep[piece, KEEP] - TOUCH_M
     here, least, p_1, p_2 = -1, 0.0, goal_1, goal_2
     for _ in range(len(way) + 1):
+        following, next_least = -1, math.inf
         for n in range(len(way)):
+            if settled[n]:
+                continue
             length = least + norm(way[n, NORTH] - p_1, way[n, EAST] - p_2)
             if (
-                not settled[n]
-                and length < way[n, REMAINING]
+                length < way[n, REMAINING]
                 and is_taut(pieces, owner[n], way, n, p_1, p_2)
                 and (here < 0 or is_taut(pieces, owner[here], way, here, way[n, NORTH], way[n, EAST]))
                 and in_sight(pieces, keep, way[n, NORTH], way[n, EAST], p_1, p_2)
             ):
                 way[n, REMAINING], way[n, NEXT] = length, here
-        here, least = -1, math.inf
-        for n in range(len(way)):
-            if not settled[n] and way[n, REMAINING] < least:
-                here, least = n, way[n, REMAINING]
+            if way[n, REMAINING] < next_least:
+                following, next_least = n, way[n, REMAINING]
+        here, least = following, next_least
         if here < 0:
             break
         settled[here] = True
@@ -209,6 +237,7 @@ def way_aim(  # type: ignore[no-untyped-def]
             room[n, LENGTH] = length + way[n, REMAINING] if length > TOUCH_M else math.inf
             room[n, SHARE], room[n, POINT], room[n, POINT + 1] = share, t_1, t_2
     aim[0], aim[1] = goal_1, goal_2
+    enclose(pieces, room)
     if in_sight(pieces, room, p_1, p_2, goal_1, goal_2):
         return 0
 

@@ -16,6 +16,7 @@ from tests.avoidance.lockstep import signed_distance
 from tests.avoidance.way_in import way_in
 
 nearest_point, way_aim = way_in(keep_out.nearest_point), way_in(ways.way_aim)
+enclose, in_sight = way_in(ways.enclose), way_in(ways.in_sight)
 
 GRAZING = HalfplaneSettings(buffer_share=0.0, route_margin_m=0.0).as_vector()
 SQUARE = np.array([[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]])
@@ -204,6 +205,20 @@ def scattered(random):
         ends = random.uniform(-180.0, 180.0, (2, 2))
         if not polygons or signed_distance(obstacles, ends).min() > 8.0:
             return obstacles, *ends
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), clearance=st.floats(0.5, 20.0))
+def test_in_sight_is_what_no_piece_comes_near(seed, clearance):
+    random = np.random.default_rng(seed)
+    obstacles, start, goal = scattered(random)
+    keep = room_for_ways(obstacles)
+    enclose(obstacles.pieces, keep)
+    keep[: obstacles.piece_count, ways.KEEP] = clearance
+    between = start + np.linspace(0.0, 1.0, 1000)[:, None] * (goal - start)
+    nearest = signed_distance(obstacles, between).min() if obstacles.piece_count else math.inf
+    if abs(nearest - clearance) > 0.2 and signed_distance(obstacles, np.stack([start, goal])).min() > clearance:
+        assert in_sight(obstacles.pieces, keep, *start, *goal) == (nearest > clearance)
 
 
 def shortest_on_a_grid(obstacles, start, goal, clearance, step_m=4.0):
