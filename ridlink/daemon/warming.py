@@ -33,7 +33,7 @@ async def warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
     """
     stopped = asyncio.ensure_future(stop.wait())
     try:
-        if not is_warm(solver) and can_be_kept():
+        if not is_warm(solver):
             compiling = asyncio.ensure_future(compile_apart(solver))
             try:
                 await asyncio.wait({compiling, stopped}, return_when=asyncio.FIRST_COMPLETED)
@@ -50,7 +50,10 @@ async def compile_apart(solver: SolverKind = SolverKind.HALFPLANE) -> None:
     """Compile a solver's kernels in another process, which keeps them on disk; whoever stops waiting ends it.
 
     Nobody is told whether it could: who needs the kernels loads them afterwards, and meets whatever is wrong with them.
+    Where nothing can be kept it would be in vain, and is left.
     """
+    if not can_be_kept():
+        return
     try:
         compiler = await asyncio.create_subprocess_exec(
             sys.executable, "-P", "-c", COMPILE, str(solver),

@@ -71,18 +71,19 @@ def test_whoever_stops_waiting_ends_the_compiler(tmp_path: Path, monkeypatch: py
 
 def test_where_nothing_can_be_kept_no_other_process_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
     """What another process compiles is gone with it."""
-    in_vain: list[SolverKind] = []
+    started: list[object] = []
     warmed: list[SolverKind] = []
 
-    async def compile_in_vain(solver: SolverKind) -> None:
-        in_vain.append(solver)
+    async def start(*command: object, **_: object) -> None:
+        started.append(command)
+        raise OSError
 
+    monkeypatch.setattr("asyncio.create_subprocess_exec", start)
     monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
     monkeypatch.setattr("ridlink.daemon.warming.is_warm", lambda _: False)
-    monkeypatch.setattr("ridlink.daemon.warming.compile_apart", compile_in_vain)
     monkeypatch.setattr("ridlink.daemon.warming.warm_up", warmed.append)
     asyncio.run(warm_up_unless(asyncio.Event(), SolverKind.GRADED))
-    assert (in_vain, warmed) == ([], [SolverKind.GRADED])
+    assert (started, warmed) == ([], [SolverKind.GRADED])
 
 
 def test_without_another_process_the_kernels_are_loaded_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
