@@ -25,6 +25,9 @@ from enum import IntEnum, StrEnum
 
 OTHER_WRITER = "another writer steers this vehicle"
 
+HEARTBEAT_LOST_S = 3.0
+"""Three heartbeats of an autopilot that sends one a second: who was silent for so long may be anything by now."""
+
 
 class State(IntEnum):
     """RIDLINK_STATE."""
@@ -52,14 +55,14 @@ class FailsafeSettings:
     """When doubt becomes action.
 
     Args:
-        heartbeat_lost_s: Three heartbeats of an autopilot that sends one a second.
+        heartbeat_lost_s: An autopilot that was silent for so long is lost.
         hold_after_s: Own state older than this is no base for avoidance: 15 m of flight at 15 m/s.
         stop_after_s: Own state older than this will not come back soon; the autopilot knows better what to do.
         pause_s: A loop that slept longer first holds: the world has moved on. As the watchdog has it.
         max_latitude_deg: Closer to a pole local coordinates bend too much.
     """
 
-    heartbeat_lost_s: float = 3.0
+    heartbeat_lost_s: float = HEARTBEAT_LOST_S
     hold_after_s: float = 1.0
     stop_after_s: float = 5.0
     pause_s: float = 0.3

@@ -8,13 +8,11 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from ridlink.cli.printing import Printer
+from ridlink.failsafe import HEARTBEAT_LOST_S
 from ridlink.words import counted
 
 if TYPE_CHECKING:
     from ridlink.daemon.summary import Summary
-
-SILENT_S = 3.0
-"""An autopilot says HEARTBEAT once a second."""
 
 GUARD_LINES = {
     "taking over": "the guard takes over for a conflict",
@@ -97,7 +95,7 @@ class HumanPrinter(FlightPrinter):
 def _status_line(facts: dict[str, Any]) -> str:
     parts = [facts["state"], counted(facts["tracks"], "track")]
     heard_s = facts["autopilot_heard_s"]
-    if heard_s is not None and heard_s > SILENT_S:
+    if heard_s is not None and heard_s > HEARTBEAT_LOST_S:
         said = ("armed" if facts["armed"] else "disarmed") + (", on the ground" if facts["on_ground"] else "")
         parts.append(f"autopilot last heard {heard_s:.0f} s ago, {said}")
     if facts["conflicts"]:

@@ -16,6 +16,7 @@ from ridlink.daemon.events import Events, EventSink
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.vehicle_link import open_vehicle_link
 from ridlink.engine.intake import STATUSTEXT, VEHICLE_IDS, Intake
+from ridlink.failsafe import HEARTBEAT_LOST_S
 from ridlink.links import (
     Address,
     Link,
@@ -40,8 +41,6 @@ TYPE_ODID, AUTOPILOT_INVALID, STATE_ACTIVE = 34, 8, 4
 ARM_STATUS = 12918
 HEARD_IDS = VEHICLE_IDS - {STATUSTEXT}
 """Of the vehicle link; its grave words are for whoever steers."""
-
-SILENT_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +168,7 @@ class Transmitter:
             self._to_vehicle(beat)
             if lock is not None or telemetry.pinned is not None:  # the air listens to whoever says which vehicle it is
                 self._send(beat)
-            if lock is not None and telemetry.heard_s(now_s) < SILENT_S:
+            if lock is not None and telemetry.heard_s(now_s) < HEARTBEAT_LOST_S:
                 self._ask(lock.sysid, now_s)
         names = self._names
         for datagram in self._broadcast.datagrams(

@@ -9,16 +9,13 @@ from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import DecisionRecord
 from ridlink.engine.guard import Guard, Seen
 from ridlink.engine.takeoff import interruptible
-from ridlink.failsafe import OTHER_WRITER, STEERING, Rung, State
+from ridlink.failsafe import HEARTBEAT_LOST_S, OTHER_WRITER, STEERING, Rung, State
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.position_filter import moved
 
 AHEAD_M = 1000.0
 """Further than any conflict lasts."""
-
-HEARD_S = 3.0
-"""Who was not heard for so long may be in another mode by now, or on the ground."""
 
 
 def resting(guard: Guard) -> Rung:
@@ -64,5 +61,5 @@ def seen_by_guard(
         taken=rung.reason == OTHER_WRITER,
         sysid=lock.sysid if lock is not None else 0,
         mission_item=telemetry.mission_item,
-        heard=telemetry.heard_s(now_s) <= HEARD_S,
+        heard=telemetry.heard_s(now_s) <= HEARTBEAT_LOST_S,
     )

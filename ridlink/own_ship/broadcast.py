@@ -16,8 +16,9 @@ import math
 from dataclasses import dataclass
 
 from ridlink.errors import ConfigError
+from ridlink.failsafe import HEARTBEAT_LOST_S
 from ridlink.mavlink.codec import Encoder
-from ridlink.own_ship.telemetry import INFLATE_AFTER_S, LOCK_SILENCE_S, OwnShipTelemetry
+from ridlink.own_ship.telemetry import INFLATE_AFTER_S, OwnShipTelemetry
 from ridlink.periodic import Periodic
 from ridlink.remote_id.accuracy import code_of_three_sigma
 from ridlink.remote_id.convert import to_mavlink
@@ -283,7 +284,7 @@ def _location(
 
 def _status(telemetry: OwnShipTelemetry, now_s: float) -> int:
     """On the ground only where the autopilot says so, or is disarmed: what stands there is no traffic to others."""
-    if telemetry.heard_s(now_s) > LOCK_SILENCE_S:
+    if telemetry.heard_s(now_s) > HEARTBEAT_LOST_S:
         return STATUS_UNDECLARED
     if telemetry.landed_state_known(now_s):
         return STATUS_GROUND if telemetry.on_ground else STATUS_AIRBORNE

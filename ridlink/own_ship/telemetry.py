@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
 
+from ridlink.failsafe import HEARTBEAT_LOST_S
 from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import Message
 from ridlink.own_ship.grave_words import GraveWords
@@ -42,7 +43,6 @@ to a Plane and HOLD to a Rover, and AUTO (3) is TRAINING, flown by a pilot."""
 LANDED_ON_GROUND, LANDED_TAKEOFF = 1, 3
 """MAV_LANDED_STATE."""
 
-LOCK_SILENCE_S = 3.0
 INFLATE_AFTER_S = 0.3
 LONGEST_AGE_S = 10.0
 """A position older than this says nothing about where we are."""
@@ -168,7 +168,7 @@ class OwnShipTelemetry:
             self.counters["foreign_autopilot"] += 1
             return
         if offered != self.lock:
-            if self.lock is not None and now_s - self._heartbeat_at_s <= LOCK_SILENCE_S:
+            if self.lock is not None and now_s - self._heartbeat_at_s <= HEARTBEAT_LOST_S:
                 self.counters["foreign_autopilot"] += 1
                 return
             changed = self.lock is not None

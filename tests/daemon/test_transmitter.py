@@ -56,7 +56,7 @@ def test_what_the_network_did_not_take_is_not_counted_as_sent() -> None:
 def test_a_vehicle_goes_by_its_serial_number_and_the_next_one_not_by_that_of_the_last(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("ridlink.own_ship.telemetry.LOCK_SILENCE_S", 0.0)
+    monkeypatch.setattr("ridlink.own_ship.telemetry.HEARTBEAT_LOST_S", 0.0)
 
     async def test() -> None:
         named: asyncio.Queue[tuple[int, bytes]] = asyncio.Queue()
