@@ -78,12 +78,13 @@ def preferred_velocity(own, pieces, ways, memory, settings, room, aim, preferred
     to_goal = length = norm(to_1, to_2)
     way = int(own[WAY]) - 1
     if way >= 0:
-        clearance = buffered_clearance(own, settings)
+        clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
         route = NO_WAY
-        for narrow in range(2):
+        for width in range(ways.shape[1]):
             if route == NO_WAY:
-                wide = clearance + (settings[ROUTE_MARGIN] if narrow == 0 else 0.0)
-                route = way_aim(pieces, ways[way, narrow], p_1, p_2, own[AIM], own[AIM + 1], wide, memory, room, aim)
+                route = way_aim(
+                    pieces, ways[way, width], p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, room, aim
+                )  # fmt: skip
         # Where there is no way, straight on: half-planes keep out.
         route = max(route, 0)
         to_1, to_2 = aim[0] - p_1, aim[1] - p_2

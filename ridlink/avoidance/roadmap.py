@@ -22,8 +22,12 @@ SPARE, SPARE_TIMES = 64, 4
 STEPS_PER_M = 2.0
 """Clearances are rounded down to such steps: they change with the speed, and each has ways of its own."""
 
-WIDTHS = 2
-"""Ways to a goal: with the route margin, and without it for where that leaves none."""
+WIDTHS = 3
+"""Ways to a goal: with the route margin, without it for where that leaves none, and with SCANT of the rest."""
+
+SCANT = 0.25
+"""Who is between walls that are too near from the beginning gets out with this share of the clearance; nobody gets in,
+for half-planes keep out."""
 
 
 def rounded_corners(vertex_ne_m: FloatArray, start: NDArray[np.int64]) -> FloatArray:
@@ -69,7 +73,7 @@ class Roadmap:
         self._scratch = np.empty((points, KEEP_COLUMNS)), np.empty(points, np.bool_), np.empty(2)
         self._table = np.empty((0, WIDTHS, points, WAY_COLUMNS))
         self._places: dict[tuple[float, ...], int] = {}
-        self._keys, self._numbers = np.empty((0, 4)), np.empty(0)
+        self._keys, self._numbers = np.empty((0, 2 + WIDTHS)), np.empty(0)
 
     def ways(self, own: FloatArray, settings: FloatArray, obstacles: Obstacles) -> FloatArray:
         """The ways to the goals of own-ships; those that are new are worked out.
@@ -94,9 +98,10 @@ class Roadmap:
             nearest = np.argmin(np.sum(np.square(vertex - goals[:, None]), axis=2), axis=1)
             goals = goals - moved[nearest]
         narrow = rows[:, CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
-        keys = np.empty((len(rows), 4))
+        keys = np.empty((len(rows), 2 + WIDTHS))
         keys[:, :2] = np.rint(goals)
-        keys[:, 2], keys[:, 3] = in_steps(narrow + settings[ROUTE_MARGIN]), in_steps(narrow)
+        clearances = narrow + settings[ROUTE_MARGIN], narrow, SCANT * narrow
+        keys[:, 2:] = in_steps(np.stack(clearances, axis=1))
         keys[rows[:, AIM_IS_VELOCITY] != 0.0] = np.nan
         changed = np.ones(len(keys), np.bool_)
         if len(self._places) > SPARE + SPARE_TIMES * len(keys):

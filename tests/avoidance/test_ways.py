@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from ridlink.avoidance import HalfplaneSettings, Obstacles, keep_out, rows, ways
 from ridlink.avoidance.halfplane import room_for_ways
 from ridlink.avoidance.roadmap import Roadmap
+from ridlink.avoidance.solver import HalfplaneSolver
+from ridlink.avoidance.types import OwnShip, Traffic
 from tests.avoidance.lockstep import signed_distance
 from tests.avoidance.way_in import way_in
 
@@ -190,6 +192,29 @@ def test_a_goal_within_the_clearance_is_found_wherever_it_is_between_whole_metre
     assert signed_distance(obstacles, places).min() > 0.98 * (off_m - 1.5) - 0.1
 
 
+@pytest.mark.parametrize("half_m", [5.0, 9.0, 11.0])
+def test_who_starts_between_walls_that_are_too_near_gets_out_and_nobody_gets_in(half_m):
+    """A street in which the clearance of 9.5 m, with its buffer, is nowhere; the goal is beyond one of its walls."""
+    obstacles = Obstacles.from_polygons([SQUARE * [0.2, 1.5] + [side * (half_m + 8.0), 0.0] for side in (-1.0, 1.0)])
+    for start, goal in (((0.0, 10.0), (half_m + 60.0, 0.0)), ((0.0, -150.0), (0.0, 0.0))):
+        solver, position, command, route, nearest = HalfplaneSolver(), np.array(start), np.zeros(2), 0, math.inf
+        for _ in range(400):
+            decision = solver.solve(
+                OwnShip(position, command, command, 1.0, 10.0), no_traffic(), goal_ne_m=goal, cruise_mps=10.0,
+                obstacles=obstacles, own_clearance_m=9.5, route=route,
+            )  # fmt: skip
+            route, command = decision.route, decision.command_ne_mps
+            position = position + 0.1 * command
+            nearest = min(nearest, signed_distance(obstacles, position))
+        assert (np.linalg.norm(position - goal) < 5.0) == (start[1] > 0.0)
+        assert nearest > min(half_m, 9.5) - 0.2
+
+
+def no_traffic():
+    pairs, ones = np.zeros((0, 2)), np.zeros(0)
+    return Traffic(pairs, pairs, pairs, ones, ones, ones, ones.astype(np.bool_), ones.astype(np.int8))
+
+
 def scattered(random):
     """Some obstacles, a start and a goal outside of them, as random as can be."""
     polygons = []
@@ -272,17 +297,17 @@ def test_a_roadmap_works_out_what_is_new_and_keeps_the_rest(monkeypatch):
     own[3, rows.AIM_IS_VELOCITY] = 1.0
     roadmap = Roadmap(obstacles)
     points = ways.ROUND * len(obstacles.piece_vertex_ne_m)
-    assert roadmap.ways(own, vector, obstacles).shape[1:] == (2, points, ways.WAY_COLUMNS)
+    assert roadmap.ways(own, vector, obstacles).shape[1:] == (3, points, ways.WAY_COLUMNS)
     assert own[:, rows.WAY].tolist() == [1.0, 2.0, 3.0, 0.0]
-    assert asked == [15.0, 12.0] * 3
+    assert asked == [15.0, 12.0, 3.0] * 3
     own[:, rows.AIM] += 0.2
     own[1, rows.AIM] = 70.0
     roadmap.ways(own, vector, obstacles)
     assert own[:, rows.WAY].tolist() == [1.0, 4.0, 3.0, 0.0]
-    assert len(asked) == 8
+    assert len(asked) == 12
     roadmap.ways(own[:2], vector, obstacles)
     assert own[:, rows.WAY].tolist() == [1.0, 4.0, 3.0, 0.0]
-    assert len(asked) == 8
+    assert len(asked) == 12
 
 
 def test_without_obstacles_there_are_no_ways_whatever_there_was_before():
