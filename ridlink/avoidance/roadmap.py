@@ -1,10 +1,12 @@
 """The map of ways among static obstacles: worked out where it is first asked for, and kept.
 
-What kernels cannot do at every step is done here once for a goal, to the metre, and a clearance, in steps.
+What kernels cannot do at every step is done here once for a goal and a clearance, both rounded: the goal to a metre
+near obstacles, and to more where it is far from all of them, for some goals come with another error at every step.
 """
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -15,12 +17,23 @@ from ridlink.avoidance.rows import AIM, AIM_IS_VELOCITY, BUFFER_SHARE, CLEARANCE
 from ridlink.avoidance.ways import EAST, KEEP_COLUMNS, NORTH, ROUND, WAY_COLUMNS, measure_ways
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
-SPARE, SPARE_TIMES = 64, 4
+SPARE, SPARE_TIMES = 64, 8
 """Ways that are kept: so many, and so many for each own-ship."""
+
+MOST_EXPONENT, STEPS_AWAY = 4, 8.0
+"""Goals are rounded to at most two to this power, in metres, and to a part of their distance from all obstacles."""
+
+CELL_BITS = 20
+"""Of the place of a goal along one axis: as far as half a million metres and more. Beyond, goals lie on the edge."""
 
 STEPS_PER_M = 2.0
 """Clearances are rounded down to such steps: they change with the speed, and each has ways of its own."""
+
+MOST_STEPS = 2**16 - 1
+"""Clearances of so many steps and more are one."""
 
 WIDTHS = 3
 """Ways to a goal: with the route margin, without it for where that leaves none, and with SCANT of the rest."""
@@ -52,11 +65,6 @@ def rounded_corners(vertex_ne_m: FloatArray, start: NDArray[np.int64]) -> FloatA
     return np.concatenate(corners) if corners else np.empty((0, 2))
 
 
-def in_steps(clearance_m: FloatArray) -> FloatArray:
-    """Clearances rounded down."""
-    return np.asarray(np.floor(clearance_m * STEPS_PER_M) / STEPS_PER_M)
-
-
 class Roadmap:
     """Ways among obstacles. Whoever asks has one of its own: it is not for two threads at a time.
 
@@ -71,9 +79,11 @@ class Roadmap:
         self._rounding = rounded_corners(vertex, start)
         self._owner = np.repeat(np.arange(len(start) - 1), ROUND * np.diff(start))
         self._scratch = np.empty((points, KEEP_COLUMNS)), np.empty(points, np.bool_), np.empty(2)
+        rings = [vertex[first:last] for first, last in pairwise(start)]
+        self._middles = np.array([ring.mean(axis=0) for ring in rings]).reshape(-1, 2)
+        self._radii = np.array([np.linalg.norm(ring - ring.mean(axis=0), axis=1).max() for ring in rings])
         self._table = np.empty((0, WIDTHS, points, WAY_COLUMNS))
-        self._places: dict[tuple[float, ...], int] = {}
-        self._keys, self._numbers = np.empty((0, 2 + WIDTHS)), np.empty(0)
+        self._keys, self._order, self._margin_m = np.empty(0, np.int64), np.empty(0, np.int64), math.nan
 
     def ways(self, own: FloatArray, settings: FloatArray, obstacles: Obstacles) -> FloatArray:
         """The ways to the goals of own-ships; those that are new are worked out.
@@ -88,51 +98,64 @@ class Roadmap:
         """
         rows = own.reshape(-1, OWN_COLUMNS)
         rows[:, WAY] = 0.0
-        if not len(self._owner):
+        meant = (rows[:, AIM_IS_VELOCITY] == 0.0) & np.all(np.isfinite(rows[:, [AIM, AIM + 1, CLEARANCE]]), axis=1)
+        if not len(self._owner) or not meant.any():
             return self._table
-        vertex, goals = obstacles.pieces[0], rows[:, AIM : AIM + 2]
+        vertex, goals = obstacles.pieces[0], rows[meant, AIM : AIM + 2]
         # Corner by corner: about another origin north is another direction, too.
         moved = vertex - self._pieces[0]
         stays = not moved.any()
         if not stays:
             nearest = np.argmin(np.sum(np.square(vertex - goals[:, None]), axis=2), axis=1)
             goals = goals - moved[nearest]
-        narrow = rows[:, CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
-        keys = np.empty((len(rows), 2 + WIDTHS))
-        keys[:, :2] = np.rint(goals)
-        clearances = narrow + settings[ROUTE_MARGIN], narrow, SCANT * narrow
-        keys[:, 2:] = in_steps(np.stack(clearances, axis=1))
-        keys[rows[:, AIM_IS_VELOCITY] != 0.0] = np.nan
-        changed = np.ones(len(keys), np.bool_)
-        if len(self._places) > SPARE + SPARE_TIMES * len(keys):
-            self._places.clear()
-        elif len(self._keys) == len(keys):
-            changed = np.any(self._keys != keys, axis=1)
-            rows[:, WAY] = self._numbers
-        self._keys = keys
-        for row in np.flatnonzero(changed).tolist():
-            rows[row, WAY] = self._number(keys[row])
-        self._numbers = rows[:, WAY].copy()
-        if stays or not self._places:
+        keys = self._rounded(goals, rows[meant, CLEARANCE] * (1.0 + settings[BUFFER_SHARE]))
+        if settings[ROUTE_MARGIN] != self._margin_m or len(self._keys) > SPARE + SPARE_TIMES * len(rows):
+            self._keys, self._margin_m = np.empty(0, np.int64), float(settings[ROUTE_MARGIN])
+            self._table = self._table[:0]
+        places, known = self._found(keys)
+        if not known.all():
+            self._add(np.unique(keys[~known]))
+            places, _ = self._found(keys)
+        if stays:
+            rows[meant, WAY] = places + 1.0
             return self._table
-        asked, which = np.unique(rows[:, WAY], return_inverse=True)
-        ways: FloatArray = self._table[np.maximum(asked.astype(np.int64) - 1, 0)]
+        asked, which = np.unique(places, return_inverse=True)
+        ways: FloatArray = self._table[asked]
         ways[..., NORTH : EAST + 1] += np.repeat(moved, ROUND, axis=0)
-        rows[:, WAY] = np.where(rows[:, WAY] > 0.0, which.reshape(-1) + 1.0, 0.0)
+        rows[meant, WAY] = which.reshape(-1) + 1.0
         return ways
 
-    def _number(self, key: FloatArray) -> int:
-        """Number of the ways to a goal, from 1; 0 for no goal."""
-        if not np.all(np.isfinite(key)):
-            return 0
-        known = tuple(key.tolist())
-        if known not in self._places:
-            place = len(self._places)
-            if place == len(self._table):
-                self._table = np.concatenate([self._table, np.empty((max(place, 1), *self._table.shape[1:]))])
-            for way, clearance in zip(self._table[place], key[2:], strict=True):
-                measure_ways(
-                    self._pieces, self._rounding, self._owner, clearance, key[0], key[1], *self._scratch, way
-                )  # fmt: skip
-            self._places[known] = place
-        return self._places[known] + 1
+    def _rounded(self, goals_ne_m: FloatArray, clearance_m: FloatArray) -> IntArray:
+        """Goals and clearances, rounded, as one number for each."""
+        away = np.linalg.norm(goals_ne_m[:, None] - self._middles, axis=2) - self._radii
+        exponent = np.clip(np.log2(np.maximum(away.min(axis=1) / STEPS_AWAY, 1.0)), 0, MOST_EXPONENT).astype(np.int64)
+        most = 2 ** (CELL_BITS - 1) - 1
+        cells = np.clip(np.rint(goals_ne_m / 2.0 ** exponent[:, None]), -most, most).astype(np.int64) + most
+        steps = np.clip(np.floor(clearance_m * STEPS_PER_M), 0, MOST_STEPS).astype(np.int64)
+        place = (cells[:, 0] << CELL_BITS) | cells[:, 1]
+        return np.asarray(((place << 3) | exponent) * (MOST_STEPS + 1) + steps)
+
+    def _found(self, keys: IntArray) -> tuple[IntArray, BoolArray]:
+        """Where the ways of keys are, and whether they are."""
+        if not len(self._keys):
+            return np.zeros(len(keys), np.int64), np.zeros(len(keys), np.bool_)
+        places = self._order[np.minimum(np.searchsorted(self._keys, keys, sorter=self._order), len(self._keys) - 1)]
+        return places, self._keys[places] == keys
+
+    def _add(self, keys: IntArray) -> None:
+        """Work out the ways of keys that are not known yet."""
+        first = len(self._keys)
+        self._keys = np.concatenate([self._keys, keys])
+        self._order = np.argsort(self._keys)
+        if len(self._keys) > len(self._table):
+            spare = np.empty((2 * len(self._keys) - len(self._table), *self._table.shape[1:]))
+            self._table = np.concatenate([self._table, spare])
+        most = 2 ** (CELL_BITS - 1) - 1
+        for place, key in enumerate(keys.tolist(), first):
+            cell, steps = divmod(key, MOST_STEPS + 1)
+            metres = 2.0 ** (cell & 7)
+            north_m, east_m = (metres * (part - most) for part in divmod(cell >> 3, 2**CELL_BITS))
+            clearance_m = steps / STEPS_PER_M
+            widths = clearance_m + self._margin_m, clearance_m, SCANT * clearance_m
+            for way, width in zip(self._table[place], widths, strict=True):
+                measure_ways(self._pieces, self._rounding, self._owner, width, north_m, east_m, *self._scratch, way)
