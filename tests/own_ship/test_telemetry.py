@@ -508,3 +508,21 @@ def test_grave_words_of_the_vehicle_are_told_once_and_a_flood_of_them_not_at_onc
     assert len([text for text in told if text]) + telemetry.counters["vehicle_text_left_out"] == 1000
     autopilot.say(90.0, "STATUSTEXT", severity=2, text="GPS Glitch")
     assert telemetry.words.take(200.0) == "GPS Glitch", "it is so again, or still"
+
+
+def test_grave_words_do_not_fill_the_memory() -> None:
+    telemetry, autopilot = flying()
+    for second in range(59):
+        autopilot.say(1.0 + second, "STATUSTEXT", severity=0, text=f"cause {second}")
+        assert telemetry.words.take(1.0 + second) == f"cause {second}"
+    autopilot.say(60.0, "STATUSTEXT", severity=0, text="cause 58")
+    assert telemetry.words.take(61.0) == "", "known for a minute"
+    autopilot.say(60.0, "STATUSTEXT", severity=0, text="cause 0")
+    assert telemetry.words.take(61.0) == "cause 0", "of too many the oldest is forgotten, and told again"
+
+
+def test_what_nobody_asks_for_changes_nothing() -> None:
+    telemetry, autopilot = flying()
+    before = telemetry.state(0.1), telemetry.counters.copy()
+    autopilot.say(0.1, "COMMAND_ACK", command=176, result=4)
+    assert (telemetry.state(0.1), telemetry.counters) == before
