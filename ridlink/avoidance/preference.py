@@ -77,7 +77,7 @@ def preferred_velocity(own, pieces, ways, memory, settings, room, aim, preferred
     to_1, to_2, route = own[AIM] - p_1, own[AIM + 1] - p_2, 0
     to_goal = length = norm(to_1, to_2)
     way = int(own[WAY]) - 1
-    if way >= 0:
+    if 0 <= way < len(ways):
         clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
         route = NO_WAY
         for width in range(ways.shape[1]):

@@ -96,10 +96,12 @@ class Roadmap:
         Returns:
             Ways about that origin, shape (n, WIDTHS, points, WAY_COLUMNS).
         """
+        if not len(self._owner):  # where there is no way, whatever stands in WAY
+            return self._table
         rows = own.reshape(-1, OWN_COLUMNS)
         rows[:, WAY] = 0.0
         meant = (rows[:, AIM_IS_VELOCITY] == 0.0) & np.all(np.isfinite(rows[:, [AIM, AIM + 1, CLEARANCE]]), axis=1)
-        if not len(self._owner) or not meant.any():
+        if not meant.any():
             return self._table
         vertex, goals = obstacles.pieces[0], rows[meant, AIM : AIM + 2]
         # Corner by corner: about another origin north is another direction, too.

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.avoidance import HalfplaneSettings, Obstacles, keep_out, rows, ways
+from ridlink.avoidance import HalfplaneSettings, Obstacles, OwnShip, Traffic, keep_out, rows, ways
 from ridlink.avoidance.halfplane import room_for_ways
 from ridlink.avoidance.roadmap import Roadmap
 from ridlink.avoidance.solver import HalfplaneSolver
-from ridlink.avoidance.types import OwnShip, Traffic
 from tests.avoidance.lockstep import signed_distance
 from tests.avoidance.way_in import way_in
 
@@ -311,11 +310,15 @@ def test_a_roadmap_works_out_what_is_new_and_keeps_the_rest(monkeypatch):
 
 
 def test_without_obstacles_there_are_no_ways_whatever_there_was_before():
-    own = own_row((100.0, 0.0), 9.0)
-    vector = HalfplaneSettings().as_vector()
-    square, nothing = Obstacles.from_polygons([SQUARE]), Obstacles.from_polygons([])
-    assert len(Roadmap(square).ways(own, vector, square)) and own[rows.WAY] == 1.0
-    assert not len(Roadmap(nothing).ways(own, vector, nothing)) and own[rows.WAY] == 0.0
+    none, no_kind = np.zeros((0, 2)), np.zeros(0)
+    alone = Traffic(none, none, none, no_kind, no_kind, no_kind, np.zeros(0, np.bool_), np.zeros(0, np.int8))
+    own = OwnShip(np.array([-100.0, 0.0]), np.zeros(2), np.zeros(2), 0.6, 10.0)
+    solver, ask = HalfplaneSolver(), {"goal_ne_m": (100.0, 0.0), "cruise_mps": 5.0}
+    for _ in range(2):
+        round_it = solver.solve(own, alone, obstacles=Obstacles.from_polygons([SQUARE]), **ask)
+        assert round_it.route > 0 and abs(round_it.preferred_ne_mps[1]) > 1.0
+        straight = solver.solve(own, alone, **ask)
+        assert straight.route == 0 and straight.preferred_ne_mps == pytest.approx([5.0, 0.0])
 
 
 def test_ways_do_not_fill_the_memory():
