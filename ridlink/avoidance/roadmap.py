@@ -1,7 +1,7 @@
 """The map of ways among static obstacles: worked out where it is first asked for, and kept.
 
-What kernels cannot do at every step is done here once for a goal and a clearance, both rounded: the goal to a metre
-near obstacles, and to more where it is far from all of them, for some goals come with another error at every step.
+What kernels cannot do at every step is done here once for a goal and a clearance, both rounded: the goal to a metre,
+and where it comes with another error at every step to more than that far from all obstacles.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SPARE, SPARE_TIMES = 64, 8
 """Ways that are kept: so many, and so many for each own-ship."""
 
 MOST_EXPONENT, STEPS_AWAY = 4, 8.0
-"""Goals are rounded to at most two to this power, in metres, and to a part of their distance from all obstacles."""
+"""Noisy goals are rounded to at most two to this power, in metres, and to a part of their distance from obstacles."""
 
 CELL_BITS = 20
 """Of the place of a goal along one axis: as far as half a million metres and more. Beyond, goals lie on the edge."""
@@ -70,9 +70,12 @@ class Roadmap:
 
     Args:
         obstacles: Them, about any origin.
+        noisy_goals: Goals come with another error at every step, and are rounded to more than a metre far from
+            obstacles. A goal that stays where it is must not be: the last corner before it may be another one.
     """
 
-    def __init__(self, obstacles: Obstacles) -> None:
+    def __init__(self, obstacles: Obstacles, *, noisy_goals: bool = False) -> None:
+        self._most_exponent = MOST_EXPONENT if noisy_goals else 0
         self._pieces = obstacles.pieces
         vertex, start = self._pieces
         points = ROUND * len(vertex)
@@ -130,7 +133,9 @@ class Roadmap:
     def _rounded(self, goals_ne_m: FloatArray, clearance_m: FloatArray) -> IntArray:
         """Goals and clearances, rounded, as one number for each."""
         away = np.linalg.norm(goals_ne_m[:, None] - self._middles, axis=2) - self._radii
-        exponent = np.clip(np.log2(np.maximum(away.min(axis=1) / STEPS_AWAY, 1.0)), 0, MOST_EXPONENT).astype(np.int64)
+        exponent = np.clip(np.log2(np.maximum(away.min(axis=1) / STEPS_AWAY, 1.0)), 0, self._most_exponent).astype(
+            np.int64
+        )
         most = 2 ** (CELL_BITS - 1) - 1
         cells = np.clip(np.rint(goals_ne_m / 2.0 ** exponent[:, None]), -most, most).astype(np.int64) + most
         steps = np.clip(np.floor(clearance_m * STEPS_PER_M), 0, MOST_STEPS).astype(np.int64)
