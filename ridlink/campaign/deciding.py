@@ -130,7 +130,7 @@ class _Halfplanes(_Batched):
         self._memories = (worlds.new_memory(*shape), np.zeros(shape, np.int64))
         self._obstacles, self._roadmap, self._settings = (
             obstacles,
-            Roadmap(obstacles, noisy_goals=True),
+            Roadmap(obstacles),
             settings.as_vector(),
         )
         self._scratch = worlds.halfplane_scratch(*shape, obstacles)

@@ -118,7 +118,7 @@ class PairDecider:
             self._kernel: Any = avoid_pairs
             self._route, self._turns = np.zeros(shape, np.int64), new_turns(*shape)
             self._constants: tuple[Any, ...] = ()
-            self._obstacles, self._roadmap = obstacles, Roadmap(obstacles, noisy_goals=True)
+            self._obstacles, self._roadmap = obstacles, Roadmap(obstacles)
             self._scratch = rows.for_all_worlds(halfplane.new_scratch(vehicles, obstacles), worlds)
             return
         self._scratch = rows.for_all_worlds(headings.new_scratch(vehicles, obstacles), worlds)
