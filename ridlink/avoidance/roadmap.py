@@ -1,7 +1,7 @@
 """The map of ways among static obstacles: worked out where it is first asked for, and kept.
 
-What kernels cannot do at every step is done here once for a goal and a clearance, both rounded: the goal to a metre,
-and where it comes with another error at every step to more than that far from all obstacles.
+What kernels cannot do at every step is done here once for a goal, to the metre, and a clearance, in steps. Rounded
+further, the last corner before a goal may be another one than that of the goal itself.
 """
 
 from __future__ import annotations
@@ -22,9 +22,6 @@ BoolArray = NDArray[np.bool_]
 
 SPARE, SPARE_TIMES = 64, 8
 """Ways that are kept: so many, and so many for each own-ship."""
-
-MOST_EXPONENT, STEPS_AWAY = 4, 8.0
-"""Noisy goals are rounded to at most two to this power, in metres, and to a part of their distance from obstacles."""
 
 CELL_BITS = 20
 """Of the place of a goal along one axis: as far as half a million metres and more. Beyond, goals lie on the edge."""
@@ -65,26 +62,28 @@ def rounded_corners(vertex_ne_m: FloatArray, start: NDArray[np.int64]) -> FloatA
     return np.concatenate(corners) if corners else np.empty((0, 2))
 
 
+def rounded(goals_ne_m: FloatArray, clearance_m: FloatArray) -> IntArray:
+    """Goals, shape (n, 2), and clearances, shape (n,), rounded, as one number for each."""
+    most = 2 ** (CELL_BITS - 1) - 1
+    cells = np.clip(np.rint(goals_ne_m), -most, most).astype(np.int64) + most
+    steps = np.clip(np.floor(clearance_m * STEPS_PER_M), 0, MOST_STEPS).astype(np.int64)
+    return np.asarray(((cells[:, 0] << CELL_BITS) | cells[:, 1]) * (MOST_STEPS + 1) + steps)
+
+
 class Roadmap:
     """Ways among obstacles. Whoever asks has one of its own: it is not for two threads at a time.
 
     Args:
         obstacles: Them, about any origin.
-        noisy_goals: Goals come with another error at every step, and are rounded to more than a metre far from
-            obstacles. A goal that stays where it is must not be: the last corner before it may be another one.
     """
 
-    def __init__(self, obstacles: Obstacles, *, noisy_goals: bool = False) -> None:
-        self._most_exponent = MOST_EXPONENT if noisy_goals else 0
+    def __init__(self, obstacles: Obstacles) -> None:
         self._pieces = obstacles.pieces
         vertex, start = self._pieces
         points = ROUND * len(vertex)
         self._rounding = rounded_corners(vertex, start)
         self._owner = np.repeat(np.arange(len(start) - 1), ROUND * np.diff(start))
         self._scratch = np.empty((points, KEEP_COLUMNS)), np.empty(points, np.bool_), np.empty(2)
-        rings = [vertex[first:last] for first, last in pairwise(start)]
-        self._middles = np.array([ring.mean(axis=0) for ring in rings]).reshape(-1, 2)
-        self._radii = np.array([np.linalg.norm(ring - ring.mean(axis=0), axis=1).max() for ring in rings])
         self._table = np.empty((0, WIDTHS, points, WAY_COLUMNS))
         self._keys, self._order, self._margin_m = np.empty(0, np.int64), np.empty(0, np.int64), math.nan
 
@@ -113,7 +112,7 @@ class Roadmap:
         if not stays:
             nearest = np.argmin(np.sum(np.square(vertex - goals[:, None]), axis=2), axis=1)
             goals = goals - moved[nearest]
-        keys = self._rounded(goals, rows[meant, CLEARANCE] * (1.0 + settings[BUFFER_SHARE]))
+        keys = rounded(goals, rows[meant, CLEARANCE] * (1.0 + settings[BUFFER_SHARE]))
         if settings[ROUTE_MARGIN] != self._margin_m or len(self._keys) > SPARE + SPARE_TIMES * len(rows):
             self._keys, self._margin_m = np.empty(0, np.int64), float(settings[ROUTE_MARGIN])
             self._table = self._table[:0]
@@ -129,18 +128,6 @@ class Roadmap:
         ways[..., NORTH : EAST + 1] += np.repeat(moved, ROUND, axis=0)
         rows[meant, WAY] = which.reshape(-1) + 1.0
         return ways
-
-    def _rounded(self, goals_ne_m: FloatArray, clearance_m: FloatArray) -> IntArray:
-        """Goals and clearances, rounded, as one number for each."""
-        away = np.linalg.norm(goals_ne_m[:, None] - self._middles, axis=2) - self._radii
-        exponent = np.clip(np.log2(np.maximum(away.min(axis=1) / STEPS_AWAY, 1.0)), 0, self._most_exponent).astype(
-            np.int64
-        )
-        most = 2 ** (CELL_BITS - 1) - 1
-        cells = np.clip(np.rint(goals_ne_m / 2.0 ** exponent[:, None]), -most, most).astype(np.int64) + most
-        steps = np.clip(np.floor(clearance_m * STEPS_PER_M), 0, MOST_STEPS).astype(np.int64)
-        place = (cells[:, 0] << CELL_BITS) | cells[:, 1]
-        return np.asarray(((place << 3) | exponent) * (MOST_STEPS + 1) + steps)
 
     def _found(self, keys: IntArray) -> tuple[IntArray, BoolArray]:
         """Where the ways of keys are, and whether they are."""
@@ -160,8 +147,7 @@ class Roadmap:
         most = 2 ** (CELL_BITS - 1) - 1
         for place, key in enumerate(keys.tolist(), first):
             cell, steps = divmod(key, MOST_STEPS + 1)
-            metres = 2.0 ** (cell & 7)
-            north_m, east_m = (metres * (part - most) for part in divmod(cell >> 3, 2**CELL_BITS))
+            north_m, east_m = (float(part - most) for part in divmod(cell, 2**CELL_BITS))
             clearance_m = steps / STEPS_PER_M
             widths = clearance_m + self._margin_m, clearance_m, SCANT * clearance_m
             for way, width in zip(self._table[place], widths, strict=True):

@@ -128,11 +128,7 @@ class _Halfplanes(_Batched):
     def __init__(self, settings: HalfplaneSettings, shape: tuple[int, int], obstacles: Obstacles) -> None:
         self._kernel = worlds.avoid_worlds
         self._memories = (worlds.new_memory(*shape), np.zeros(shape, np.int64))
-        self._obstacles, self._roadmap, self._settings = (
-            obstacles,
-            Roadmap(obstacles),
-            settings.as_vector(),
-        )
+        self._obstacles, self._roadmap, self._settings = obstacles, Roadmap(obstacles), settings.as_vector()
         self._scratch = worlds.halfplane_scratch(*shape, obstacles)
         self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
 

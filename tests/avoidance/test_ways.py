@@ -267,7 +267,7 @@ def shortest_on_a_grid(obstacles, start, goal, clearance, step_m=4.0):
     return math.inf
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_among_any_obstacles_the_way_is_as_short_as_any(seed):
     """Whatever way a grid finds with more clearance, there is one, and it is no longer than that."""
@@ -330,20 +330,14 @@ def test_ways_do_not_fill_the_memory():
     assert most <= 128
 
 
-def test_goals_that_come_with_errors_share_ways_far_from_obstacles_and_not_near():
+def test_ways_do_not_depend_on_who_else_asks():
     obstacles, vector = Obstacles.from_polygons([SQUARE]), HalfplaneSettings().as_vector()
-    errors = np.random.default_rng(5).normal(0.0, 10.0, (2000, 2))
-    for away, most, least in (((300.0, 0.0), 60, 1), ((60.0, 0.0), 2000, 800)):
-        roadmap, asked = (
-            Roadmap(obstacles, noisy_goals=True),
-            np.stack([own_row(away + error, 9.0) for error in errors]),
-        )
-        roadmap.ways(asked, vector, obstacles)
-        assert least <= len(np.unique(asked[:, rows.WAY])) <= most
-        alone = asked[7:8].copy()
-        found = Roadmap(obstacles, noisy_goals=True).ways(alone, vector, obstacles)[int(alone[0, rows.WAY]) - 1]
-        together = roadmap.ways(asked, vector, obstacles)[int(asked[7, rows.WAY]) - 1]
-        assert np.array_equal(found, together)  # whoever else asks
+    goals = np.array([200.0, 0.0]) + np.random.default_rng(5).normal(0.0, 10.0, (2000, 2))
+    asked = np.stack([own_row(goal, 9.0) for goal in goals])
+    together = Roadmap(obstacles).ways(asked, vector, obstacles)[int(asked[7, rows.WAY]) - 1]
+    alone = asked[7:8].copy()
+    found = Roadmap(obstacles).ways(alone, vector, obstacles)[int(alone[0, rows.WAY]) - 1]
+    assert np.array_equal(found, together)
 
 
 @pytest.mark.parametrize("moved", [(0.0, 0.0), (123.4, -56.7)])
