@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS, decode_export
+from ridlink.cli.files import readable, whole_output
 from ridlink.cli.options import capture_kind, wanted_names
-from ridlink.cli.output import whole_output
 from ridlink.cli.progress import HasPosition, Progress
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def decode(
         decode_export.check_follow(files, kind, output_format, output, join, stats)
     selection = Selection(wanted_names(types), source_system, since, until)
     statistics = Statistics()
-    found = decode_export.readable(files)
+    found = readable(files)
     if join or output_format in decode_export.EXPORTS:
         decode_export.export(found, kind, output_format, output, join, selection, statistics, telemetry=telemetry)
         _tell_timeless(statistics, selection)

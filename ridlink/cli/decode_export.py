@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import os
-import shutil
-import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,8 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
-from ridlink.cli.output import whole_output
-from ridlink.cli.signals import removed_by_signals
+from ridlink.cli.files import whole_folder, whole_output
 from ridlink.errors import CaptureError
 
 if TYPE_CHECKING:
@@ -94,34 +90,6 @@ def check_follow(
         raise click.UsageError("--follow is for tlog, raw MAVLink and lines of hex, not for pcap")
     if output not in (None, "-"):
         raise click.UsageError("--follow writes to standard output: a file of -o appears only when it is whole")
-
-
-def refuse_unreadable(path: str) -> None:
-    """A file that cannot be opened, before anything is loaded that would read it.
-
-    Raises:
-        OSError: If it is one.
-    """
-    if path != "-" and not stat.S_ISFIFO(os.stat(path).st_mode):  # whoever writes a pipe sees it close
-        open(path, "rb").close()
-
-
-def readable(files: tuple[str, ...]) -> tuple[str, ...]:
-    """The files that can be opened. Of the others it is said at once, not after an hour of the files before them.
-
-    Raises:
-        OSError: If there is none.
-    """
-    found = []
-    for number, path in enumerate(files, 1):
-        try:
-            refuse_unreadable(path)
-            found.append(path)
-        except OSError as error:
-            if number == len(files) and not found:
-                raise
-            click.echo(f"ridlink: {path}: {error.strerror}", err=True)
-    return tuple(found)
 
 
 @contextmanager
@@ -229,12 +197,10 @@ def _export_folder(
     files: tuple[str, ...], kind: str, output_format: str, output: str, selection: Selection, statistics: Statistics
 ) -> None:
     from ridlink.captures.export.fields import fields_of_records
-    from ridlink.captures.export.folder import whole_folder
     from ridlink.captures.export.tables import CsvFolder, ParquetFolder, tables_of_block, tables_of_messages
 
     with (
         whole_folder(output) as folder,
-        removed_by_signals(lambda: shutil.rmtree(folder, ignore_errors=True)),
         CsvFolder(folder) if output_format == "csv" else ParquetFolder(folder) as writer,
     ):
         for part in _captures(files, kind, selection, statistics):

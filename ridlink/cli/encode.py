@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_REJECTS
-from ridlink.cli.output import whole_output
+from ridlink.cli.files import whole_output
 from ridlink.words import counted
 
 if TYPE_CHECKING:

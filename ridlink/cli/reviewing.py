@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS
-from ridlink.cli.decode_export import readable
+from ridlink.cli.files import readable
 from ridlink.cli.progress import Progress
 from ridlink.errors import CaptureError
 

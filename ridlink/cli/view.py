@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.decode_export import refuse_unreadable
+from ridlink.cli.files import refuse_unreadable
 from ridlink.cli.options import NAME, accuracy_convention, capture_kind, definition_of, refuse_recording
 from ridlink.cli.reviewing import exit_code
 from ridlink.cli.signals import stopped_by_signals

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ridlink.cli.files import refuse_to_replace, whole_output
 from ridlink.cli.options import accuracy_convention, capture_kind, definition_of
-from ridlink.cli.output import refuse_to_replace, whole_output
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 
 if TYPE_CHECKING:

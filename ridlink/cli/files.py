@@ -1,0 +1,132 @@
+"""Files of commands: those to read, which may not open, and those written, which appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import shutil
+import stat
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, TypeVar
+
+import click
+
+from ridlink.cli.signals import removed_by_signals
+from ridlink.files import full_disk_named
+from ridlink.remote_id.text import display_name
+
+Made = TypeVar("Made")
+
+# --- read ---
+
+
+def refuse_unreadable(path: str) -> None:
+    """A file that cannot be opened, before anything is loaded that would read it.
+
+    Raises:
+        OSError: If it is one.
+    """
+    if path != "-" and not stat.S_ISFIFO(os.stat(path).st_mode):  # whoever writes a pipe sees it close
+        open(path, "rb").close()
+
+
+def readable(files: tuple[str, ...]) -> tuple[str, ...]:
+    """The files that can be opened. Of the others it is said at once, not after an hour of the files before them.
+
+    Raises:
+        OSError: If there is none.
+    """
+    found = []
+    for number, path in enumerate(files, 1):
+        try:
+            refuse_unreadable(path)
+            found.append(path)
+        except OSError as error:
+            if number == len(files) and not found:
+                raise
+            click.echo(f"ridlink: {path}: {error.strerror}", err=True)
+    return tuple(found)
+
+
+def refuse_to_replace(path: str | None, read: Iterable[str]) -> None:
+    """What is written would be the end of what is read; standard streams are nobody's end.
+
+    Raises:
+        click.UsageError: If the path is one of the files that are read.
+    """
+    if path is None or path == "-":
+        return
+    if any(os.path.realpath(name) == os.path.realpath(path) for name in read if name != "-"):
+        raise click.UsageError(f"{display_name(path)} is what is read: write to another file")
+
+
+# --- written ---
+
+
+@contextmanager
+def whole_output(path: str | None, read: Iterable[str] = ()) -> Iterator[BinaryIO]:
+    """Standard output, or a file that appears when everything is in it.
+
+    Args:
+        path: Its name; None or ``-`` for standard output.
+        read: What is read meanwhile, and must not be replaced.
+
+    Raises:
+        click.UsageError: If it is one of the files that are read.
+    """
+    if path is None or path == "-":
+        yield sys.stdout.buffer
+        sys.stdout.buffer.flush()
+        return
+    target = Path(path)
+    if target.exists() and not target.is_file():  # a device or pipe cannot be replaced
+        with full_disk_named(path), open(target, "wb") as stream:
+            yield stream
+        return
+    refuse_to_replace(path, read)
+    unfinished = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
+    with removed_by_signals(lambda: unfinished.unlink(missing_ok=True)):
+        try:
+            with full_disk_named(path), _made(lambda: open(unfinished, "xb"), path) as stream:
+                yield stream
+            os.replace(unfinished, target)
+        except BaseException:
+            unfinished.unlink(missing_ok=True)
+            raise
+
+
+@contextmanager
+def whole_folder(path: str) -> Iterator[Path]:
+    """A folder to write into, which takes its name at the end; after an error nothing is left of it.
+
+    Args:
+        path: The folder; must not exist, or be empty.
+
+    Raises:
+        OSError: If it exists and is not empty, or cannot be made.
+    """
+    target = Path(path)
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise FileExistsError(errno.EEXIST, "exists and is not an empty folder; name a new one", path)
+    working = target.absolute().with_name(f".{target.name}.{secrets.token_hex(4)}")
+    try:
+        _made(working.mkdir, path)
+        with removed_by_signals(lambda: shutil.rmtree(working, ignore_errors=True)), full_disk_named(path):
+            yield working
+        os.replace(working, target)
+    except BaseException:
+        shutil.rmtree(working, ignore_errors=True)
+        raise
+
+
+def _made(make: Callable[[], Made], path: str) -> Made:
+    """What is made; why that is not possible is said of the path that was asked for."""
+    try:
+        return make()
+    except OSError as error:
+        error.filename = path
+        raise
