@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from typing import TYPE_CHECKING
 
 import click
 
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import above_zero
+from ridlink.cli.progress import StatusLine
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.words import counted
 
@@ -114,24 +114,21 @@ async def _carry(
         back=clean if direction == "there" else impairment,
         seed=seed,
     )
-    started_s = loop.time()
+    started_s, line = loop.time(), StatusLine()
     click.echo(f"ridlink: {near.at(proxy.near.local_address)} leads to {far}; Ctrl-C stops", err=True)
     try:
         while not stop.is_set() and (duration is None or loop.time() - started_s < duration):
             left_s = SHOWN_EVERY_S if duration is None else min(SHOWN_EVERY_S, started_s + duration - loop.time())
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(stop.wait(), max(0.0, left_s))
-            if sys.stderr.isatty():
-                there, back = proxy.totals()
-                sys.stderr.write(
-                    f"\r{counted(proxy.speakers, 'speaker')}, there {there['passed']:,} of {there['received']:,}, "
-                    f"back {back['passed']:,} of {back['received']:,}\x1b[K"
-                )
-                sys.stderr.flush()
+            there, back = proxy.totals()
+            line.show(
+                f"{counted(proxy.speakers, 'speaker')}, there {there['passed']:,} of {there['received']:,}, "
+                f"back {back['passed']:,} of {back['received']:,}"
+            )
     finally:
         proxy.close()
-        if sys.stderr.isatty():
-            sys.stderr.write("\r\x1b[K")
+        line.clear()
     return proxy, round(loop.time() - started_s, 3)
 
 

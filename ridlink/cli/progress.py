@@ -24,15 +24,40 @@ class HasPosition(Protocol):
         """Bytes in all, None where that is not known."""
 
 
+class StatusLine:
+    """A line on standard error that is written over by the next one; nothing where that is no terminal.
+
+    Attributes:
+        is_live: It is a terminal.
+    """
+
+    def __init__(self) -> None:
+        self.is_live = sys.stderr.isatty()
+        self._is_shown = False
+
+    def show(self, text: str) -> None:
+        """Put this in the place of what is shown."""
+        if self.is_live:
+            sys.stderr.write(f"\r{text}\x1b[K")
+            sys.stderr.flush()
+            self._is_shown = True
+
+    def clear(self) -> None:
+        """Take the line away."""
+        if self._is_shown:
+            self.show("")
+            self._is_shown = False
+
+
 class Progress:
-    """A line on standard error, if that is a terminal and the work takes more than a second."""
+    """How many messages were read: a status line, if the work takes more than a second."""
 
     CHECK_EVERY = 4096
 
     def __init__(self, screen_is_free: bool) -> None:
-        self._active = screen_is_free and sys.stderr.isatty()
+        self._line = StatusLine()
+        self._active = screen_is_free and self._line.is_live
         self._next_s = time.monotonic() + PROGRESS_AFTER_S
-        self._shown = False
         self._records = 0
 
     def tick(self, capture: HasPosition, records: int = 1) -> None:
@@ -41,13 +66,9 @@ class Progress:
         if not self._active or (records == 1 and self._records % self.CHECK_EVERY) or time.monotonic() < self._next_s:
             return
         self._next_s = time.monotonic() + PROGRESS_EVERY_S
-        self._shown = True
         share = f"{capture.position / capture.size:4.0%}  " if capture.size else ""
-        sys.stderr.write(f"\r{share}{counted(self._records, 'message')}\x1b[K")
-        sys.stderr.flush()
+        self._line.show(f"{share}{counted(self._records, 'message')}")
 
     def clear(self) -> None:
         """Take the line away."""
-        if self._shown:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+        self._line.clear()

@@ -6,13 +6,13 @@ import contextlib
 import errno
 import math
 import os
-import sys
 from typing import TYPE_CHECKING
 
 import click
 
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import above_zero
+from ridlink.cli.progress import StatusLine
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.words import counted
 
@@ -98,17 +98,14 @@ async def _until(
     loop = asyncio.get_running_loop()
     encoder = ground_station()
     ends_s = math.inf if duration is None else started_s + duration
-    on_terminal = sys.stderr.isatty()
+    line = StatusLine()
     while recorder.error is None and not stop.is_set() and loop.time() < ends_s:
         if speaks:
             link.send(heartbeat(encoder))
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stop.wait(), min(TICK_S, max(0.0, ends_s - loop.time())))
-        if on_terminal:
-            sys.stderr.write(f"\r{counted(recorder.messages, 'message')}, {loop.time() - started_s:.0f} s\x1b[K")
-            sys.stderr.flush()
-    if on_terminal:
-        sys.stderr.write("\r\x1b[K")
+        line.show(f"{counted(recorder.messages, 'message')}, {loop.time() - started_s:.0f} s")
+    line.clear()
 
 
 def _report(path: str, recorder: Recorder, duration_s: float, as_json: bool) -> None:

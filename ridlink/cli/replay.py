@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import click
 
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import above_zero, capture_kind, wanted_names
+from ridlink.cli.progress import StatusLine
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.errors import CaptureError
 from ridlink.words import counted
@@ -139,7 +139,7 @@ class _Player:
         self._stop = stop
         self._speed = speed
         self._interval_us = 1e6 / rate
-        self._shown_s = 0.0 if sys.stderr.isatty() else math.inf
+        self._line, self._shown_s = StatusLine(), -math.inf
 
     async def play(self, records: Iterator[Record], *, wait_for_peer: bool) -> None:
         """Send all records once.
@@ -199,14 +199,11 @@ class _Player:
         now_s = self._running.time()
         if now_s - self._shown_s >= PROGRESS_EVERY_S:
             self._shown_s = now_s
-            sys.stderr.write(f"\r{counted(self.sent, 'message')}, {now_s - self.started_s:.0f} s\x1b[K")
-            sys.stderr.flush()
+            self._line.show(f"{counted(self.sent, 'message')}, {now_s - self.started_s:.0f} s")
 
     def clear_progress(self) -> None:
         """Take the line away."""
-        if 0.0 < self._shown_s < math.inf:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+        self._line.clear()
 
 
 def _rounded(wait_s: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import click
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.files import refuse_unreadable
 from ridlink.cli.options import NAME, accuracy_convention, capture_kind, definition_of, refuse_recording
+from ridlink.cli.progress import StatusLine
 from ridlink.cli.reviewing import exit_code
 from ridlink.cli.signals import stopped_by_signals
 
@@ -71,10 +71,12 @@ def view(
     url: LinkUrl | None = None
     code = EXIT_DONE
     if files:
+        line = StatusLine()
         scenery, history, sources = read_history(
-            files, kind, memory_bytes=memory_bytes, convention=accuracy_convention, on_progress=_progress
-        )
-        _clear_line()
+            files, kind, memory_bytes=memory_bytes, convention=accuracy_convention,
+            on_progress=lambda share, time_s: line.show(f"reading: {100.0 * share:.0f} %, {time_s:.0f} s of traffic"),
+        )  # fmt: skip
+        line.clear()
         code = exit_code(sources, 0, is_strict=False)
         if history.thinned:
             click.echo(f"ridlink: kept one instant in {2**history.thinned} to stay within {memory_mb} MB "
@@ -132,14 +134,3 @@ def announce(url: str, opens: bool, remark: str = "", say: Callable[[str], None]
 
         if not webbrowser.open(url):
             say("ridlink: there is no browser here to open it")
-
-
-def _progress(share: float, time_s: float) -> None:
-    if sys.stderr.isatty():
-        sys.stderr.write(f"\rreading: {100.0 * share:.0f} %, {time_s:.0f} s of traffic\x1b[K")
-        sys.stderr.flush()
-
-
-def _clear_line() -> None:
-    if sys.stderr.isatty():
-        sys.stderr.write("\r\x1b[K")
