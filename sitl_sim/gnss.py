@@ -3,10 +3,12 @@
 Units and axes: metres, metres a second; north-east-down; shape (n, 3) for errors, (n,) for figures. ``sigma_m`` is one
 standard deviation per horizontal axis; the vertical one is 1.5 times that, the usual ratio of satellite geometry.
 
+A receiver has ten solutions a second, and errs anew in each of them, whatever the interval of Remote ID is.
+
 Error models:
 
-- white: a new normal draw at every report; what most simulations, and the paper, assume.
-- white-radial: as the paper does it, ``|N(0, sigma^2)| (cos phi, sin phi)``, new at every report. Its radius is
+- white: a new normal draw at every solution; what most simulations, and the paper, assume.
+- white-radial: as the paper does it, ``|N(0, sigma^2)| (cos phi, sin phi)``, new at every solution. Its radius is
   half-normal, so one axis has a standard deviation of sigma / sqrt(2) only; the figures reported stay those of sigma.
 - gauss-markov: correlated over 10 s, as real receivers wander; the stationary deviation is sigma.
 - bias: one draw for the whole flight.
@@ -36,6 +38,9 @@ FloatArray = npt.NDArray[np.float64]
 
 ErrorModel = Literal["white", "white-radial", "gauss-markov", "bias"]
 ERROR_MODELS: tuple[ErrorModel, ...] = get_args(ErrorModel)
+
+SOLUTION_INTERVAL_S = 0.1
+"""Time between two solutions of a receiver: 10 Hz, as those of flight controllers give them."""
 
 CORRELATION_TIME_S = 10.0
 """Time constant of the gauss-markov model."""
@@ -78,7 +83,7 @@ class GnssReceivers:
         model: One of ``ERROR_MODELS``.
         sigma_m: Standard deviation per horizontal axis, shape (n,); 0 = exact position (and velocity).
         seed: Seed of the run.
-        interval_s: Time between two reports; errors change only there.
+        interval_s: Time between two solutions; errors change only there.
         common_share: Share of the variance that all vehicles have in common.
         time_constant_s: Correlation time of the gauss-markov model.
 
@@ -97,7 +102,7 @@ class GnssReceivers:
         sigma_m: npt.ArrayLike,
         *,
         seed: int | Sequence[int] = 1,
-        interval_s: float = 0.1,
+        interval_s: float = SOLUTION_INTERVAL_S,
         common_share: float = 0.0,
         time_constant_s: float = CORRELATION_TIME_S,
     ) -> None:
@@ -122,7 +127,7 @@ class GnssReceivers:
         self._common = vehicle_generator(seed, Stream.GNSS_COMMON, 0)
         self._common_share = common_share
         self._keep = math.exp(-interval_s / time_constant_s)
-        self._since_report_s = 0.0
+        self._since_solution_s = 0.0
         self._unit_error = np.zeros((count, 3))
         self._outage_s = np.zeros(count)
         self._claimed_m = self._sigma_m.copy()
@@ -132,17 +137,17 @@ class GnssReceivers:
         self._innovation_m = np.zeros(count)
         self.position_error_ned_m: FloatArray = np.zeros((count, 3))
         self.velocity_error_ned_mps: FloatArray = np.zeros((count, 3))
-        self._report(first=True)
+        self._solve(first=True)
 
     def step(self, dt_s: float) -> None:
-        """Let time pass; a new error appears whenever a report is due."""
+        """Let time pass; a new error appears with every solution."""
         self._outage_s[self.fix_type == NO_FIX] += dt_s
         self._pulled_m += self._pull_mps * dt_s
         self._innovation_m *= math.exp(-dt_s / INNOVATION_S)
-        self._since_report_s += dt_s
-        while self._since_report_s >= self.interval_s - 1e-9:
-            self._since_report_s -= self.interval_s
-            self._report(first=False)
+        self._since_solution_s += dt_s
+        while self._since_solution_s >= self.interval_s - 1e-9:
+            self._since_solution_s -= self.interval_s
+            self._solve(first=False)
 
     @property
     def h_acc_m(self) -> FloatArray:
@@ -176,7 +181,7 @@ class GnssReceivers:
         return QUIET_RATIO + (self._innovation_m / gate_m) ** 2
 
     def set_sigma(self, index: int, sigma_m: float, claimed_m: float | None = None) -> None:
-        """Another accuracy for one vehicle from its next report on, and what it claims (the truth unless given).
+        """Another accuracy for one vehicle from its next solution on, and what it claims (the truth unless given).
 
         Raises:
             ValueError: If a figure is negative or not finite.
@@ -230,7 +235,7 @@ class GnssReceivers:
     def _drift_m(self) -> FloatArray:
         return 0.5 * DRIFT_MPS2 * self._outage_s**2
 
-    def _report(self, *, first: bool) -> None:
+    def _solve(self, *, first: bool) -> None:
         draws = self._draws.next()
         fresh = draws[:, :3]
         if self._common_share:

@@ -125,7 +125,6 @@ class World:
             gnss,
             sigmas,
             seed=seed,
-            interval_s=scenario.interval_s,
             common_share=gnss_common_share,
             time_constant_s=gnss_time_constant_s,
         )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ridlink.scenario import Scenario, VehicleSpec, Wind, built_in
+from sitl_sim.gnss import ErrorModel
 from sitl_sim.pair_radius import eq8_pair_radius
 from sitl_sim.vehicle import TICK_S
 from sitl_sim.verdict import Outcome
@@ -219,3 +220,20 @@ def test_time_does_not_run_backwards() -> None:
 def test_one_autopilot_for_each_vehicle() -> None:
     with pytest.raises(ValueError, match="2 autopilots for 1 vehicle"):
         World(alone(), autopilot=["px4", "px4"])
+
+
+@pytest.mark.parametrize("gnss", ["white", "gauss-markov"])
+def test_the_errors_of_a_receiver_are_the_same_whatever_the_interval_of_remote_id(gnss: ErrorModel) -> None:
+    often, seldom = (World(replace(alone(), interval_s=interval_s), gnss=gnss) for interval_s in (0.05, 2.0))
+    for _ in range(50):
+        often.step(0.1)
+        seldom.step(0.1)
+        assert np.array_equal(often.receivers.position_error_ned_m, seldom.receivers.position_error_ned_m)
+
+
+def test_a_jump_does_not_wait_for_remote_id() -> None:
+    world = World(replace(alone(), interval_s=10.0), gnss="bias")
+    before_m = world.reported_position_ned_m[0, 1]
+    world.receivers.set_jump(0, [0.0, 30.0, 0.0])
+    world.step(0.1)
+    assert world.reported_position_ned_m[0, 1] - before_m == pytest.approx(30.0)
