@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 from ridlink.captures import TlogWriter, read_messages
+from ridlink.geodesy import moved, offset_m
 from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.convert import to_mavlink
@@ -15,8 +16,6 @@ from ridlink.remote_id.messages import Location, Separation
 
 START_US = 1_700_000_000_000_000
 HOME_DEG = (47.4, 8.5)
-METRES_PER_DEGREE_NORTH = 111_195.0
-METRES_PER_DEGREE_EAST = METRES_PER_DEGREE_NORTH * math.cos(math.radians(HOME_DEG[0]))
 
 
 def write_log(path: Path) -> None:
@@ -26,9 +25,10 @@ def write_log(path: Path) -> None:
         for tenth in range(100):
             way_m = tenth * 0.1 * 10.0
             for encoder, metres, east_m, direction in ((north, way_m - 50, 0, 0.0), (south, 50 - way_m, 12, 180.0)):
+                latitude_deg, longitude_deg = moved(*HOME_DEG, metres, east_m)
                 location = Location(
-                    latitude_deg=HOME_DEG[0] + metres / METRES_PER_DEGREE_NORTH,
-                    longitude_deg=HOME_DEG[1] + east_m / METRES_PER_DEGREE_EAST,
+                    latitude_deg=latitude_deg,
+                    longitude_deg=longitude_deg,
                     speed_horizontal_mps=10.0,
                     direction_deg=direction,
                     timestamp_s=tenth / 10,
@@ -59,10 +59,7 @@ def main() -> None:
                 continue
             vehicle = report.source[0]
             error_m[vehicle] = report.horizontal_error_m
-            ground_ne_m[vehicle] = (
-                (report.latitude_deg - HOME_DEG[0]) * METRES_PER_DEGREE_NORTH,
-                (report.longitude_deg - HOME_DEG[1]) * METRES_PER_DEGREE_EAST,
-            )
+            ground_ne_m[vehicle] = offset_m(HOME_DEG, (report.latitude_deg, report.longitude_deg))
             if vehicle != 2:
                 continue
             distance_m = math.dist(ground_ne_m[1], ground_ne_m[2])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ridlink.geodesy import Geodetic, geodetic_from_ned, ned_from_geodetic
+from ridlink.geodesy import Geodetic, geodetic_from_ned, moved, ned_from_geodetic, offset_m
 
 unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 """A busy machine is no failure."""
@@ -63,3 +65,20 @@ def test_shapes_broadcast() -> None:
 def test_an_unknown_altitude_stays_unknown() -> None:
     position = ned_from_geodetic(47.4, 8.54, np.nan, Geodetic(47.4, 8.54, 0.0))
     assert np.isnan(position).any()
+
+
+@given(st.floats(-84, 84), st.floats(-180, 179.99), st.floats(-500, 500), st.floats(-500, 500))
+def test_near_points_lie_in_the_tangent_plane(latitude: float, longitude: float, north: float, east: float) -> None:
+    there = moved(latitude, longitude, north, east)
+    assert -180.0 <= there[1] < 180.0
+    exact = ned_from_geodetic(*there, 0.0, Geodetic(latitude, longitude))
+    # Flat coordinates err with the square of the distance and the tangent of the latitude.
+    allowed = 0.1 + 0.06 * abs(math.tan(math.radians(latitude)))
+    assert exact[:2] == pytest.approx((north, east), abs=allowed)
+    assert offset_m((latitude, longitude), there) == pytest.approx((north, east), abs=1e-3)
+
+
+def test_near_points_across_the_antimeridian() -> None:
+    east = moved(10.0, 179.9999, 0.0, 50.0)
+    assert -180.0 <= east[1] < -179.999
+    assert offset_m((10.0, 179.9999), east)[1] == pytest.approx(50.0, abs=1e-6)

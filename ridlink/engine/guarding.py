@@ -10,9 +10,9 @@ from ridlink.engine.decision import DecisionRecord
 from ridlink.engine.guard import Guard, Seen
 from ridlink.engine.takeoff import interruptible
 from ridlink.failsafe import HEARTBEAT_LOST_S, OTHER_WRITER, STEERING, Rung, State
+from ridlink.geodesy import moved
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.position_filter import moved
 
 AHEAD_M = 1000.0
 """Further than any conflict lasts."""

@@ -13,7 +13,7 @@ from collections import deque
 import numpy as np
 from msgspec.structs import replace
 
-from ridlink.geodesy import Geodetic
+from ridlink.geodesy import Geodetic, offset_m
 from ridlink.mavlink.codec import decode_message
 from ridlink.mavlink.frames import Frame
 from ridlink.observer.known import Aircraft, Known, is_repeated
@@ -23,7 +23,6 @@ from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import REMOTE_ID_IDS, messages_of
 from ridlink.remote_id.quantities import FieldRejects
 from ridlink.remote_id.report import RemoteIdReport, SourceKey
-from ridlink.traffic.position_filter import offset_m
 
 FORGET_AFTER_S = 10.0
 """Silence after which an aircraft is no longer in the air: ten messages of a standard sender."""

@@ -18,7 +18,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 
 from ridlink.failsafe import HEARTBEAT_LOST_S
-from ridlink.geodesy import Geodetic
+from ridlink.geodesy import Geodetic, offset_m
 from ridlink.mavlink.codec import Message
 from ridlink.own_ship.grave_words import GraveWords
 from ridlink.own_ship.jump import JumpWatch
@@ -27,7 +27,7 @@ from ridlink.own_ship.other_writer import OtherWriter
 from ridlink.own_ship.trust import NavigationTrust
 from ridlink.separation.reference import ERROR_CAP_M
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.position_filter import PositionFilter, offset_m
+from ridlink.traffic.position_filter import PositionFilter
 from ridlink.units import deg_from_dege7, m_from_mm, mps_from_cmps
 
 AUTOPILOT_COMPONENT = 1

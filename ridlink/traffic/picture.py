@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from ridlink.geodesy import offset_m
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.traffic.flood import NewcomerGate
 from ridlink.traffic.own_state import OwnState
-from ridlink.traffic.position_filter import offset_m
 from ridlink.traffic.snapshot import PictureSettings, Snapshot, blind_speed_mps, look
 from ridlink.traffic.track import SENDER_AGE_S, Relation, Track, TrackKey, Update, bound_m, hours_apart_s, new_track
 

@@ -10,47 +10,11 @@ filter then starts again from the report. Once is not enough: one white error in
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
-from ridlink.units import wrap_deg
+from ridlink.geodesy import moved, offset_m
 
 TIME_CONSTANT_S = 2.0
 """Long against reports at 10 Hz, short against the 10 s over which GNSS errors drift."""
-
-EQUATOR_RADIUS_M = 6378137.0
-ECCENTRICITY_SQUARED = 6.69437999014e-3
-
-
-def metres_per_degree(latitude_deg: float) -> tuple[float, float]:
-    """Length [m] of one degree of latitude and of longitude on the WGS-84 ellipsoid."""
-    latitude = math.radians(latitude_deg)
-    root = math.sqrt(1.0 - ECCENTRICITY_SQUARED * math.sin(latitude) ** 2)
-    meridian = EQUATOR_RADIUS_M * (1.0 - ECCENTRICITY_SQUARED) / root**3
-    parallel = EQUATOR_RADIUS_M / root * max(math.cos(latitude), 1e-6)
-    return math.radians(meridian), math.radians(parallel)
-
-
-@lru_cache(maxsize=1024)
-def _metres_per_degree_near(latitude_millideg: int) -> tuple[float, float]:
-    return metres_per_degree(latitude_millideg / 1e3)
-
-
-def _scale(latitude_deg: float) -> tuple[float, float]:
-    """As `metres_per_degree`, within 60 m: at 85 degrees that is 0.1 mm in a metre."""
-    return _metres_per_degree_near(round(latitude_deg * 1e3))
-
-
-def moved(latitude_deg: float, longitude_deg: float, north_m: float, east_m: float) -> tuple[float, float]:
-    """The point so far north and east [deg]; good to centimetres over the hundreds of metres of an extrapolation."""
-    per_latitude, per_longitude = _scale(latitude_deg)
-    latitude = min(max(latitude_deg + north_m / per_latitude, -90.0), 90.0)
-    return latitude, wrap_deg(longitude_deg + east_m / per_longitude)
-
-
-def offset_m(from_deg: tuple[float, float], to_deg: tuple[float, float]) -> tuple[float, float]:
-    """North and east [m] from one point to another that is near."""
-    per_latitude, per_longitude = _scale(from_deg[0])
-    return (to_deg[0] - from_deg[0]) * per_latitude, wrap_deg(to_deg[1] - from_deg[1]) * per_longitude
 
 
 class PositionFilter:

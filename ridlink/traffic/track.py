@@ -13,10 +13,11 @@ from enum import StrEnum
 
 from msgspec.structs import replace
 
+from ridlink.geodesy import offset_m
 from ridlink.remote_id.quantities import SECONDS_PER_HOUR
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.traffic.doubt import Doubt
-from ridlink.traffic.position_filter import PositionFilter, offset_m
+from ridlink.traffic.position_filter import PositionFilter
 
 TrackKey = tuple[Hashable, int, int, bytes | None, int]
 """Where it was heard, system id, component id, for relayed data `id_or_mac`, and which of the vehicles that use this

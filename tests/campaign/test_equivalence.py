@@ -22,9 +22,9 @@ from ridlink.campaign.plan import IDEAL_HALFPLANES, Plan
 from ridlink.campaign.scene import Scene, circle
 from ridlink.campaign.worlds import Instant
 from ridlink.engine import Engine, EngineConfig, Goal
+from ridlink.geodesy import moved
 from ridlink.separation import Definition
 from ridlink.setpoint import VelocityLimits
-from ridlink.traffic.position_filter import moved
 from tests.daemon.emulated import HOME, Emulated
 from tests.daemon.invariants import messages
 

@@ -13,8 +13,9 @@ from ridlink.campaign.flight import PairBatch, fly
 from ridlink.campaign.plan import IDEAL_HALFPLANES, Plan, baseline, graded_plan, paper_plan
 from ridlink.campaign.scene import Scene, circle, square
 from ridlink.campaign.worlds import Outcomes, SharedBatch
+from ridlink.geodesy import moved, offset_m
 from ridlink.separation import Definition
-from ridlink.traffic.position_filter import PositionFilter, moved, offset_m
+from ridlink.traffic.position_filter import PositionFilter
 
 REAL = {"halfplane": HalfplaneSettings(), "graded": GradedSettings(), "rotation": RotationSettings()}
 LOSSY = Channel(0.3, 5.0, (0.05, 0.25))

@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.geodesy import Geodetic, geodetic_from_ned
+from ridlink.geodesy import Geodetic, geodetic_from_ned, moved
 from ridlink.links import Address, Link, open_link
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Location, Separation, SeparationFlags
-from ridlink.traffic.position_filter import moved
 from tests.daemon.invariants import Observer, messages
 
 HOME = Geodetic(47.3977, 8.5456, 500.0)

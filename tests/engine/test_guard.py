@@ -11,10 +11,10 @@ import pytest
 from ridlink.engine import Engine, EngineConfig
 from ridlink.engine.guard import DO_SET_MODE, EXTERNAL_MODE, Guard, Phase
 from ridlink.failsafe import STEERING, State
+from ridlink.geodesy import moved
 from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import ARDUPILOT, PX4
-from ridlink.traffic.position_filter import moved
 from sitl_sim.autopilot import Start
 from tests.daemon.emulated import Emulated
 from tests.daemon.invariants import ASKED, GUARDING, Observer, messages

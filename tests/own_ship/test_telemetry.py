@@ -7,12 +7,12 @@ from collections.abc import Hashable
 
 import pytest
 
+from ridlink.geodesy import moved, offset_m
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.jump import JumpWatch
 from ridlink.own_ship.requests import HOME_POSITION_US, WANTED_MESSAGES_US, command, message_requests, steers
-from ridlink.traffic.position_filter import moved, offset_m
 
 HERE = (47.3977, 8.5456)
 

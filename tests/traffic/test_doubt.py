@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import pytest
 
+from ridlink.geodesy import moved
 from ridlink.traffic.doubt import MOST_M, Doubt
 from ridlink.traffic.flood import MOST_SOURCES, NewcomerGate
-from ridlink.traffic.position_filter import PositionFilter, moved
+from ridlink.traffic.position_filter import PositionFilter
 from tests.traffic.test_picture import HERE, OWN, SETTINGS, picture, report, still
 
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from ridlink.geodesy import Geodetic
+from ridlink.geodesy import Geodetic, moved
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import TrafficPicture
-from ridlink.traffic.position_filter import moved
 from ridlink.traffic.snapshot import PictureSettings, Snapshot
 
 HERE = (47.3977, 8.5456)
