@@ -2,11 +2,14 @@
 
 The mask is read bit by bit, because every client sets its own: MAVSDK 0x09C7, MAVProxy 0x0FC7, ArduPilot's examples
 0x0DC7. A set bit means "ignore". What both real autopilots do is kept: a mask that ignores only some velocity axes is
-no velocity at all and stops the vehicle, and what is not finite (or beyond all reason) is not taken. Bit 0x200, which
-would make an acceleration a force, is not looked at.
+no velocity at all and stops the vehicle, and what is not finite (or beyond all reason) is not taken. Bit 0x200 would
+make an acceleration a force: PX4 refuses it, ArduPilot does not look at it.
 
 Axes: north-east-down about the vehicle's own origin; frames 8 and 9 turn with its heading. The ground is flat:
-altitudes over terrain are altitudes over home.
+altitudes over terrain are altitudes over home. PX4 takes fewer frames than ArduPilot, and no position in frame 8.
+
+Source: handle_message_set_position_target_local_ned and _global_int in PX4's mavlink_receiver.cpp and in ArduCopter's
+GCS_Mavlink.cpp.
 """
 
 from __future__ import annotations
@@ -44,12 +47,17 @@ class TypeMask(IntFlag):
 
 
 class LocalFrame(IntEnum):
-    """MAV_FRAME values that are accepted."""
+    """MAV_FRAME values that ArduPilot accepts."""
 
     LOCAL_NED = 1
     LOCAL_OFFSET_NED = 7
     BODY_NED = 8
     BODY_OFFSET_NED = 9
+
+
+PX4_LOCAL_FRAMES = (LocalFrame.LOCAL_NED, LocalFrame.BODY_NED)
+PX4_GLOBAL_FRAMES = (5, 6, 11)
+"""Those of a position; PX4 does not look at the frame of a global velocity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +68,8 @@ class Here:
         position_ned_m: Where the vehicle believes to be, about its own origin; for frames that give an offset.
         yaw_rad: Its heading; for frames that turn with it.
         home: Its own origin; for global frames.
-        px4: A heading of PX4's counts from north, of ArduPilot's from the nose, beside a frame that turns with it.
+        px4: Whose frames are taken. A heading of PX4's counts from north, of ArduPilot's from the nose, beside a frame
+            that turns with it.
     """
 
     position_ned_m: Vector
@@ -99,20 +108,24 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
         here: What it is relative to.
 
     Raises:
-        RefusedSetpoint: If the frame is unknown, or a figure that is used is not finite or no place on Earth.
+        RefusedSetpoint: If the frame is unknown, a figure that is used is not finite or no place on Earth, or PX4 finds
+            nothing in it to fly, or a force.
     """
     mask = message.type_mask
     velocity = acceleration = position = None
     yaw = None if mask & TypeMask.YAW or not math.isfinite(message.yaw) else message.yaw
     is_local = message.name == "SET_POSITION_TARGET_LOCAL_NED"
-    _check_frame(message.coordinate_frame, is_local)
+    turns = is_local and message.coordinate_frame in (LocalFrame.BODY_NED, LocalFrame.BODY_OFFSET_NED)
+    _check_frame(message, is_local, px4=here.px4)
+    if here.px4:
+        _check_use(mask, turns)
     if not mask & TypeMask.VELOCITY:
         velocity = _finite(message.vx, message.vy, message.vz)
     if not mask & TypeMask.ACCELERATION:
         acceleration = _finite(message.afx, message.afy, message.afz)
-    if not mask & TypeMask.POSITION:
+    if not (mask & TypeMask.POSITION or (here.px4 and turns)):
         position = _finite(message.x, message.y, message.z) if is_local else _global_position(message, here)
-    if is_local and message.coordinate_frame in (LocalFrame.BODY_NED, LocalFrame.BODY_OFFSET_NED):
+    if turns:
         velocity = velocity and _turned(velocity, here.yaw_rad)
         acceleration = acceleration and _turned(acceleration, here.yaw_rad)
         position = position and _turned(position, here.yaw_rad)
@@ -153,10 +166,30 @@ def guidance_of(setpoint: Setpoint, speeds: Speeds, origin_ned_m: Vector, flown_
     return Velocity(velocity or STILL)
 
 
-def _check_frame(frame: int, is_local: bool) -> None:
-    known = tuple(LocalFrame) if is_local else (*ALTITUDE_FRAMES, *HEIGHT_FRAMES)
-    if frame not in known:
-        raise RefusedSetpoint(f"setpoint: unsupported frame {frame}")
+def _check_frame(message: Message, is_local: bool, *, px4: bool) -> None:
+    known: tuple[int, ...]
+    if is_local:
+        known = PX4_LOCAL_FRAMES if px4 else tuple(LocalFrame)
+    elif px4 and message.type_mask & TypeMask.POSITION:
+        return
+    else:
+        known = PX4_GLOBAL_FRAMES if px4 else (*ALTITUDE_FRAMES, *HEIGHT_FRAMES)
+    if message.coordinate_frame not in known:
+        raise RefusedSetpoint(f"setpoint: unsupported frame {message.coordinate_frame}")
+
+
+def _check_use(mask: int, turns: bool) -> None:
+    """What PX4 does not take: a force, and a setpoint with nothing in it to fly. In a frame that turns it leaves out
+    the position, and a velocity or an acceleration of which an axis is ignored."""
+    moves = (TypeMask.VELOCITY, TypeMask.ACCELERATION)
+    if mask & TypeMask.FORCE and mask & TypeMask.ACCELERATION != TypeMask.ACCELERATION:
+        raise RefusedSetpoint("setpoint: force not supported")
+    if turns:
+        nothing = all(mask & group for group in moves)
+    else:
+        nothing = all(mask & group == group for group in (*moves, TypeMask.POSITION))
+    if nothing:
+        raise RefusedSetpoint("setpoint invalid: nothing in it to fly")
 
 
 def _global_position(message: Message, here: Here) -> Vector:

@@ -318,7 +318,6 @@ def test_px4_leaves_the_ground_on_a_climbing_setpoint_and_ardupilot_does_not() -
     [
         ({"mask": 0x0DF8, "z": -4.0}, True),
         ({"mask": 0x0DF8, "x": 4.0, "z": 0.0}, False),
-        ({"mask": 0x0DF8, "frame": 7, "z": -4.0}, True),
         ({"mask": 0x0C3F, "afz": -1.0}, True),
         ({"mask": 0x0C3F, "afx": 1.0}, False),
     ],

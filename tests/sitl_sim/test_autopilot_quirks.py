@@ -67,8 +67,20 @@ def set_parameter(flight: Flight, name: str, value: float) -> None:
 # --- setpoints --------------------------------------------------------------------------------------------------------
 
 
-@both
-@pytest.mark.parametrize(("frame", "above"), [(5, HOME.altitude_m), (0, HOME.altitude_m), (6, 0.0), (11, 0.0)])
+@pytest.mark.parametrize(
+    ("flavour", "frame", "above"),
+    [
+        ("px4", 5, HOME.altitude_m),
+        ("px4", 6, 0.0),
+        ("px4", 11, 0.0),
+        ("ardupilot", 5, HOME.altitude_m),
+        ("ardupilot", 0, HOME.altitude_m),
+        ("ardupilot", 3, 0.0),
+        ("ardupilot", 6, 0.0),
+        ("ardupilot", 10, 0.0),
+        ("ardupilot", 11, 0.0),
+    ],
+)
 def test_global_positions_are_flown_to(flavour: str, frame: int, above: float) -> None:
     flight = flying(flavour)
     for _ in range(90):
@@ -95,12 +107,24 @@ def test_global_positions_that_are_none_are_refused_in_words(flavour: str, field
     assert flight.mode == (PX4_OFFBOARD if flavour == "px4" else GUIDED)
 
 
+@pytest.mark.parametrize("frame", [0, 3, 10])
+def test_px4_wants_the_int_frames_for_a_global_position_and_none_for_a_velocity(frame: int) -> None:
+    flight = flying("px4")
+    global_setpoint(flight, 8.0, 4.0, 47.0, frame)
+    flight.advance(0.1)
+    assert any(f"frame {frame}" in text for text in flight.texts)
+    global_setpoint(flight, 0.0, 0.0, 0.0, frame, type_mask=0x0DC7, vx=3.0)
+    flight.advance(0.1)
+    assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(3.0)
+
+
 @both
 def test_an_acceleration_alone_is_flown_up_to_the_speed_limit(flavour: str) -> None:
     flight = flying(flavour)
     flight.fly(2.0, mask=0x0C3F, afx=1.0)
     assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(2.0, abs=0.15)
-    flight.fly(20.0, mask=0x0E3F, afx=1.0)  # whether the force bit is set or not
+    force = 0x0000 if flavour == "px4" else 0x0200  # ArduPilot does not look at the bit
+    flight.fly(20.0, mask=0x0C3F | force, afx=1.0)
     limit = 12.0 if flavour == "px4" else 10.0
     assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(limit, abs=0.1)
     flight.fly(1.0, 3.0, 0.0, 0.0, mask=0x0C07, afx=0.0)  # velocity and acceleration: the velocity is flown

@@ -28,7 +28,7 @@ from tests.sitl_sim.flight import (
 @both
 @pytest.mark.parametrize(
     ("mask", "frame"),
-    [(0x0DC7, 1), (0x09C7, 1), (0x05C7, 1), (0x0FC7, 1), (0x0C07, 1), (0x0DC7, 7), (0x0FC7, 8), (0x05C7, 9)],
+    [(0x0DC7, 1), (0x09C7, 1), (0x05C7, 1), (0x0FC7, 1), (0x0C07, 1), (0x0FC7, 8), (0x05C7, 8)],
 )
 def test_every_clients_velocity_mask_moves_the_vehicle_alike(flavour: str, mask: int, frame: int) -> None:
     flight = airborne(flavour)
@@ -36,6 +36,47 @@ def test_every_clients_velocity_mask_moves_the_vehicle_alike(flavour: str, mask:
     assert flight.velocity == pytest.approx([4.0, 0.0, 0.0], abs=1.0)
     target = flight.last("POSITION_TARGET_LOCAL_NED")
     assert (target.vx, target.vy, target.vz) == pytest.approx((4.0, 0.0, 0.0), abs=1e-5)
+
+
+@pytest.mark.parametrize("frame", [7, 9])
+def test_frames_of_offsets_are_ardupilots_and_px4_misses_its_stream(frame: int) -> None:
+    for flavour, moves in (("px4", False), ("ardupilot", True)):
+        flight = airborne(flavour)
+        flight.fly(1.5, 4.0, 0.0, 0.0, frame=frame)
+        assert (flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(4.0)) is moves
+        critical = [m for _, m in flight.messages("STATUSTEXT") if f"frame {frame}".encode() in m.text]
+        assert bool(critical) is not moves
+        assert flight.mode == (GUIDED if moves else PX4_RETURN)
+
+
+def test_a_position_in_a_body_frame_is_flown_by_ardupilot_only() -> None:
+    for flavour, flown in (("px4", False), ("ardupilot", True)):
+        flight = airborne(flavour)
+        flight.fly(4.0, mask=0x0DF8, frame=8, x=10.0)
+        assert (float(flight.world.position_ned_m[0, 0]) - START_NED_M[0] > 3.0) is flown
+        assert any("nothing in it to fly" in text for text in flight.texts) is not flown
+    flight = airborne("px4")
+    flight.fly(
+        2.0, 3.0, 0.0, 0.0, mask=0x0DC0, frame=8, x=-30.0
+    )  # of a position with a velocity PX4 flies the velocity
+    assert flight.velocity[0] > 1.5
+
+
+@both
+def test_a_setpoint_that_asks_for_nothing_is_none_for_px4(flavour: str) -> None:
+    flight = airborne(flavour)
+    flight.fly(1.5, mask=0x0FFF)
+    assert flight.mode == (PX4_RETURN if flavour == "px4" else GUIDED)
+
+
+def test_px4_does_not_fly_a_force() -> None:
+    flight = airborne("px4")
+    flight.setpoint(mask=0x0E3F, afx=2.0)
+    flight.advance(0.1)
+    assert any("force" in text for text in flight.texts)
+    flight.setpoint(3.0, 0.0, 0.0, mask=0x0FC7)  # the bit alone, as MAVProxy sets it, means nothing
+    flight.advance(0.1)
+    assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(3.0)
 
 
 def test_body_frames_turn_with_the_nose() -> None:
