@@ -19,7 +19,6 @@ from ridlink.observer import Encounter, EncounterLog, Phase, Scene, Sky, aircraf
 from ridlink.observer.states import rounded
 from ridlink.periodic import Periodic
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
-from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 
 SCHEMA = 1
@@ -49,7 +48,6 @@ class PublisherSettings:
         rate_hz: States of every aircraft a second.
         batch: All states of an instant in one message, instead of one message each.
         home_assistant: Announce every aircraft as a device tracker, too.
-        eta: Of ``chance`` only.
 
     Raises:
         ConfigError: If the rate is not above 0 and at most 10.
@@ -61,7 +59,6 @@ class PublisherSettings:
     rate_hz: float = 1.0
     batch: bool = False
     home_assistant: bool = False
-    eta: float = DEFAULT_ETA
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate_hz <= 10.0:
@@ -83,7 +80,7 @@ class Publisher:
         self.sky = Sky(convention=settings.convention)
         self._settings = settings
         self._version = version
-        self._encounters = EncounterLog(settings.definition, eta=settings.eta, most=MOST_ENCOUNTERS)
+        self._encounters = EncounterLog(settings.definition, most=MOST_ENCOUNTERS)
         self._states_due = Periodic(1.0 / settings.rate_hz, early_s=STEP_S / 2.0)
         self._known: dict[int, str] = {}
         self._alerted: dict[tuple[int, int], str] = {}
@@ -163,7 +160,7 @@ class Publisher:
         definition, topics = self._settings.definition, self._settings.topics
         states = [
             (topics.state(state["uas"]), {"schema": SCHEMA} | state)
-            for state in aircraft_states(self.sky, scene, definition, utc_s, eta=self._settings.eta)
+            for state in aircraft_states(self.sky, scene, definition, utc_s)
         ]
         if self._settings.batch:
             whole = {"schema": SCHEMA, "t": round(utc_s, 3), "states": [state for _, state in states]}

@@ -62,13 +62,12 @@ def discs_at(
     ).radius_m
 
 
-def largest_disc(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> float:
+def largest_disc(scene: Scene, definition: Definition) -> float:
     """No disc of a pair is larger [m]: that of two who have the largest of everything that is reported.
 
     Args:
         scene: Everybody, somebody at the least.
         definition: Which fields count.
-        eta: Of ``chance`` only.
     """
     worst = Reported(
         bounded_airframe(scene.airframe_m).max(),
@@ -78,17 +77,16 @@ def largest_disc(scene: Scene, definition: Definition, *, eta: float = DEFAULT_E
     )
     interval = min(float(scene.interval_s.max()), 1.0)
     neighbours = max(1, len(scene) - 1)
-    discs = separation_discs(definition, worst, worst, interval_s=interval, eta=eta, neighbours=neighbours)
+    discs = separation_discs(definition, worst, worst, interval_s=interval, neighbours=neighbours)
     return float(discs.radius_m)
 
 
-def rings(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> FloatArray:
+def rings(scene: Scene, definition: Definition) -> FloatArray:
     """Radii of the three rings round every vehicle [m], from the inner to the outer one.
 
     Args:
         scene: Everybody, n of them.
         definition: Which fields count.
-        eta: Of ``chance`` only.
 
     Returns:
         Outer radii of airframe, error and displacement, shape (n, 3).
@@ -98,7 +96,6 @@ def rings(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> 
         scene.reported,
         scene.reported,
         interval_s=np.minimum(scene.interval_s, 1.0),
-        eta=eta,
         neighbours=max(1, len(scene) - 1),
     )
     parts = np.stack([twin.airframe_m, twin.error_sum_m, twin.displacement_m], axis=-1)

@@ -18,7 +18,6 @@ import numpy as np
 from ridlink.observer.discs import discs_at
 from ridlink.observer.pairs import Pairs, pairs_at, pairs_of
 from ridlink.observer.scene import FloatArray, Scene
-from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, bounded_airframe
 
 CLOSES_AFTER_S = 3.0
@@ -101,7 +100,6 @@ class EncounterLog:
         definition: Whose discs open encounters.
         also: Definitions whose margins are kept beside.
         gone_after_s: Silence of one of a pair that ends its encounter, which then ended when both were last heard.
-        eta: Of ``chance`` only.
         most: Encounters that are followed at a time; of more, those that come first. None for all: their number is that
             of pairs, and whoever floods an observer makes some thousand aircraft.
 
@@ -115,14 +113,12 @@ class EncounterLog:
         *,
         also: Sequence[Definition] = (),
         gone_after_s: float = 0.0,
-        eta: float = DEFAULT_ETA,
         most: int | None = None,
     ) -> None:
         self.open: dict[tuple[int, int], Encounter] = {}
         self.definition = definition
         self._definitions = tuple(dict.fromkeys((definition, *also)))
         self._gone_after_s = gone_after_s
-        self._eta = eta
         self._most = most
         self._before: Scene | None = None
         self._index: dict[int, int] = {}
@@ -138,7 +134,7 @@ class EncounterLog:
         index_before, self._index = self._index, {number: at for at, number in enumerate(scene.numbers)}
         index = self._index
         changes: list[tuple[Phase, Encounter]] = []
-        pairs = pairs_of(scene, self.definition, eta=self._eta) if pairs is None else pairs
+        pairs = pairs_of(scene, self.definition) if pairs is None else pairs
         for i, j in self._alerts(pairs):
             key = _ordered(scene.numbers[i], scene.numbers[j])
             if key not in self.open:
@@ -186,8 +182,8 @@ class EncounterLog:
         discs under every definition."""
         keys = [key for key in self.open if key[0] in index and key[1] in index]
         first, second = np.array([(index[one], index[other]) for one, other in keys], np.intp).reshape(-1, 2).T
-        pairs = pairs_at(scene, first, second, self.definition, eta=self._eta)
-        radii = [discs_at(scene, first, second, definition, eta=self._eta) for definition in self._definitions[1:]]
+        pairs = pairs_at(scene, first, second, self.definition)
+        radii = [discs_at(scene, first, second, definition) for definition in self._definitions[1:]]
         facts = np.column_stack([pairs.entry_s, pairs.apart, pairs.radius_m, *radii])
         return dict(zip(keys, facts.tolist(), strict=True))
 

@@ -10,7 +10,6 @@ import numpy as np
 from ridlink.observer.discs import discs_at, largest_disc
 from ridlink.observer.near import meeting, within
 from ridlink.observer.scene import CONSIDERED_M, BoolArray, FloatArray, Places, Scene
-from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 
 HORIZON_S = 30.0
@@ -71,36 +70,33 @@ class Nearest:
     radius_m: FloatArray
 
 
-def pairs_of(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA, horizon_s: float = HORIZON_S) -> Pairs:
-    """The pairs of a scene that are inside their discs, or will be soon if both fly on.
+def pairs_of(scene: Scene, definition: Definition) -> Pairs:
+    """The pairs of a scene that are inside their discs, or will be within half a minute if both fly on.
 
     Args:
         scene: Everybody.
         definition: What sizes the discs.
-        eta: Of ``chance`` only.
-        horizon_s: What is soon.
 
     Returns:
         Each pair once, the lower place first, in the order of places.
     """
     if not len(scene):
-        return pairs_at(scene, NOBODY, NOBODY, definition, eta=eta)
-    largest = 1.001 * largest_disc(scene, definition, eta=eta)
-    first, second = meeting(scene.position_ne_m, scene.velocity_ne_mps, largest, horizon_s)
-    pairs = pairs_at(scene, first, second, definition, eta=eta)
-    return pairs.only(pairs.entry_s <= horizon_s)
+        return pairs_at(scene, NOBODY, NOBODY, definition)
+    largest = 1.001 * largest_disc(scene, definition)
+    first, second = meeting(scene.position_ne_m, scene.velocity_ne_mps, largest, HORIZON_S)
+    pairs = pairs_at(scene, first, second, definition)
+    return pairs.only(pairs.entry_s <= HORIZON_S)
 
 
-def pairs_at(scene: Scene, first: Places, second: Places, definition: Definition, *, eta: float = DEFAULT_ETA) -> Pairs:
+def pairs_at(scene: Scene, first: Places, second: Places, definition: Definition) -> Pairs:
     """These pairs of a scene.
 
     Args:
         scene: Everybody.
         first, second: Places of the two of each pair, shape (k,).
         definition: What sizes the discs.
-        eta: Of ``chance`` only.
     """
-    radius, apart = discs_at(scene, first, second, definition, eta=eta), scene.apart_at(first, second)
+    radius, apart = discs_at(scene, first, second, definition), scene.apart_at(first, second)
     north, east = (scene.position_ne_m[second] - scene.position_ne_m[first]).T
     distance_square = north * north + east * east
     distance = np.sqrt(distance_square)
@@ -110,36 +106,34 @@ def pairs_at(scene: Scene, first: Places, second: Places, definition: Definition
     return Pairs(first, second, radius, distance, entry, apart)
 
 
-def least_margin(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> Pairs:
+def least_margin(scene: Scene, definition: Definition) -> Pairs:
     """The pair with the least distance over the radius of its disc, of those within 2 km that are not apart.
 
     Args:
         scene: Everybody.
         definition: What sizes the discs.
-        eta: Of ``chance`` only.
 
     Returns:
         One pair, or none.
     """
-    for surely_m, pairs in _further_and_further(scene, definition, eta, CONSIDERED_M):
+    for surely_m, pairs in _further_and_further(scene, definition, CONSIDERED_M):
         margin = pairs.distance_m - pairs.radius_m
         if len(pairs) and margin.min() <= surely_m:
             return pairs.only(np.arange(len(pairs)) == margin.argmin())
-    return pairs_at(scene, NOBODY, NOBODY, definition, eta=eta)
+    return pairs_at(scene, NOBODY, NOBODY, definition)
 
 
-def nearest_of(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> Nearest:
+def nearest_of(scene: Scene, definition: Definition) -> Nearest:
     """For each vehicle the one that is nearest to the disc of the two, of those that do not fly at other heights.
 
     Args:
         scene: Everybody, n of them.
         definition: What sizes the discs.
-        eta: Of ``chance`` only.
     """
     count = len(scene)
     found = Nearest(np.full(count, -1, np.intp), np.full(count, np.inf), np.zeros(count))
     looks = np.ones(count, np.bool_)
-    for surely_m, pairs in _further_and_further(scene, definition, eta, np.inf, looks):
+    for surely_m, pairs in _further_and_further(scene, definition, np.inf, looks):
         own, other = np.concatenate([pairs.second, pairs.first]), np.concatenate([pairs.first, pairs.second])
         distance, radius = np.tile(pairs.distance_m, 2), np.tile(pairs.radius_m, 2)
         chosen = np.argsort(distance - radius, kind="stable")[::-1]  # the least margin is written last
@@ -155,13 +149,13 @@ def nearest_of(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA
 
 
 def _further_and_further(
-    scene: Scene, definition: Definition, eta: float, farthest_m: float, looks: BoolArray | None = None
+    scene: Scene, definition: Definition, farthest_m: float, looks: BoolArray | None = None
 ) -> Iterator[tuple[float, Pairs]]:
     """Pairs within a reach that grows until it is the farthest, or nobody looks any more.
 
     Args:
         scene: Everybody, n of them.
-        definition, eta: What sizes the discs.
+        definition: What sizes the discs.
         farthest_m: No pair counts that is further apart.
         looks: Whose pairs are wanted, all if not given, shape (n,); may become fewer meanwhile.
 
@@ -171,13 +165,13 @@ def _further_and_further(
     if len(scene) < 2:
         return
     looks = np.ones(len(scene), np.bool_) if looks is None else looks
-    largest = largest_disc(scene, definition, eta=eta)
+    largest = largest_disc(scene, definition)
     farthest_m = min(farthest_m, 1.001 * float(np.hypot(*np.ptp(scene.position_ne_m, axis=0))))
     reach = 2.0 * largest if len(scene) > FEW else farthest_m
     while looks.any():
         reach, is_all = min(reach, farthest_m), reach >= farthest_m
         first, second = within(scene.position_ne_m, np.where(looks, reach / (1.0 + looks.all()), 0.0))
-        pairs = pairs_at(scene, first, second, definition, eta=eta)
+        pairs = pairs_at(scene, first, second, definition)
         yield np.inf if is_all else reach - largest, pairs.only(~pairs.apart & (pairs.distance_m <= reach))
         if is_all:
             return

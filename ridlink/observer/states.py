@@ -10,13 +10,10 @@ from ridlink.observer.known import Aircraft
 from ridlink.observer.pairs import Nearest, nearest_of
 from ridlink.observer.scene import Scene
 from ridlink.observer.sky import Sky
-from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 
 
-def aircraft_states(
-    sky: Sky, scene: Scene, definition: Definition, utc_s: float, *, eta: float = DEFAULT_ETA
-) -> list[dict[str, Any]]:
+def aircraft_states(sky: Sky, scene: Scene, definition: Definition, utc_s: float) -> list[dict[str, Any]]:
     """Everybody who is in the air: what each reports, its share of a disc, and who is nearest to it.
 
     Args:
@@ -24,10 +21,9 @@ def aircraft_states(
         scene: Where they are, of `Sky.at`.
         definition: What sizes the discs.
         utc_s: The same instant, seconds since 1970.
-        eta: Of ``chance`` only.
     """
-    outer = rings(scene, definition, eta=eta)[:, 2]
-    nearest = nearest_neighbours(scene, nearest_of(scene, definition, eta=eta))
+    outer = rings(scene, definition)[:, 2]
+    nearest = nearest_neighbours(scene, nearest_of(scene, definition))
     at = {number: index for index, number in enumerate(scene.numbers)}
     return [
         aircraft_state(one, scene.time_s, utc_s)

@@ -14,7 +14,6 @@ from ridlink.observer.sky import FORGET_AFTER_S
 from ridlink.observer.states import rounded
 from ridlink.review.approach import nearest_since
 from ridlink.review.traces import Trace
-from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 
 MAX_TRACED = 500
@@ -65,7 +64,6 @@ class Report:
         on_encounter: Called with the row of each when it is over.
         keep: So many, those of the least margin, are kept for a page.
         traced: Keep what is drawn of them, too.
-        eta: Of ``chance`` only.
 
     Attributes:
         encounters: How many there were.
@@ -79,12 +77,10 @@ class Report:
         *,
         keep: int = 0,
         traced: bool = True,
-        eta: float = DEFAULT_ETA,
     ) -> None:
         self.encounters = 0
         self.closest: Closest | None = None
         self._definition = definition
-        self._eta = eta
         self._on_encounter = on_encounter
         self._keep = keep
         self._traced = traced and keep > 0
@@ -93,7 +89,7 @@ class Report:
         self._begin()
 
     def _begin(self) -> None:
-        self._log = EncounterLog(self._definition, also=tuple(Definition), gone_after_s=FORGET_AFTER_S, eta=self._eta)
+        self._log = EncounterLog(self._definition, also=tuple(Definition), gone_after_s=FORGET_AFTER_S)
         self._traces: dict[tuple[int, int], Trace] = {}
         self._before: Scene | None = None
 
