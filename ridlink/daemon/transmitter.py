@@ -205,7 +205,7 @@ class Transmitter:
             state=state,
             system_id=None if telemetry.lock is None else telemetry.lock.sysid,
             identity=(identity := self._names.uas_id) and display_text(identity),
-            error_m=None if own is None else round(min(honest_error_m(telemetry, own, now_s), 655.35), 2),
+            error_m=None if own is None else round(min(honest_error_m(telemetry, own), 655.35), 2),
             sent=self.counters["sent"],
             rejects=self.rejects(),
         )

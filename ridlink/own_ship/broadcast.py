@@ -157,7 +157,7 @@ class Broadcast:
         found = []
         if self._dynamic_due.due(now_s):
             own = telemetry.state(now_s)
-            error_m = None if own is None else honest_error_m(telemetry, own, now_s)
+            error_m = None if own is None else honest_error_m(telemetry, own)
             timestamp_s = None if utc_s is None else utc_s % SECONDS_PER_HOUR
             location = _location(telemetry, own, error_m, timestamp_s, now_s)
             separation = self._separation(telemetry, own, error_m, timestamp_s, commanded, avoiding, now_s)
@@ -198,7 +198,7 @@ class Broadcast:
         return Separation(
             timestamp_s=timestamp_s,
             horizontal_error_m=error_m,
-            vertical_error_m=_vertical_m(telemetry, own, now_s),
+            vertical_error_m=_vertical_m(telemetry, own),
             velocity_error_mps=_velocity_mps(telemetry, now_s),
             airframe_size_m=self.settings.airframe_m,
             airframe_height_m=self.settings.airframe_height_m,
@@ -233,13 +233,12 @@ class Broadcast:
         return messages
 
 
-def honest_error_m(telemetry: OwnShipTelemetry, own: OwnState, now_s: float) -> float:
+def honest_error_m(telemetry: OwnShipTelemetry, own: OwnState) -> float:
     """Horizontal error that may be told to others, three standard deviations [m]; infinite for "that or more".
 
     Args:
         telemetry: What the autopilot says.
         own: The state that it makes now.
-        now_s: Monotonic time.
     """
     error_m = own.error_bound_m
     if own.age_s > INFLATE_AFTER_S:
@@ -249,7 +248,7 @@ def honest_error_m(telemetry: OwnShipTelemetry, own: OwnState, now_s: float) -> 
     return error_m if error_m < ERROR_CAP_M else math.inf
 
 
-def _vertical_m(telemetry: OwnShipTelemetry, own: OwnState | None, now_s: float) -> float | None:
+def _vertical_m(telemetry: OwnShipTelemetry, own: OwnState | None) -> float | None:
     return own.vertical_error_bound_m if own is not None and telemetry.trust.trusted else None
 
 
@@ -263,7 +262,7 @@ def _location(
     if own is None:
         return Location(status=STATUS_FAILURE, timestamp_s=timestamp_s)
     north, east, down = own.velocity_ned_mps
-    vertical_m, velocity_mps = _vertical_m(telemetry, own, now_s), _velocity_mps(telemetry, now_s)
+    vertical_m, velocity_mps = _vertical_m(telemetry, own), _velocity_mps(telemetry, now_s)
     return Location(
         status=_status(telemetry, now_s),
         direction_deg=math.degrees(math.atan2(east, north)) % 360.0,

@@ -141,7 +141,7 @@ class OwnShipTelemetry:
             case "GLOBAL_POSITION_INT":
                 self._position(message, now_s)
             case "LOCAL_POSITION_NED":
-                self._local(message, now_s)
+                self._local(message)
             case "GPS_RAW_INT":
                 self.trust.receiver(message, now_s)
                 if message.alt_ellipsoid and self.trust.undulation_m is None:
@@ -254,7 +254,7 @@ class OwnShipTelemetry:
         ):
             self.counters["own_position_jump"] += 1
 
-    def _local(self, message: Message, now_s: float) -> None:
+    def _local(self, message: Message) -> None:
         """Velocity only: the local origin may move, and our coordinates begin at our own position anyway."""
         if not self._in_order(message.time_boot_ms):
             return

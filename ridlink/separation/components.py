@@ -70,20 +70,16 @@ def displacement_line(category: Category, interval_s: float) -> float:
     return float(displacement(category, interval_s).quantile(0.997))
 
 
-def unmac_radius_distribution(
-    sigma_m: float, interval_s: float, category: Category = CATEGORIES[3], *, mac: str = EXACT
-) -> Sum:
-    """Radius of the uNMAC of two vehicles of a kind [m], Eq. 8 with everything in it random.
+def unmac_radius_distribution(sigma_m: float, interval_s: float) -> Sum:
+    """Radius of the uNMAC of two vehicles of category 3 [m], Eq. 8 with everything in it random.
 
     Args:
         sigma_m: Standard deviation of the localization error of either.
         interval_s: Time between two reports, positive.
-        category: Of both.
-        mac: Which MAC distance, a key of `MAC_DISTANCE_M`.
     """
     parts: tuple[Distribution, ...] = (
-        MAC_DISTANCE_M[mac],
+        MAC_DISTANCE_M[EXACT],
         localization_error(sigma_m),
-        displacement(category, interval_s),
+        displacement(CATEGORIES[3], interval_s),
     )
     return Sum(parts)
