@@ -70,7 +70,6 @@ from ridlink.avoidance.rows import (
 )
 from ridlink.avoidance.sift import FAR, sift
 from ridlink.avoidance.turning import earlier_and_wider
-from ridlink.avoidance.ways import ROOM_COLUMNS, ROUND
 
 TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
@@ -123,7 +122,7 @@ def name_binding(lines, hard, walls, first, last, ends, names, slack_mps, result
 
 @kernel(forceinline=True)
 def avoid_one(  # type: ignore[no-untyped-def]
-    own, neighbours, count, range_m, pieces, ways, route, settings, scratch, result
+    own, neighbours, count, range_m, pieces, roadmap, route, settings, scratch, result
 ):
     """Decide for one own-ship.
 
@@ -133,7 +132,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
         count: Number of blocks.
         range_m: Neighbours whose reports are from further away are not heard.
         pieces: Convex pieces of the obstacles, `Obstacles.pieces`.
-        ways: Ways round them, `Roadmap.ways`.
+        roadmap: Ways round them, `Roadmap`; read and written.
         route: Memory of the way round obstacles.
         settings: Constants, `HalfplaneSettings.as_vector`.
         scratch: `new_scratch`.
@@ -142,11 +141,11 @@ def avoid_one(  # type: ignore[no-untyped-def]
     Returns:
         Memory of the way round obstacles for the next step.
     """
-    candidates, names, lines, chosen, work, room = scratch
+    candidates, names, lines, chosen, work = scratch
     limit = own[LIMIT]
     preferred = result[R_PREFERRED : R_PREFERRED + 2]
     pair = result[R_VELOCITY : R_VELOCITY + 2]
-    route = preferred_velocity(own, pieces, ways, route, settings, room, pair, preferred)
+    route = preferred_velocity(own, pieces, roadmap, route, settings, pair, preferred)
     slow = slowness(preferred, own[VELOCITY], own[VELOCITY + 1], limit)
     # First room for firm half-planes, filled from the end, then the hard ones, then the soft ones.
     begin = hard = LANES * count
@@ -232,22 +231,16 @@ def new_scratch(count: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
 
     Returns:
         Candidates, blocks in which those that matter remain with their half-planes; their places among the neighbours;
-        half-planes; two choices among these; room to look for ways.
+        half-planes; two choices among these.
     """
     blocks = new_blocks(count)
     lanes = LANES * len(blocks)
     lines = new_lines(obstacles.piece_count + REACH_SIDES, 2 * lanes, lanes)
     width = lines.shape[1]
-    return blocks, new_names(len(blocks)), lines, new_choice(width), new_choice(width), room_for_ways(obstacles)
-
-
-def room_for_ways(obstacles: Obstacles) -> np.ndarray:
-    """What `way_aim` works on, shape (points, ROOM_COLUMNS)."""
-    return np.zeros((ROUND * len(obstacles.piece_vertex_ne_m), ROOM_COLUMNS))
+    return blocks, new_names(len(blocks)), lines, new_choice(width), new_choice(width)
 
 
 def has_room(scratch: tuple[np.ndarray, ...], obstacles: Obstacles) -> bool:
     """Whether a scratch does for these obstacles, at the number of neighbours that it was made for."""
-    blocks, _, lines, *_, room = scratch
-    spare = lines.shape[1] - 3 * LANES * len(blocks)
-    return obstacles.piece_count + REACH_SIDES <= spare and len(room_for_ways(obstacles)) <= len(room)
+    blocks, _, lines, *_ = scratch
+    return bool(obstacles.piece_count + REACH_SIDES <= lines.shape[1] - 3 * LANES * len(blocks))

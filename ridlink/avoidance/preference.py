@@ -19,9 +19,8 @@ from ridlink.avoidance.rows import (
     POSITION,
     ROUTE_MARGIN,
     VELOCITY,
-    WAY,
 )
-from ridlink.avoidance.ways import NO_WAY, way_aim
+from ridlink.avoidance.waypoint import next_waypoint
 
 APPROACH_OFFSET_MPS = 0.3
 """Keeps the last metre to a goal from taking for ever."""
@@ -68,7 +67,7 @@ def steadied(c_1, c_2, v_1, v_2, to_1, to_2, to_goal_m):  # type: ignore[no-unty
 
 
 @kernel(forceinline=True, inner=True)
-def preferred_velocity(own, pieces, ways, memory, settings, room, aim, preferred):  # type: ignore[no-untyped-def]
+def preferred_velocity(own, pieces, roadmap, memory, settings, aim, preferred):  # type: ignore[no-untyped-def]
     """Velocity without traffic: to the goal, round obstacles, slower towards the end. Returns the route memory."""
     if own[AIM_IS_VELOCITY] != 0.0:
         preferred[0], preferred[1] = own[AIM], own[AIM + 1]
@@ -76,17 +75,12 @@ def preferred_velocity(own, pieces, ways, memory, settings, room, aim, preferred
     p_1, p_2 = own[POSITION], own[POSITION + 1]
     to_1, to_2, route = own[AIM] - p_1, own[AIM + 1] - p_2, 0
     to_goal = length = norm(to_1, to_2)
-    way = int(own[WAY]) - 1
-    if 0 <= way < len(ways):
-        clearance = buffered_clearance(own, settings) + settings[ROUTE_MARGIN]
-        route = NO_WAY
-        for width in range(ways.shape[1]):
-            if route == NO_WAY:
-                route = way_aim(
-                    pieces, ways[way, width], p_1, p_2, own[AIM], own[AIM + 1], clearance, memory, room, aim
-                )  # fmt: skip
+    if len(roadmap.points) > 0:
         # Where there is no way, straight on: half-planes keep out.
-        route = max(route, 0)
+        route = max(next_waypoint(
+            pieces, roadmap, p_1, p_2, own[AIM], own[AIM + 1], buffered_clearance(own, settings),
+            settings[ROUTE_MARGIN], memory, aim,
+        ), 0)  # fmt: skip
         to_1, to_2 = aim[0] - p_1, aim[1] - p_2
         length = norm(to_1, to_2)
     slow = not math.isinf(settings[ARRIVAL])

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import numpy as np
 
-# Columns of own-ship. AIM is the goal, or the preferred velocity where AIM_IS_VELOCITY is not zero; WAY is the number,
-# from 1, of the ways round obstacles that lead to the goal, 0 for none.
+# Columns of own-ship. AIM is the goal, or the preferred velocity where AIM_IS_VELOCITY is not zero.
 (
-    POSITION, VELOCITY, COMMAND, AIM, AIM_IS_VELOCITY, LIMIT, CRUISE, CLEARANCE, EXTRA_TURN, WAY, OWN_COLUMNS,
-) = (0, 2, 4, 6, 8, 9, 10, 11, 12, 13, 14)  # fmt: skip
+    POSITION, VELOCITY, COMMAND, AIM, AIM_IS_VELOCITY, LIMIT, CRUISE, CLEARANCE, EXTRA_TURN, OWN_COLUMNS,
+) = (0, 2, 4, 6, 8, 9, 10, 11, 12, 13)  # fmt: skip
 
 LANES = 4
 """Neighbours in a block: what a register of 256 bits holds, with which the compiler works. Eight are no faster."""

@@ -13,7 +13,7 @@ from ridlink.avoidance import graded, halfplane, headings, rotation, rows
 from ridlink.avoidance.obstacles import NO_OBSTACLES, Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import RightOfWay, give_way
-from ridlink.avoidance.roadmap import Roadmap
+from ridlink.avoidance.roadmap import new_roadmap
 from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.avoidance.types import (
     Decision,
@@ -205,7 +205,7 @@ class HalfplaneSolver(_RowSolver):
     def __init__(self, settings: HalfplaneSettings | None = None) -> None:
         self.settings = settings or HalfplaneSettings()
         self._vector = self.settings.as_vector()
-        self._layout, self._roadmap = NO_OBSTACLES.layout, Roadmap(NO_OBSTACLES)
+        self._layout, self._roadmap = NO_OBSTACLES.layout, new_roadmap(NO_OBSTACLES)
         super().__init__()
 
     def half_planes(self) -> list[tuple[FloatArray, int]]:
@@ -236,10 +236,9 @@ class HalfplaneSolver(_RowSolver):
 
     def _decide(self, count: int, obstacles: Obstacles) -> None:
         if obstacles.layout is not self._layout:
-            self._layout, self._roadmap = obstacles.layout, Roadmap(obstacles)
-        ways = self._roadmap.ways(self._own, self._vector, obstacles)
+            self._layout, self._roadmap = obstacles.layout, new_roadmap(obstacles)
         self._route = halfplane.avoid_one(
-            self._own, self._neighbours, rows.blocks_for(count), math.inf, obstacles.pieces, ways,
+            self._own, self._neighbours, rows.blocks_for(count), math.inf, obstacles.pieces, self._roadmap,
             self._route, self._vector, self._scratch, self._result,
         )  # fmt: skip
 

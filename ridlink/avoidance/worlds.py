@@ -127,7 +127,7 @@ def name_vehicles(names, answer):  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def avoid_worlds(  # type: ignore[no-untyped-def]
-    own, deciding, heard, present, radius_m, error_sum_m, range_m, memory, route, pieces, ways, settings, picture,
+    own, deciding, heard, present, radius_m, error_sum_m, range_m, memory, route, pieces, roadmap, settings, picture,
     scratch, result,
 ):  # fmt: skip
     """Decide by half-planes for every vehicle of every world.
@@ -142,16 +142,16 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         range_m: See above.
         memory: What each vehicle keeps of its encounters, read and written, see `new_memory`.
         route: Memory of the way round obstacles, read and written, shape (W, N), int64.
-        pieces: Obstacles, the same in every world, as in `avoid_one`; so are `ways`.
-        ways: See `pieces`.
+        pieces: Obstacles, the same in every world, as in `avoid_one`; so is `roadmap`.
+        roadmap: See `pieces`.
         settings: Constants, `HalfplaneSettings.as_vector`.
         picture: Scratch, blocks for all vehicles of each world; it and `scratch` come from `halfplane_scratch`.
         scratch: Of each world, as in `avoid_one`.
         result: See above.
     """
     # Whoever has several threads gives each its own worlds, with scratch of their own: that of the first will do.
-    candidates, names, lines, chosen, work, room = scratch
-    view, mine = picture[0], (candidates[0], names[0], lines[0], chosen[0], work[0], room[0])
+    candidates, names, lines, chosen, work = scratch
+    view, mine = picture[0], (candidates[0], names[0], lines[0], chosen[0], work[0])
     blocks = len(view)
     for world in range(own.shape[0]):
         draw_picture(heard[world], present[world], view)
@@ -162,7 +162,16 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
             complete(view, radius_m[world, i], error_sum_m[world, i], kept)
             view[i // LANES, HEARD + i % LANES] = 0.0
             route[world, i] = avoid_one(
-                own[world, i], view, blocks, range_m, pieces, ways, route[world, i], settings, mine, result[world, i]
+                own[world, i],
+                view,
+                blocks,
+                range_m,
+                pieces,
+                roadmap,
+                route[world, i],
+                settings,
+                mine,
+                result[world, i],
             )
             view[i // LANES, HEARD + i % LANES] = 1.0 if present[world, i] else 0.0
             for b in range(blocks):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ridlink.avoidance import graded, rotation, rows, worlds
 from ridlink.avoidance.obstacles import Obstacles
-from ridlink.avoidance.roadmap import Roadmap
+from ridlink.avoidance.roadmap import new_roadmap
 from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 
 FloatArray = NDArray[np.float64]
@@ -53,27 +53,23 @@ def new_decider(
         obstacles: The same in every world.
         threads: Threads among which the worlds are divided; answers do not depend on it.
     """
-    decider: _Headings | _Halfplanes
     if isinstance(settings, HalfplaneSettings):
-        decider = _Halfplanes(settings, shape, obstacles)
-    else:
-        decider = _Headings(settings, shape, obstacles)
-    if threads > 1:
-        decider.pool, decider.threads = ThreadPoolExecutor(threads), threads
-    return decider
+        return _Halfplanes(settings, shape, obstacles, threads)
+    return _Headings(settings, shape, obstacles, threads)
 
 
 class _Batched:
     """A kernel with its arguments: whatever has an axis of worlds, it is the first one."""
 
-    pool: ThreadPoolExecutor | None = None
-    threads = 1
-
     _kernel: Any
     _memories: tuple[Any, ...] = ()
-    _constants: tuple[Any, ...]
+    _constants: list[tuple[Any, ...]]
+    """What is the same in every world, for each thread."""
     _scratch: tuple[Any, ...]
-    _result: FloatArray
+
+    def __init__(self, shape: tuple[int, int], threads: int) -> None:
+        self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def decide(
         self, own: FloatArray, deciding: BoolArray, heard: FloatArray, present: BoolArray, radius_m: FloatArray,
@@ -82,17 +78,17 @@ class _Batched:
         """See `Decider.decide`."""
         picture = (own, deciding, heard, present, radius_m, error_sum_m)
         room = (*self._scratch, self._result)
-        if self.pool is None:
-            self._kernel(*picture, range_m, *self._memories, *self._constants, *room)
+        if self._pool is None:
+            self._kernel(*picture, range_m, *self._memories, *self._constants[0], *room)
         else:
-            edges = [len(own) * k // self.threads for k in range(self.threads + 1)]
+            edges = [len(own) * k // len(self._constants) for k in range(len(self._constants) + 1)]
 
-            def decide_part(edge: tuple[int, int]) -> None:
+            def decide_part(edge: tuple[int, int], constants: tuple[Any, ...]) -> None:
                 part = slice(*edge)
                 mine, memories, scratch = (_of_worlds(one, part) for one in (picture, self._memories, room))
-                self._kernel(*mine, range_m, *memories, *self._constants, *scratch)
+                self._kernel(*mine, range_m, *memories, *constants, *scratch)
 
-            list(self.pool.map(decide_part, pairwise(edges)))
+            list(self._pool.map(decide_part, pairwise(edges), self._constants))
         return self._result[: len(own)]
 
     def keep(self, kept: BoolArray) -> None:
@@ -109,8 +105,9 @@ class _Headings(_Batched):
     """The solvers that choose among headings; they remember nothing."""
 
     def __init__(
-        self, settings: GradedSettings | RotationSettings, shape: tuple[int, int], obstacles: Obstacles
+        self, settings: GradedSettings | RotationSettings, shape: tuple[int, int], obstacles: Obstacles, threads: int
     ) -> None:
+        super().__init__(shape, threads)
         if isinstance(settings, RotationSettings):
             self._kernel = worlds.rotate_worlds
             fan = rotation.candidates(settings.step_deg, settings.left_weight)
@@ -118,25 +115,15 @@ class _Headings(_Batched):
             self._kernel = worlds.grade_worlds
             fan = graded.candidates()
         self._scratch = worlds.heading_scratch(*shape, obstacles)
-        self._constants = (obstacles.pieces, settings.as_vector(), fan)
-        self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
+        self._constants = [(obstacles.pieces, settings.as_vector(), fan)] * threads
 
 
 class _Halfplanes(_Batched):
     """The half-plane solver, which remembers its encounters and the way round obstacles."""
 
-    def __init__(self, settings: HalfplaneSettings, shape: tuple[int, int], obstacles: Obstacles) -> None:
+    def __init__(self, settings: HalfplaneSettings, shape: tuple[int, int], obstacles: Obstacles, threads: int) -> None:
+        super().__init__(shape, threads)
         self._kernel = worlds.avoid_worlds
         self._memories = (worlds.new_memory(*shape), np.zeros(shape, np.int64))
-        self._obstacles, self._roadmap, self._settings = obstacles, Roadmap(obstacles), settings.as_vector()
         self._scratch = worlds.halfplane_scratch(*shape, obstacles)
-        self._result = np.zeros((*shape, rows.RESULT_COLUMNS))
-
-    def decide(
-        self, own: FloatArray, deciding: BoolArray, heard: FloatArray, present: BoolArray, radius_m: FloatArray,
-        error_sum_m: FloatArray, range_m: float,
-    ) -> FloatArray:  # fmt: skip
-        """See `Decider.decide`; the ways of own-ships are filled in."""
-        ways = self._roadmap.ways(own, self._settings, self._obstacles)
-        self._constants = (self._obstacles.pieces, ways, self._settings)
-        return super().decide(own, deciding, heard, present, radius_m, error_sum_m, range_m)
+        self._constants = [(obstacles.pieces, new_roadmap(obstacles), settings.as_vector()) for _ in range(threads)]

@@ -14,7 +14,7 @@ from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.packing import pack, unpack_memory
 from ridlink.avoidance.priority import give_way, new_turns
-from ridlink.avoidance.roadmap import Roadmap
+from ridlink.avoidance.roadmap import new_roadmap
 from ridlink.avoidance.rotation import choose_heading
 from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.campaign.tracks import Picture, collect, kernel
@@ -33,14 +33,14 @@ def remember(names, kept, count, memory):  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def avoid_pairs(  # type: ignore[no-untyped-def]
-    own, deciding, picture, memory, room, pieces, settings, ways, route, turns, scratch, result,
+    own, deciding, picture, memory, room, pieces, settings, roadmap, route, turns, scratch, result,
 ):  # fmt: skip
     """Decide by half-planes; up to `result` see `PairDecider.decide`, scratch has a leading axis of worlds."""
     reports, kept, names, blocks = room
-    candidates, places, lines, chosen, work, ring = scratch
+    candidates, places, lines, chosen, work = scratch
     for world in range(own.shape[0]):
         few, names_here, kept_here = blocks[world], names[world], kept[world]
-        mine = (candidates[world], places[world], lines[world], chosen[world], work[world], ring[world])
+        mine = (candidates[world], places[world], lines[world], chosen[world], work[world])
         for i in range(own.shape[1]):
             if not deciding[world, i]:
                 continue
@@ -48,8 +48,8 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
             give_way(own[world, i], i, reports[world], names_here, count, picture.now_s, turns[world, i])
             pack(reports[world], kept_here, count, few)
             route[world, i] = avoid_one(
-                own[world, i], few, -(-count // rows.LANES), math.inf, pieces, ways, route[world, i], settings, mine,
-                result[world, i],
+                own[world, i], few, -(-count // rows.LANES), math.inf, pieces, roadmap, route[world, i], settings,
+                mine, result[world, i],
             )  # fmt: skip
             unpack_memory(few, count, kept_here)
             remember(names_here, kept_here, count, memory[world, i])
@@ -117,8 +117,8 @@ class PairDecider:
         if isinstance(settings, HalfplaneSettings):
             self._kernel: Any = avoid_pairs
             self._route, self._turns = np.zeros(shape, np.int64), new_turns(*shape)
+            self._roadmap = new_roadmap(obstacles)
             self._constants: tuple[Any, ...] = ()
-            self._obstacles, self._roadmap = obstacles, Roadmap(obstacles)
             self._scratch = rows.for_all_worlds(halfplane.new_scratch(vehicles, obstacles), worlds)
             return
         self._scratch = rows.for_all_worlds(headings.new_scratch(vehicles, obstacles), worlds)
@@ -143,7 +143,7 @@ class PairDecider:
         """
         constants = self._constants
         if self._route is not None:
-            constants = self._roadmap.ways(own, self._walls[1], self._obstacles), self._route, self._turns
+            constants = self._roadmap, self._route, self._turns
         self._kernel(
             own, deciding, picture, self._memory, self._room, *self._walls, *constants, self._scratch, self._result
         )  # fmt: skip

@@ -23,7 +23,7 @@ from ridlink.avoidance import rows
 from ridlink.avoidance.obstacles import Obstacles
 from ridlink.avoidance.priority import give_way_in_worlds, new_turns
 from ridlink.avoidance.progress import ProgressWatch
-from ridlink.avoidance.roadmap import Roadmap
+from ridlink.avoidance.roadmap import new_roadmap
 from ridlink.avoidance.settings import HalfplaneSettings
 from ridlink.avoidance.worlds import avoid_worlds, halfplane_scratch, new_memory
 from ridlink.separation import Definition, Reported, separation_discs
@@ -271,7 +271,7 @@ def fly(
     present = np.ones(shape, bool)
     active = np.ones(shape, bool)
     memory, turns = new_memory(*shape), new_turns(*shape)
-    route, roadmap = np.zeros(shape, np.int64), Roadmap(obstacles)
+    route, roadmap = np.zeros(shape, np.int64), new_roadmap(obstacles)
     scratch = halfplane_scratch(*shape, obstacles)
     result = np.zeros((*shape, rows.RESULT_COLUMNS))
     vector = settings.as_vector()
@@ -324,7 +324,7 @@ def fly(
         )  # fmt: skip
         avoid_worlds(
             own, deciding, heard, present, discs.radius_m, discs.error_sum_m, range_m, memory, route,
-            obstacles.pieces, roadmap.ways(own, vector, obstacles), vector, *scratch, result,
+            obstacles.pieces, roadmap, vector, *scratch, result,
         )  # fmt: skip
         command = np.where(deciding[..., None], result[..., 2:4], np.where(active[..., None], command, 0.0))
         decisions += deciding.sum()

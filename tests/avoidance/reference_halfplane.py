@@ -439,7 +439,7 @@ def evade(own, neighbours, violation, admissible, x):
 
 
 def avoid_one(
-    own, neighbours, count, memory, pieces, ways, route, settings, lines, work, owner, room,
+    own, neighbours, count, memory, pieces, roadmap, route, settings, lines, work, owner,
     result,
 ):  # fmt: skip
     """Decide for one own-ship.
@@ -450,13 +450,12 @@ def avoid_one(
         count: Number of neighbours.
         memory: What is kept of each encounter, read and written, `Memory` flags, shape (>= count,), int8.
         pieces: Convex pieces of the obstacles, `Obstacles.pieces`.
-        ways: Ways round them, `Roadmap.ways`.
+        roadmap: Ways round them, `Roadmap`.
         route: Memory of the way round obstacles.
         settings: Constants, `HalfplaneSettings.as_vector`.
         lines: Scratch for half-planes, shape (>= 3 count + pieces + 2, 3).
         work: Scratch of the same shape.
         owner: Scratch: neighbour of each half-plane, shape (>= 3 count + pieces,), int64.
-        room: Scratch for ways, `halfplane.room_for_ways`.
         result: Result, shape (RESULT_COLUMNS,).
 
     Returns:
@@ -469,7 +468,7 @@ def avoid_one(
     o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
     preferred = result[R_PREFERRED : R_PREFERRED + 2]
     pair = result[R_VELOCITY : R_VELOCITY + 2]
-    route = preferred_velocity(own, pieces, ways, route, settings, room, pair, preferred)
+    route = preferred_velocity(own, pieces, roadmap, route, settings, pair, preferred)
     hard, overlapped = obstacle_half_planes(own, *pieces, settings, lines, owner, pair)
 
     used = firm = hard

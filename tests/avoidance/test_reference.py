@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ridlink.avoidance import HalfplaneSettings, Obstacles, OwnShip, Status, Traffic, rows
-from ridlink.avoidance.halfplane import room_for_ways
-from ridlink.avoidance.roadmap import Roadmap
+from ridlink.avoidance.roadmap import new_roadmap
 from ridlink.avoidance.solver import HalfplaneSolver
 from ridlink.campaign.deciding import new_decider
 from tests.avoidance import reference_halfplane as plain
@@ -49,7 +48,7 @@ def decide_plainly(own: OwnShip, traffic: Traffic, goal, cruise, obstacles, clea
     count = len(traffic)
     vector = np.array(
         [*own.position_ne_m, *own.velocity_ne_mps, *own.command_ne_mps, *goal, 0.0, own.speed_limit_mps, cruise,
-         clearance, turn, 0.0]
+         clearance, turn]
     )  # fmt: skip
     table = np.column_stack(
         [traffic.position_ne_m, traffic.velocity_ne_mps, traffic.command_ne_mps, traffic.age_s, traffic.radius_m,
@@ -59,9 +58,9 @@ def decide_plainly(own: OwnShip, traffic: Traffic, goal, cruise, obstacles, clea
     lines = 3 * count + obstacles.piece_count
     plain.avoid_one(
         vector, table, count, memory, obstacles.pieces,
-        Roadmap(obstacles).ways(vector, constants.as_vector(), obstacles), 0, constants.as_vector(),
+        new_roadmap(obstacles), 0, constants.as_vector(),
         np.zeros((lines + 2, 3)), np.zeros((lines + 2, 3)),
-        np.zeros(lines, np.int64), room_for_ways(obstacles), result,
+        np.zeros(lines, np.int64), result,
     )  # fmt: skip
     return result, memory
 

@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.avoidance import HalfplaneSettings, Obstacles, OwnShip, Traffic, keep_out, rows, ways
-from ridlink.avoidance.halfplane import room_for_ways
-from ridlink.avoidance.roadmap import Roadmap
+from ridlink.avoidance import Obstacles, OwnShip, Traffic, keep_out, roadmap, waypoint, ways
+from ridlink.avoidance.roadmap import NO_KEY, STEPS_PER_M, new_roadmap
 from ridlink.avoidance.solver import HalfplaneSolver
 from tests.avoidance.lockstep import signed_distance
 from tests.avoidance.way_in import way_in
 
-nearest_point, way_aim = way_in(keep_out.nearest_point), way_in(ways.way_aim)
-enclose, in_sight = way_in(ways.enclose), way_in(ways.in_sight)
+nearest_point, enclose, in_sight = (way_in(one) for one in (keep_out.nearest_point, ways.enclose, ways.in_sight))
+ways_to, next_waypoint, choose_way = (
+    way_in(one) for one in (roadmap.ways_to, waypoint.next_waypoint, waypoint.choose_way)
+)
 
-GRAZING = HalfplaneSettings(buffer_share=0.0, route_margin_m=0.0).as_vector()
 SQUARE = np.array([[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]])
 BAY = np.array(
     [[-60.0, -60.0], [60.0, -60.0], [60.0, -50.0], [-50.0, -50.0], [-50.0, 50.0], [60.0, 50.0], [60.0, 60.0],
@@ -43,25 +43,18 @@ SPIRAL = wall(
 )
 
 
-def own_row(goal, clearance):
-    own = np.zeros(rows.OWN_COLUMNS)
-    own[rows.AIM : rows.AIM + 2], own[rows.CLEARANCE] = goal, clearance
-    return own
-
-
 class Way:
     """The way to a goal, asked for at one place after the other."""
 
     def __init__(self, obstacles, goal, clearance=12.0):
         self.obstacles, self.goal, self.clearance, self.memory = obstacles, np.array(goal), clearance, 0
-        self.ways = Roadmap(obstacles).ways(own_row(goal, clearance), GRAZING, obstacles)[0, 0]
+        self.roadmap = new_roadmap(obstacles)
 
     def aim(self, position):
         aim = np.zeros(2)
-        self.memory = way_aim(
-            self.obstacles.pieces, self.ways, *position, *self.goal, self.clearance, max(self.memory, 0),
-            room_for_ways(self.obstacles), aim,
-        )  # fmt: skip
+        self.memory = next_waypoint(
+            self.obstacles.pieces, self.roadmap, *position, *self.goal, self.clearance, 0.0, max(self.memory, 0), aim
+        )
         return aim
 
     def fly(self, position, step_m=2.0, most=2000):
@@ -179,7 +172,7 @@ def test_a_goal_that_cannot_be_reached_is_in_nobodys_sight():
     obstacles = Obstacles.from_polygons(wall((-50, -50), (50, -50), (50, 50), (-50, 50), (-50, -50)))
     way = Way(obstacles, (0.0, 0.0))
     assert way.aim((-300.0, 0.0)) == pytest.approx([0.0, 0.0])
-    assert way.memory == ways.NO_WAY
+    assert way.memory == waypoint.NO_WAY
 
 
 @pytest.mark.parametrize("off_m", [6.0, 6.3, 6.49, 6.51])
@@ -236,7 +229,7 @@ def scattered(random):
 def test_in_sight_is_what_no_piece_comes_near(seed, clearance):
     random = np.random.default_rng(seed)
     obstacles, start, goal = scattered(random)
-    keep = room_for_ways(obstacles)
+    keep = np.zeros((ways.ROUND * len(obstacles.piece_vertex_ne_m), ways.KEEP_COLUMNS))
     enclose(obstacles.pieces, keep)
     keep[: obstacles.piece_count, ways.KEEP] = clearance
     between = start + np.linspace(0.0, 1.0, 1000)[:, None] * (goal - start)
@@ -283,30 +276,71 @@ def test_among_any_obstacles_the_way_is_as_short_as_any(seed):
         assert signed_distance(obstacles, places).min() > 0.9 * clearance - 0.5
 
 
-def test_a_roadmap_works_out_what_is_new_and_keeps_the_rest(monkeypatch):
+def known(roadmap):
+    """How many ways are on a map."""
+    return int((roadmap.keys[:, :-1] != NO_KEY).sum())
+
+
+def ways_at(obstacles, roadmap, goal, clearance=12.0, width=0, margin=3.0):
+    """The ways to a goal, as the table has them."""
+    where = ways_to(obstacles.pieces, roadmap, *goal, int(clearance * STEPS_PER_M), width, margin, np.zeros(2))
+    return roadmap.table[where]
+
+
+def test_a_roadmap_works_out_what_is_new_and_keeps_the_rest():
     obstacles = Obstacles.from_polygons([BAY, SQUARE + 200.0])
-    vector, asked = HalfplaneSettings().as_vector(), []
+    here = new_roadmap(obstacles)
+    assert known(here) == 0
+    first = ways_at(obstacles, here, (0.0, 10.0))
+    assert first[0, ways.OFF] == 15.0
+    first[0, ways.OFF] = -1.0
+    for goal, clearance in (((0.0, 10.0), 12.0), ((0.2, 9.7), 12.0), ((0.0, 10.0), 12.4)):
+        assert ways_at(obstacles, here, goal, clearance)[0, ways.OFF] == -1.0
+        assert known(here) == 1
+    for goal, clearance, width, off in (
+        ((0.6, 10.0), 12.0, 0, 15.0), ((0.0, 10.0), 12.6, 0, 15.5), ((0.0, 10.0), 12.0, 1, 12.0),
+        ((0.0, 10.0), 12.0, 2, 3.0),
+    ):  # fmt: skip
+        before = known(here)
+        assert ways_at(obstacles, here, goal, clearance, width)[0, ways.OFF] == off
+        assert known(here) == before + 1
 
-    def counted(pieces, rounding, owner, clearance_m, *rest):
-        asked.append(clearance_m)
-        ways.measure_ways(pieces, rounding, owner, clearance_m, *rest)
 
-    monkeypatch.setattr("ridlink.avoidance.roadmap.measure_ways", counted)
-    own = np.stack([own_row((0.0, 10.0 * k), 9.0) for k in range(4)])
-    own[3, rows.AIM_IS_VELOCITY] = 1.0
-    roadmap = Roadmap(obstacles)
-    points = ways.ROUND * len(obstacles.piece_vertex_ne_m)
-    assert roadmap.ways(own, vector, obstacles).shape[1:] == (3, points, ways.WAY_COLUMNS)
-    assert own[:, rows.WAY].tolist() == [1.0, 2.0, 3.0, 0.0]
-    assert asked == [15.0, 12.0, 3.0] * 3
-    own[:, rows.AIM] += 0.2
-    own[1, rows.AIM] = 70.0
-    roadmap.ways(own, vector, obstacles)
-    assert own[:, rows.WAY].tolist() == [1.0, 4.0, 3.0, 0.0]
-    assert len(asked) == 12
-    roadmap.ways(own[:2], vector, obstacles)
-    assert own[:, rows.WAY].tolist() == [1.0, 4.0, 3.0, 0.0]
-    assert len(asked) == 12
+def test_ways_do_not_fill_the_memory_and_are_the_same_whoever_else_asked():
+    obstacles = Obstacles.from_polygons([SQUARE])
+    crowded, random = new_roadmap(obstacles), np.random.default_rng(5)
+    room = crowded.table.shape[0]
+    for goal in np.array([200.0, 0.0]) + random.normal(0.0, 40.0, (3 * room, 2)):
+        ways_at(obstacles, crowded, goal)
+    assert 0.99 * room < known(crowded) <= room == crowded.table.shape[0]
+    for goal in np.array([200.0, 0.0]) + random.normal(0.0, 40.0, (50, 2)):
+        expected = ways_at(obstacles, new_roadmap(obstacles), goal)
+        assert np.array_equal(ways_at(obstacles, crowded, goal), expected)
+        assert np.array_equal(ways_at(obstacles, crowded, goal), expected)
+
+
+@pytest.mark.parametrize("count", [0, 1, 30, 400])
+def test_every_way_that_is_kept_can_be_found(count):
+    """Keys reach all shelves, and the more obstacles there are the fewer ways fit."""
+    obstacles = Obstacles.from_polygons([SQUARE + 100.0 * np.array([k // 20, k % 20]) for k in range(count)])
+    here = new_roadmap(obstacles)
+    assert len(here.table) == roadmap.SHELF * len(here.keys)
+    assert roadmap.LEAST_WAYS / 2 <= len(here.table) <= 2 * roadmap.MOST_WAYS or not count
+    assert count < 30 or here.table.nbytes < 3 * max(roadmap.MOST_BYTES, roadmap.LEAST_WAYS * here.table[0].nbytes)
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), clearance=st.floats(0.0, 15.0))
+def test_where_the_goal_is_in_sight_no_map_is_asked_for_and_would_say_the_same(seed, clearance):
+    obstacles, start, goal = scattered(np.random.default_rng(seed))
+    if not obstacles.piece_count:
+        return
+    way = Way(obstacles, goal, clearance)
+    aim = way.aim(start)
+    if not known(way.roadmap):
+        assert way.memory == 0 and aim.tolist() == goal.tolist()
+        table = ways_at(obstacles, way.roadmap, goal, clearance, margin=0.0)
+        assert choose_way(obstacles.pieces, way.roadmap, table, *start, *goal, 0) == 0
 
 
 def test_without_obstacles_there_are_no_ways_whatever_there_was_before():
@@ -321,58 +355,34 @@ def test_without_obstacles_there_are_no_ways_whatever_there_was_before():
         assert straight.route == 0 and straight.preferred_ne_mps == pytest.approx([5.0, 0.0])
 
 
-def test_ways_do_not_fill_the_memory():
-    obstacles = Obstacles.from_polygons([SQUARE])
-    roadmap, vector = Roadmap(obstacles), HalfplaneSettings().as_vector()
-    most = 0
-    for k in range(300):
-        most = max(most, len(roadmap.ways(own_row((100.0, float(k)), 9.0), vector, obstacles)))
-    assert most <= 128
-
-
-def test_ways_do_not_depend_on_who_else_asks():
-    obstacles, vector = Obstacles.from_polygons([SQUARE]), HalfplaneSettings().as_vector()
-    goals = np.array([200.0, 0.0]) + np.random.default_rng(5).normal(0.0, 10.0, (2000, 2))
-    asked = np.stack([own_row(goal, 9.0) for goal in goals])
-    together = Roadmap(obstacles).ways(asked, vector, obstacles)[int(asked[7, rows.WAY]) - 1]
-    alone = asked[7:8].copy()
-    found = Roadmap(obstacles).ways(alone, vector, obstacles)[int(alone[0, rows.WAY]) - 1]
-    assert np.array_equal(found, together)
-
-
 @pytest.mark.parametrize("moved", [(0.0, 0.0), (123.4, -56.7)])
 def test_ways_move_with_the_origin(moved):
     """A daemon tells its obstacles about its own position, wherever that is."""
-    layout = Obstacles.from_polygons([BAY])
-    roadmap, vector = Roadmap(layout), GRAZING
-    roadmap.ways(own_row((-30.0, 0.0), 12.0), vector, layout)
-    here = Obstacles.from_polygons([BAY + moved])
-    own = own_row(np.array([-30.0, 0.0]) + moved, 12.0)
-    found = roadmap.ways(own, vector, here)[int(own[rows.WAY]) - 1, 0]
-    aim = np.zeros(2)
-    way_aim(here.pieces, found, *(np.array([-150.0, 5.0]) + moved), *own[rows.AIM : rows.AIM + 2], 12.0, 0,
-            room_for_ways(here), aim)  # fmt: skip
-    assert aim - moved == pytest.approx(Way(layout, (-30.0, 0.0)).aim((-150.0, 5.0)), abs=1e-6)
+    layout, position = Obstacles.from_polygons([BAY]), np.array([-150.0, 5.0])
+    way = Way(layout, (-30.0, 0.0))
+    expected = way.aim(position)
+    way.obstacles, way.goal = Obstacles.from_polygons([BAY + moved]), way.goal + moved
+    assert way.aim(position + moved) - moved == pytest.approx(expected, abs=1e-6)
+    assert known(way.roadmap) == 1
 
 
 def test_ways_keep_to_their_corners_where_north_is_another_direction():
     """It is, of a daemon that has flown some hundred metres: what is far from the first corner is not where it was."""
     turn, far = 2e-4, np.array([2000.0, 2000.0])
     turned = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-    layout = Obstacles.from_polygons([SQUARE, SQUARE + far])
     here = Obstacles.from_polygons([SQUARE @ turned, (SQUARE + far) @ turned])
     beyond = far + np.array([200.3, 5.0])
-    roadmap, goal, position = Roadmap(layout), beyond @ turned, (far - np.array([200.0, 5.0])) @ turned
-    roadmap.ways(own_row(beyond, 12.0), GRAZING, layout)
-    own, aim = own_row(goal, 12.0), np.zeros(2)
-    found = roadmap.ways(own, GRAZING, here)[int(own[rows.WAY]) - 1, 0]
-    assert way_aim(here.pieces, found, *position, *goal, 12.0, 0, room_for_ways(here), aim) != ways.NO_WAY
+    way, goal, position = Way(here, beyond @ turned), beyond @ turned, (far - np.array([200.0, 5.0])) @ turned
+    way.roadmap = new_roadmap(Obstacles.from_polygons([SQUARE, SQUARE + far]))
+    aim = way.aim(position)
+    assert way.memory > 0
     assert aim == pytest.approx(Way(here, goal).aim(position), abs=0.05)
 
 
-def test_whoever_has_no_goal_needs_no_way_about_any_origin():
-    layout, here = Obstacles.from_polygons([SQUARE]), Obstacles.from_polygons([SQUARE + 50.0])
-    own = own_row((5.0, 0.0), 12.0)
-    own[rows.AIM_IS_VELOCITY], own[rows.WAY] = 1.0, 1.0
-    Roadmap(layout).ways(own, GRAZING, here)
-    assert own[rows.WAY] == 0.0
+def test_whoever_has_no_goal_needs_no_map():
+    obstacles, solver = Obstacles.from_polygons([SQUARE]), HalfplaneSolver()
+    own = OwnShip(np.array([-100.0, 0.0]), np.zeros(2), np.zeros(2), 0.6, 10.0)
+    solver.solve(own, no_traffic(), preferred_ne_mps=(5.0, 0.0), cruise_mps=5.0, obstacles=obstacles)
+    assert known(solver._roadmap) == 0
+    solver.solve(own, no_traffic(), goal_ne_m=(100.0, 0.0), cruise_mps=5.0, obstacles=obstacles)
+    assert known(solver._roadmap) > 0

@@ -41,17 +41,20 @@ def test_a_run_is_the_same_alone_and_in_any_batch(name):
 
 @EACH
 def test_worlds_may_be_divided_among_threads(name):
+    """Each of them looks up ways on a map of its own."""
     random = np.random.default_rng(8)
-    shape = (5, 9)
+    shape = (50, 9)
+    walls = Obstacles.from_polygons([[(-20, -20), (20, -20), (20, 20), (-20, 20)]])
     own = np.zeros((*shape, rows.OWN_COLUMNS))
     own[..., 0:2], own[..., 2:4] = random.uniform(-90.0, 90.0, (*shape, 2)), random.uniform(-7.0, 7.0, (*shape, 2))
-    own[..., rows.LIMIT] = own[..., rows.CRUISE] = 10.0
+    own[..., 6:8] = random.uniform(-90.0, 90.0, (*shape, 2))
+    own[..., rows.LIMIT], own[..., rows.CRUISE], own[..., rows.CLEARANCE] = 10.0, 10.0, 5.0
     heard = np.full((*shape, 8), np.nan)
     heard[..., 0:4], heard[..., 6:8] = own[..., 0:4], (0.3, 1.0)
     radius, everybody = np.full((*shape, shape[1]), 24.0), np.ones(shape, np.bool_)
     found = []
     for threads in (1, 2):
-        decider = new_decider(SETTINGS[name], shape, Obstacles.from_polygons(()), threads=threads)
+        decider = new_decider(SETTINGS[name], shape, walls, threads=threads)
         decider.decide(own, everybody, heard, everybody, radius, radius - 3.0, 180.0)
         decider.keep(np.arange(shape[0]) != 1)
         left = np.arange(shape[0]) != 1
