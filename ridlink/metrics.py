@@ -175,12 +175,3 @@ def _patient(handler: Any) -> Any:
                 super().handle()
 
     return Patient
-
-
-def metrics_table(metrics: Mapping[str, Metric]) -> str:
-    """The metrics as a table of Markdown."""
-    rows = ["| metric | label | what it says |", "| --- | --- | --- |"]
-    for name, metric in metrics.items():
-        full = name + ("_total" if metric.kind is Kind.COUNTER else "")
-        rows.append(f"| `{full}` | {f'`{metric.label}`' if metric.label else ''} | {metric.text} |")
-    return "\n".join(rows)
