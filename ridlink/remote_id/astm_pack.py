@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from ridlink.errors import PayloadError
 from ridlink.remote_id.astm import MESSAGE_LENGTH, Refusal, encode_message, refusal_of
-from ridlink.remote_id.astm_fields import NEWEST_VERSION, MessageType
+from ridlink.remote_id.astm_fields import MessageType, header
 from ridlink.remote_id.messages import RemoteIdMessage
 
 HEADER_LENGTH = 3
@@ -85,7 +85,7 @@ def join_pack(members: Sequence[bytes]) -> bytes:
         refusal = refusal_of(member)
         if refusal is not None:
             raise PayloadError(f"no member of a message pack: {refusal} ({member.hex()})")
-    return bytes((MessageType.PACK << 4 | NEWEST_VERSION, MESSAGE_LENGTH, len(members))) + b"".join(members)
+    return bytes((header(MessageType.PACK), MESSAGE_LENGTH, len(members))) + b"".join(members)
 
 
 def encode_pack(messages: Sequence[RemoteIdMessage], *, hour_start_s: int | None = None) -> bytes:

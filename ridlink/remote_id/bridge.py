@@ -16,6 +16,7 @@ from msgspec.structs import replace
 
 from ridlink.mavlink.codec import MESSAGES_BY_NAME, Message
 from ridlink.remote_id.astm import MESSAGE_LENGTH, decode_message
+from ridlink.remote_id.astm_fields import MessageType, header
 from ridlink.remote_id.astm_pack import HEADER_LENGTH, MAX_PACK_LENGTH, Member, encode_pack, split_broadcast
 from ridlink.remote_id.convert import MESSAGE_PACK, from_mavlink
 from ridlink.remote_id.location import TIMESTAMP_STEP_S
@@ -53,10 +54,9 @@ def sender_of(pack: Message) -> bytes | None:
 def pack_members(message: Message, rejects: FieldRejects | None = None) -> list[Member]:
     """The good members of an OPEN_DRONE_ID_MESSAGE_PACK; the others are counted."""
     fields = message.fields
-    size, count = fields["single_message_size"], fields["msg_pack_size"]
-    header = bytes((0xF2, size, count))
+    head = bytes((header(MessageType.PACK), fields["single_message_size"], fields["msg_pack_size"]))
     members: list[Member] = []
-    for item in split_broadcast(header + fields["messages"]):
+    for item in split_broadcast(head + fields["messages"]):
         if isinstance(item, Member):
             members.append(item)
         elif rejects is not None:
