@@ -15,6 +15,7 @@ import numpy as np
 
 from ridlink.captures import Capture, CaptureKind, Rejects, open_capture
 from ridlink.captures.fast import tables
+from ridlink.captures.fast.block import NO_TIME
 from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.reader import STDIN
 from ridlink.errors import CaptureError
@@ -29,7 +30,6 @@ LARGE_BYTES = 2_000_000
 """From here on compiled loops are faster than they are loaded."""
 
 TIMELESS = (CaptureKind.MAVLINK, CaptureKind.HEX)
-NO_TIME = 2**64 - 1
 REMEMBERED = 8192
 SAME_FRAME_US = 5_000_000
 

@@ -194,10 +194,7 @@ def system_by_hand(data: bytes) -> dict[str, Any]:
 
 
 BY_HAND: dict[int, tuple[str, Callable[[bytes], dict[str, Any]]]] = {
-    0: (
-        "BASIC_ID",
-        lambda data: {"id_type": data[1] >> 4, "ua_type": data[1] & 15, "uas_id": text_by_hand(data[2:22])},
-    ),
+    0: ("BASIC_ID", basic_id_by_hand),
     1: ("LOCATION", location_by_hand),
     3: ("SELF_ID", lambda data: {"description_type": data[1], "description": text_by_hand(data[2:])}),
     4: ("SYSTEM", system_by_hand),

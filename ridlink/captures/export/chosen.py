@@ -7,15 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from ridlink.captures.export.selection import Selection
-from ridlink.captures.fast.block import Block
+from ridlink.captures.fast.block import NO_TIME, Block
 from ridlink.captures.fast.tables import Layout, layouts, slot_of
 from ridlink.captures.messages import MessageRecord, decode_records
 from ridlink.captures.records import Origin, TracedRecord
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.convert import MESSAGE_PACK
-
-NO_TIME = np.uint64(2**64 - 1)
 
 
 def chosen_rows(block: Block, selection: Selection) -> Iterator[tuple[Layout, np.ndarray, np.ndarray]]:

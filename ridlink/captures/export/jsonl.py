@@ -9,10 +9,10 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from ridlink.captures.export.chosen import NO_TIME
 from ridlink.captures.export.rows import Rows
 from ridlink.captures.export.si import Column
 from ridlink.captures.fast import writing
+from ridlink.captures.fast.block import NO_TIME
 from ridlink.captures.fast.tables import Layout
 from ridlink.captures.lines import exact_seconds
 

@@ -21,7 +21,7 @@ from ridlink.mavlink.frames import (
 LONGER_BY_V1, LONGER_BY_V2 = HEADER_LENGTH_V1 + 2, HEADER_LENGTH_V2 + 2
 """Bytes of an unsigned frame beside its payload."""
 SHORTEST_FRAME = LONGER_BY_V1
-NO_TIME = 2**64 - 1
+NO_TIME = np.uint64(2**64 - 1)
 
 
 class Block:
@@ -29,7 +29,7 @@ class Block:
 
     Attributes:
         count: Frames.
-        times: Time of each frame in microseconds since 1970, all bits set where there is none.
+        times: Time of each frame in microseconds since 1970, `NO_TIME` where there is none.
         end: Byte of the file up to which it has been judged.
         slots: Slot of each frame, in the order of the file.
         transport: What carried all of them, ``None`` where the capture does not say.
