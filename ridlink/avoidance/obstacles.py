@@ -6,8 +6,10 @@ triangles ("ear clipping") that are merged again while they stay convex.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from heapq import heapify, heappop, heappush
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -116,21 +118,29 @@ def convex_pieces(vertices: FloatArray) -> list[FloatArray]:
     """Cut a simple, positively oriented polygon into convex pieces that cover it exactly."""
     if _is_convex(vertices):
         return [vertices]
-    pieces = _triangles(vertices)
-    merged = True
-    while merged:
-        merged = False
-        for i in range(len(pieces)):
-            for j in range(i + 1, len(pieces)):
-                joined = _joined(pieces[i], pieces[j])
-                if joined is not None and _is_convex(vertices[joined]):
-                    pieces[i] = joined
-                    pieces.pop(j)
-                    merged = True
-                    break
-            if merged:
-                break
-    return [np.ascontiguousarray(vertices[piece]) for piece in pieces]
+    pieces = dict(enumerate(_triangles(vertices)))
+    owner = {edge: name for name, piece in pieces.items() for edge in _edges(piece)}
+    # Pairs on two sides of a cut; whoever has grown is looked at again with all that it touches.
+    pairs = [(owner[b, a], name) for (a, b), name in owner.items() if owner.get((b, a), name) < name]
+    heapify(pairs)
+    while pairs:
+        first, second = heappop(pairs)
+        if first not in pieces or second not in pieces:
+            continue
+        joined = _joined(pieces[first], pieces[second])
+        if joined is None or not _is_convex(vertices[joined]):
+            continue
+        pieces[first] = joined
+        del pieces[second]
+        for a, b in _edges(joined):
+            owner[a, b] = first
+            if (other := owner.get((b, a))) is not None:
+                heappush(pairs, (min(first, other), max(first, other)))
+    return [np.ascontiguousarray(vertices[piece]) for piece in pieces.values()]
+
+
+def _edges(ring: list[int]) -> Iterator[tuple[int, int]]:
+    return pairwise([*ring, ring[0]])
 
 
 def _joined(first: list[int], second: list[int]) -> list[int] | None:
