@@ -136,11 +136,8 @@ class Commands:
 
     def _take_off(self, command: Command, now_s: float) -> Result:
         altitude_m = command.altitude_m
-        if self._board.is_px4:
-            # above mean sea level; without one, or with one below, PX4 climbs to its own default
-            usual_m = self._board.parameters["MIS_TAKEOFF_ALT"]
-            height_m = usual_m if altitude_m is None else altitude_m - self._board.own_home.altitude_m
-            return self._orders.take_off(height_m if height_m > 0.0 else usual_m)
+        if self._board.is_px4:  # above mean sea level
+            return self._orders.take_off(None if altitude_m is None else altitude_m - self._board.own_home.altitude_m)
         if altitude_m is None or altitude_m <= 0.0:
             return self._orders.refuse("take-off refused: no height")
         return self._orders.take_off(altitude_m)

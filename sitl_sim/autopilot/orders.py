@@ -54,7 +54,7 @@ class Orders:
             case Mode.OFFBOARD:
                 return self._enter_offboard(now_s)
             case Mode.TAKEOFF:
-                return self.take_off(self._board.parameters["MIS_TAKEOFF_ALT"])
+                return self.take_off()
             case Mode.LAND:
                 return self.land()
             case Mode.RETURN:
@@ -122,22 +122,49 @@ class Orders:
             pilot.set_home()
         if wanted and pilot.mode in (Mode.LAND, Mode.RETURN):
             pilot.mode = self._board.flavour.ground_mode
+        if wanted and pilot.mode is Mode.TAKEOFF and isinstance(pilot.guidance, Climb):
+            pilot.lift_off()
         return Result.ACCEPTED
 
-    def take_off(self, height_m: float) -> Result:
-        """Climb to a height above home."""
+    def take_off(self, height_m: float | None = None) -> Result:
+        """Climb to a height above home; None: by MIS_TAKEOFF_ALT, which only PX4 has.
+
+        PX4 always takes it: unarmed it waits until it is armed, and where it is higher already it says so, and stays.
+        ArduPilot takes off from the ground, armed and in GUIDED.
+        """
         if (refusal := self._unavailable()) is not None:
             return refusal
         pilot = self._pilot
+        under_way = pilot.guidance if pilot.mode in (Mode.TAKEOFF, Mode.OFFBOARD) else None
+        if isinstance(under_way, Climb) and height_m in (None, under_way.height_m):
+            return Result.ACCEPTED
+        return self._take_off_px4(height_m) if self._board.is_px4 else self._take_off_ardupilot(height_m or 0.0)
+
+    def _take_off_px4(self, height_m: float | None) -> Result:
+        pilot, stands = self._pilot, not self._pilot.navigation.in_air
+        here_m = -pilot.estimate.down_m
+        wanted_m = here_m + self._board.parameters["MIS_TAKEOFF_ALT"] if height_m is None else height_m
+        climb = Climb(max(wanted_m, here_m), pilot.speeds.takeoff_mps)
+        if wanted_m < here_m:
+            self._board.say(Severity.CRITICAL, "Already higher than takeoff altitude")
+        if wanted_m < here_m and stands:
+            pilot.enter(Mode.TAKEOFF, Velocity())
+            return Result.ACCEPTED
+        if stands and pilot.armed:
+            pilot.lift_off()
+        pilot.enter(Mode.TAKEOFF, climb)
+        return Result.ACCEPTED
+
+    def _take_off_ardupilot(self, height_m: float) -> Result:
+        pilot = self._pilot
         if not pilot.armed:
             return self.refuse("take-off refused: not armed")
-        if not self._board.is_px4 and pilot.mode is not Mode.OFFBOARD:
+        if pilot.mode is not Mode.OFFBOARD:
             return self.refuse("take-off refused: not in GUIDED")
-        if pilot.navigation.state is VehicleState.GROUNDED:
-            pilot.lift_off()
-        if not (isinstance(pilot.guidance, Climb) and pilot.guidance.height_m == height_m):
-            climb = Climb(height_m, pilot.speeds.takeoff_mps)
-            pilot.enter(Mode.TAKEOFF if self._board.is_px4 else Mode.OFFBOARD, climb)
+        if pilot.navigation.in_air:
+            return self.refuse("take-off refused: in the air")
+        pilot.lift_off()
+        pilot.enter(Mode.OFFBOARD, Climb(height_m, pilot.speeds.takeoff_mps))
         return Result.ACCEPTED
 
     def land(self) -> Result:

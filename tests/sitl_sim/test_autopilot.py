@@ -155,7 +155,6 @@ def test_unknown_commands_are_unsupported_and_said_so(number: int) -> None:
 def test_px4_takes_off_to_its_parameter_and_holds(unused: float) -> None:
     flight = Flight()
     flight.advance(0.1)
-    assert flight.command(TAKEOFF, *[unused] * 7) == TEMPORARILY_REJECTED  # not armed
     flight.command(ARM, 1)
     assert flight.command(TAKEOFF, *[unused] * 7) == ACCEPTED
     flight.advance(0.5)
@@ -172,6 +171,52 @@ def test_px4_takes_a_takeoff_altitude_as_one_above_the_sea() -> None:
     assert flight.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, HOME.altitude_m + 8.0) == ACCEPTED
     flight.advance(8.0)
     assert flight.height_m == pytest.approx(8.0, abs=0.5)
+
+
+def test_px4_that_is_told_to_take_off_does_so_when_it_is_armed() -> None:
+    """QGroundControl sends the take-off first, and arms once it is accepted."""
+    flight = Flight()
+    assert flight.command(TAKEOFF, -1, 0, 0, NAN, NAN, NAN, HOME.altitude_m + 8.0) == ACCEPTED
+    flight.advance(3.0)
+    assert flight.mode == PX4_TAKEOFF and not flight.armed and flight.height_m == 0.0
+    assert flight.last("EXTENDED_SYS_STATE").landed_state == 1
+    assert flight.command(ARM, 1) == ACCEPTED
+    flight.advance(8.0)
+    assert flight.mode == PX4_HOLD and flight.height_m == pytest.approx(8.0, abs=0.5)
+
+
+def test_px4_that_is_higher_than_its_takeoff_altitude_says_so_and_stays() -> None:
+    """As with a height above home, which PX4 reads as one above the sea."""
+    flight = Flight()
+    flight.command(ARM, 1)
+    assert flight.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, 10.0) == ACCEPTED
+    flight.advance(5.0)
+    assert flight.height_m == 0.0 and flight.texts == ["Already higher than takeoff altitude"]
+    assert flight.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, HOME.altitude_m + 6.0) == ACCEPTED
+    flight.advance(8.0)
+    assert flight.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, HOME.altitude_m + 3.0) == ACCEPTED
+    flight.advance(3.0)
+    assert flight.height_m == pytest.approx(6.0, abs=0.5) and flight.mode == PX4_HOLD
+    assert flight.texts.count("Already higher than takeoff altitude") == 2
+
+
+def test_a_second_takeoff_in_the_air_climbs_on_or_is_refused() -> None:
+    px4, ardupilot = flights = Flight("px4"), Flight("ardupilot")
+    for flight, base_m in zip(flights, (HOME.altitude_m, 0.0), strict=True):
+        flight.command(SET_MODE, 1, GUIDED)
+        flight.command(ARM, 1)
+        for _ in range(2):  # the acknowledgement may have been lost
+            assert flight.command(TAKEOFF, 0, 0, 0, 0, 0, 0, base_m + 5.0) == ACCEPTED
+            flight.advance(0.5)
+        flight.advance(7.0)
+    assert px4.command(TAKEOFF, 0, 0, 0, 0, 0, 0, HOME.altitude_m + 9.0) == ACCEPTED
+    assert ardupilot.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 9.0) == FAILED
+    px4.advance(6.0)
+    ardupilot.advance(6.0)
+    assert px4.height_m == pytest.approx(9.0, abs=0.5) and ardupilot.height_m == pytest.approx(5.0, abs=0.5)
+    assert px4.command(TAKEOFF) == ACCEPTED  # by the usual height more
+    px4.advance(4.0)
+    assert px4.height_m == pytest.approx(11.5, abs=0.5)
 
 
 def test_ardupilot_takes_off_in_guided_to_the_height_given() -> None:
