@@ -47,17 +47,20 @@ class MavCommand(IntEnum):
 
 REPOSITION_CHANGES_MODE = 1
 
+TAKEOFF_FRAME = 3
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT: the one in which ArduPilot takes off."""
+
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command in either form; None where a parameter says "as usual"."""
+    """One command in either form; None where a parameter says "as usual". A COMMAND_LONG has no frame."""
 
     number: int
     parameters: tuple[float | None, ...]
     latitude_deg: float | None
     longitude_deg: float | None
     altitude_m: float | None
-    frame: int
+    frame: int | None
 
     def __getitem__(self, number: int) -> float | None:
         """Parameter 1 to 7."""
@@ -71,11 +74,11 @@ def read_command(message: Message) -> Command:
         latitude, longitude = (None if value in (0, UNUSED_INT) else value / 1e7 for value in (message.x, message.y))
         altitude = _given(message.z)
         parameters = (*first, latitude, longitude, altitude)
-        frame = message.frame
+        frame: int | None = message.frame
     else:
         parameters = (*first, *(_given(message.fields[f"param{number}"]) for number in range(5, 8)))
         latitude, longitude, altitude = parameters[4:]
-        frame = ALTITUDE_FRAMES[0]
+        frame = None
     return Command(message.command, parameters, latitude, longitude, altitude, frame)
 
 
@@ -138,6 +141,8 @@ class Commands:
         altitude_m = command.altitude_m
         if self._board.is_px4:  # above mean sea level
             return self._orders.take_off(None if altitude_m is None else altitude_m - self._board.own_home.altitude_m)
+        if command.frame not in (None, TAKEOFF_FRAME):
+            return self._orders.refuse(f"take-off refused: frame {command.frame}", Result.DENIED)
         if altitude_m is None or altitude_m <= 0.0:
             return self._orders.refuse("take-off refused: no height")
         return self._orders.take_off(altitude_m)
@@ -148,11 +153,18 @@ class Commands:
         return Result.ACCEPTED
 
     def _reposition(self, command: Command, now_s: float) -> Result:
+        """ArduPilot wants to know the frame. PX4 does not look at it: every altitude is one above mean sea level.
+
+        Source: handle_message_command_int of PX4, mav_frame_for_command_long of ArduPilot.
+        """
+        is_px4 = self._board.is_px4
+        if not is_px4 and command.frame is None:
+            return self._orders.refuse("reposition refused: wants COMMAND_INT", Result.UNSUPPORTED)
         changes_mode = int(command[2] or 0) & REPOSITION_CHANGES_MODE
-        suited = Mode.HOLD if self._board.is_px4 else Mode.OFFBOARD
+        suited = Mode.HOLD if is_px4 else Mode.OFFBOARD
         if not changes_mode and self._pilot.mode is not suited:
             return self._orders.refuse("reposition refused: another mode", Result.DENIED)
-        if command.frame not in (*ALTITUDE_FRAMES, *HEIGHT_FRAMES):
+        if not is_px4 and command.frame not in (*ALTITUDE_FRAMES, *HEIGHT_FRAMES):
             return self._orders.refuse(f"reposition refused: frame {command.frame}", Result.DENIED)
         estimate = self._pilot.estimate
         target = [estimate.north_m, estimate.east_m, estimate.down_m]
@@ -163,7 +175,7 @@ class Commands:
             home = self._board.scenario_home
             target[:2] = ned_from_geodetic(latitude, longitude, home.altitude_m, home)[:2].tolist()
         if command.altitude_m is not None:
-            above = 0.0 if command.frame in HEIGHT_FRAMES else self._board.own_home.altitude_m
+            above = 0.0 if command.frame in HEIGHT_FRAMES and not is_px4 else self._board.own_home.altitude_m
             target[2] = above - command.altitude_m
         speed = command[1]
         result = self._orders.go_to((target[0], target[1], target[2]), speed if speed and speed > 0.0 else None)

@@ -288,23 +288,56 @@ def test_a_landing_can_be_called_off(flavour: str) -> None:
     assert flight.height_m == pytest.approx(height_m, abs=0.1)
 
 
-@both
-@pytest.mark.parametrize("form", ["COMMAND_LONG", "COMMAND_INT"])
+def reposition(flight: Flight, form: str, height: float, **fields: Any) -> int:
+    """To 30 m north of the start; the result."""
+    latitude = HOME.latitude_deg + (START_NED_M[0] + 30.0) / 111_180.0
+    usual: dict[str, Any] = {"target_system": 1, "command": REPOSITION, "param2": 1.0, "param4": NAN}
+    if form == "COMMAND_INT":
+        usual |= {"frame": 5, "x": round(latitude * 1e7), "y": round(HOME.longitude_deg * 1e7), "z": height}
+    else:
+        usual |= {"param5": latitude, "param6": HOME.longitude_deg, "param7": height}
+    (answer,) = flight.send(form, **(usual | fields))
+    return int(answer.result)
+
+
+@pytest.mark.parametrize(
+    ("flavour", "form"), [("px4", "COMMAND_LONG"), ("px4", "COMMAND_INT"), ("ardupilot", "COMMAND_INT")]
+)
 def test_reposition_flies_to_the_point_and_stays(flavour: str, form: str) -> None:
     flight = airborne(flavour)
-    latitude = HOME.latitude_deg + (START_NED_M[0] + 30.0) / 111_180.0
-    fields: dict[str, Any] = {"param2": 1.0, "param4": NAN}
-    if form == "COMMAND_INT":
-        fields |= {"frame": 5, "x": round(latitude * 1e7), "y": round(HOME.longitude_deg * 1e7)}
-        fields["z"] = HOME.altitude_m + 45.0
-    else:
-        fields |= {"param5": latitude, "param6": HOME.longitude_deg, "param7": HOME.altitude_m + 45}
-    (answer,) = flight.send(form, target_system=1, command=REPOSITION, **fields)
-    assert answer.result == ACCEPTED
+    assert reposition(flight, form, HOME.altitude_m + 45.0) == ACCEPTED
     flight.advance(30.0)
     target = (START_NED_M[0] + 30.0, 0.0, -45.0)
     assert flight.world.position_ned_m[0] == pytest.approx(target, abs=1.5)
     assert flight.mode == (PX4_HOLD if flavour == "px4" else GUIDED)
+
+
+def test_ardupilot_is_not_repositioned_by_a_command_without_a_frame() -> None:
+    flight = airborne("ardupilot")
+    assert reposition(flight, "COMMAND_LONG", HOME.altitude_m + 45.0) == UNSUPPORTED
+    flight.advance(3.0)
+    assert flight.velocity == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("frame", [3, 6, 10, 11])
+def test_px4_reads_every_altitude_of_a_reposition_as_one_above_the_sea(frame: int) -> None:
+    """A height above home is below the ground then, which is where it goes."""
+    px4, ardupilot = airborne("px4"), airborne("ardupilot")
+    for flight in (px4, ardupilot):
+        assert reposition(flight, "COMMAND_INT", 45.0, frame=frame) == ACCEPTED
+        flight.advance(12.0)
+    assert px4.height_m < 40.0
+    assert ardupilot.height_m == pytest.approx(45.0, abs=1.0)
+    assert px4.last("POSITION_TARGET_LOCAL_NED").z == pytest.approx(HOME.altitude_m - 45.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("frame", "result"), [(3, ACCEPTED), (0, DENIED), (5, DENIED), (6, DENIED)])
+def test_ardupilot_takes_off_in_one_frame_only(frame: int, result: int) -> None:
+    flight = Flight("ardupilot")
+    flight.set_mode(GUIDED)
+    flight.command(ARM, 1)
+    (answer,) = flight.send("COMMAND_INT", target_system=1, command=TAKEOFF, frame=frame, z=6.0)
+    assert answer.result == result
 
 
 @both
