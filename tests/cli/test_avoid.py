@@ -10,9 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
-from asyncio.subprocess import PIPE, Process
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from asyncio.subprocess import PIPE
 from pathlib import Path
 from typing import Any
 
@@ -29,50 +27,15 @@ from ridlink.engine import Engine, EngineConfig
 from ridlink.engine.guard import Phase
 from ridlink.errors import ConfigError
 from tests.daemon.emulated import Emulated, LoopbackVehicle, at
+from tests.daemon.process import START_S, daemon, line
 from tests.links.cable import null_modem
-
-START_S = 60.0
-"""A cold cache of compiled kernels."""
+from tests.loopback import free_port, run
 
 GOAL = ",".join(f"{value:.7f}" for value in at(300.0))
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
-
-
 def invoke(*arguments: str) -> Result:
     return CliRunner().invoke(cli, ["avoid", *arguments])
-
-
-@asynccontextmanager
-async def daemon(*arguments: str) -> AsyncIterator[tuple[Process, int]]:
-    port = free_port()
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "ridlink", "avoid", "--vehicle", f"udpin:127.0.0.1:{port}",
-        "--rid", f"udpout:127.0.0.1:{free_port()}", *arguments, stdout=PIPE, stderr=PIPE,
-    )  # fmt: skip
-    try:
-        yield process, port
-    finally:
-        if process.returncode is None:
-            process.kill()
-        await process.wait()
-
-
-async def line(stream: asyncio.StreamReader | None) -> str:
-    assert stream is not None
-    async with asyncio.timeout(START_S):
-        return (await stream.readline()).decode()
-
-
-def run(test: Callable[[], Awaitable[None]]) -> None:
-    async def main() -> None:
-        await test()
-
-    asyncio.run(main())
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -11,6 +11,7 @@ from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.service import AvoidDaemon
 from ridlink.daemon.summary import Summary
 from ridlink.engine import EngineConfig, Goal
+from ridlink.failsafe import State
 from ridlink.impair.model import Impairment
 from ridlink.impair.proxy import open_proxy
 from ridlink.links import Link, open_link, parse_link_url
@@ -105,8 +106,5 @@ async def running(
                 await asyncio.gather(task, return_exceptions=True)
 
 
-def run(test: Callable[[], Awaitable[None]]) -> None:
-    async def main() -> None:
-        await test()
-
-    asyncio.run(main())
+def state(flight: Running) -> State:
+    return flight.daemon.engine.rung.state

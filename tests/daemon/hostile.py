@@ -16,7 +16,8 @@ from ridlink.mavlink.crc import checksum
 from ridlink.traffic.picture import TrafficPicture
 from ridlink.traffic.snapshot import Snapshot
 from tests.daemon.emulated import PATIENCE_S, Emulated, LoopbackVehicle, at
-from tests.daemon.harness import Running, run, running
+from tests.daemon.harness import Running, running
+from tests.loopback import run
 
 
 class Hostile:

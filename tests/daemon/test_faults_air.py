@@ -16,8 +16,9 @@ from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import BasicId
 from tests.daemon.emulated import Emulated, at
-from tests.daemon.harness import run, running
+from tests.daemon.harness import running
 from tests.daemon.hostile import Hostile, flown, location, v1_frame
+from tests.loopback import run
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,10 @@ import pytest
 
 from ridlink.failsafe import State
 from tests.daemon.emulated import PATIENCE_S, Emulated, LoopbackVehicle
-from tests.daemon.harness import Running, run, running
+from tests.daemon.harness import Running, running, state
+from tests.loopback import run
 
 ASIDE_M = (80.0, 80.0, -50.0)
-
-
-def state(flight: Running) -> State:
-    return flight.daemon.engine.rung.state
 
 
 async def flying(flight: Running) -> LoopbackVehicle:

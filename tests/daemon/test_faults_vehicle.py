@@ -23,7 +23,6 @@ from ridlink.links import SigningOptions, parse_link_url
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, message_spec
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.signing import Signing
-from tests.cli.test_avoid import START_S, daemon, free_port
 from tests.daemon.emulated import (
     GUIDED,
     IN_AIR,
@@ -37,17 +36,15 @@ from tests.daemon.emulated import (
     LoopbackVehicle,
     at,
 )
-from tests.daemon.harness import Running, run, running
+from tests.daemon.harness import running, state
 from tests.daemon.hostile import Hostile, flown
 from tests.daemon.invariants import GUARDING
+from tests.daemon.process import START_S, daemon
+from tests.loopback import free_port, run
 
 AUTOPILOTS = pytest.mark.parametrize(
     ("autopilot", "mode", "other_mode"), [(12, OFFBOARD, POSITION_MODE), (3, GUIDED, LOITER)], ids=["px4", "ardupilot"]
 )
-
-
-def state(flight: Running) -> State:
-    return flight.daemon.engine.rung.state
 
 
 @AUTOPILOTS

@@ -23,7 +23,8 @@ from ridlink.engine.announcer import Announcer
 from ridlink.errors import CaptureError
 from ridlink.own_ship import OwnShipTelemetry
 from tests.daemon.emulated import POSITION_MODE, Emulated
-from tests.daemon.harness import run, running
+from tests.daemon.harness import running
+from tests.loopback import run
 
 
 def flown(path: Path, tlog: Path | None = None) -> str:

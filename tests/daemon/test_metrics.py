@@ -16,7 +16,8 @@ from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError, LinkError
 from ridlink.metrics import AVOID_METRICS, MQTT_METRICS, Kind, MetricsServer, parse_metrics_address
 from tests.daemon.emulated import PATIENCE_S, Emulated, at
-from tests.daemon.harness import run, running
+from tests.daemon.harness import running
+from tests.loopback import run
 
 
 def read(port: int) -> dict[str, Any]:

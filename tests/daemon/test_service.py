@@ -18,8 +18,9 @@ from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
 from ridlink.failsafe import State
 from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, at
-from tests.daemon.harness import Air, run, running
+from tests.daemon.harness import Air, running
 from tests.daemon.invariants import messages
+from tests.loopback import run
 
 
 @pytest.mark.parametrize(("up_m", "told"), [(-400.0, True), (0.1, False)])

@@ -14,7 +14,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship.broadcast import BroadcastSettings, Form
 from tests.daemon.emulated import PATIENCE_S, Emulated
-from tests.daemon.harness import run
+from tests.loopback import run
 
 BASIC_ID = 12900
 

@@ -6,6 +6,7 @@ import asyncio
 import json
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import time
@@ -25,8 +26,8 @@ import aiomqtt
 from ridlink.links import parse_link_url
 from ridlink.mqtt import Topics
 from tests.cli.test_sim import ANY_PORT
-from tests.links.test_links import turn
-from tests.mqtt.test_bridge import a_bridge, a_listener, free_port, run
+from tests.loopback import free_port, turn
+from tests.mqtt.brokers import a_bridge, a_listener, run
 
 TOPICS = Topics("field")
 VEHICLES = 8
@@ -81,7 +82,7 @@ def everybody(times: int, since_s: float = 0.0) -> Callable[[list[tuple[str, byt
 
 def test_what_is_too_long_of_a_feed_never_leaves_the_broker() -> None:
     async def body() -> None:
-        port, relay = free_port(), parse_link_url("udpout:127.0.0.1:9")
+        port, relay = free_port(socket.SOCK_STREAM), parse_link_url("udpout:127.0.0.1:9")
         with program("mosquitto", "-p", str(port)) as broker:
             said(broker, LISTENS)
             async with (
@@ -98,7 +99,7 @@ def test_what_is_too_long_of_a_feed_never_leaves_the_broker() -> None:
 
 
 async def scene(life: ExitStack) -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_STREAM)
     mosquitto = ("mosquitto", "-p", str(port))
     broker = life.enter_context(program(*mosquitto))
     said(broker, LISTENS)
@@ -149,7 +150,7 @@ async def states_of_many(life: ExitStack, folder: Path) -> tuple[float, float, i
 
     And by how many cores nobody used meanwhile.
     """
-    port = free_port()
+    port = free_port(socket.SOCK_STREAM)
     said(life.enter_context(program("mosquitto", "-p", str(port))), LISTENS)
     fleet = life.enter_context(
         program(

@@ -6,9 +6,6 @@ import asyncio
 import os
 import socket
 import struct
-import types
-from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator
 
 import pytest
 
@@ -17,71 +14,8 @@ from ridlink.links import Address, Link, memory_link_pair, open_link, parse_link
 from ridlink.links.addresses import host_and_port
 from ridlink.links.tcp import VANISHED_S, TcpLink, _Peer
 from ridlink.links.udp import BATCH_S, UdpLink
-from ridlink.mavlink.codec import Encoder
-
-PATIENCE_S = 5.0
-
-
-class Inbox:
-    """Collects what a link hands over, and can be waited for."""
-
-    def __init__(self) -> None:
-        self.datagrams: list[tuple[bytes, Address]] = []
-        self._changed = asyncio.Event()
-
-    def __call__(self, data: bytes, address: Address) -> None:
-        self.datagrams.append((data, address))
-        self._changed.set()
-
-    async def until(self, condition: Callable[[], bool]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
-            while not condition():
-                self._changed.clear()
-                await self._changed.wait()
-
-    async def count(self, number: int) -> list[bytes]:
-        await self.until(lambda: len(self.datagrams) >= number)
-        return [data for data, _ in self.datagrams]
-
-
-def run(test: Callable[[], Awaitable[None]]) -> None:
-    async def main() -> None:
-        await test()
-
-    asyncio.run(main())
-
-
-class Told(Counter[str]):
-    """Counts that can be waited for."""
-
-    def __init__(self, counts: Counter[str]) -> None:
-        self.changed = asyncio.Event()
-        super().__init__(counts)
-
-    def __setitem__(self, cause: str, count: int) -> None:
-        super().__setitem__(cause, count)
-        self.changed.set()
-
-
-async def counted(link: Link, cause: str) -> None:
-    """Wait until a link has counted something."""
-    told = link.counters = Told(link.counters)
-    async with asyncio.timeout(PATIENCE_S):
-        while not told[cause]:
-            told.changed.clear()
-            await told.changed.wait()
-
-
-@types.coroutine
-def turn() -> Iterator[None]:
-    """One turn of the loop."""
-    yield
-
-
-def heartbeat(seq: int = 0) -> bytes:
-    encoder = Encoder(1, 1)
-    encoder.seq = seq
-    return encoder.encode("HEARTBEAT", type=2, autopilot=12)
+from tests.links.ends import PATIENCE_S, Inbox, counted, heartbeat
+from tests.loopback import run, turn
 
 
 def test_udp_both_ways() -> None:

@@ -18,7 +18,8 @@ from ridlink.links import serial as serial_links
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from tests.links.cable import Plugged, null_modem, plugged
-from tests.links.test_links import Inbox, counted, heartbeat, run, turn
+from tests.links.ends import Inbox, counted, heartbeat
+from tests.loopback import run, turn
 
 BAUD = 57600
 

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from ridlink.mavlink.codec import Encoder
+from tests.loopback import free_port
 
 pytest.importorskip("mavsdk", reason="the extra 'mavsdk' is not installed")
 
@@ -33,14 +34,6 @@ SENT = {
     "commanded_vz": -1,
     "flags": 11,
 }
-
-
-def free_port() -> int:
-    """A UDP port that is free now: MAVSDK needs a number to listen on."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 async def received_by_mavsdk() -> dict[str, Any]:

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
 import json
-import logging
 import socket
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from typing import Any
 
 import pytest
 
@@ -18,91 +14,24 @@ pytest.importorskip("aiomqtt", reason="needs ridlink[mqtt]")
 pytest.importorskip("amqtt", reason="needs amqtt, a broker")
 
 import aiomqtt
-from amqtt.broker import Broker
 
 from ridlink.errors import ConfigError
 from ridlink.links import open_link, parse_link_url
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
-from ridlink.mqtt import BrokerUrl, Publisher, PublisherSettings, Topics
+from ridlink.mqtt import BrokerUrl, Publisher, PublisherSettings
 from ridlink.mqtt.bridge import Bridge, BrokerError
 from ridlink.mqtt.outbox import Outgoing
 from ridlink.observer import Sky
-from tests.links.test_links import turn
+from tests.loopback import free_port, turn
+from tests.mqtt.brokers import PATIENCE_S, SOURCE, TOPICS, a_bridge, a_broker, a_listener, run
+from tests.mqtt.brokers import collected as collected
 from tests.observer.flights import Flyer, frames
-
-TOPICS = Topics("here")
-PATIENCE_S = 20.0
-SOURCE = parse_link_url("udpin:127.0.0.1:0")
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
-
-
-@pytest.fixture(autouse=True)
-def collected() -> Iterator[None]:
-    """What the broker in this process leaves open is collected here, where that is no failure, and not by chance in
-    whatever is tested next."""
-    yield
-    gc.collect()
-
-
-def free_port() -> int:
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
-
-
-@contextlib.asynccontextmanager
-async def a_broker(port: int, **listener: Any) -> AsyncIterator[None]:
-    logging.getLogger("amqtt").setLevel(logging.CRITICAL)
-    logging.getLogger("transitions").setLevel(logging.CRITICAL)
-    broker = Broker(
-        {
-            "listeners": {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}", **listener}},
-            "plugins": {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}},
-        }
-    )
-    await broker.start()
-    try:
-        yield
-    finally:
-        await broker.shutdown()
-
-
-class Heard:
-    """Everything published under the topics of a site."""
-
-    def __init__(self) -> None:
-        self.messages: list[tuple[str, bytes]] = []
-        self.changed = asyncio.Condition()
-
-    async def listen(self, port: int, ready: asyncio.Event) -> None:
-        async with aiomqtt.Client("127.0.0.1", port) as client:
-            await client.subscribe("ridlink/#")
-            ready.set()
-            async for message in client.messages:
-                async with self.changed:
-                    self.messages.append((str(message.topic), bytes(message.payload)))  # type: ignore[arg-type]
-                    self.changed.notify_all()
-
-    async def until(self, condition: Callable[[list[tuple[str, bytes]]], bool]) -> None:
-        async with self.changed:
-            await asyncio.wait_for(self.changed.wait_for(lambda: condition(self.messages)), PATIENCE_S)
-
-
-@contextlib.asynccontextmanager
-async def a_listener(port: int) -> AsyncIterator[Heard]:
-    heard, ready = Heard(), asyncio.Event()
-    task = asyncio.create_task(heard.listen(port, ready))
-    try:
-        await asyncio.wait_for(ready.wait(), PATIENCE_S)
-        yield heard
-    finally:
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
 
 
 @pytest.fixture
@@ -111,39 +40,15 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ridlink.mqtt.bridge.ANSWER_S", 1.0)
 
 
-@contextlib.asynccontextmanager
-async def a_bridge(
-    port: int, publisher: Publisher | None = None, **options: Any
-) -> AsyncIterator[tuple[Bridge, Publisher]]:
-    publisher = publisher or Publisher(PublisherSettings(TOPICS, rate_hz=10.0))
-    bridge = Bridge(BrokerUrl("127.0.0.1", port, False), TOPICS, publisher, SOURCE, **options)
-    stop = asyncio.Event()
-    task = asyncio.create_task(bridge.run(stop))
-    connected = asyncio.create_task(bridge.connected.wait())
-    await asyncio.wait({task, connected}, timeout=PATIENCE_S, return_when=asyncio.FIRST_COMPLETED)
-    try:
-        if task.done():
-            task.result()
-        yield bridge, publisher
-    finally:
-        connected.cancel()
-        stop.set()
-        await asyncio.wait_for(asyncio.gather(task, return_exceptions=True), PATIENCE_S)
-
-
 def feed_the(publisher: Publisher) -> None:
     now_s = time.monotonic()
     for time_s, frame in frames([Flyer(1, (0.0, 0.0), (5.0, 0.0), b"ALPHA")], 1.0):
         publisher.receive(frame, now_s + time_s - 1.0)
 
 
-def run(body: Callable[[], Awaitable[None]]) -> None:
-    asyncio.run(asyncio.wait_for(body(), 60.0))
-
-
 def test_states_arrive_and_the_end_is_announced() -> None:
     async def body() -> None:
-        port = free_port()
+        port = free_port(socket.SOCK_STREAM)
         async with a_broker(port), a_listener(port) as heard:
             async with a_bridge(port) as (_, publisher):
                 feed_the(publisher)
@@ -159,7 +64,7 @@ def test_states_arrive_and_the_end_is_announced() -> None:
 
 def test_f30_a_broker_that_comes_back_gets_the_newest_first_and_nobody_is_disturbed() -> None:
     async def body() -> None:
-        port = free_port()
+        port = free_port(socket.SOCK_STREAM)
         said: asyncio.Queue[str] = asyncio.Queue()
         async with contextlib.AsyncExitStack() as life:
             async with a_broker(port):
@@ -325,7 +230,7 @@ def test_who_is_not_admitted_does_not_try_again(answer: str, words: str, options
 @pytest.mark.usefixtures("impatient")
 def test_i7_what_is_refused_of_the_feed_and_of_the_link_shows_among_the_events() -> None:
     async def body() -> None:
-        port, relay = free_port(), parse_link_url("udpout:127.0.0.1:9")
+        port, relay = free_port(socket.SOCK_STREAM), parse_link_url("udpout:127.0.0.1:9")
         async with (
             a_broker(port),
             a_bridge(port, feed_topic="sensors/+", relay=relay) as (bridge, _),
@@ -343,7 +248,7 @@ def test_i7_what_is_refused_of_the_feed_and_of_the_link_shows_among_the_events()
 @pytest.mark.usefixtures("impatient")
 def test_the_feed_of_another_tool_becomes_remote_id_on_a_link() -> None:
     async def body() -> None:
-        port, relayed = free_port(), asyncio.Queue[bytes]()
+        port, relayed = free_port(socket.SOCK_STREAM), asyncio.Queue[bytes]()
         air = await open_link("udpin:127.0.0.1:0", lambda data, _: relayed.put_nowait(data))
         relay = parse_link_url(f"udpout:127.0.0.1:{air.local_address[1]}")
         async with (
@@ -367,7 +272,7 @@ def test_nobody_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ridlink.mqtt.bridge.FIRST_CONNECTION_S", 0.0)
 
     async def body() -> None:
-        port = free_port()
+        port = free_port(socket.SOCK_STREAM)
         with pytest.raises(BrokerError, match=rf"mqtt://127\.0\.0\.1:{port}: "):
             async with a_bridge(port):
                 pass
@@ -388,7 +293,7 @@ def test_a_bridge_that_is_cancelled_leaves_nothing_behind() -> None:
     async def body() -> None:
         before = asyncio.all_tasks()
         async with asyncio.timeout(PATIENCE_S):
-            broker = BrokerUrl("127.0.0.1", free_port(), False)
+            broker = BrokerUrl("127.0.0.1", free_port(socket.SOCK_STREAM), False)
             told = asyncio.Event()
             bridge = Bridge(
                 broker, TOPICS, Publisher(PublisherSettings(TOPICS)), SOURCE, on_event=lambda text: told.set()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
+import socket
 import ssl
 import subprocess
 from collections.abc import Iterator
@@ -16,8 +17,9 @@ pytest.importorskip("amqtt", reason="needs amqtt, a broker")
 
 from ridlink.mqtt import BrokerUrl, Publisher, PublisherSettings
 from ridlink.mqtt.bridge import Bridge, BrokerError
-from tests.mqtt.test_bridge import PATIENCE_S, SOURCE, TOPICS, a_broker, free_port, run
-from tests.mqtt.test_bridge import collected as collected
+from tests.loopback import free_port
+from tests.mqtt.brokers import PATIENCE_S, SOURCE, TOPICS, a_broker, run
+from tests.mqtt.brokers import collected as collected
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
@@ -53,7 +55,7 @@ def a_bridge_to(port: int, ca_file: Path | None) -> Bridge:
 def test_a_broker_whose_certificate_is_trusted(certificates: dict[str, tuple[Path, Path]]) -> None:
     async def body() -> None:
         certificate, key = certificates[HERE]
-        port, stop = free_port(), asyncio.Event()
+        port, stop = free_port(socket.SOCK_STREAM), asyncio.Event()
         async with a_broker(port, ssl=True, certfile=str(certificate), keyfile=str(key)):
             bridge = a_bridge_to(port, certificate)
             running = asyncio.create_task(bridge.run(stop))

@@ -23,6 +23,7 @@ from sitl_sim.cli.notices import STOOD_STILL_MS, Notices
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.server import FleetServer
 from sitl_sim.vehicle import TICK_S
+from tests.loopback import free_port
 
 CLIENT = Path(__file__).with_name("mavutil_client.py")
 PATIENCE_S = 10.0
@@ -304,12 +305,6 @@ def test_holding_fleet_waits_for_its_owner_and_then_even_the_uncooperative_set_o
 
 
 # --- ports ------------------------------------------------------------------------------------------------------------
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_companion_gets_telemetry_without_having_asked() -> None:

@@ -32,8 +32,8 @@ from typing import Any
 
 from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES, Encoder
 from ridlink.mavlink.frames import encode_frame
-from tests.cli.test_avoid import free_port
 from tests.daemon.emulated import HOME, Emulated, LoopbackVehicle, at
+from tests.loopback import free_port
 
 FAR_M = 40_000.0
 MAC_RADIUS_M = 0.6
