@@ -119,7 +119,6 @@ class ViewServer:
         self._pages: set[_Page] = set()
         self._one_slice = asyncio.Lock()
         self._news = asyncio.Event()
-        self._changed = asyncio.Condition()
         routes = [Route("/healthz", self._healthz), WebSocketRoute("/ws/v1", self._converse)]
         routes += [Route(path, self._file) for path in self._files]
         self._guard = Guard(Starlette(routes=routes), host, names)
@@ -176,11 +175,6 @@ class ViewServer:
             page.conversation.step()
             page.wake.set()
 
-    async def until_pages(self, wanted: Callable[[int], bool]) -> None:
-        """Wait until so many pages look on."""
-        async with self._changed:
-            await self._changed.wait_for(lambda: wanted(self.pages))
-
     async def _healthz(self, _: Request) -> Response:
         return Response("ok\n", media_type="text/plain")
 
@@ -200,7 +194,7 @@ class ViewServer:
         page.wake.set()
         try:
             await websocket.accept()
-            await self._tell_change()
+            self._news.set()
             self.counters["served"] += 1
             reading = asyncio.create_task(_read(websocket, page))
             writing = asyncio.create_task(self._write(websocket, page))
@@ -218,10 +212,10 @@ class ViewServer:
                 with contextlib.suppress(RuntimeError, TimeoutError):
                     await asyncio.wait_for(websocket.close(1008, "too many mistakes"), SECOND_S)
         except GONE:
-            pass
+            self._pages.discard(page)
         finally:
             self._pages.discard(page)
-            await self._tell_change()
+            self._news.set()
 
     async def _write(self, websocket: WebSocket, page: _Page) -> None:
         conversation = page.conversation
@@ -273,11 +267,6 @@ class ViewServer:
             for page in self._pages:
                 page.conversation.second(health)
                 page.wake.set()
-
-    async def _tell_change(self) -> None:
-        self._news.set()
-        async with self._changed:
-            self._changed.notify_all()
 
 
 async def _read(websocket: WebSocket, page: _Page) -> None:
