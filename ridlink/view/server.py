@@ -212,7 +212,7 @@ class ViewServer:
                 with contextlib.suppress(RuntimeError, TimeoutError):
                     await asyncio.wait_for(websocket.close(1008, "too many mistakes"), SECOND_S)
         except GONE:
-            self._pages.discard(page)
+            pass
         finally:
             self._pages.discard(page)
             self._news.set()
