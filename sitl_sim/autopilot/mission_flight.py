@@ -89,6 +89,17 @@ class MissionFlight:
         self.plan = tuple(items)
         self._rewind()
 
+    def replace(self, first: int, items: Sequence[MissionItem]) -> None:
+        """Fly these in the place of others, from item `first` on, and go on where it is."""
+        if not self.plan:
+            return self.load(items)
+        plan = [*self.plan[:first], *items, *self.plan[first + len(items) :]]
+        if first == 0 and self._first:
+            plan[0] = self._home_item()
+        self.plan = tuple(plan)
+        if first <= self.current < first + len(items):
+            self._go_on_with(self.current)
+
     def _home_item(self) -> MissionItem:
         home = self._board.own_home
         x, y = round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7)

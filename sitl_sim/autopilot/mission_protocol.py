@@ -3,9 +3,10 @@
 An upload replaces the mission when its last item has come and all were good; whatever goes wrong before leaves the old
 one in place. Only one peer uploads at a time. Reading needs no state: every item is answered for itself.
 
-ArduPilot keeps home as item 0, see `mission_flight`.
+ArduPilot keeps home as item 0, see `mission_flight`. It asks for items with the old MISSION_REQUEST, replaces some of
+them where it is asked to, and while somebody uploads, nobody else clears and nobody reads.
 
-Source: https://mavlink.io/en/services/mission.html
+Source: https://mavlink.io/en/services/mission.html, MissionItemProtocol.cpp of ArduPilot, mavlink_mission.cpp of PX4.
 """
 
 from __future__ import annotations
@@ -32,12 +33,21 @@ Sender = tuple[int, int]
 
 @dataclass(slots=True)
 class _Upload:
+    """`count` items from number `first` on; of a whole mission, or in the place of others."""
+
     peer: Hashable
     sender: Sender
     count: int
     requested_s: float
     items: list[MissionItem] = field(default_factory=list)
     requests: int = 1
+    first: int = 0
+    is_partial: bool = False
+
+    @property
+    def wanted(self) -> int:
+        """Number of the item that is to come now."""
+        return self.first + len(self.items)
 
 
 class MissionProtocol:
@@ -64,6 +74,9 @@ class MissionProtocol:
             peer: Where it came from; an upload continues there only.
             now_s: Monotonic time.
         """
+        reads = message.name in ("MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_REQUEST")
+        if reads and self._upload is not None and not self._board.is_px4 and message.mission_type == MISSION:
+            return [self._refused(sender, MissionResult.DENIED)]
         match message.name:
             case "MISSION_COUNT":
                 return self._begin(message, sender, peer, now_s)
@@ -76,13 +89,13 @@ class MissionProtocol:
             case "MISSION_REQUEST_INT" | "MISSION_REQUEST":
                 return self._give(message, sender)
             case "MISSION_CLEAR_ALL":
-                return self._clear(message, sender)
+                return self._clear(message, sender, peer)
             case "MISSION_SET_CURRENT":
                 if not self._flight.set_current(message.seq):
                     self._board.say(Severity.WARNING, f"mission: there is no item {message.seq}")
                 return [("MISSION_CURRENT", self._flight.current_fields())]
             case "MISSION_WRITE_PARTIAL_LIST":
-                return [self._refused(sender, MissionResult.UNSUPPORTED, message.mission_type)]
+                return [self._begin_part(message, sender, peer, now_s)]
             case "MISSION_ACK":
                 if self._upload is not None and self._upload.peer == peer and message.type:
                     self._upload = None  # called off by its sender
@@ -109,14 +122,32 @@ class MissionProtocol:
             return [
                 self._acknowledged(sender, kind) if fine else self._refused(sender, MissionResult.UNSUPPORTED, kind)
             ]
-        if self._upload is not None and self._upload.peer != peer:
-            return [self._refused(sender, MissionResult.ERROR)]
+        if self._is_somebody_elses(peer):
+            return [self._refused(sender, MissionResult.ERROR if self._board.is_px4 else MissionResult.DENIED)]
         if count > MAX_ITEMS:
             return [self._refused(sender, MissionResult.NO_SPACE)]
         if count == 0:
-            return self._clear(message, sender)
+            self._upload = None
+            return self._clear(message, sender, peer)
         self._upload, self._done = _Upload(peer, sender, count, now_s), None
         return [self._request(self._upload)]
+
+    def _is_somebody_elses(self, peer: Hashable) -> bool:
+        """Whether another peer uploads."""
+        return self._upload is not None and self._upload.peer != peer
+
+    def _begin_part(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> Reply:
+        """ArduPilot: other items in the place of some, or behind the last one."""
+        first, last, count = message.start_index, message.end_index, len(self._flight.plan)
+        if self._board.is_px4 or message.mission_type != MISSION:
+            return self._refused(sender, MissionResult.UNSUPPORTED, message.mission_type)
+        if self._upload is not None:
+            return self._refused(sender, MissionResult.DENIED)
+        if not 0 <= first <= last <= min(count, MAX_ITEMS - 1):
+            return self._refused(sender, MissionResult.ERROR)
+        self._done = None
+        self._upload = _Upload(peer, sender, last - first + 1, now_s, first=first, is_partial=True)
+        return self._request(self._upload)
 
     def _take(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> list[Reply]:
         upload = self._upload
@@ -125,12 +156,13 @@ class MissionProtocol:
             if came_twice and self._board.is_px4:  # its acknowledgement was lost
                 return [self._acknowledged(sender, MISSION)]
             return [self._refused(sender, MissionResult.ERROR, message.mission_type)]
-        wanted = len(upload.items)
+        wanted = upload.wanted
         if message.seq != wanted:
             if self._board.is_px4 or message.seq < wanted:  # an item that came twice is no error
                 return [self._request(upload)]
             return [self._refused(sender, MissionResult.INVALID_SEQUENCE)]
-        item = read_item(message, upload.count)
+        whole = max(upload.first + upload.count, len(self._flight.plan) if upload.is_partial else 0)
+        item = read_item(message, whole)
         if isinstance(item, MissionResult):
             self._upload = None
             return [self._refused(sender, item)]
@@ -139,11 +171,15 @@ class MissionProtocol:
         if len(upload.items) < upload.count:
             return [self._request(upload)]
         self._upload, self._done = None, (peer, sender, wanted)
-        self._flight.load(upload.items)
+        if upload.is_partial:
+            self._flight.replace(upload.first, upload.items)
+        else:
+            self._flight.load(upload.items)
         return [self._acknowledged(sender, MISSION)]
 
     def _request(self, upload: _Upload) -> Reply:
-        return "MISSION_REQUEST_INT", _to(upload.sender) | {"seq": len(upload.items), "mission_type": MISSION}
+        name = "MISSION_REQUEST_INT" if self._board.is_px4 else "MISSION_REQUEST"
+        return name, _to(upload.sender) | {"seq": upload.wanted, "mission_type": MISSION}
 
     # --- down, clear --------------------------------------------------------------------------------------------------
 
@@ -157,12 +193,18 @@ class MissionProtocol:
         degrees = {"x": fields["x"] / 1e7, "y": fields["y"] / 1e7}
         return [("MISSION_ITEM", _to(sender) | fields | degrees)]
 
-    def _clear(self, message: Message, sender: Sender) -> list[Reply]:
+    def _clear(self, message: Message, sender: Sender, peer: Hashable) -> list[Reply]:
+        """Somebody else's upload goes on; of ArduPilot it keeps the mission, too."""
         kind = message.mission_type
         if kind not in (MISSION, FENCE, RALLY, ALL):
             return [self._refused(sender, MissionResult.UNSUPPORTED, kind)]
         if kind in (MISSION, ALL):
-            self._upload = self._done = None
+            others = self._is_somebody_elses(peer)
+            if others and not self._board.is_px4:
+                return [self._refused(sender, why, kind) for why in (MissionResult.DENIED, MissionResult.ERROR)]
+            if not others:
+                self._upload = None
+            self._done = None
             self._flight.load([])
         return [self._acknowledged(sender, kind)]
 

@@ -51,8 +51,12 @@ def to_vehicle(flight: Flight, name: str, **fields: Any) -> list[Message]:
 
 def upload(flight: Flight, items: list[Any], name: str = "MISSION_ITEM_INT") -> int:
     """Write a mission as a client does; the MAV_MISSION_RESULT."""
-    answers = to_vehicle(flight, "MISSION_COUNT", count=len(items))
-    while answers[-1].name == "MISSION_REQUEST_INT":
+    return give(flight, to_vehicle(flight, "MISSION_COUNT", count=len(items)), dict(enumerate(items)), name)
+
+
+def give(flight: Flight, answers: list[Message], items: dict[int, Any], name: str = "MISSION_ITEM_INT") -> int:
+    """Give the items that are asked for; the MAV_MISSION_RESULT."""
+    while answers[-1].name == ("MISSION_REQUEST_INT" if flight.flavour == "px4" else "MISSION_REQUEST"):
         seq = answers[-1].seq
         answers = to_vehicle(flight, name, seq=seq, **items[seq])
     assert (answers[-1].name, answers[-1].target_system, answers[-1].target_component) == ("MISSION_ACK", 255, 190)
@@ -144,7 +148,7 @@ def test_an_item_that_comes_twice_is_asked_for_again_and_one_that_comes_early_is
     to_vehicle(flight, "MISSION_COUNT", count=3)
     to_vehicle(flight, "MISSION_ITEM_INT", seq=0, **item())
     (again,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=0, **item())
-    assert (again.name, again.seq) == ("MISSION_REQUEST_INT", 1)
+    assert (again.name, again.seq) == ("MISSION_REQUEST_INT" if flavour == "px4" else "MISSION_REQUEST", 1)
     (early,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=2, **item())
     if flavour == "px4":
         assert (early.name, early.seq) == ("MISSION_REQUEST_INT", 1)
@@ -228,15 +232,98 @@ def test_a_lost_item_is_asked_for_again_until_the_vehicle_gives_up() -> None:
     assert download(flight) == []
 
 
-def test_one_peer_writes_at_a_time_and_may_call_it_off() -> None:
-    flight = holding("px4")
-    other, encoder = ("127.0.0.1", 50001), Encoder(254, 191)
+OTHER: dict[str, Any] = {"sender": Encoder(254, 191), "address": ("127.0.0.1", 50001)}
+"""Another ground station."""
+
+
+@both
+def test_one_peer_writes_at_a_time_and_may_call_it_off(flavour: str) -> None:
+    flight = holding(flavour)
     to_vehicle(flight, "MISSION_COUNT", count=2)
-    busy = flight.send("MISSION_COUNT", sender=encoder, address=other, target_system=1, target_component=1, count=1)
-    assert (busy[0].type, busy[0].target_system) == (MissionResult.ERROR, 254)
+    (busy,) = to_vehicle(flight, "MISSION_COUNT", count=1, **OTHER)
+    why = MissionResult.ERROR if flavour == "px4" else MissionResult.DENIED
+    assert (busy.type, busy.target_system) == (why, 254)
     to_vehicle(flight, "MISSION_ACK", type=int(MissionResult.OPERATION_CANCELLED))
-    free = flight.send("MISSION_COUNT", sender=encoder, address=other, target_system=1, target_component=1, count=1)
-    assert free[0].name == "MISSION_REQUEST_INT"
+    (free,) = to_vehicle(flight, "MISSION_COUNT", count=1, **OTHER)
+    assert free.name.startswith("MISSION_REQUEST")
+
+
+@both
+def test_an_upload_goes_on_whoever_else_clears_the_mission(flavour: str) -> None:
+    flight = holding(flavour)
+    old, new = planned(flavour, [item()]), planned(flavour, [item(north=5.0), item(north=9.0)])
+    assert upload(flight, old) == ACCEPTED
+    asked = to_vehicle(flight, "MISSION_COUNT", count=len(new))
+    results = [answer.type for answer in to_vehicle(flight, "MISSION_CLEAR_ALL", **OTHER)]
+    assert results == ([ACCEPTED] if flavour == "px4" else [MissionResult.DENIED, MissionResult.ERROR])
+    flight.advance(1.1)
+    left = 0 if flavour == "px4" else 1
+    assert flight.last("MISSION_CURRENT").total == left  # PX4's two links know nothing of each other
+    assert give(flight, asked, dict(enumerate(new))) == ACCEPTED
+    assert len(download(flight)) == len(new)
+    (cleared,) = to_vehicle(flight, "MISSION_CLEAR_ALL", **OTHER)
+    assert cleared.type == ACCEPTED and download(flight) == []
+
+
+@both
+def test_who_uploads_and_then_clears_has_no_mission(flavour: str) -> None:
+    flight = holding(flavour)
+    to_vehicle(flight, "MISSION_COUNT", count=2)
+    (cleared,) = to_vehicle(flight, "MISSION_CLEAR_ALL")
+    assert cleared.type == ACCEPTED
+    (late,) = to_vehicle(flight, "MISSION_ITEM_INT", seq=0, **item())
+    assert late.type == MissionResult.ERROR
+
+
+def test_nobody_reads_a_mission_of_ardupilot_while_it_is_written() -> None:
+    for flavour, reads in (("px4", True), ("ardupilot", False)):
+        flight = holding(flavour)
+        assert upload(flight, planned(flavour, [item()])) == ACCEPTED
+        to_vehicle(flight, "MISSION_COUNT", count=2)
+        answers = [
+            *to_vehicle(flight, "MISSION_REQUEST_LIST", **OTHER),
+            *to_vehicle(flight, "MISSION_REQUEST_INT", seq=0, **OTHER),
+        ]
+        assert (
+            all(answer.name == "MISSION_ACK" and answer.type == MissionResult.DENIED for answer in answers) is not reads
+        )
+
+
+def test_ardupilot_takes_some_items_in_the_place_of_others() -> None:
+    flight = holding("ardupilot")
+    items = planned("ardupilot", [item(north=float(north)) for north in (5, 10, 15)])
+    assert upload(flight, items) == ACCEPTED
+    assert flight.command(SET_CURRENT, 3) == ACCEPTED
+    others = {2: item(north=-10.0), 3: item(north=-15.0), 4: item(north=-20.0)}
+    first, last = 2, 4  # one more than there are: it is put behind them
+    answers = to_vehicle(flight, "MISSION_WRITE_PARTIAL_LIST", start_index=first, end_index=last)
+    assert give(flight, answers, others) == ACCEPTED
+    read = [message.x for message in download(flight)]
+    assert read[1:] == [items[1]["x"], *(others[seq]["x"] for seq in (2, 3, 4))]
+    flight.advance(1.1)
+    assert flight.last("MISSION_CURRENT").seq == 3
+    assert start(flight) == ACCEPTED
+    flight.advance(4.0)
+    assert flight.velocity[0] < -1.0
+
+
+@pytest.mark.parametrize(("first", "last"), [(-1, 0), (1, 0), (0, 3), (3, 3)])
+def test_items_in_the_place_of_none_are_refused(first: int, last: int) -> None:
+    flight = holding("ardupilot")
+    assert upload(flight, planned("ardupilot", [item()])) == ACCEPTED
+    (refused,) = to_vehicle(flight, "MISSION_WRITE_PARTIAL_LIST", start_index=first, end_index=last)
+    assert refused.type == MissionResult.ERROR
+    assert len(download(flight)) == 2
+
+
+def test_the_first_items_of_a_mission_may_come_as_a_part_of_it() -> None:
+    flight = holding("ardupilot")
+    answers = to_vehicle(flight, "MISSION_WRITE_PARTIAL_LIST", start_index=0, end_index=0)
+    (busy,) = to_vehicle(flight, "MISSION_WRITE_PARTIAL_LIST", start_index=0, end_index=0)
+    assert busy.type == MissionResult.DENIED
+    assert give(flight, answers, {0: at_once(WAYPOINT, frame=0)}) == ACCEPTED
+    (home,) = download(flight)
+    assert home.z == pytest.approx(HOME.altitude_m, abs=0.01)
 
 
 # --- in flight --------------------------------------------------------------------------------------------------------
