@@ -7,25 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ridlink.captures.export.si import HAVE_RANGES
-from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.fast.sources import count_sources
 from ridlink.captures.statistics import SourceCount
-from ridlink.cli import decode_export
-from ridlink.cli.decode import decode
 from ridlink.mavlink.codec import MESSAGES_BY_NAME, Encoder
 from ridlink.mavlink.frames import encode_frame
+from tests.captures.command import ALWAYS, NEVER, outcome
 from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
-from tests.captures.test_export import any_frame
-from tests.captures.test_fast import PIECES, TIMES
+from tests.captures.drawn import PIECES, TIMES, any_frame, packs
 
-Outcome = tuple[bytes, str, object, str]
 CAPTURES = Path(__file__).resolve().parents[3] / "shared" / "captures"
-NEVER, ALWAYS = 10**12, 0
 
 INTEGERS = (0, 1, -1, 36000, 36001, 36100, 25425, 25426, 25500, 6200, 6201, -6201, 6300, 900000000, -900000001,
             1800000000, 1800000001, -1800000001)  # fmt: skip
@@ -48,18 +42,6 @@ def at_the_ends(draw: st.DrawFn) -> bytes:
     return Encoder(draw(st.integers(1, 2)), 1).encode(spec.name, **fields)
 
 
-@st.composite
-def packs(draw: st.DrawFn) -> bytes:
-    """Message packs with members of every type, and with what is no member."""
-    members = draw(st.lists(st.tuples(st.sampled_from([0, 1, 2, 3, 4, 5, 7, 15]), st.binary(max_size=24)), max_size=9))
-    body = b"".join(bytes([kind << 4 | 2]) + rest.ljust(24, b"\x00") for kind, rest in members)
-    size, count = draw(st.sampled_from([25, 25, 25, 24])), draw(st.just(len(members)) | st.integers(0, 255))
-    payload = bytes(22) + bytes([size, count]) + body
-    spec = MESSAGES_BY_NAME["OPEN_DRONE_ID_MESSAGE_PACK"]
-    return encode_frame(spec.msgid, payload.ljust(spec.size, b"\x00"), spec.crc_extra, seq=draw(st.integers(0, 255)),
-                        sysid=1, compid=1)  # fmt: skip
-
-
 FILES = st.lists(
     st.lists(st.tuples(TIMES, at_the_ends() | packs() | any_frame()), max_size=10).flatmap(
         lambda records: PIECES.map(lambda pieces: [*records, *pieces])
@@ -74,15 +56,6 @@ OPTIONS = st.tuples(
     st.sampled_from([(), (), ("--since", f"{START_US + 10**6}e-6"), ("--since", "-1")]),
     st.sampled_from([(), (), ("--until", f"{START_US + 9 * 10**6}e-6"), ("--until", "1e20")]),
 ).map(lambda parts: [word for part in parts for word in part])
-
-
-def outcome(large: int, *arguments: str | Path, block_length: int = 1 << 19) -> Outcome:
-    """What the command writes and how it ends, where files from so many bytes on are taken in blocks."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(decode_export, "LARGE_BYTES", large)
-        patch.setattr(BlockReader.__init__, "__kwdefaults__", {"block_length": block_length})
-        done = CliRunner().invoke(decode, [str(argument) for argument in arguments], standalone_mode=False)
-    return done.stdout_bytes, done.stderr, done.return_value, repr(done.exception)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -14,7 +14,9 @@ from ridlink.captures.columns import decode
 from ridlink.captures.fast import datagrams
 from ridlink.captures.fast.block import Block
 from ridlink.captures.fast.blocks import BlockReader
+from tests.captures.command import ALWAYS, NEVER, Outcome, outcome
 from tests.captures.conftest import flight
+from tests.captures.drawn import frames, packs
 from tests.captures.pcap_files import (
     START_US,
     enhanced,
@@ -29,8 +31,6 @@ from tests.captures.pcap_files import (
     timed,
     udp,
 )
-from tests.captures.test_counting import ALWAYS, NEVER, Outcome, outcome, packs
-from tests.captures.test_fast import frames
 from tests.remote_id.radio_frames import PACK, odid_beacon, radiotap
 
 FRAMES = [frame for _, frame in flight(40)]

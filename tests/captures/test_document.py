@@ -12,8 +12,7 @@ from click.testing import CliRunner
 from ridlink.captures.export import geo
 from ridlink.captures.export.join import COLUMNS
 from ridlink.cli import cli
-from tests.captures.conftest import tlog_bytes
-from tests.captures.test_export import aircraft
+from tests.captures.conftest import aircraft, tlog_bytes
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "captures.md").read_text()
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from msgspec import structs
@@ -31,24 +31,18 @@ from ridlink.captures.export.selection import Selection
 from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.lines import json_line, table_line
 from ridlink.cli import decode_export
-from ridlink.cli.decode import decode
-from ridlink.mavlink.codec import MESSAGES, MESSAGES_BY_NAME, Encoder
+from ridlink.mavlink.codec import MESSAGES_BY_NAME, Encoder
 from ridlink.mavlink.frames import encode_frame
 from ridlink.remote_id.astm_pack import encode_pack
-from ridlink.remote_id.convert import to_mavlink
-from ridlink.remote_id.messages import Authentication, BasicId, Location, RemoteIdMessage, Separation, System
+from ridlink.remote_id.messages import Authentication, BasicId, Location, RemoteIdMessage, Separation
 from ridlink.remote_id.separation import authentication_of
-from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
+from tests.captures.command import run
+from tests.captures.conftest import START_US, aircraft, flight, frame_of, needs_compiler, tlog_bytes
+from tests.captures.drawn import ABOUT_REMOTE_ID, PACK_MEMBER, any_frame
 
-Records = list[tuple[int, bytes]]
 REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
 HOSTILE = b"=1<b>&]]>'\x1b[2J,\"../x"
 HOSTILE_TEXT = "=1<b>&]]>'\\x1b[2J,\"../x"
-PACK_MEMBER = bytes.fromhex("0212") + b"AIRCRAFT-1".ljust(23, b"\x00")
-
-
-def run(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(decode, [str(argument) for argument in arguments], standalone_mode=False)
 
 
 FORMS = {"jsonl": json_line, "table": table_line, "jsonl with frames": lambda one: framed_line(json_line(one), one)}
@@ -64,31 +58,6 @@ def one_by_one(path: Path, selection: Selection, form: str) -> bytes:
 def by_blocks(path: Path, selection: Selection, form: str) -> bytes:
     lines = BlockLines(selection, form.split()[0], frames=form.endswith("frames"))
     return b"".join(bytes(lines.of(block)) for block in BlockReader(path, block_length=4096))
-
-
-def frame_of(message: RemoteIdMessage, encoder: Encoder) -> bytes:
-    name, fields = to_mavlink(message)
-    return encoder.encode(name, **fields)
-
-
-def aircraft(seconds: int = 6, sysid: int = 1, uas_id: bytes = b"ABC123") -> Records:
-    """One aircraft with everything that is joined, at 1 Hz."""
-    encoder = Encoder(sysid, 1)
-    records: Records = []
-    for second in range(seconds):
-        at_us = START_US + second * 1_000_000
-        location = Location(
-            latitude_deg=47.0 + second * 1e-4, longitude_deg=8.0, altitude_geodetic_m=500.5, timestamp_s=float(second),
-            speed_horizontal_mps=10.0, direction_deg=0.0, speed_vertical_mps=1.0,
-        )  # fmt: skip
-        messages: list[RemoteIdMessage] = [
-            BasicId(1, 2, uas_id),
-            location,
-            Separation(timestamp_s=float(second), horizontal_error_m=3.0),
-            System(operator_latitude_deg=46.5, operator_longitude_deg=7.5),
-        ]
-        records += [(at_us + 1000 * place, frame_of(message, encoder)) for place, message in enumerate(messages)]
-    return records
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -109,29 +78,9 @@ def log(tmp_path: Path) -> Path:
 
 # --- JSON lines ---
 
-NAMES = sorted(MESSAGES_BY_NAME)
-ABOUT_REMOTE_ID = [name for name in NAMES if name.startswith(("OPEN_DRONE_ID", "RIDLINK"))]
-EDGES = st.sampled_from([0, 1, 36000, 36001, 36100, 25425, 25426, 25500, 6200, 6201, 6300, 65535, 2**31 - 1, 900000000])
-
 
 def float_bits(value: float) -> int:
     return int.from_bytes(struct.pack("<f", value), "little")
-
-
-@st.composite
-def any_frame(draw: st.DrawFn) -> bytes:
-    spec = MESSAGES_BY_NAME[draw(st.sampled_from(ABOUT_REMOTE_ID) | st.sampled_from(NAMES))]
-    payload = bytearray(draw(st.binary(max_size=spec.size)).ljust(spec.size, b"\x00"))
-    for _ in range(draw(st.integers(0, 3))):
-        at = draw(st.integers(0, max(0, spec.size - 2)))
-        payload[at : at + 2] = (draw(EDGES) & 0xFFFF).to_bytes(2, "little")
-    if spec.name == "OPEN_DRONE_ID_MESSAGE_PACK" and draw(st.booleans()):
-        members = PACK_MEMBER * draw(st.integers(1, 3))
-        payload[:] = (b"\x00" * 22 + bytes((25, len(members) // 25)) + members).ljust(spec.size, b"\x00")
-    msgid = draw(st.sampled_from([spec.msgid, spec.msgid, spec.msgid, 54321]))
-    extra = MESSAGES[msgid].crc_extra if msgid in MESSAGES else 1
-    return encode_frame(msgid, bytes(payload), extra, seq=draw(st.integers(0, 255)), sysid=draw(st.integers(0, 255)),
-                        compid=draw(st.sampled_from([0, 1, 255])))  # fmt: skip
 
 
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

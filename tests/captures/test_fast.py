@@ -24,6 +24,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES, Encoder
 from ridlink.mavlink.crc import checksum
 from ridlink.mavlink.frames import encode_frame
 from tests.captures.conftest import START_US, flight, needs_compiler, tlog_bytes
+from tests.captures.drawn import PIECES, signed, version_1
 from tests.captures.pcap_files import ethernet, ipv4, pcap, timed, udp
 
 Entry = tuple[int | None, bytes, int]
@@ -54,46 +55,6 @@ def by_kernels(path: Path, kind: str, block_length: int = 1 << 19) -> Found:
     except CaptureError as error:
         assert not entries and ("no MAVLink frame" in str(error) or "is empty" in str(error))
     return entries, dict(reader.rejects.counts), reader.rejects.first_offset, reader.sources
-
-
-def version_1(msgid: int, payload: bytes, extra: int) -> bytes:
-    body = bytes([len(payload), 7, 1, 1, msgid]) + payload
-    return b"\xfe" + body + checksum(body, extra).to_bytes(2, "little")
-
-
-def signed(msgid: int, payload: bytes, extra: int) -> bytes:
-    body = bytes([len(payload), 1, 0, 7, 2, 1, *msgid.to_bytes(3, "little")]) + payload
-    return b"\xfd" + body + checksum(body, extra).to_bytes(2, "little") + bytes(range(13))
-
-
-@st.composite
-def frames(draw: st.DrawFn) -> bytes:
-    """Frames of both versions, signed or not, known or not, with too little and too much payload."""
-    msgid = draw(st.sampled_from([0, 33, 12901, 12902, 61400, 385, 54321, 0x123456, 200]))
-    payload = draw(st.binary(min_size=1, max_size=draw(st.sampled_from([4, 60, 255]))))
-    extra = CRC_EXTRAS.get(msgid, 9)
-    shape = draw(st.integers(0, 3))
-    if shape == 0 and msgid < 256:
-        return version_1(msgid, payload, extra)
-    if shape == 1:
-        return signed(msgid, payload, extra)
-    sysid, seq = draw(st.integers(0, 3)), draw(st.integers(0, 255))
-    return encode_frame(msgid, payload, extra, seq=seq, sysid=sysid, compid=1)
-
-
-TIMES = st.one_of(
-    st.integers(START_US, START_US + 10**7),
-    st.sampled_from([0, 5, 33_333, 2**62, 2**63 - 1, 2**64 - 1, START_US + 400 * 86400 * 10**6, 10**15]),
-)
-PIECES = st.lists(
-    st.one_of(
-        st.tuples(TIMES, frames()),
-        st.tuples(TIMES, frames()),
-        st.tuples(st.none(), st.binary(max_size=40)),
-        st.tuples(st.none(), st.lists(st.sampled_from([0xFD, 0xFE, 0, 1, 255]), max_size=20).map(bytes)),
-    ),
-    max_size=14,
-)
 
 
 @pytest.mark.parametrize("kind", ["tlog", "mavlink"])

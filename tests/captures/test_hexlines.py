@@ -8,18 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ridlink.captures import CaptureKind, open_capture, read_messages
 from ridlink.captures.hexlines import MAX_LINE_LENGTH, looks_like_hex, read_hex
 from ridlink.captures.records import Record, Rejects
-from ridlink.cli.decode import decode
 from ridlink.errors import CaptureError
 from ridlink.remote_id.astm import encode_message
 from ridlink.remote_id.astm_pack import join_pack
 from ridlink.remote_id.messages import BasicId, Location, Separation
+from tests.captures.command import run
 from tests.captures.conftest import flight
 
 IDENTITY = encode_message(BasicId(1, 2, b"SERIAL"))
@@ -164,10 +163,6 @@ def test_noise_costs_no_good_line() -> None:
 
 
 # --- the command ---
-
-
-def run(*arguments: str | Path) -> Any:
-    return CliRunner().invoke(decode, [str(argument) for argument in arguments], standalone_mode=False)
 
 
 def test_rows_of_25_bytes_carry_them(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,11 +16,11 @@ from ridlink.captures import CaptureKind, open_capture, packets, read_messages
 from ridlink.captures.packet_window import MAX_PACKET_LENGTH, Packet
 from ridlink.captures.packets import read_packets, read_pcap
 from ridlink.captures.records import Record, Rejects, TracedRecord
-from ridlink.cli.decode import decode
 from ridlink.errors import CaptureError
 from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.bridge import pack_to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, SelfId, Separation
+from tests.captures.command import run
 from tests.captures.conftest import flight
 from tests.captures.pcap_files import (
     START_US,
@@ -552,10 +551,6 @@ def test_the_content_tells_a_pcap_whatever_its_name(tmp_path: Path, data: bytes)
     path.write_bytes(data)
     with open_capture(path) as capture:
         assert capture.kind is CaptureKind.PCAP and list(capture)
-
-
-def run(*arguments: str | Path) -> Any:
-    return CliRunner().invoke(decode, [str(argument) for argument in arguments], standalone_mode=False)
 
 
 def rows_of(*arguments: str | Path) -> list[dict[str, Any]]:

@@ -13,13 +13,9 @@ from ridlink.captures.reader import detect_kind
 from ridlink.errors import CaptureError
 from ridlink.mavlink.frames import encode_frame
 from ridlink.remote_id.messages import Location, Separation
-from tests.captures.conftest import flight, tlog_bytes
+from tests.captures.conftest import flight, raw_bytes, tlog_bytes
 
 Records = list[tuple[int, bytes]]
-
-
-def raw_bytes(records: Records) -> bytes:
-    return b"".join(frame for _, frame in records)
 
 
 @pytest.mark.parametrize(

@@ -14,20 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 from ridlink.captures import open_capture
 from ridlink.cli import decode_export, progress
-from ridlink.cli.decode import decode
 from ridlink.mavlink.codec import Encoder
+from tests.captures.command import run
 from tests.captures.conftest import START_US, flight, tlog_bytes
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
-
-
-def run(*arguments: str | Path) -> Result:
-    """The command within this process; its result is the exit code that `main` gives."""
-    return CliRunner().invoke(decode, [str(argument) for argument in arguments], standalone_mode=False)
 
 
 def ridlink(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[bytes]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.captures.conftest import flight, tlog_bytes
+from tests.captures.conftest import flight, raw_bytes, tlog_bytes
 
 RECORDS = flight(12)
 Follow = Callable[..., "Following"]
@@ -60,10 +60,6 @@ def append(path: Path, data: bytes) -> None:
 
 def hex_bytes(records: list[tuple[int, bytes]]) -> bytes:
     return b"".join(frame.hex().encode() + b"\n" for _, frame in records)
-
-
-def raw_bytes(records: list[tuple[int, bytes]]) -> bytes:
-    return b"".join(frame for _, frame in records)
 
 
 @pytest.mark.parametrize(

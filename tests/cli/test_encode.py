@@ -26,7 +26,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES_BY_NAME, Encoder
 from ridlink.mavlink.frames import Frame, encode_frame, parse_datagram
 from ridlink.remote_id.text import display_text
 from tests.captures.conftest import START_US, flight, tlog_bytes
-from tests.captures.test_fast import signed, version_1
+from tests.captures.drawn import signed, version_1
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
 PACK_MEMBER = bytes.fromhex("0212") + b"AIRCRAFT-1".ljust(23, b"\x00")
