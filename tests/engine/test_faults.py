@@ -17,7 +17,7 @@ from ridlink.failsafe import State
 from ridlink.traffic.picture import TrafficPicture
 from tests.daemon.emulated import Emulated
 from tests.engine.flight import STEP_S, Flight, config
-from tests.traffic.test_picture import OWN, SETTINGS, report
+from tests.traffic.reports import OWN, SETTINGS, report
 
 MAC_RADIUS_M = 0.6
 

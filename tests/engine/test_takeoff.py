@@ -16,7 +16,7 @@ from ridlink.own_ship import OwnShipTelemetry
 from ridlink.remote_id.report import RemoteIdReport
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.track import new_track
-from tests.own_ship.test_telemetry import Autopilot
+from tests.own_ship.autopilot import Autopilot
 
 AWARE = EngineConfig(takeoff_aware=True, takeoff_height_m=20.0, airframe_m=0.6)
 OWN = OwnState(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.observer import Sky
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation
 
@@ -98,3 +99,10 @@ def frames(flyers: list[Flyer], until_s: float, *, period_s: float = 0.1) -> Ite
                 [frame] = parse_datagram(encoders[flyer].encode(name, **fields), CRC_EXTRAS)
                 assert isinstance(frame, Frame)
                 yield time_s, frame
+
+
+def seen(flyers: list[Flyer], until_s: float, **options: float) -> Sky:
+    sky = Sky(origin=HOME, **options)  # type: ignore[arg-type]
+    for time_s, frame in frames(flyers, until_s):
+        sky.receive(frame, time_s)
+    return sky

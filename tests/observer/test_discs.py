@@ -7,8 +7,7 @@ import pytest
 
 from ridlink.observer import pair_discs, rings
 from ridlink.separation.definitions import Definition
-from tests.observer.flights import Flyer
-from tests.observer.test_sky import seen
+from tests.observer.flights import Flyer, seen
 
 FLYERS = [
     Flyer(1, (0.0, 0.0), (10.0, 0.0), airframe_m=0.6, error_m=6.0),

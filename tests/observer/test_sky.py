@@ -13,17 +13,10 @@ from msgspec import structs
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.observer import Sky
-from tests.observer.flights import HOME, Flyer, frames
+from tests.observer.flights import HOME, Flyer, frames, seen
 
 ONE = Flyer(1, (0.0, 0.0), (10.0, 0.0), b"ALPHA")
 TWO = Flyer(2, (400.0, 30.0), (-10.0, 0.0))
-
-
-def seen(flyers: list[Flyer], until_s: float, **options: float) -> Sky:
-    sky = Sky(origin=HOME, **options)  # type: ignore[arg-type]
-    for time_s, frame in frames(flyers, until_s):
-        sky.receive(frame, time_s)
-    return sky
 
 
 def test_everybody_is_where_he_says_in_metres_about_the_origin() -> None:

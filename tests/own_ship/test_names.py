@@ -5,7 +5,7 @@ from __future__ import annotations
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.names import MOST_NAMES, OwnNames
 from ridlink.remote_id.messages import BasicId
-from tests.own_ship.test_telemetry import Autopilot, flying
+from tests.own_ship.autopilot import Autopilot, flying
 
 SERIAL, REGISTRATION = BasicId(1, 2, b"SERIAL"), BasicId(2, 2, b"REGISTRATION")
 

@@ -11,7 +11,7 @@ from ridlink.geodesy import moved
 from ridlink.traffic.doubt import MOST_M, Doubt
 from ridlink.traffic.flood import MOST_SOURCES, NewcomerGate
 from ridlink.traffic.position_filter import PositionFilter
-from tests.traffic.test_picture import HERE, OWN, SETTINGS, picture, report, still
+from tests.traffic.reports import HERE, OWN, SETTINGS, picture, report, still
 
 
 def test_doubt_decays_and_demands_no_more_than_silence() -> None:

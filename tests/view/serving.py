@@ -57,3 +57,17 @@ async def heard(page: ClientConnection, kind: str, **facts: Any) -> dict[str, An
 
 def run(body: Callable[[], Awaitable[None]]) -> None:
     asyncio.run(asyncio.wait_for(body(), 60.0))
+
+
+MB = 2**20
+
+
+UPGRADE = (
+    b"GET /ws/v1 HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+)
+
+
+def text_frame(text: bytes) -> bytes:
+    """A masked WebSocket frame, with a mask of zeros."""
+    return bytes((0x81, 0x80 | len(text))) + bytes(4) + text

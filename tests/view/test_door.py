@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.view.serving import MB, PATIENCE_S, UPGRADE, a_page, a_show, heard, run, serving, text_frame
+
 pytest.importorskip("uvicorn", reason="needs ridlink[web]")
 
 from ridlink.errors import LinkError
 from ridlink.view import door as doors
 from ridlink.view.door import Door
-from tests.view.serving import PATIENCE_S, a_page, a_show, heard, run, serving
-from tests.view.test_slow_pages import MB, UPGRADE, text_frame
 
 FLOOD = """
 import socket, sys

@@ -10,28 +10,19 @@ from pathlib import Path
 
 import pytest
 
+from tests.observer.flights import Flyer
+from tests.view.serving import MB, UPGRADE, a_page, a_show, heard, run, serving, text_frame
+
 pytest.importorskip("uvicorn", reason="needs ridlink[web]")
 
 from ridlink.view import door
 from ridlink.view import server as served
-from tests.observer.flights import Flyer
-from tests.view.serving import a_page, a_show, heard, run, serving
 
-MB = 2**20
 SILENT = 50
-UPGRADE = (
-    b"GET /ws/v1 HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
-    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
-)
 
 
 def resident_bytes() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
-
-
-def text_frame(text: bytes) -> bytes:
-    """A masked WebSocket frame, with a mask of zeros."""
-    return bytes((0x81, 0x80 | len(text))) + bytes(4) + text
 
 
 async def a_silent_page(port: int) -> socket.socket:
