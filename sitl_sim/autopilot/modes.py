@@ -29,7 +29,7 @@ class Flavour:
     Args:
         name: As ``--autopilot`` takes it.
         autopilot: MAV_AUTOPILOT in HEARTBEAT.
-        base_mode: MAV_MODE_FLAG of a disarmed vehicle.
+        base_mode: MAV_MODE_FLAG of a disarmed vehicle in any mode; `mode_flags`: what is added in some.
         custom_modes: Numbers of the modes that it has.
         ground_mode: Where a disarmed vehicle without a pilot rests.
         capabilities: MAV_PROTOCOL_CAPABILITY in AUTOPILOT_VERSION.
@@ -41,6 +41,7 @@ class Flavour:
     name: str
     autopilot: int
     base_mode: int
+    mode_flags: dict[Mode, int]
     custom_modes: dict[Mode, int]
     ground_mode: Mode
     capabilities: int
@@ -66,6 +67,7 @@ MAV_AUTOPILOT_ARDUPILOTMEGA = 3
 MAV_AUTOPILOT_PX4 = 12
 MODE_FLAG_CUSTOM = 1
 MODE_FLAG_ARMED = 128
+_AUTO, _GUIDED, _STABILIZE, _MANUAL_INPUT = 4, 8, 16, 64
 
 _MISSION_INT, _COMMAND_INT, _LOCAL_SETPOINTS, _GLOBAL_SETPOINTS, _MAVLINK2 = 4, 8, 128, 256, 8192
 _COMMON = _MISSION_INT | _COMMAND_INT | _LOCAL_SETPOINTS | _GLOBAL_SETPOINTS | _MAVLINK2
@@ -80,7 +82,9 @@ def px4_custom_mode(main: int, sub: int = 0) -> int:
 PX4 = Flavour(
     name="px4",
     autopilot=MAV_AUTOPILOT_PX4,
-    base_mode=0x1D,  # custom, auto, guided, stabilize
+    base_mode=MODE_FLAG_CUSTOM | _STABILIZE,
+    mode_flags=dict.fromkeys((Mode.HOLD, Mode.TAKEOFF, Mode.MISSION, Mode.RETURN, Mode.LAND), _AUTO | _GUIDED)
+    | dict.fromkeys((Mode.MANUAL, Mode.ALTITUDE, Mode.POSITION), _MANUAL_INPUT),
     custom_modes={
         Mode.HOLD: px4_custom_mode(4, 3),
         Mode.OFFBOARD: px4_custom_mode(6),
@@ -101,7 +105,8 @@ PX4 = Flavour(
 ARDUPILOT = Flavour(
     name="ardupilot",
     autopilot=MAV_AUTOPILOT_ARDUPILOTMEGA,
-    base_mode=0x11,  # custom, stabilize
+    base_mode=MODE_FLAG_CUSTOM | _STABILIZE | _MANUAL_INPUT,
+    mode_flags=dict.fromkeys((Mode.MISSION, Mode.OFFBOARD, Mode.HOLD, Mode.RETURN, Mode.POSITION, Mode.BRAKE), _GUIDED),
     custom_modes={
         Mode.MANUAL: 0,
         Mode.ALTITUDE: 2,

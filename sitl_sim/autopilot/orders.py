@@ -117,7 +117,7 @@ class Orders:
             return self.refuse("arming refused: no offboard signal")
         if wanted and not self._board.is_px4 and pilot.mode is Mode.MISSION:
             return self.refuse("arming refused: AUTO mode not armable")
-        pilot.armed = wanted
+        pilot.arm(wanted)
         if wanted:
             pilot.set_home()
         if wanted and pilot.mode in (Mode.LAND, Mode.RETURN):

@@ -244,7 +244,7 @@ class Pilot:
         if self._was_in_air and not in_air:
             self.guidance = Velocity()
             if self.mode in (Mode.LAND, Mode.RETURN, Mode.MISSION):
-                self.armed = False
+                self.arm(False)
                 self.mission.landed()
         self._was_in_air = in_air
 
@@ -373,6 +373,12 @@ class Pilot:
         if self._board.is_px4 and self._setpoint is not None and self.has_stream(self._now_s):
             self._obey(self._setpoint)
 
+    def arm(self, wanted: bool) -> None:
+        """Switch the motors on or off, whatever speaks against it; ArduPilot says so."""
+        if wanted != self.armed and not self._board.is_px4:
+            self._board.say(Severity.INFO, "Arming motors" if wanted else "Disarming motors")
+        self.armed = wanted
+
     def lift_off(self) -> None:
         """Leave the ground; it climbs when commanded to."""
         self._world.lift_off(self._index)
@@ -382,7 +388,7 @@ class Pilot:
         """Land here; on the ground: disarm."""
         if not self.navigation.in_air:
             self.enter(Mode.LAND, Velocity())
-            self.armed = False
+            self.arm(False)
         elif self.mode is not Mode.LAND:
             self.enter(Mode.LAND, Descend())
 

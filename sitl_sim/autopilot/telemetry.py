@@ -85,14 +85,15 @@ class Telemetry:
         return round(self._pilot.navigation.time_s * 1e6)
 
     def _heartbeat(self) -> Fields:
-        pilot = self._pilot
-        status = _CRITICAL if pilot.failsafe else _ACTIVE if pilot.armed else _STANDBY
+        pilot, flavour = self._pilot, self._board.flavour
+        is_active = pilot.armed if flavour.is_px4 else pilot.navigation.in_air
+        armed = MODE_FLAG_ARMED if pilot.armed else 0
         return {
             "type": _MAV_TYPE_QUADROTOR,
-            "autopilot": self._board.flavour.autopilot,
-            "base_mode": self._board.flavour.base_mode | (MODE_FLAG_ARMED if pilot.armed else 0),
-            "custom_mode": self._board.flavour.custom_modes[pilot.mode],
-            "system_status": status,
+            "autopilot": flavour.autopilot,
+            "base_mode": flavour.base_mode | flavour.mode_flags.get(pilot.mode, 0) | armed,
+            "custom_mode": flavour.custom_modes[pilot.mode],
+            "system_status": _CRITICAL if pilot.failsafe else _ACTIVE if is_active else _STANDBY,
             "mavlink_version": 3,
         }
 
@@ -188,10 +189,10 @@ class Telemetry:
     def _vfr_hud(self) -> Fields:
         navigation = self._pilot.navigation
         north, east, down = navigation.velocity_ned_mps
-        speed = math.hypot(north, east)
         return {
-            "airspeed": speed,
-            "groundspeed": speed,
+            # without a sensor: PX4 knows of none, ArduPilot takes the air to stand still
+            "airspeed": math.nan if self._board.is_px4 else math.hypot(north, east, down),
+            "groundspeed": math.hypot(north, east),
             "heading": _cdeg(self._pilot.yaw_rad) // 100,
             "throttle": 50 if navigation.in_air else 0,
             "alt": navigation.place().altitude_m,

@@ -46,7 +46,7 @@ from tests.sitl_sim.flight import (
 
 
 @pytest.mark.parametrize(
-    ("flavour", "autopilot", "base_mode", "custom_mode"), [("px4", 12, 0x1D, PX4_HOLD), ("ardupilot", 3, 0x11, 0)]
+    ("flavour", "autopilot", "base_mode", "custom_mode"), [("px4", 12, 29, PX4_HOLD), ("ardupilot", 3, 81, 0)]
 )
 def test_heartbeat_presents_the_autopilot(flavour: str, autopilot: int, base_mode: int, custom_mode: int) -> None:
     flight = Flight(flavour)
@@ -55,6 +55,39 @@ def test_heartbeat_presents_the_autopilot(flavour: str, autopilot: int, base_mod
     assert (heartbeat.type, heartbeat.autopilot) == (2, autopilot)
     assert (heartbeat.base_mode, heartbeat.custom_mode, heartbeat.system_status) == (base_mode, custom_mode, 3)
     assert len(flight.messages("HEARTBEAT")) == 5
+
+
+@pytest.mark.parametrize(
+    ("flavour", "recorded"),
+    [
+        ("px4", [(29, 3), (17, 3), (145, 4), (157, 4)]),
+        ("ardupilot", [(81, 3), (89, 3), (217, 3), (217, 4), (209, 4)]),
+    ],
+)
+def test_heartbeats_of_a_flight_have_the_flags_and_states_of_the_recorded_ones(flavour: str, recorded: Any) -> None:
+    """Base mode and system status before arming, armed on the ground, in the air and landing, as both were recorded."""
+    flight = Flight(flavour)
+    flight.fly(1.1)
+    offboard(flight)
+    flight.fly(1.1)
+    flight.command(ARM, 1)
+    flight.fly(1.1)
+    if flavour == "ardupilot":
+        flight.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 5.0)
+        flight.advance(5.0)
+    flight.fly(3.0, 0.0, 0.0, -2.0)
+    flight.command(LAND)
+    flight.advance(1.0)
+    told = [(beat.base_mode, beat.system_status) for _, beat in flight.messages("HEARTBEAT")]
+    assert [*dict.fromkeys(told)] == recorded
+
+
+def test_ardupilot_says_that_it_arms_and_disarms() -> None:
+    flight = Flight("ardupilot")
+    for wanted in (1, 1, 0):
+        flight.command(ARM, wanted)
+        flight.advance(0.1)
+    assert flight.texts == ["Arming motors", "Disarming motors"]
 
 
 def test_ideal_vehicle_presents_itself_as_px4_and_obeys_at_once() -> None:

@@ -96,6 +96,19 @@ def test_heartbeat_and_health_are_what_mavsdk_asks_for(flavour: str) -> None:
     assert (home.latitude, home.longitude) == pytest.approx((position.lat, position.lon), abs=2)
 
 
+def test_airspeed_is_what_either_autopilot_says_without_a_sensor() -> None:
+    """Of PX4 none; of ArduPilot its speed in space: in their recordings it knows of no wind."""
+    for flavour in ("px4", "ardupilot"):
+        flight = airborne(flavour)
+        flight.fly(6.0, 3.0, 0.0, -2.0)
+        hud = flight.last("VFR_HUD")
+        assert hud.groundspeed == pytest.approx(3.0, abs=0.8)
+        if flavour == "px4":
+            assert math.isnan(hud.airspeed)
+        else:
+            assert hud.airspeed == pytest.approx(math.hypot(hud.groundspeed, hud.climb), abs=1e-5) and hud.climb > 1.5
+
+
 def test_attitude_leans_into_the_acceleration_and_the_quaternion_agrees() -> None:
     flight = airborne("px4")
     flight.fly(0.5, 0.0, 5.0, 0.0)
