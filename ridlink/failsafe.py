@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
 
 OTHER_WRITER = "another writer steers this vehicle"
+UNHEARD = "the vehicle does not obey: setpoints may be lost"
 
 HEARTBEAT_LOST_S = 3.0
 """Three heartbeats of an autopilot that sends one a second: who was silent for so long may be anything by now."""
@@ -89,6 +90,7 @@ class Conditions:
         own_jumped: The own position jumped a moment ago: it is wrong, or it was.
         on_ground: The autopilot says that the vehicle stands: what has landed must not be made to climb or to tip over.
         other_writer: Somebody else sends setpoints, and was there first or does not give way.
+        unheard: The vehicle has stood for long and flown after no setpoint.
         has_goal: There is somewhere to go.
         deciding_fails: Decisions have failed again and again.
     """
@@ -108,6 +110,7 @@ class Conditions:
     own_jumped: bool = False
     on_ground: bool = False
     other_writer: bool = False
+    unheard: bool = False
     has_goal: bool = False
     deciding_fails: bool = False
 
@@ -184,6 +187,8 @@ def _end_of_engagement(seen: Conditions, settings: FailsafeSettings, asleep_s: f
         return "the vehicle left GUIDED or OFFBOARD"
     if seen.other_writer:
         return OTHER_WRITER
+    if seen.unheard:
+        return UNHEARD
     return ""
 
 

@@ -88,6 +88,7 @@ def test_px4_gets_a_stream_while_it_waits_armed_and_ardupilot_does_not() -> None
         ({"autopilot_heard_s": 3.1}, "heartbeat"),
         ({"rebooted": True}, "restarted"),
         ({"other_writer": True}, "another writer"),
+        ({"unheard": True}, "does not obey"),
     ],
 )
 def test_what_ends_an_engagement_is_not_undone_by_its_return(change: dict[str, object], reason: str) -> None:
@@ -233,6 +234,7 @@ conditions = st.builds(
     own_jumped=st.booleans(),
     on_ground=st.booleans(),
     other_writer=st.booleans(),
+    unheard=st.booleans(),
     has_goal=st.booleans(),
     deciding_fails=st.booleans(),
 )
@@ -276,6 +278,7 @@ def test_what_is_not_told_is_neither_an_alarm_nor_a_permission() -> None:
         told.own_jumped,
         told.on_ground,
         told.other_writer,
+        told.unheard,
         told.deciding_fails,
     )
     assert not any(alarms) and told.latitude_deg == 0.0 and told.since_last_step_s == told.obeying_s == 0.0

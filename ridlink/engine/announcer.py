@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from ridlink.engine.announce import collision, heartbeat, status, warning
 from ridlink.engine.decision import DecisionRecord, StepOutput
-from ridlink.failsafe import State
+from ridlink.failsafe import UNHEARD, State
 from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.requests import UNTOLD_PERIOD_S, UNTOLD_US, message_requests
@@ -27,6 +27,7 @@ ALERTS = {
     "track_refused": "Remote ID flood: newcomers find no room",
     "own_id_elsewhere": "our own Remote ID is used elsewhere",
     "other_writer": "another writer steers this vehicle, too",
+    "setpoints_unheard": UNHEARD,
     "own_position_jump": "own position jumped",
     "own_position_delayed": "telemetry comes late",
     "own_height_implausible": "own heights contradict each other",

@@ -196,9 +196,11 @@ class Engine:
             output.decision = replace(record, commanded_ned_mps=self.setpoints.velocity)
         else:
             self.setpoints.restart()
-        contested = self.telemetry.other_writer.contested(now_s) or self.rivals.gives_way(now_s)
-        self._counters["other_writer"] += contested
-        self.telemetry.other_writer.sent(None if self.config.dry_run else output.decision.commanded_ned_mps, now_s)
+        writer = self.telemetry.other_writer
+        if self.rung.state in STEERING:
+            self._counters["other_writer"] += writer.contested(now_s) or self.rivals.gives_way(now_s)
+            self._counters["setpoints_unheard"] += writer.unheard(now_s)
+        writer.sent(None if self.config.dry_run else output.decision.commanded_ned_mps, now_s)
         output.replies, self._replies = self._replies, []
         if text := self.steering.detection_warning(record):
             output.warnings.append(text)
@@ -318,6 +320,7 @@ class Engine:
             own_jumped=telemetry.jumped(now_s),
             on_ground=telemetry.on_ground,
             other_writer=not self.config.dry_run and self._must_yield(now_s),
+            unheard=telemetry.other_writer.must_give_up(now_s),
             has_goal=self.goal is not None,
             deciding_fails=self.steering.fatal,
         )

@@ -5,6 +5,9 @@ that they fly after; a target that is not what we sent was somebody else's. Axes
 
 Of two writers the later one gives way, for the earlier one is in the middle of its flight; if the other one does not
 give way, we do after a while, since a vehicle that is pulled two ways is steered by nobody.
+
+An ArduPilot that hears no setpoints, because the way there is lost or it wants signatures, stays in GUIDED: it brakes
+and stands, and says so in the same message. What stands from then on, and never between targets of ours, has no writer.
 """
 
 from __future__ import annotations
@@ -14,6 +17,9 @@ from collections import deque
 
 from ridlink.mavlink.codec import Message
 from ridlink.setpoint import Velocity
+
+Target = tuple[float, float, float]
+"""A place or a velocity, in m or m/s."""
 
 POSITION_IGNORED, VELOCITY_IGNORED = 0x07, 0x38
 """Bits of the type mask."""
@@ -33,6 +39,9 @@ SIGHTINGS, WITHIN_S = 4, 3.0
 """So many foreign targets in so short a time are somebody. Where two streams alternate just so, one of them is seen
 almost always and the other one hardly ever; targets of ours in between are therefore no excuse."""
 
+HEARD_S = 2.0
+"""A vehicle that stands again so soon after it flew after ours was told to: unheard, it flies on for longer."""
+
 NEWCOMER_S = 3.0
 """Whoever first sees another writer within so short a time of its first setpoint came second."""
 PATIENCE_S = 10.0
@@ -49,6 +58,9 @@ class OtherWriter:
         self._first_seen_s: float | None = None
         self._contested_since_s: float | None = None
         self._last_foreign: Velocity | None = None
+        self._obeys_since_s: float | None = None
+        self._standing: Target | None = None
+        self._somebody = False
 
     def sent(self, velocity: Velocity | None, now_s: float) -> None:
         """What was sent in this step, None for nothing."""
@@ -59,14 +71,26 @@ class OtherWriter:
             self._streaming_since_s = now_s
         self._sent.append((now_s, velocity))
 
-    def receive(self, message: Message, now_s: float) -> None:
-        """Take a POSITION_TARGET_LOCAL_NED."""
+    def receive(self, message: Message, now_s: float, *, stands_unheard: bool = False) -> None:
+        """Take a POSITION_TARGET_LOCAL_NED.
+
+        Args:
+            message: The target.
+            now_s: Monotonic time.
+            stands_unheard: The autopilot keeps its mode when it hears no setpoints, and stands (ArduPilot).
+        """
+        standing = _standing(message) if stands_unheard else None
         if not self._is_foreign(message, now_s):
+            if standing is None and self._obeys_since_s is None:
+                self._obeys_since_s = now_s
             return
         if not self._sightings or now_s - self._sightings[-1] > WITHIN_S:
-            self._first_seen_s = now_s
+            self._first_seen_s, self._standing, self._somebody = now_s, standing, False
+        obeyed_s = math.inf if self._obeys_since_s is None else now_s - self._obeys_since_s
+        self._somebody |= standing is None or standing != self._standing or obeyed_s < HEARD_S
+        self._obeys_since_s = None
         self._sightings.append(now_s)
-        if not self.contested(now_s):
+        if not self._disobeyed(now_s):
             self._contested_since_s = None
         elif self._contested_since_s is None:
             self._contested_since_s = now_s
@@ -74,11 +98,20 @@ class OtherWriter:
     def forget(self) -> None:
         """Another mode, another autopilot: what was seen counts no more."""
         self._sightings.clear()
-        self._first_seen_s = self._contested_since_s = self._last_foreign = None
+        self._first_seen_s = self._contested_since_s = self._last_foreign = self._obeys_since_s = None
 
     def contested(self, now_s: float) -> bool:
         """Somebody else steers, as far as the last targets tell."""
-        return len(self._sightings) == SIGHTINGS and now_s - self._sightings[0] <= WITHIN_S
+        return self._somebody and self._disobeyed(now_s)
+
+    def unheard(self, now_s: float) -> bool:
+        """The vehicle stands and flies after nothing of ours, as one that does not hear us."""
+        return not self._somebody and self._disobeyed(now_s)
+
+    def must_give_up(self, now_s: float) -> bool:
+        """It has not heard us for so long that nobody may call that steering."""
+        since = self._contested_since_s
+        return self.unheard(now_s) and since is not None and now_s - since > PATIENCE_S
 
     def must_yield(self, now_s: float) -> bool:
         """Somebody else steers, and was there first or does not give way."""
@@ -87,6 +120,9 @@ class OtherWriter:
         since = self._streaming_since_s
         came_second = since is None or self._first_seen_s - since <= NEWCOMER_S
         return came_second or now_s - self._contested_since_s > PATIENCE_S
+
+    def _disobeyed(self, now_s: float) -> bool:
+        return len(self._sightings) == SIGHTINGS and now_s - self._sightings[0] <= WITHIN_S
 
     def _is_foreign(self, message: Message, now_s: float) -> bool:
         streaming = self._streaming_since_s is not None
@@ -108,6 +144,14 @@ class OtherWriter:
         moves = self._last_foreign is not None and math.dist(target, self._last_foreign) > 1e-3
         self._last_foreign = target
         return moves and math.hypot(*target) > TOLERANCE_MPS
+
+
+def _standing(message: Message) -> Target | None:
+    """Where or how a target lets the vehicle stand; None if it lets it fly."""
+    if message.type_mask & POSITION_IGNORED != POSITION_IGNORED:
+        return message.x, message.y, message.z
+    velocity = message.vx, message.vy, message.vz
+    return velocity if math.hypot(*velocity) <= SAME_MPS else None
 
 
 def _tolerance(value_mps: float) -> float:

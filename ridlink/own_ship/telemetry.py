@@ -152,7 +152,7 @@ class OwnShipTelemetry:
                 self.trust.estimator(message.flags, 0.0, now_s)
             case "POSITION_TARGET_LOCAL_NED":
                 if self.external_mode:
-                    self.other_writer.receive(message, now_s)
+                    self.other_writer.receive(message, now_s, stands_unheard=lock.autopilot == ARDUPILOT)
             case "MISSION_CURRENT":
                 self.mission_item = message.seq
             case "EXTENDED_SYS_STATE":

@@ -18,7 +18,7 @@ import pytest
 from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.service import AvoidDaemon
 from ridlink.engine import EngineConfig, Goal
-from ridlink.failsafe import OTHER_WRITER, FailsafeSettings, State
+from ridlink.failsafe import OTHER_WRITER, UNHEARD, FailsafeSettings, State
 from ridlink.links import SigningOptions, parse_link_url
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, message_spec
 from ridlink.mavlink.frames import Frame, parse_datagram
@@ -402,6 +402,23 @@ def test_i3_two_daemons_on_one_vehicle_the_second_notices_and_stands_by() -> Non
             assert first.daemon.engine.counters["other_writer"] > 0
             stop.set()
             await task
+
+    run(test)
+
+
+def test_an_ardupilot_that_hears_no_setpoints_any_more_has_no_other_writer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ridlink.own_ship.other_writer.PATIENCE_S", 1.0)
+
+    async def test() -> None:
+        async with running(emulated=Emulated(autopilot=3)) as flight:
+            vehicle, engine = flight.vehicle, flight.daemon.engine
+            await vehicle.until(lambda: len(vehicle.setpoints()) >= 35)
+            vehicle.deaf = True
+            vehicle.vehicle.velocity = np.zeros(3)  # GUID_TIMEOUT is over
+            await vehicle.until(lambda: state(flight) is not State.ENGAGED)
+            assert engine.rung.reason == UNHEARD and engine.counters["other_writer"] == 0
+            await vehicle.until(lambda: any(event["event"] == "warning" for event in flight.events))
+            assert {event["text"] for event in flight.events if event["event"] == "warning"} == {UNHEARD}
 
     run(test)
 

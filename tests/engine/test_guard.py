@@ -10,7 +10,7 @@ import pytest
 
 from ridlink.engine import Engine, EngineConfig
 from ridlink.engine.guard import DO_SET_MODE, EXTERNAL_MODE, Guard, Phase
-from ridlink.failsafe import STEERING, State
+from ridlink.failsafe import STEERING, UNHEARD, State
 from ridlink.geodesy import moved
 from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
@@ -36,6 +36,7 @@ class Guarded(Flight):
         self.nearest_m = math.inf
         self.phases: list[Phase] = []
         self.lost: set[str] = set()
+        self.deaf = False
         self.asked: list[int] = []
 
     def _note(self, outgoing: Any) -> Any:
@@ -62,7 +63,8 @@ class Guarded(Flight):
         for frame in self.engine.step(self.now_s).to_vehicle:
             self.observer.steerable = True
             self.asked += [m.command for m in self.observer.watch(frame) if m.name == "COMMAND_LONG"]
-            super()._note(self.autopilot.receive(frame, COMPANION, self.now_s))
+            if not self.deaf:
+                super()._note(self.autopilot.receive(frame, COMPANION, self.now_s))
         if not self.phases or self.phases[-1] is not self.guard.phase:
             self.phases.append(self.guard.phase)
 
@@ -241,6 +243,27 @@ def test_f15_an_ardupilot_whose_link_is_lost_before_it_tells_the_mode_is_handed_
     assert flight.mode == EXTERNAL_MODE[ARDUPILOT], "it hovers and waits"
     flight.lost = set()
     flight.until(lambda: flight.mode == MISSION["ardupilot"], 15.0)
+    flight.until(lambda: flight.guard.phase is Phase.WATCHING, 3.0)
+
+
+@pytest.mark.no_cover
+def test_an_ardupilot_that_hears_nothing_for_long_is_handed_back_when_it_hears_again() -> None:
+    flight = on_a_mission("ardupilot")
+    flight.intruder = Emulated(9)
+    flight.intruder.velocity[0] = -6.0
+    for _ in range(400):
+        flight.intruder.position = flight.world.position_ned_m[0] + (
+            40.0,
+            0.0,
+            0.0,
+        )  # and comes nearer, wherever it flies
+        flight.step()
+        flight.deaf |= flight.engine.setpoints.sent > 40
+        if flight.deaf and flight.engine.rung.state not in STEERING:
+            break
+    assert flight.engine.rung.reason == UNHEARD and flight.guard.phase is Phase.RESOLVING
+    flight.deaf, flight.intruder = False, None
+    flight.until(lambda: flight.mode == MISSION["ardupilot"], 10.0)
     flight.until(lambda: flight.guard.phase is Phase.WATCHING, 3.0)
 
 

@@ -377,6 +377,50 @@ def test_an_ardupilot_that_does_not_hear_us_flies_after_what_it_heard_last_for_t
         assert writer.contested(now_s + 0.05) is (now_s + 0.05 > 3.8), "then it is somebody else's, or nobody's"
 
 
+def deaf(lasts_s: float, *, autopilot: int = 3, told_s: float = 1.0, again_s: float = math.inf) -> OwnShipTelemetry:
+    """It flies after us for some seconds, then hears nothing and stands, but for an instant every so often."""
+    telemetry = OwnShipTelemetry()
+    Autopilot(telemetry).heartbeat(0.0, autopilot=autopilot, mode=4 if autopilot == 3 else 6 << 16)
+    for tick in range(round(10 * lasts_s)):
+        now_s = 0.1 * tick
+        telemetry.other_writer.sent((10.0, 0.0, 0.0), now_s)
+        hears = now_s < told_s or now_s % again_s > again_s - 0.15
+        target(telemetry, now_s + 0.05, 10.0 if hears else 0.0)
+    return telemetry
+
+
+@pytest.mark.parametrize("told_s", [0.0, 5.0])
+def test_an_ardupilot_that_hears_nothing_and_stands_has_no_other_writer(told_s: float) -> None:
+    begins_s = told_s + 0.3
+    writer = deaf(told_s + 20.0, told_s=told_s).other_writer
+    assert (
+        writer.unheard(told_s + 20.0) and not writer.contested(told_s + 20.0) and not writer.must_yield(told_s + 20.0)
+    )
+    assert writer.must_give_up(told_s + 20.0) and not writer.must_give_up(begins_s + 10.0)
+    assert not writer.unheard(told_s + 24.0), "of what is long past nobody is accused"
+
+
+def test_one_that_stands_in_between_is_told_to_by_somebody() -> None:
+    """Unheard, it flies on for three seconds before it stands again. A PX4 leaves its mode."""
+    assert deaf(6.0, told_s=5.0).other_writer.unheard(6.0)
+    assert deaf(6.0, told_s=5.0, autopilot=12).other_writer.contested(6.0)
+    for told_s, again_s, somebody in ((5.0, 1.0, True), (1.5, math.inf, True), (2.5, math.inf, False)):
+        assert deaf(told_s + 3.0, told_s=told_s, again_s=again_s).other_writer.contested(told_s + 3.0) is somebody
+
+
+def test_a_place_is_stood_at_until_another_one_is_named() -> None:
+    for moves in (False, True):
+        telemetry = OwnShipTelemetry()
+        Autopilot(telemetry).heartbeat(0.0, autopilot=3, mode=4)
+        for tick in range(30):
+            telemetry.other_writer.sent((8.0, 0.0, 0.0), 0.1 * tick)
+            place = {"x": 5.0, "y": 3.0, "z": -20.0 - moves * 0.1 * tick}
+            Autopilot(telemetry).say(
+                0.1 * tick, "POSITION_TARGET_LOCAL_NED", type_mask=POSITION_ONLY, coordinate_frame=1, **place
+            )
+        assert telemetry.other_writer.contested(2.9) is moves and telemetry.other_writer.unheard(2.9) is not moves
+
+
 def test_whoever_comes_second_gives_way_and_the_first_waits_for_that() -> None:
     second = contest(begins_s=0.0, lasts_s=1.5).other_writer
     assert second.contested(1.4) and second.must_yield(1.4)
