@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from ridlink.mavlink.codec import Message, message_spec
 from ridlink.mavlink.frames import Frame
 from sitl_sim.autopilot.board import Board
-from sitl_sim.autopilot.commands import Commands, MavCommand, read_command
+from sitl_sim.autopilot.commands import Command, Commands, MavCommand, read_command
 from sitl_sim.autopilot.files import refuse_file_transfer
 from sitl_sim.autopilot.link import Link
 from sitl_sim.autopilot.mission_protocol import MissionProtocol
+from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM
 from sitl_sim.autopilot.orders import Orders
 from sitl_sim.autopilot.parameter_protocol import ParameterProtocol
 from sitl_sim.autopilot.peers import MAX_PASSED_ON
@@ -29,6 +30,9 @@ MAV_TYPE_GCS = 6
 THROTTLE_MIDDLE_US = (1400, 1600)
 THROTTLE_MIDDLE = (400, 600)
 """Stick positions of RC_CHANNELS_OVERRIDE and MANUAL_CONTROL that keep the height."""
+
+_FOR_EVERYBODY = (MavCommand.REQUEST_PROTOCOL_VERSION, MavCommand.REQUEST_AUTOPILOT_CAPABILITIES)
+"""Commands that PX4 takes without being named; ArduPilot takes all."""
 
 _MISSION_MESSAGES = (
     "COUNT", "ITEM_INT", "ITEM", "REQUEST_LIST", "REQUEST_INT", "REQUEST", "CLEAR_ALL", "SET_CURRENT",
@@ -154,12 +158,16 @@ class Answers:
         return []
 
     def _set_mode(self, heard: Heard) -> list[Reply]:
-        mode = self._board.flavour.mode_of(heard.message.custom_mode)
-        if mode is None:
-            self._orders.refuse(f"mode refused: there is no {heard.message.custom_mode}")
+        """The old message is acknowledged like a command: by PX4 as the one that it stands for, by ArduPilot as one of
+        its own number."""
+        number, mode = heard.message.custom_mode, self._board.flavour.mode_of(heard.message.custom_mode)
+        if mode is None or not heard.message.base_mode & MODE_FLAG_CUSTOM:
+            why = f"there is no {number}" if mode is None else "no custom mode flag"
+            result = self._orders.refuse(f"mode refused: {why}", Result.DENIED)
         else:
-            self._orders.set_mode(mode, heard.now_s)
-        return []
+            result = self._orders.set_mode(mode, heard.now_s)
+        command = int(MavCommand.DO_SET_MODE) if self._board.is_px4 else heard.frame.msgid
+        return [("COMMAND_ACK", {"command": command, "result": int(result), **_to(heard.frame)})]
 
     def _mission(self, heard: Heard) -> list[Reply]:
         sender = heard.frame.sysid, heard.frame.compid
@@ -172,15 +180,21 @@ class Answers:
     def _command(self, heard: Heard) -> list[Reply]:
         command = read_command(heard.message)
         said = self._texts.said
-        answered = self._streams.command(command, heard.link, heard.now_s)
-        result, asked_for = answered or (self._commands.execute(command, heard.now_s), [])
+        result, asked_for = self._carry_out(command, heard)
         if result is not Result.ACCEPTED and self._texts.said == said:
             self._texts.say(Severity.WARNING, f"command {command.number}: {result.name.lower().replace('_', ' ')}")
         results = [result]
-        if self._board.is_px4 and command.number == MavCommand.DO_SET_MODE and result is not Result.DENIED:
+        acknowledged_twice = self._board.is_px4 and command.number == MavCommand.DO_SET_MODE
+        if acknowledged_twice and result not in (Result.DENIED, Result.FAILED):
             results.insert(0, Result.ACCEPTED)  # PX4 acknowledges twice, the first time whatever comes of it
         acknowledgement = {"command": command.number, **_to(heard.frame)}
         return [*(("COMMAND_ACK", acknowledgement | {"result": int(each)}) for each in results), *asked_for]
+
+    def _carry_out(self, command: Command, heard: Heard) -> tuple[Result, list[Reply]]:
+        if self._board.is_px4 and heard.message.target_system == 0 and command.number not in _FOR_EVERYBODY:
+            return Result.FAILED, []
+        answered = self._streams.command(command, heard.link, heard.now_s)
+        return answered or (self._commands.execute(command, heard.now_s), [])
 
 
 def _to(frame: Frame) -> dict[str, object]:

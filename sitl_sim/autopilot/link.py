@@ -35,6 +35,10 @@ class Link:
             self._due_s[name] = from_s
         self._next_s = min(self._due_s.values(), default=math.inf)
 
+    def interval_s(self, name: str) -> float | None:
+        """How often a message is sent; None: it is not."""
+        return self._interval_s.get(name)
+
     def due(self, now_s: float) -> list[str]:
         """Messages to send now."""
         if now_s < self._next_s:

@@ -47,6 +47,8 @@ class Streams:
         """The answer to a command about messages; None: it is about something else."""
         if command.number == MavCommand.SET_MESSAGE_INTERVAL:
             return self._set_interval(command, link, now_s), []
+        if command.number == MavCommand.GET_MESSAGE_INTERVAL:
+            return self._tell_interval(int(command[1] or 0), link)
         if command.number == MavCommand.REQUEST_MESSAGE:
             return self._once(self._name(command[1]))
         if (name := _MESSAGES_OF_COMMANDS.get(command.number)) is not None:
@@ -63,8 +65,16 @@ class Streams:
 
     def _once(self, name: str | None) -> Answer:
         if name is None:
-            return Result.UNSUPPORTED, []
+            return Result.DENIED if self._board.is_px4 else Result.FAILED, []
         return Result.ACCEPTED, [(name, self._telemetry.fields(name))]
+
+    def _tell_interval(self, msgid: int, link: Link) -> Answer:
+        """In microseconds; -1: it is not sent, 0: there is none."""
+        name = self._name(msgid)
+        interval_s = None if name is None else link.interval_s(name)
+        interval_us = (0 if name is None else -1) if interval_s is None else round(interval_s * 1e6)
+        result = Result.FAILED if name is None and not self._board.is_px4 else Result.ACCEPTED
+        return result, [("MESSAGE_INTERVAL", {"message_id": msgid & 0xFFFF, "interval_us": interval_us})]
 
     def _set_interval(self, command: Command, link: Link, now_s: float) -> Result:
         name, interval_us = self._name(command[1]), command[2]

@@ -26,6 +26,7 @@ from tests.sitl_sim.flight import (
     NAN,
     PX4_HOLD,
     PX4_LAND,
+    PX4_RETURN,
     PX4_TAKEOFF,
     REPOSITION,
     RETURN,
@@ -138,11 +139,19 @@ def test_modes_that_do_not_exist_are_denied(parameters: tuple[float, ...]) -> No
     assert flight.autopilot.pilot.mode == "hold"
 
 
-def test_legacy_set_mode_message_is_understood() -> None:
-    flight = Flight("ardupilot")
-    flight.send("SET_MODE", target_system=1, base_mode=1, custom_mode=GUIDED)
+@pytest.mark.parametrize(("flavour", "mode", "command"), [("px4", PX4_RETURN, 176), ("ardupilot", GUIDED, 11)])
+def test_legacy_set_mode_message_is_understood_and_acknowledged(flavour: str, mode: int, command: int) -> None:
+    flight = Flight(flavour, Start.HOLDING)
+    for fields, result in (({"base_mode": 1}, ACCEPTED), ({}, DENIED), ({"base_mode": 1, "custom_mode": 99}, DENIED)):
+        (answer,) = flight.send("SET_MODE", target_system=1, **({"custom_mode": mode} | fields))
+        assert (answer.name, answer.command, answer.result, answer.target_system) == (
+            "COMMAND_ACK",
+            command,
+            result,
+            255,
+        )
     flight.advance(0.1)
-    assert flight.mode == GUIDED
+    assert flight.mode == mode
 
 
 @both
@@ -173,6 +182,16 @@ def test_commands_for_somebody_else_are_not_answered() -> None:
     assert flight.send("COMMAND_LONG", target_system=2, target_component=1, command=ARM, param1=1.0) == []
     assert flight.send("COMMAND_LONG", target_system=1, target_component=154, command=1000) == []
     assert not flight.autopilot.pilot.armed
+
+
+@pytest.mark.parametrize(("flavour", "result"), [("px4", FAILED), ("ardupilot", ACCEPTED)])
+def test_px4_takes_no_command_that_is_for_every_system(flavour: str, result: int) -> None:
+    """As clients send it that have heard no heartbeat yet."""
+    flight = Flight(flavour)
+    for command, wanted in ((ARM, result), (520, ACCEPTED)):
+        answer, *_ = flight.send("COMMAND_LONG", target_system=0, target_component=0, command=command, param1=1.0)
+        assert (answer.name, answer.result) == ("COMMAND_ACK", wanted)
+    assert flight.autopilot.pilot.armed is (result == ACCEPTED)
 
 
 @pytest.mark.parametrize("number", [0, 31000, 246, 65535])

@@ -14,6 +14,7 @@ from tests.sitl_sim.flight import (
     ACCEPTED,
     COMPANION,
     DENIED,
+    FAILED,
     GROUND_STATION,
     HOME,
     NAN,
@@ -148,6 +149,26 @@ def test_message_that_cannot_be_streamed_is_answered_as_the_autopilot_does() -> 
     assert ardupilot.command(SET_INTERVAL, 230, 100_000) == DENIED
     ardupilot.advance(0.1)
     assert any("message interval" in text for text in ardupilot.texts)
+
+
+@pytest.mark.parametrize(("flavour", "result"), [("px4", DENIED), ("ardupilot", FAILED)])
+def test_a_message_that_is_not_there_is_not_sent_when_asked_for(flavour: str, result: int) -> None:
+    (answer,) = Flight(flavour).send("COMMAND_LONG", target_system=1, command=REQUEST, param1=300.0)
+    assert (answer.name, answer.result) == ("COMMAND_ACK", result)
+
+
+@both
+def test_intervals_are_told(flavour: str) -> None:
+    flight = Flight(flavour)
+    unknown = ACCEPTED if flavour == "px4" else FAILED
+    for change, wanted, result in ((None, 100_000, ACCEPTED), (50_000, 50_000, ACCEPTED), (-1, -1, ACCEPTED)):
+        if change is not None:
+            flight.command(SET_INTERVAL, 33, change)
+        answers = flight.send("COMMAND_LONG", target_system=1, command=510, param1=33.0)
+        assert [answer.name for answer in answers] == ["COMMAND_ACK", "MESSAGE_INTERVAL"]
+        assert (answers[0].result, answers[1].message_id, answers[1].interval_us) == (result, 33, wanted)
+    answers = flight.send("COMMAND_LONG", target_system=1, command=510, param1=105.0)
+    assert (answers[0].result, answers[1].message_id, answers[1].interval_us) == (unknown, 105, 0)
 
 
 @pytest.mark.parametrize(
