@@ -294,6 +294,17 @@ def test_it_fits_on_a_laptop_and_on_a_phone(browser: Any, recording: str, size: 
     visit.close()
 
 
+def test_whoever_comes_into_an_empty_sky_is_shown(browser: Any, tmp_path: Path) -> None:
+    path = tmp_path / "empty-for-a-while.tlog"
+    write_tlog(path, [Flyer(1, (0.0, 0.0), (0.0, 0.0), identity=b"EARLY")], seconds=1.0)
+    write_tlog(path, [Flyer(2, (0.0, 0.0), (0.0, 0.0), identity=b"LATE")], seconds=20.0, begin_s=5.0)
+    with ridlink("view", str(path), "--port", "0") as address:
+        visit = Visit(browser, address)
+        visit.until("shown.vehicles === '0' && Number(shown.t) > 3.0", timeout_s=10.0)
+        visit.until("shown.vehicles === '1' && Number(shown.t) > 5.0", timeout_s=10.0)
+        visit.close()
+
+
 def test_it_is_driven_by_keys(browser: Any, recording: str) -> None:
     visit = Visit(browser, recording)
     press = visit.page.keyboard.press
@@ -506,9 +517,9 @@ def crowd(count: int) -> list[Flyer]:
     ]
 
 
-def write_tlog(path: Path, flyers: list[Flyer], seconds: float) -> None:
-    """A recording of what they broadcast."""
+def write_tlog(path: Path, flyers: list[Flyer], seconds: float, begin_s: float = 0.0) -> None:
+    """A recording of what they broadcast, or more of one."""
     epoch_us = 1_750_000_000_000_000
-    with path.open("wb") as file:
+    with path.open("ab") as file:
         for time_s, frame in frames(flyers, seconds):
-            file.write(struct.pack(">Q", epoch_us + round(time_s * 1e6)) + frame.raw)
+            file.write(struct.pack(">Q", epoch_us + round((begin_s + time_s) * 1e6)) + frame.raw)

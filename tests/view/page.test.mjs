@@ -116,6 +116,16 @@ test("a sky that was empty stays empty until somebody comes", () => {
   assert.equal(frame.count, 0);
 });
 
+test("the next picture is another one, though nobody moves into it", () => {
+  const frame = new Frame();
+  const history = historyOf(instant(0), instant(3, vehicle("a", 0, 0)), instant(4, vehicle("a", 0, 0)));
+  assert.ok(frame.isOther(history, 0));
+  frame.at(history, 0, 0);
+  assert.deepEqual([0, 1, 2.9, 3, 4].map((t) => frame.isOther(history, t)), [false, false, false, true, true]);
+  frame.at(history, 3.2, 0);
+  assert.deepEqual([frame.count, frame.isOther(history, 3.9), frame.isOther(history, 4.1)], [1, false, true]);
+});
+
 test("rings change within a moment when the definition does", () => {
   const frame = new Frame();
   frame.at(historyOf(instant(0, vehicle("a", 0, 0))), 0, 0);

@@ -13,11 +13,13 @@ export class Frame {
   picture = null;
   names = [];
   values = new Float32Array(0);
+  #under = undefined; // the picture of the history that it was filled from
   #grown = null;
 
   // Fill from the history; false if it knows nothing near t. Where it is `complete`, nothing near t is an empty sky.
   at(history, t, now, complete = false) {
     let index = history.before(t);
+    this.#under = history.at(index);
     if (index < 0 && history.length && history.first - t < FLOWN_ON_S) index = 0;
     if (index < 0) return complete && this.#empty(t);
     const picture = history.at(index), later = history.at(index + 1);
@@ -34,6 +36,9 @@ export class Frame {
     this.#grow(now);
     return true;
   }
+
+  // Whether the history has another picture at t: who stands, or a sky without anybody, does not move into it.
+  isOther(history, t) { return history.at(history.before(t)) !== this.#under; }
 
   get tightest() { return this.picture?.tightest ?? null; }
   get pairs() { return this.picture?.pairs ?? new Float32Array(0); }

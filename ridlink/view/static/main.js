@@ -157,7 +157,8 @@ class Page {
     const { clock, frame, plan } = this;
     clock.tick(now, this.live, !this.known && this.loader.waiting);
     if (!clock.following) this.want(now);
-    const due = plan.free && (this.dirty || plan.stale || frame.growing || plan.visiblyElse(clock.t));
+    const other = this.dirty || frame.isOther(this.history, clock.t) || plan.visiblyElse(clock.t);
+    const due = plan.free && (other || plan.stale || frame.growing);
     if (due) {
       this.known = frame.at(this.history, clock.t, now, !clock.following && this.loader.complete);
       this.dirty = !this.known;
