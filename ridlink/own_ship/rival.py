@@ -2,15 +2,14 @@
 
 Who steers says so in its HEARTBEAT, whose custom_mode an onboard controller is free to use: its claim, the instant at
 which it engaged. Autopilots pass heartbeats on from link to link, so two daemons hear each other wherever they are
-connected, and both compare the same two numbers: the earlier claim stays, the later one gives way, whatever the time
-between their starts. Clocks of two computers may disagree on who was first, never on who gives way.
+connected, and all compare the same numbers: the earliest claim stays, the later ones give way, whatever the time
+between their starts. Clocks of two computers may disagree on who was first, never on who gives way. A heartbeat
+without a claim is anybody's of them: it takes back no claim of another one, a claim ends by not being renewed.
 
 Where heartbeats are not passed on, what is left is what the autopilot flies after: see `other_writer`.
 """
 
 from __future__ import annotations
-
-import math
 
 TICKS_PER_S = 32_000
 """A claim counts steps of 31 us, so that no two daemons engage in the same one; it comes round after 37 hours."""
@@ -22,8 +21,8 @@ FRESH_S = 3.0
 PATIENCE_S = 10.0
 """So long the earlier one counts on the later one to give way; it may not hear us."""
 
-ECHO_S = 1.0
-"""What a rival commanded last may be flown after for a moment when it has given way."""
+MOST = 8
+"""Rivals that are kept; a vehicle has links for fewer."""
 
 
 def claim_of(utc_s: float) -> int:
@@ -48,7 +47,6 @@ class Rivals:
         self.claim = 0
         self.answer = False
         self._theirs: dict[int, tuple[float, float]] = {}
-        self._gave_way_s = -math.inf
 
     def steer(self, steering: bool, utc_s: float | None) -> None:
         """Whether we steer in this step, and UTC now; the claim is made when it begins."""
@@ -60,14 +58,12 @@ class Rivals:
     def hear(self, claim: int, now_s: float) -> None:
         """Take the claim in a heartbeat of our own component on our own vehicle that is not ours; 0 for none."""
         self._forget_stale(now_s)
-        if claim == 0:
-            if self._theirs:
-                self._gave_way_s = now_s
-            self._theirs.clear()
-        elif claim != self.claim:
-            first_s, _ = self._theirs.get(claim, (now_s, now_s))
-            self.answer = self.answer or claim not in self._theirs
-            self._theirs = {claim: (first_s, now_s)}
+        known = claim in self._theirs
+        if claim in (0, self.claim) or not (known or len(self._theirs) < MOST):
+            return
+        first_s, _ = self._theirs.get(claim, (now_s, now_s))
+        self.answer = self.answer or not known
+        self._theirs[claim] = first_s, now_s
 
     def must_yield(self, now_s: float) -> bool:
         """Another daemon steers this vehicle, and did before us."""
@@ -77,13 +73,10 @@ class Rivals:
     def gives_way(self, now_s: float) -> bool:
         """Another daemon steers this vehicle, too, and is about to stop, or has just done so."""
         self._forget_stale(now_s)
-        if self.claim == 0:
-            return False
-        awaited = any(
+        return self.claim != 0 and any(
             is_earlier(self.claim, theirs) and now_s - first_s <= PATIENCE_S
             for theirs, (first_s, _) in self._theirs.items()
         )
-        return awaited or now_s - self._gave_way_s <= ECHO_S
 
     def _forget_stale(self, now_s: float) -> None:
         self._theirs = {claim: heard for claim, heard in self._theirs.items() if now_s - heard[1] <= FRESH_S}
