@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from ridlink.errors import FrameError
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
-from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.frames import SIGNATURE_LENGTH, Frame, parse_datagram
 from ridlink.mavlink.signing import (
     EPOCH_UTC_S,
     LATEST_CLOCK,
@@ -26,6 +26,7 @@ from ridlink.mavlink.signing import (
     Signing,
     signing_timestamp,
 )
+from tests.captures.drawn import version_1
 
 KEY = hashlib.sha256(b"correct horse").digest()
 OTHER_KEY = hashlib.sha256(b"battery staple").digest()
@@ -78,7 +79,7 @@ def test_pymavlink_refuses_what_another_key_signed() -> None:
 
 
 def test_every_byte_counts() -> None:
-    data = signed()
+    data, refused = signed(), 0
     for at in range(1, len(data)):
         for bit in (1, 128):
             tampered = bytearray(data)
@@ -87,7 +88,9 @@ def test_every_byte_counts() -> None:
             for found in parse_datagram(bytes(tampered), CRC_EXTRAS):
                 if isinstance(found, Frame):
                     assert judge.refusal(found, NOW_S) is not None
+                    refused += 1
             assert not judge.streams and judge.timestamp == 0
+    assert refused >= 2 * SIGNATURE_LENGTH  # of the rest of the frame the checksum tells
 
 
 def test_a_forged_frame_moves_no_clock_and_locks_nobody_out() -> None:
@@ -135,13 +138,11 @@ def test_a_known_stream_may_fall_behind_but_never_go_back() -> None:
 
 
 def test_unsigned_and_version_1_frames_are_refused() -> None:
-    unsigned = Encoder(1, 1).encode("HEARTBEAT", type=2)
-    version_1 = bytes.fromhex("fe09000101000000000002030000031f86")
-    judge = Signing(KEY)
-    for data in (unsigned, version_1):
-        for found in parse_datagram(data, CRC_EXTRAS):
-            if isinstance(found, Frame):
-                assert judge.refusal(found, NOW_S) is SignatureCause.UNSIGNED
+    unsigned = frame_of(Encoder(1, 1).encode("HEARTBEAT", type=2, mavlink_version=3))
+    old = frame_of(version_1(unsigned.msgid, unsigned.payload, HEARTBEAT))
+    assert (unsigned.version, old.version) == (2, 1)
+    for frame in (unsigned, old):
+        assert Signing(KEY).refusal(frame, NOW_S) is SignatureCause.UNSIGNED
 
 
 @given(st.lists(st.floats(-1e9, 1e10), min_size=1, max_size=20))

@@ -67,7 +67,9 @@ def test_a_collision_with_somebody_who_is_first_heard_in_it_is_not(tmp_path: Pat
     ]
     path = tmp_path / "f.tlog"
     path.write_bytes(tlog_bytes(heard_late))
-    for row in judged(path).values():
+    rows = judged(path)
+    assert set(rows) == set(Definition)
+    for row in rows.values():
         assert (row["macs"], row["macs_without_alert"], row["least_warning_s"]) == (1, 1, None)
 
 
