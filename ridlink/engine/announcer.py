@@ -53,7 +53,8 @@ class Announcer:
         self._untold_due = Periodic(UNTOLD_PERIOD_S)
         self._claimed = 0
         self._warned_at_s: dict[TrackKey, float] = {}
-        self._alerted: dict[str, tuple[int, float]] = {}
+        self._counted = dict.fromkeys(ALERTS, 0)
+        self._alerted_s: dict[str, float] = {}
 
     def announce(
         self,
@@ -115,11 +116,9 @@ class Announcer:
         return [collision(encoder, conflict, record.state) for conflict in due]
 
     def _alerts(self, counters: Mapping[str, int], now_s: float) -> list[str]:
-        """A line for every cause of `ALERTS` that counted on, each at most every ten seconds."""
-        said: list[str] = []
-        for cause, text in ALERTS.items():
-            before, at_s = self._alerted.get(cause, (0, -QUIET_S))
-            if counters[cause] > before and now_s - at_s >= QUIET_S:
-                self._alerted[cause] = counters[cause], now_s
-                said.append(text)
-        return said
+        """A line for every cause of `ALERTS` that counted on within the last second, each at most every ten seconds."""
+        counted_on = [cause for cause in ALERTS if counters[cause] > self._counted[cause]]
+        self._counted.update({cause: counters[cause] for cause in counted_on})
+        due = [cause for cause in counted_on if now_s - self._alerted_s.get(cause, -QUIET_S) >= QUIET_S]
+        self._alerted_s.update(dict.fromkeys(due, now_s))
+        return [ALERTS[cause] for cause in due]

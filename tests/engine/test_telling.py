@@ -102,6 +102,15 @@ def test_an_autopilot_that_tells_no_more_whether_it_stands_or_flies_is_asked_aga
     assert [message.param1 for message in flight.heard("COMMAND_LONG")] == [85, 193, 245]
 
 
+def test_what_lasts_is_told_every_ten_seconds_and_what_is_over_not_once_more() -> None:
+    flight, told_s = Flight(), []
+    for step in range(500):
+        lasts = 10 <= step < 25 or 200 <= step < 330
+        flight.engine._counters["decision_failed"] += lasts
+        told_s += [step // 10 for text in flight.step().warnings if text == "a decision failed"]
+    assert told_s == [1, 20, 30]
+
+
 def test_a_dry_run_takes_nobody_for_another_writer_because_its_own_setpoints_are_not_flown() -> None:
     flight = Flight(Stubborn(), config(200.0, dry_run=True))
     warned = []
