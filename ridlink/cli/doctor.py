@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 import click
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from ridlink.doctor import Finding
 
 MARKS = {"ok": ("ok", "green"), "note": ("--", "blue"), "warning": ("!!", "yellow"), "failure": ("XX", "red")}
+NAME_WIDTH = 20
 
 
 @click.command(short_help="What a machine, an autopilot and the air lack for a flight.")
@@ -65,6 +67,7 @@ def doctor(vehicle: str | None, rid: str | None, as_json: bool) -> int:
 
 def _show(finding: Finding) -> None:
     mark, colour = MARKS[finding.verdict]
-    click.echo(f"{click.style(mark, fg=colour)}  {finding.name:<16} {finding.text}")
+    plain = False if os.environ.get("NO_COLOR") else None  # else as the output is: of a terminal or not
+    click.echo(f"{click.style(mark, fg=colour)}  {finding.name:<{NAME_WIDTH}} {finding.text}", color=plain)
     if finding.remedy:
-        click.echo(f"    {'':<16} -> {finding.remedy}")
+        click.echo(f"    {'':<{NAME_WIDTH}} -> {finding.remedy}")

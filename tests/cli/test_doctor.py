@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import subprocess
 import sys
 
 import pytest
+
+from ridlink.cli.doctor import _show
+from ridlink.doctor.finding import Finding, Verdict
 
 
 def doctor(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -35,3 +40,23 @@ def test_a_wrong_link_is_one_line(option: str) -> None:
     assert done.returncode == 2
     assert "udpin:127.0.0.1:14540" in done.stderr and done.stderr.count("\n") == 1
     assert not done.stdout
+
+
+@pytest.mark.parametrize(("said", "coloured"), [({}, True), ({"NO_COLOR": ""}, True), ({"NO_COLOR": "1"}, False)])
+def test_who_wants_no_colour_on_a_terminal_gets_none(said: dict[str, str], coloured: bool) -> None:
+    ours, theirs = pty.openpty()
+    environment = {name: value for name, value in os.environ.items() if name != "NO_COLOR"} | said
+    try:
+        command = [sys.executable, "-m", "ridlink", "doctor"]
+        subprocess.run(command, stdout=theirs, env=environment, timeout=60)
+        assert (b"\x1b" in os.read(ours, 65536)) is coloured
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_texts_stand_in_one_column_below_each_other(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("GNSS", "MPC_Z_VEL_MAX_DN", "Remote ID on the bus"):
+        _show(Finding(name, Verdict.WARNING, "a text", "a remedy"))
+    lines = capsys.readouterr().out.splitlines()
+    assert len({line.index("a text") for line in lines[::2]} | {line.index("->") for line in lines[1::2]}) == 1
