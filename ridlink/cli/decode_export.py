@@ -13,6 +13,7 @@ import click
 
 from ridlink.cli.files import whole_folder, whole_output
 from ridlink.errors import CaptureError
+from ridlink.remote_id.text import display_name
 
 if TYPE_CHECKING:
     from ridlink.captures.export.fields import Fields
@@ -212,7 +213,7 @@ def _export_folder(
             for name, columns in tables:
                 writer.write(name, columns)
         names = writer.finish()
-    click.echo(f"{output}: {', '.join(names) or 'no messages'}", err=True)
+    click.echo(f"{display_name(output)}: {', '.join(names) or 'no messages'}", err=True)
 
 
 def _write_joined_lines(rows: Iterable[dict[str, Any]], out: BinaryIO) -> None:

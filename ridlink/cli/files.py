@@ -9,7 +9,7 @@ import shutil
 import stat
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
@@ -48,7 +48,7 @@ def readable(files: tuple[str, ...]) -> tuple[str, ...]:
         except OSError as error:
             if number == len(files) and not found:
                 raise
-            click.echo(f"ridlink: {path}: {error.strerror}", err=True)
+            click.echo(f"ridlink: {display_name(path)}: {error.strerror}", err=True)
     return tuple(found)
 
 
@@ -95,7 +95,8 @@ def whole_output(path: str | None, read: Iterable[str] = ()) -> Iterator[BinaryI
                 yield stream
             os.replace(unfinished, target)
         except BaseException:
-            unfinished.unlink(missing_ok=True)
+            with suppress(OSError):  # as where nothing can be written
+                unfinished.unlink(missing_ok=True)
             raise
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
@@ -17,7 +18,7 @@ import pytest
 from click.testing import Result
 
 from ridlink.captures import open_capture
-from ridlink.cli import decode_export, progress
+from ridlink.cli import decode_export, files, progress
 from ridlink.mavlink.codec import Encoder
 from tests.captures.command import run
 from tests.captures.conftest import START_US, flight, tlog_bytes
@@ -234,6 +235,30 @@ def test_output_appears_whole_or_not_at_all(log: Path, tmp_path: Path) -> None:
     assert done.returncode == 3 and sorted(tmp_path.iterdir()) == before
     assert ridlink("decode", log, "-o", tmp_path / "nowhere" / "x").returncode == 3
     assert len(ridlink("decode", log, "-f", "jsonl", "-o", "/dev/stdout").stdout.splitlines()) == 9
+
+
+def test_bytes_of_a_name_that_are_no_text_are_escaped_alike(log: Path, tmp_path: Path) -> None:
+    folder, absent = tmp_path / "fl\udce4che", tmp_path / "l\udcfccke.tlog"
+    done = run(absent, log, "-f", "csv", "-o", folder)
+    assert done.stderr.splitlines()[0] == f"ridlink: {tmp_path}/l\\xfccke.tlog: No such file or directory"
+    assert done.stderr.splitlines()[1].startswith(f"{tmp_path}/fl\\xe4che: ") and folder.is_dir()
+
+
+@pytest.mark.parametrize(("output_format", "name"), [("jsonl", "out.jsonl"), ("kml", "out.kml"), ("csv", "tables")])
+def test_where_nothing_can_be_written_what_was_asked_for_is_named(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output_format: str, name: str
+) -> None:
+    def refuse(path: object, *arguments: object, **options: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system", str(path))
+
+    def refuse_new(path: str | Path, mode: str = "r") -> Any:
+        return refuse(path) if "x" in mode else open(path, mode)
+
+    monkeypatch.setattr(files, "open", refuse_new, raising=False)
+    for operation in ("mkdir", "unlink"):  # a read-only file system refuses to remove what is not there, too
+        monkeypatch.setattr(Path, operation, refuse)
+    refused = run(log, "-f", output_format, "-o", tmp_path / name).exception
+    assert isinstance(refused, OSError) and refused.filename == str(tmp_path / name)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,9 @@ from click.testing import CliRunner, Result
 
 from ridlink.cli import cli, main
 from ridlink.cli.report import report
+from ridlink.mavlink.codec import Encoder
+from ridlink.remote_id.convert import to_mavlink
+from ridlink.remote_id.messages import Location
 from tests.captures.conftest import tlog_bytes
 from tests.cli.test_decode import ridlink
 from tests.review.recordings import NORTHBOUND, SOUTHBOUND, recorded, records
@@ -49,6 +52,13 @@ def test_no_command_writes_over_what_it_reads(log: Path, tmp_path: Path, words: 
     result = CliRunner().invoke(cli, [command, "logs/flight.tlog", *options, "same.tlog"], standalone_mode=False)
     assert "same.tlog is what is read: write to another file" in str(result.exception)
     assert log.read_bytes() == before and (tmp_path / "same.tlog").is_symlink()
+
+
+def test_who_tells_no_position_was_heard_and_met_nobody(log: Path) -> None:
+    name, fields = to_mavlink(Location(timestamp_s=1.0, height_m=2.0))
+    log.write_bytes(tlog_bytes([(1_700_000_000_000_000, Encoder(1, 1).encode(name, **fields))]))
+    done = run(log, "--no-html")
+    assert (done.stdout, done.stderr) == ("", "ridlink: nobody in it tells a position by Remote ID\n")
 
 
 def test_lines_on_standard_output_and_a_page_beside(log: Path, tmp_path: Path) -> None:
@@ -145,7 +155,7 @@ def test_a_log_without_remote_id_is_an_empty_report(tmp_path: Path) -> None:
     path = tmp_path / "f.tlog"
     path.write_bytes(tlog_bytes(flight(30)[::3]))
     done = run(path, "--no-html")
-    assert done.stdout == "" and done.return_value == 0 and "no Remote ID was heard" in done.stderr
+    assert done.stdout == "" and done.return_value == 0 and "nobody in it tells a position by Remote ID" in done.stderr
 
 
 @pytest.mark.parametrize("command", [["report", "-o", "rows.jsonl"], ["whatif", "--json"], ["whatif"]])
