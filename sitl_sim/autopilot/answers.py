@@ -143,12 +143,12 @@ class Answers:
     def _rc_override(self, heard: Heard) -> list[Reply]:
         low, high = THROTTLE_MIDDLE_US
         if heard.message.chan3_raw not in (0, 0xFFFF):
-            self._pilot.note_throttle(centred=low <= heard.message.chan3_raw <= high, now_s=heard.now_s)
+            self._pilot.steering.note_throttle(centred=low <= heard.message.chan3_raw <= high, now_s=heard.now_s)
         return []
 
     def _manual_control(self, heard: Heard) -> list[Reply]:
         low, high = THROTTLE_MIDDLE
-        self._pilot.note_throttle(centred=low <= heard.message.z <= high, now_s=heard.now_s)
+        self._pilot.steering.note_throttle(centred=low <= heard.message.z <= high, now_s=heard.now_s)
         return []
 
     def _adsb_vehicle(self, heard: Heard) -> list[Reply]:

@@ -71,7 +71,7 @@ class Orders:
         if pilot.mode is Mode.OFFBOARD:
             return Result.ACCEPTED
         standing = not (pilot.navigation.in_air or pilot.armed)
-        if self._board.is_px4 and not standing and not pilot.has_stream(now_s):
+        if self._board.is_px4 and not standing and not pilot.steering.has_stream(now_s):
             return self.refuse("offboard refused: no setpoints")
         pilot.enter_offboard()
         return Result.ACCEPTED
@@ -113,13 +113,13 @@ class Orders:
             return self.refuse("disarming refused: in the air")
         if wanted and pilot.navigation.fix_type < FIX_3D:
             return self.refuse("arming refused: no position")
-        if wanted and self._board.is_px4 and pilot.mode is Mode.OFFBOARD and not pilot.has_stream(now_s):
+        if wanted and self._board.is_px4 and pilot.mode is Mode.OFFBOARD and not pilot.steering.has_stream(now_s):
             return self.refuse("arming refused: no offboard signal")
         if wanted and not self._board.is_px4 and pilot.mode is Mode.MISSION:
             return self.refuse("arming refused: AUTO mode not armable")
         pilot.arm(wanted)
         if wanted:
-            pilot.set_home()
+            pilot.home.set(pilot.navigation)
         if wanted and pilot.mode in (Mode.LAND, Mode.RETURN):
             pilot.mode = self._board.flavour.ground_mode
         if wanted and pilot.mode is Mode.TAKEOFF and isinstance(pilot.guidance, Climb):

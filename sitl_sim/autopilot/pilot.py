@@ -12,7 +12,6 @@ those of the real autopilots with their default parameters:
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from enum import StrEnum
 
 from ridlink.mavlink.codec import Message
@@ -30,27 +29,20 @@ from sitl_sim.autopilot.guidance import (
     SteeringEstimate,
     Velocity,
 )
+from sitl_sim.autopilot.home import Home
 from sitl_sim.autopilot.mission_flight import End, MissionFlight
 from sitl_sim.autopilot.modes import Mode
 from sitl_sim.autopilot.navigation import Navigation, Vector
 from sitl_sim.autopilot.results import Severity
 from sitl_sim.autopilot.setpoints import Here, RefusedSetpoint, Setpoint, decode_setpoint, guidance_of
 from sitl_sim.autopilot.speeds import Speeds
+from sitl_sim.autopilot.steering import OBEYING_S, Steering
 from sitl_sim.world import VehicleState, World
 
 HOME_REACHED_M = 1.0
 
-OBEYING_S = 1.0
-"""A setpoint as old as this no longer counts as being steered from outside."""
-
 LIFT_OFF_MPS = 0.1
 """A vehicle that stands armed in OFFBOARD leaves the ground when asked to climb faster than this."""
-
-THROTTLE_VALID_S = 3.0
-"""So long a stick position counts (ArduPilot's RC_OVERRIDE_TIME)."""
-
-STICK_DOWN_MPS = 2.5
-"""Descent of ArduPilot in a mode for a pilot with nobody at the throttle stick (measured in LOITER)."""
 
 BLIND_MPS = 0.7
 """Descent of PX4 in altitude mode without a pilot (measured)."""
@@ -84,8 +76,8 @@ class Pilot:
         failsafe: Whether a failsafe chose the mode.
         command_ned_mps: The velocity that it flies now.
         yaw_rad: Its heading.
-        origin_ned_m: Its home and the origin of its local frame: the ground below its start.
-        home_error_m: How far below the ground its estimator had its home.
+        home: Its home and its local frame.
+        steering: What comes to it from outside.
         guidance: What it flies now; None: what the world makes it fly.
         mission: Its mission; `mission_started`: whether MAV_CMD_MISSION_START has let ArduPilot leave the ground.
         speeds, nose: How fast it flies, where it points.
@@ -95,25 +87,19 @@ class Pilot:
     def __init__(self, board: Board, world: World, navigation: Navigation, start: Start) -> None:
         spec, flavour, parameters = board.spec, board.flavour, board.parameters
         self._board, self._world, self._index = board, world, board.system_id - 1
-        self.origin_ned_m: Vector = (spec.start_ned_m[0], spec.start_ned_m[1], 0.0)
-        self.estimate = SteeringEstimate(self.origin_ned_m if start is Start.GROUND else spec.start_ned_m)
+        self.home = Home(board, navigation, 0.0 if start is Start.GROUND else spec.start_ned_m[2])
+        self.steering = Steering(board)
+        self.estimate = SteeringEstimate(self.home.origin_ned_m if start is Start.GROUND else spec.start_ned_m)
         self.nose = Nose(follows=not flavour.is_px4)
         self.speeds = Speeds(flavour, parameters)
         self.mission = MissionFlight(board, self.speeds, self.nose)
         self.failsafes = Failsafes(flavour, parameters, navigation.time_s)
         self.navigation = navigation
-        self.home_error_m = 0.0
-        self.set_home(0.0 if start is Start.GROUND else spec.start_ned_m[2])
         self.armed = start is not Start.GROUND
         self.failsafe = False
         self.command_ned_mps: Vector = STILL
         self.guidance: Guidance | None = Velocity()
-        self._setpoint: Setpoint | None = None
-        self._setpoint_at_s: float | None = None
-        self._steered = False
-        self._resume = False
         self._sets_out = self.mission_started = False
-        self._throttle_centred_s = -math.inf
         self._time_s, self._now_s = navigation.time_s, -math.inf
         self._was_in_air = navigation.in_air
         if not spec.cooperative:
@@ -146,8 +132,7 @@ class Pilot:
     @property
     def local_position_ned_m(self) -> Vector:
         """Where it believes to be about its own home, as LOCAL_POSITION_NED tells it."""
-        position, origin = self.navigation.position_ned_m, self.origin_ned_m
-        return position[0] - origin[0], position[1] - origin[1], position[2] - origin[2] - self.home_error_m
+        return self.home.local(self.navigation)
 
     @property
     def position_target_ned_m(self) -> Vector | None:
@@ -155,25 +140,16 @@ class Pilot:
         if isinstance(self.guidance, Climb):
             north, east, _ = self.local_position_ned_m
             return north, east, -self.guidance.height_m
-        if not isinstance(self.guidance, GoTo):
-            return None
-        target, origin = self.guidance.target_ned_m, self.origin_ned_m
-        return target[0] - origin[0], target[1] - origin[1], target[2] - origin[2]
+        return self.home.about_origin(self.guidance.target_ned_m) if isinstance(self.guidance, GoTo) else None
 
     def is_steered(self, now_s: float) -> bool:
         """Whether it flies what fresh setpoints ask for."""
         return (
-            self._steered
+            self.steering.is_flown
             and self.mode is Mode.OFFBOARD
             and self.navigation.state is VehicleState.AIRBORNE
-            and self.has_stream(now_s, OBEYING_S)
+            and self.steering.has_stream(now_s, OBEYING_S)
         )
-
-    def has_stream(self, now_s: float, within_s: float | None = None) -> bool:
-        """Whether a setpoint has come so lately; by default, as PX4 wants it."""
-        if within_s is None:
-            within_s = self._board.parameters["COM_OF_LOSS_T"]
-        return self._setpoint_at_s is not None and now_s - self._setpoint_at_s <= within_s
 
     # --- time ---------------------------------------------------------------------------------------------------------
 
@@ -193,7 +169,7 @@ class Pilot:
         elif self.mode is Mode.MISSION:
             self._fly_mission(now_s)
         elif not self._board.is_px4 and self.mode in _STICK_MODES and navigation.in_air:
-            self._follow_stick(now_s)
+            self.guidance = self.steering.by_stick(now_s)
         self.mission.is_flown = self.mode is Mode.MISSION and self._board.spec.cooperative
         self._advance_manoeuvre()
         self._command()
@@ -203,18 +179,6 @@ class Pilot:
         if navigation.in_air:
             self.nose.follow(self.command_ned_mps)
         self.nose.update(dt_s)
-
-    def set_home(self, down_m: float = 0.0) -> None:
-        """Heights count from where the estimator believes the ground now, as on the real ones: by how many metres the
-        receiver is off at the start is not told as a height.
-
-        Args:
-            down_m: Of the vehicle.
-        """
-        error_m = self.navigation.position_ned_m[2] - down_m
-        home = self._board.own_home
-        self._board.own_home = replace(home, altitude_m=home.altitude_m + self.home_error_m - error_m)
-        self.home_error_m = error_m
 
     def begin_mission(self) -> None:
         """For a vehicle that avoids nobody: fly to the goal now, or as soon as it is up there."""
@@ -267,10 +231,6 @@ class Pilot:
                     self.lift_off()
                 self.guidance = guidance
 
-    def _follow_stick(self, now_s: float) -> None:
-        centred = now_s - self._throttle_centred_s <= THROTTLE_VALID_S
-        self.guidance = Velocity() if centred else Velocity((0.0, 0.0, STICK_DOWN_MPS))
-
     def _fail(self, failsafe: Failsafe) -> None:
         self._board.say(Severity.CRITICAL, failsafe.text)
         match failsafe.mode:
@@ -282,19 +242,19 @@ class Pilot:
                 self.enter(Mode.ALTITUDE, Velocity((0.0, 0.0, BLIND_MPS)))
             case mode:
                 self.enter(mode, Velocity())
-        self.failsafe, self._resume = True, failsafe.resumes
+        self.failsafe, self.steering.resumes = True, failsafe.resumes
 
     def _watch_stream(self, now_s: float) -> None:
-        if not self._steered:
+        if not self.steering.is_flown:
             return
         if self._board.is_px4:
-            if not self.has_stream(now_s):
+            if not self.steering.has_stream(now_s):
                 self._fail(self.failsafes.setpoints_lost())
             return
         flies_on = isinstance(self.guidance, Velocity | Accelerate)
-        if flies_on and not self.has_stream(now_s, self._board.parameters["GUID_TIMEOUT"]):
+        if flies_on and not self.steering.has_stream(now_s, self._board.parameters["GUID_TIMEOUT"]):
             self.guidance = Velocity()
-            self._steered = False
+            self.steering.is_flown = False
             self.nose.let_go()
 
     def _advance_manoeuvre(self) -> None:
@@ -335,8 +295,8 @@ class Pilot:
                     self.guidance = Velocity()
             return
         self._now_s = max(self._now_s, now_s)
-        self._setpoint, self._setpoint_at_s = setpoint, now_s
-        if self._resume:
+        self.steering.take(setpoint, now_s)
+        if self.steering.resumes:
             self.enter(Mode.OFFBOARD, self.guidance)
         if self.mode is Mode.OFFBOARD:
             self._obey(setpoint)
@@ -344,18 +304,15 @@ class Pilot:
     def _obey(self, setpoint: Setpoint) -> None:
         if not (self._board.is_px4 or self.navigation.in_air):
             return  # ArduPilot takes off by command only
-        self._steered = True
-        self.guidance = guidance_of(setpoint, self.speeds, self.origin_ned_m, self.command_ned_mps, self._board.is_px4)
+        self.steering.is_flown = True
+        origin = self.home.origin_ned_m
+        self.guidance = guidance_of(setpoint, self.speeds, origin, self.command_ned_mps, self._board.is_px4)
         if setpoint.yaw_rad is not None:
             self.nose.turn_to(setpoint.yaw_rad)
         elif setpoint.yaw_rate_radps is not None:
             self.nose.turn_at(setpoint.yaw_rate_radps)
         else:
             self.nose.let_go()
-
-    def note_throttle(self, *, centred: bool, now_s: float) -> None:
-        """Somebody holds the throttle stick, in the middle or not."""
-        self._throttle_centred_s = now_s if centred else -math.inf
 
     # --- manoeuvres ---------------------------------------------------------------------------------------------------
 
@@ -365,13 +322,15 @@ class Pilot:
         self.nose.let_go()
         if guidance is None:
             self.command_ned_mps = STILL
-        self.failsafe = self._resume = self._steered = False
+        self.failsafe = False
+        self.steering.let_go()
 
     def enter_offboard(self) -> None:
         """Obey setpoints, at once where there is a fresh one."""
         self.enter(Mode.OFFBOARD, Velocity())
-        if self._board.is_px4 and self._setpoint is not None and self.has_stream(self._now_s):
-            self._obey(self._setpoint)
+        setpoint = self.steering.setpoint
+        if self._board.is_px4 and setpoint is not None and self.steering.has_stream(self._now_s):
+            self._obey(setpoint)
 
     def arm(self, wanted: bool) -> None:
         """Switch the motors on or off, whatever speaks against it; ArduPilot says so."""
@@ -402,7 +361,7 @@ class Pilot:
             self.enter(Mode.RETURN, Climb(height_m, self.speeds.climb_mps) if low else self._way_home())
 
     def _way_home(self) -> GoTo:
-        north, east, _ = self.origin_ned_m
+        north, east, _ = self.home.origin_ned_m
         return self.speeds.way_to((north, east, self.estimate.down_m))
 
     def _command(self) -> None:

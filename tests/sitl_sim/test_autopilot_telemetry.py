@@ -47,7 +47,7 @@ def test_telemetry_tells_the_navigation_solution_and_never_the_truth() -> None:
     flight = Flight(start=Start.AIRBORNE, scenario=one_vehicle(sigma_m=10.0))
     flight.advance(1.0)
     local, truth = flight.last("LOCAL_POSITION_NED"), flight.world.position_ned_m[0]
-    told = np.array([local.x + START_NED_M[0], local.y, local.z + flight.autopilot.pilot.home_error_m])
+    told = np.array([local.x + START_NED_M[0], local.y, local.z + flight.autopilot.pilot.home.error_m])
     assert told == pytest.approx(flight.world.reported_position_ned_m[0], abs=0.05)
     assert np.linalg.norm(told - truth) > 1.0
     globally = flight.last("GLOBAL_POSITION_INT")
