@@ -15,6 +15,7 @@ import difflib
 import itertools
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NoReturn
@@ -120,7 +121,7 @@ def parse_link_url(text: str) -> LinkUrl:
     rest = rest.removeprefix("//")
     lowered = name.lower()
     if lowered in ("udp", "tcp"):
-        tail = _tail(rest, _EXAMPLES[Scheme(lowered + "in")])
+        tail = _tail(Scheme(lowered + "out"), rest)
         _refuse(
             text,
             f"'{lowered}:' does not say who speaks first",
@@ -129,7 +130,7 @@ def parse_link_url(text: str) -> LinkUrl:
     if lowered not in list(Scheme):
         near = difflib.get_close_matches(lowered, list(Scheme), n=1, cutoff=0.5)
         if near:
-            _refuse(text, f"unknown scheme {name!r}", f"{near[0]}:{_tail(rest, _EXAMPLES[Scheme(near[0])])}")
+            _refuse(text, f"unknown scheme {name!r}", f"{near[0]}:{_tail(Scheme(near[0]), rest)}")
         if place := _place(text.strip()):
             _refuse(text, "no scheme", f"udpin:{place} to listen or udpout:{place} to speak to a peer")
         _refuse(text, f"unknown scheme {name!r}" if colon else "no scheme", ", ".join(_EXAMPLES.values()))
@@ -148,6 +149,8 @@ def parse_link_url(text: str) -> LinkUrl:
         if (baud := _number(port_text)) <= 0:
             _refuse(text, "no baud rate", f"serial:{host}:57600")
         return LinkUrl(scheme, host, baud)
+    if re.search(r"[\s/?#@\[\]]", host) or (":" in host and not rest.startswith("[")):
+        _refuse(text, f"host {host!r} is not an address or a name", example)
     if not port_text:
         if host.isascii() and host.isdecimal():
             _refuse(text, "no host", f"{scheme}:{DEFAULT_HOST}:{host}")
@@ -155,8 +158,6 @@ def parse_link_url(text: str) -> LinkUrl:
     port = _number(port_text)
     if not 0 <= port <= 65535:
         _refuse(text, f"port {port_text!r} is not a number from 0 to 65535", example)
-    if re.search(r"[\s/?#@\[\]]", host) or (":" in host and not rest.startswith("[")):
-        _refuse(text, f"host {host!r} is not an address or a name", example)
     url = LinkUrl(scheme, host or DEFAULT_HOST, port)
     if url.port == 0 and not url.listens:
         _refuse(text, "port 0 is for listening only", example)
@@ -177,8 +178,10 @@ def _place(text: str) -> str | None:
     return f"{found[1] or DEFAULT_HOST}:{port}" if 0 < port <= 65535 else None
 
 
-def _tail(rest: str, example: str) -> str:
+def _tail(scheme: Scheme, rest: str) -> str:
     """Host and port as given, where they are usable in a corrected spelling, else those of an example."""
     if re.fullmatch(r"[\w.\-/]+:\d+|\[[0-9a-fA-F:.]+\]:\d+", rest):
-        return rest
-    return example.partition(":")[2]
+        with suppress(ConfigError):
+            parse_link_url(f"{scheme}:{rest}")
+            return rest
+    return _EXAMPLES[scheme].partition(":")[2]

@@ -80,7 +80,17 @@ def test_the_address_that_a_link_was_given_reads_back() -> None:
     assert parse_link_url(str(given)) == given
 
 
-@given(st.text(alphabet="udpintcoserl:/[].0123456789 @\u0663-", max_size=30))
+PARTS = st.sampled_from([
+    "udpin", "udpout", "tcpin", "tcpout", "serial", "udp", "", ":", ":", ":", "//", "[::1]", "127.0.0.1", "localhost",
+    "/dev/ttyACM0", "0", "14540", "65536", "@",
+])  # fmt: skip
+
+
+@given(
+    st.text(alphabet="udpintcoserl:/[].0123456789 @\u0663-", max_size=30)
+    | st.lists(PARTS, max_size=7).map("".join)
+    | st.tuples(PARTS, st.just(":"), PARTS, st.just(":"), PARTS).map("".join)
+)
 def test_any_text_parses_or_is_refused_with_a_spelling_that_parses(text: str) -> None:
     try:
         url = parse_link_url(text)
