@@ -36,7 +36,17 @@ def over_mavlink(name: str, fields: dict[str, object]) -> Message:
     return decode_message(frame)
 
 
-@given(messages_25, st.sampled_from([None, MAC]))
+separations_25 = st.builds(
+    Separation,
+    timestamp_s=st.none() | st.floats(0.0, 3599.0),
+    horizontal_error_m=st.none() | st.floats(0.0, 700.0),
+    vertical_error_m=st.none() | st.floats(0.0, 130.0),
+    airframe_size_m=st.none() | st.floats(0.0, 30.0),
+    flags=st.integers(0, 7),
+).map(lambda message: astm.encode_message(message, hour_start_s=0))
+
+
+@given(messages_25 | separations_25, st.sampled_from([None, MAC]))
 def test_a_broadcast_survives_mavlink_byte_for_byte(data: bytes, mac: bytes | None) -> None:
     try:
         canonical = astm.encode_message(astm.decode_message(data), hour_start_s=0)
