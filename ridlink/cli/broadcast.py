@@ -114,7 +114,7 @@ def _line(facts: dict[str, Any]) -> str:
         return "the module is good to arm" if facts["good_to_arm"] else f"the module says: {facts['text']}"
     match facts["state"]:
         case "waiting":
-            return "waiting for the heartbeat of an autopilot"
+            return "waiting for the heartbeat of an autopilot" + (f": {facts['why']}" if facts["why"] else "")
         case "no-position":
             return f"system {facts['system_id']} has no position, and others are told so"
         case _:

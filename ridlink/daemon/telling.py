@@ -27,6 +27,7 @@ class Telling:
         self._announced: tuple[str, str, str | None] | None = None
         self._recording_ended = False
         self._told_of_signatures = False
+        self._told_of_unheard = ""
         self._stalls: deque[str] = deque(maxlen=MOST_STACKS)
         self._summary_due = Periodic(1.0)
 
@@ -64,6 +65,9 @@ class Telling:
             emit("stalled", stack=self._stalls.popleft())
         if not self._summary_due.due(record.time_s):
             return
+        if (why := engine.unheard.why()) and why != self._told_of_unheard:
+            self._told_of_unheard = why
+            emit("warning", text=why)
         emit("summary", **summary_facts(engine, record, self._rejects()))
         if engine.config.dry_run and record.commanded_ned_mps is not None:
             emit("dry_run", velocity_ned_mps=rounded(record.commanded_ned_mps))

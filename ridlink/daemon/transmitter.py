@@ -16,6 +16,7 @@ from ridlink.daemon.events import Events, EventSink
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.vehicle_link import open_vehicle_link
 from ridlink.engine.intake import STATUSTEXT, VEHICLE_IDS, Intake
+from ridlink.engine.unheard import Unheard
 from ridlink.failsafe import HEARTBEAT_LOST_S
 from ridlink.links import (
     Address,
@@ -88,6 +89,7 @@ class Transmitter:
         self._events = Events(on_event, self.counters)
         self._telemetry = OwnShipTelemetry(config.vehicle_sysid)
         self._intake = Intake(allow_v1=config.allow_v1)
+        self._unheard = Unheard(self._intake, self._telemetry)
         self._broadcast = Broadcast(config.settings)
         self._encoder = Encoder(config.vehicle_sysid or 1, TRANSMITTER_COMPONENT)
         self._utc = SteadyUtc(time.monotonic())
@@ -203,6 +205,7 @@ class Transmitter:
         self._events.emit(
             "summary",
             state=state,
+            why=self._unheard.why() or None,
             system_id=None if telemetry.lock is None else telemetry.lock.sysid,
             identity=(identity := self._names.uas_id) and display_text(identity),
             error_m=None if own is None else round(min(honest_error_m(telemetry, own), 655.35), 2),

@@ -27,6 +27,7 @@ class Listened:
     Attributes:
         counts: Messages by name.
         autopilots: System ids with an autopilot, and its MAV_AUTOPILOT.
+        versions: MAVLink version of the last heartbeat of each, which begin with 1 where they may speak 2.
         latest: The latest message by name, of autopilots.
         parameters: Values by name, of the first autopilot.
         senders: System ids by message name.
@@ -36,6 +37,7 @@ class Listened:
         self.counts: Counter[str] = Counter()
         self.rejects = 0
         self.autopilots: dict[int, int] = {}
+        self.versions: dict[int, int] = {}
         self.addresses: dict[int, Address] = {}
         self.latest: dict[str, Message] = {}
         self.parameters: dict[str, float] = {}
@@ -57,6 +59,7 @@ class Listened:
         if message.name == "HEARTBEAT" and message.autopilot != MAV_AUTOPILOT_INVALID:
             self.autopilots.setdefault(frame.sysid, message.autopilot)
             self.addresses[frame.sysid] = address
+            self.versions[frame.sysid] = frame.version
         if frame.sysid in self.autopilots:
             self.latest[message.name] = message
         if message.name == "PARAM_VALUE" and frame.sysid == next(iter(self.autopilots), None):
@@ -139,6 +142,13 @@ def _vehicle(url: LinkUrl, heard: Listened, for_s: float) -> Iterator[Finding]:
         yield Finding("autopilot", Verdict.OK, f"{name}, system id {sysid}")
     else:
         yield Finding("autopilot", Verdict.WARNING, f"{name}, system id {sysid}", "ridlink knows PX4 and ArduPilot")
+    if heard.versions[sysid] != 2:
+        yield Finding(
+            "MAVLink",
+            Verdict.WARNING,
+            f"version {heard.versions[sysid]}, which the daemon does not take",
+            "PX4: MAV_PROTO_VER 2; ArduPilot: SERIALn_PROTOCOL 2; or ridlink avoid --allow-v1",
+        )
     if len(heard.autopilots) > 1:
         others = ", ".join(map(str, list(heard.autopilots)[1:]))
         yield Finding(

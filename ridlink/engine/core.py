@@ -23,6 +23,7 @@ from ridlink.engine.hearing import Hearing
 from ridlink.engine.intake import VEHICLE_IDS, Intake
 from ridlink.engine.steering import Steering
 from ridlink.engine.takeoff import interruptible
+from ridlink.engine.unheard import Unheard
 from ridlink.failsafe import STEERING, Conditions, Rung, State, Stream, advance, request
 from ridlink.mavlink.codec import Encoder, Message
 from ridlink.mavlink.frames import Frame
@@ -51,6 +52,7 @@ class Engine:
         picture: Traffic.
         setpoints: The stream of setpoints.
         rivals: Other daemons on this vehicle.
+        unheard: Why no autopilot is heard.
         steering: What makes decisions.
         encoder: Who speaks: the system id of the vehicle, and the component of obstacle avoidance.
         guard: Who takes over from the autopilot's own plan; None without `--guard`.
@@ -73,7 +75,9 @@ class Engine:
         self._started_s: float | None = None
         self._last_step_s: float | None = None
         self._intake = Intake(allow_v1=config.allow_v1)
-        self._hearing = Hearing(config, self._intake, self.telemetry, self.picture)
+        self._air_intake = Intake(allow_v1=config.allow_v1)
+        self._hearing = Hearing(config, self._air_intake, self.telemetry, self.picture)
+        self.unheard = Unheard(self._intake, self.telemetry, otherwise=", or give --allow-v1")
         self._announcer = Announcer()
         self._broadcast = Broadcast(config.broadcast_settings) if config.broadcast else None
         self._home_due = Periodic(HOME_PERIOD_S)
@@ -287,7 +291,8 @@ class Engine:
     @property
     def counters(self) -> Counter[str]:
         """Everything that was dropped, clamped, rejected or noticed, by cause."""
-        parts = (self.steering, self._intake, self._hearing, self.telemetry, self.picture, self.setpoints)
+        intakes = self._intake, self._air_intake
+        parts = (*intakes, self.steering, self._hearing, self.telemetry, self.picture, self.setpoints)
         return sum((part.counters for part in parts), self._counters)
 
     def summary(self) -> EngineSummary:

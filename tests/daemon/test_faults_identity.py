@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 import pytest
 
+from ridlink.engine import EngineConfig, Goal
 from ridlink.failsafe import State
-from tests.daemon.emulated import PATIENCE_S, Emulated, LoopbackVehicle
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
+from tests.captures.drawn import version_1
+from tests.daemon.emulated import PATIENCE_S, Emulated, LoopbackVehicle, at
 from tests.daemon.harness import Running, running, state
 from tests.loopback import run
 
@@ -65,6 +70,45 @@ def test_f15_an_autopilot_whose_clock_begins_at_zero_again_has_restarted() -> No
             count = len(vehicle.setpoints())
             await vehicle.speaks(15)
             assert len(vehicle.setpoints()) <= count + 1
+
+    run(test)
+
+
+class Old(Emulated):
+    """Says in MAVLink 1 that it is there."""
+
+    def heartbeat(self) -> bytes:
+        (beat,) = parse_datagram(super().heartbeat(), CRC_EXTRAS)
+        assert isinstance(beat, Frame)
+        return version_1(beat.msgid, beat.payload, CRC_EXTRAS[beat.msgid])
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "pinned", "words"),
+    [
+        (Old(), None, "the vehicle speaks MAVLink 1, which is not taken: set it to MAVLink 2, or give --allow-v1"),
+        (Emulated(), 7, "autopilots are heard, none of them with system id 7"),
+    ],
+    ids=["mavlink-1", "another-system-id"],
+)
+def test_why_an_autopilot_that_speaks_is_not_taken_is_told_once(
+    vehicle: Emulated, pinned: int | None, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ridlink.engine.unheard.ENOUGH", 1)
+    vehicle.observer.target = pinned or vehicle.sysid  # whom we speak for
+
+    async def test() -> None:
+        config = EngineConfig(goal=Goal(*at(300.0)), vehicle_sysid=pinned)
+        async with running(emulated=vehicle, engine=config) as flight:
+
+            def told(event: str) -> list[dict[str, Any]]:
+                return [facts for facts in flight.events if facts["event"] == event]
+
+            await flight.vehicle.until(lambda: bool(told("warning")))
+            summaries = len(told("summary"))
+            await flight.vehicle.until(lambda: len(told("summary")) >= summaries + 2)
+            assert [facts["text"] for facts in told("warning")] == [words]
+            assert flight.daemon.engine.rung.reason == "waiting for an autopilot"
 
     run(test)
 

@@ -37,6 +37,7 @@ class Vehicle:
         self.autopilot = autopilot
         self.parameters = parameters
         self.asked: list[str] = []
+        self.speaks_1 = False
         self._mavlink = common.MAVLink(None, srcSystem=7, srcComponent=1)
 
     def receive(self, data: bytes, address: Address) -> None:
@@ -54,7 +55,7 @@ class Vehicle:
                     self._send(common.MAVLink_param_value_message(name, value, kind, 1, 0), address)
 
     def _send(self, message: common.MAVLink_message, address: Address) -> None:
-        self.link.send(message.pack(self._mavlink), address)
+        self.link.send(message.pack(self._mavlink, force_mavlink1=self.speaks_1), address)
 
 
 def examined(vehicle: Vehicle, for_s: float = LISTEN_S) -> dict[str, Finding]:
@@ -109,6 +110,14 @@ def test_ardupilot_that_flies_blind_for_long_is_warned_of() -> None:
 def test_a_parameter_that_is_no_number_is_warned_of(value: float) -> None:
     found = examined(Vehicle(ARDUPILOT, dict.fromkeys(ARDUPILOTS, (value, REAL32))))
     assert {found[name].verdict for name in ARDUPILOTS} == {Verdict.WARNING}
+
+
+def test_a_vehicle_that_keeps_to_mavlink_1_is_warned_of_because_the_daemon_does_not_take_it() -> None:
+    vehicle = Vehicle(ARDUPILOT, {})
+    vehicle.speaks_1 = True
+    found = examined(vehicle, for_s=1.0)["MAVLink"]
+    assert found.verdict is Verdict.WARNING and "version 1" in found.text and "--allow-v1" in found.remedy
+    assert "MAVLink" not in examined(Vehicle(ARDUPILOT, {}), for_s=1.0)
 
 
 def test_a_parameter_that_is_never_answered_is_said_so() -> None:
