@@ -153,8 +153,8 @@ def parse_link_url(text: str) -> LinkUrl:
         _refuse(text, f"host {host!r} is not an address or a name", example)
     if not port_text:
         if host.isascii() and host.isdecimal():
-            _refuse(text, "no host", f"{scheme}:{DEFAULT_HOST}:{host}")
-        _refuse(text, "no port", f"{scheme}:{host or DEFAULT_HOST}:{example.rpartition(':')[2]}")
+            _refuse(text, "no host", f"{scheme}:{_tail(scheme, f'{DEFAULT_HOST}:{host}')}")
+        _refuse(text, "no port", str(LinkUrl(scheme, host or DEFAULT_HOST, int(example.rpartition(":")[2]))))
     port = _number(port_text)
     if not 0 <= port <= 65535:
         _refuse(text, f"port {port_text!r} is not a number from 0 to 65535", example)
