@@ -12,6 +12,7 @@ import reprlib
 import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,6 +28,9 @@ UNREADABLE = "cannot be read: an integer of thousands of digits, or brackets nes
 
 MOST_FAULTS = 5
 """Mistakes of a file that are told at once."""
+
+ALIKE = 0.85
+"""From here on one key may be another one misspelt; those of one kind of table are less alike."""
 
 Made = TypeVar("Made")
 
@@ -138,7 +142,8 @@ class CheckedTable:
         if self.has(key):
             return self._values.pop(key)
         if default is None:
-            raise self._fault(key, "is missing")
+            near = get_close_matches(key, self._values, n=1, cutoff=ALIKE)
+            raise self._fault(key, f"is missing: did you mean it by {near[0]}?" if near else "is missing")
         return default
 
     def text(self, key: str) -> str:

@@ -103,7 +103,10 @@ MISTAKES = [
     ),
     pytest.param("interval_s", "interval", r":3: interval is not known here: .*interval_s", id="unknown top key"),
     pytest.param("duration_s = 60.0\n", "", r"scenario.toml: duration_s is missing", id="missing top key"),
-    pytest.param("goal_ned_m  = [-200, 0, -50]\n", "", r":12: vehicle 2: goal_ned_m is missing", id="missing key"),
+    pytest.param("goal_ned_m  = [-200, 0, -50]\n", "", r":12: vehicle 2: goal_ned_m is missing$", id="missing key"),
+    pytest.param(
+        "duration_s", "duraton_s", r"duration_s is missing: did you mean it by duraton_s\?", id="misspelt key"
+    ),
     pytest.param("[200, 0, -50]", "[200, 0]", r":13: vehicle 2: start_ned_m .*north, east, down", id="two axes"),
     pytest.param("[200, 0, -50]", "[200, 0, 50]", r":13: vehicle 2: start_ned_m .*negative", id="underground"),
     pytest.param("[200, 0, -50]", "[2e9, 0, -50]", r":13: vehicle 2: start_ned_m .*at most", id="off the plane"),
@@ -184,6 +187,11 @@ def test_an_obstacle_may_have_arms_that_end_in_one_line_and_none_that_lie_upon_e
     upon = "[[0, 0], [40, 0], [40, 40], [20, 40], [20, 0], [10, 0], [10, 10], [0, 10]]"
     with pytest.raises(ConfigError, match="do not cross"):
         load_scenario(write(GOOD.replace(square, upon)))
+
+
+def test_a_polygon_may_end_with_its_first_corner(write: Write) -> None:
+    closed = write(GOOD.replace("[-40.0, 40.0]]", "[-40.0, 40.0], [-40.0, -40.0]]"))
+    assert load_scenario(closed).obstacles == load_scenario(write(GOOD)).obstacles
 
 
 def test_the_mark_that_editors_write_before_utf8_is_no_part_of_the_text(tmp_path: Path) -> None:

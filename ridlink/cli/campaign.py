@@ -45,7 +45,7 @@ def campaign() -> None:
 campaign.add_command(report)
 
 
-@campaign.command()
+@campaign.command(short_help="Fly scenes under definitions, errors and solvers; one row for each.")
 @cell_options
 @air_options
 @fleet_options

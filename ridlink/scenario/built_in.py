@@ -7,6 +7,7 @@ sides; 100 m, 600 m and the 80 m obstacle are the reading under which its missio
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 
 from ridlink.errors import ConfigError
@@ -127,9 +128,9 @@ def built_in(name: str, count: int | None = None, *, speed_mps: float = DEFAULT_
         ConfigError: If there is no such scenario, or it cannot hold so many vehicles.
     """
     if name not in BUILT_IN:
-        raise ConfigError(
-            f"unknown scenario '{name}': known are {', '.join(BUILT_IN)}, or the path of a .toml or .geojson file"
-        )
+        known = f"known are {', '.join(BUILT_IN)}, or the path of a .toml or .geojson file"
+        other = "; circle8 and square24 take other numbers by -n" if re.match(r"(circle|square)\d", name) else ""
+        raise ConfigError(f"unknown scenario '{name}': {known}{other}")
     if count is not None and count < 0:
         raise ConfigError(f"a scenario cannot have {count} vehicles")
     if not (math.isfinite(speed_mps) and speed_mps > 0.0):

@@ -176,6 +176,8 @@ def _obstacle_spec(table: CheckedTable) -> ObstacleSpec:
         raise table.error(key, "must list at least three corners [north, east]")
     corners = tuple((corner[0], corner[1]) for corner in (table.point(key, corner, "north, east") for corner in value))
     table.nothing_else()
+    if corners[-1] == corners[0] and len(corners) > 3:  # as GeoJSON closes its polygons
+        corners = corners[:-1]
     if not _is_simple(corners):
         raise table.error(key, "must be a polygon with an area whose edges do not cross")
     return ObstacleSpec(corners)

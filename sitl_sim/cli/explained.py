@@ -10,7 +10,7 @@ from ridlink.technologies import TECHNOLOGIES
 from ridlink.words import counted
 from sitl_sim.cli.options import ACCURACY_CLASSES
 from sitl_sim.fleet_config import FleetConfig
-from sitl_sim.vehicle import AIRFRAMES, MEASURED, load_airframe
+from sitl_sim.vehicle import AIRFRAMES, MEASURED, load_airframe, model_for_speed
 
 
 def everything() -> str:
@@ -70,7 +70,9 @@ def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig, autopilot: str) -> 
     text += f"sigma {sigma_m:g} m"
     if vehicle.ghost:
         return f"{text}; a ghost"
-    text += f"; {vehicle.airframe or config.airframe or MEASURED[autopilot]}"
+    airframe = vehicle.airframe or config.airframe or MEASURED[autopilot]
+    model_for_speed(autopilot, vehicle.speed_mps, airframe)  # or it cannot be flown
+    text += f"; {airframe}"
     habits = {
         f"{vehicle.autopilot}": vehicle.autopilot is not None,
         counted(len(way) - 2, "point") + " on its way": bool(vehicle.route_ned_m),

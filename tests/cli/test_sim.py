@@ -220,6 +220,16 @@ def test_mistakes_of_a_scenario_file_are_told_in_one_run(tmp_path: Path) -> None
     ]  # fmt: skip
 
 
+def test_what_cannot_be_flown_is_not_explained_either(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'name = "mine"\nduration_s = 20.0\n'
+        '[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [40, 0, -50]\nairframe = "zeppelin"\n'
+    )
+    done = ridlink_sim("--scenario", str(path), "--explain")
+    assert (done.returncode, done.stdout) == (2, "") and "unknown airframe 'zeppelin'" in done.stderr
+
+
 def test_any_ports_are_of_the_kernels_choice_and_told() -> None:
     done = ridlink_sim("-n", "1", "--any-ports", "--duration", "1.5", "--json")
     assert done.returncode == 0, done.stderr
@@ -247,7 +257,7 @@ def test_a_port_in_use_is_an_error_of_its_own() -> None:
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["--scenario", "circle9"], "unknown scenario 'circle9'"),
+        (["--scenario", "circle9"], "circle8 and square24 take other numbers by -n"),
         (["--scenario", "head-on", "-n", "3"], "2 vehicles, not 3"),
         (["-n", "41"], "overlap"),
         (["--sigma", "nan"], "'nan' is not a finite number"),
