@@ -55,7 +55,7 @@ AVOID_METRICS: Mapping[str, Metric] = MappingProxyType(
         "ridlink_state": Metric(Kind.GAUGE, "1 for the state of the failsafe ladder, 0 for the others.", "state"),
         "ridlink_tracks": Metric(Kind.GAUGE, "Aircraft that are followed."),
         "ridlink_tracks_doubtful": Metric(Kind.GAUGE, "Of these, ones that do not move as they say."),
-        "ridlink_conflicts": Metric(Kind.GAUGE, "Neighbours whose disc is entered if all fly on."),
+        "ridlink_conflicts": Metric(Kind.GAUGE, "Neighbours whose disc is entered within the horizon if all fly on."),
         "ridlink_nearest_margin_metres": Metric(Kind.GAUGE, "Distance to the nearest disc; absent without traffic."),
         "ridlink_time_to_violation_seconds": Metric(Kind.GAUGE, "Until the first disc is entered; absent if never."),
         "ridlink_own_error_metres": Metric(

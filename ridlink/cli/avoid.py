@@ -248,7 +248,7 @@ def _replay(path: str, as_json: bool) -> int:
 def _fly(config: DaemonConfig, as_json: bool) -> int:
     from ridlink.daemon.service import DecisionError
 
-    printer: FlightPrinter = JsonPrinter() if as_json else HumanPrinter()
+    printer: FlightPrinter = JsonPrinter() if as_json else HumanPrinter(str(config.vehicle))
     code = EXIT_DONE
     try:
         summary = asyncio.run(_run(config, printer))

@@ -22,6 +22,8 @@ GUARD_LINES = {
 }
 """What it means that a guard enters a phase."""
 HANDED_BACK = "it has handed back"
+AWAITED = "waiting for an autopilot"
+"""Why a daemon stands by that hears nobody on its vehicle link."""
 
 
 class FlightPrinter(Printer, ABC):
@@ -47,10 +49,15 @@ class JsonPrinter(FlightPrinter):
 
 
 class HumanPrinter(FlightPrinter):
-    """A line for every change of state, and on a terminal a status line that is rewritten every second."""
+    """A line for every change of state, and on a terminal a status line that is rewritten every second.
 
-    def __init__(self) -> None:
+    Args:
+        vehicle: The link on which the autopilot is awaited.
+    """
+
+    def __init__(self, vehicle: str) -> None:
         super().__init__()
+        self._vehicle = vehicle
         self._live = sys.stderr.isatty()
         self._phase: str | None = None
 
@@ -61,7 +68,8 @@ class HumanPrinter(FlightPrinter):
             self.put(f"{self._clear}warning: {facts['text']}\n", error=True)
         elif facts["event"] == "dry_run":
             north, east, down = facts["velocity_ned_mps"]
-            self.put(f"{self._clear}would fly {north:+.1f} north, {east:+.1f} east, {-down:+.1f} up m/s\n", error=True)
+            said = f"would fly {north:+z.1f} north, {east:+z.1f} east, {-down:+z.1f} up m/s"
+            self.put(f"{self._clear}{said}\n", error=True)
         elif facts["event"] == "recording_ended":
             self.put(f"{self._clear}the recording has ended: {facts['reason']}\n", error=True)
         elif facts["event"] == "stalled":
@@ -74,6 +82,7 @@ class HumanPrinter(FlightPrinter):
         handed_back = (before, self._phase) == ("handing back", "watching")
         entered = HANDED_BACK if handed_back else GUARD_LINES.get(self._phase or "")
         said = f"{facts['state']}: {facts['reason']}"
+        said += f" on {self._vehicle}" if facts["reason"] == AWAITED else ""
         return f"{said}; {entered}" if entered and self._phase != before else said
 
     @property

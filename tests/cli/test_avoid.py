@@ -105,6 +105,23 @@ def test_tells_people_what_happens_and_ends_on_ctrl_c() -> None:
     run(test)
 
 
+def test_who_waits_for_an_autopilot_says_where() -> None:
+    async def test() -> None:
+        async with daemon("--goal", GOAL) as (process, port):
+            assert await line(process.stderr) == f"standby: waiting for an autopilot on udpin:127.0.0.1:{port}\n"
+            process.send_signal(signal.SIGINT)
+            await process.communicate()
+
+    run(test)
+
+
+def test_no_direction_of_a_dry_run_is_less_than_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    printer = HumanPrinter("udpin:127.0.0.1:14540")
+    printer.event({"event": "dry_run", "velocity_ned_mps": [-0.04, 1.26, 0.0]})
+    printer.close()
+    assert capsys.readouterr().err == "would fly +0.0 north, +1.3 east, +0.0 up m/s\n"
+
+
 def test_a_dry_run_ends_with_no_setpoints_and_no_gap_between_them() -> None:
     async def test() -> None:
         async with daemon("--goal", GOAL, "--dry-run") as (process, port), LoopbackVehicle(Emulated(), port):
@@ -261,7 +278,7 @@ def test_on_a_terminal_there_is_a_status_line() -> None:
 
 def test_a_guard_tells_people_that_it_takes_over_and_hands_back(capsys: pytest.CaptureFixture[str]) -> None:
     """What is told of a conflict on a mission, in its order; "engaged: avoiding" stood there twice."""
-    printer = HumanPrinter()
+    printer = HumanPrinter("udpin:127.0.0.1:14540")
     for state, reason, guard in (
         ("standby", "guard: watching", Phase.WATCHING),
         ("standby", "waiting for GUIDED or OFFBOARD", Phase.TAKING_OVER),
@@ -302,7 +319,7 @@ def test_on_a_terminal_it_stands_when_a_silent_vehicle_was_heard_and_what_it_was
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     engine = Engine(EngineConfig(standby=True))
     facts = summary_facts(engine, engine.step(0.0).decision, {})
-    printer = HumanPrinter()
+    printer = HumanPrinter("udpin:127.0.0.1:14540")
     told = {"autopilot_heard_s": heard_s, "armed": armed, "on_ground": on_ground}
     printer.event({"event": "summary", **facts, **told})
     printer.close()
@@ -315,7 +332,7 @@ def test_f26_a_stall_does_not_end_what_a_terminal_is_told(
 ) -> None:
     """It was taken for the summary of a second, and whoever fails to print is told nothing more."""
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    printer = HumanPrinter()
+    printer = HumanPrinter("udpin:127.0.0.1:14540")
     printer.event({"event": "stalled", "stack": "somewhere"})
     printer.close()
     assert capsys.readouterr().err == "\r\x1b[Kwarning: the loop stood still\n"
