@@ -18,7 +18,7 @@ GUARD_LINES = {
     "taking over": "the guard takes over for a conflict",
     "resolving": "the guard has taken over",
     "handing back": "the guard hands back what it found",
-    "ended": "somebody else has the vehicle",
+    "ended": "MAV_CMD_DO_PAUSE_CONTINUE 1 to component 196 engages it again",
 }
 """What it means that a guard enters a phase."""
 HANDED_BACK = "it has handed back"

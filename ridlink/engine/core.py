@@ -17,7 +17,7 @@ from ridlink.engine.announcer import Announcer
 from ridlink.engine.commands import MOST_REPLIES, acknowledged, answered
 from ridlink.engine.config import EngineConfig
 from ridlink.engine.decision import DecisionRecord, EngineSummary, StepOutput
-from ridlink.engine.guard import Commands, Guard, Seen
+from ridlink.engine.guard import Commands, Guard, Phase, Seen
 from ridlink.engine.guarding import goal_ahead, resting, seen_by_guard
 from ridlink.engine.hearing import Hearing
 from ridlink.engine.intake import VEHICLE_IDS, Intake
@@ -247,8 +247,9 @@ class Engine:
         if wish.begin and own is not None:
             self.goal = goal_ahead(own)
             self.rung = request(Rung())
-        if wish.end:
+        if wish.end or guard.phase is Phase.WATCHING:
             self.rung = resting(guard)
+        self._counters["mode_not_given"] = guard.refused
         return self._commands(wish.commands)
 
     def _seen_by_guard(self, own: OwnState | None, now_s: float) -> Seen:

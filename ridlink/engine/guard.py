@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from ridlink.failsafe import OTHER_WRITER
 from ridlink.own_ship import ARDUPILOT, PX4
 
 DO_SET_MODE, DO_SET_MISSION_CURRENT = 176, 224
@@ -36,6 +37,9 @@ ASK_AGAIN_S = 0.5
 GIVE_UP_S = 5.0
 """Without the mode; the conflict may still be there, and it is tried again. In the mode, without anybody who steers."""
 
+CHANGED = "somebody else, or the autopilot itself, changed the mode"
+FOREIGN_MODE = "this mode is not taken over from"
+"""Remarks."""
 
 Commands = tuple[tuple[int, tuple[float, ...]], ...]
 """COMMAND_LONGs to the autopilot, number and parameters."""
@@ -123,12 +127,15 @@ class Guard:
         phase: Where it stands.
         found_mode: What it will hand back.
         takeovers: Conflicts that it took over for.
+        refused: Times that a mode was asked for, longer than five seconds and in vain.
+        remark: Why it has ended, or takes over from nothing now; empty for nothing to say.
     """
 
     def __init__(self) -> None:
         self.phase = Phase.WATCHING
         self.found_mode = 0
-        self.takeovers = 0
+        self.takeovers = self.refused = 0
+        self.remark = ""
         self._found_item: int | None = None
         self._vehicle: tuple[int, int] | None = None
         self._since_s = self._asked_s = self._steered_s = 0.0
@@ -137,7 +144,7 @@ class Guard:
         """The operator engages it again; whether it had ended."""
         ended = self.phase is Phase.ENDED
         if ended:
-            self.phase = Phase.WATCHING
+            self.phase, self.remark = Phase.WATCHING, ""
         return ended
 
     def step(self, seen: Seen, now_s: float) -> Wish:
@@ -148,8 +155,7 @@ class Guard:
             now_s: Monotonic time.
         """
         if self.phase not in (Phase.WATCHING, Phase.ENDED) and seen.vehicle != self._vehicle:
-            self._go(Phase.ENDED, now_s)
-            return Wish(end=True)
+            return self._end("another vehicle speaks on the link", now_s)
         external = _same(seen.autopilot, seen.custom_mode, EXTERNAL_MODE[seen.autopilot])
         match self.phase:
             case Phase.WATCHING:
@@ -161,8 +167,9 @@ class Guard:
         return Wish()
 
     def _watch(self, seen: Seen, now_s: float) -> Wish:
-        wanted = seen.conflict and seen.flying and seen.heard and seen.interruptible
-        if not wanted or not is_autonomous(seen.autopilot, seen.custom_mode):
+        autonomous = is_autonomous(seen.autopilot, seen.custom_mode)
+        self.remark = FOREIGN_MODE if seen.flying and seen.heard and not autonomous else ""
+        if not (autonomous and seen.conflict and seen.flying and seen.heard and seen.interruptible):
             return Wish()
         self.found_mode, self._found_item, self._vehicle = seen.custom_mode, seen.mission_item, seen.vehicle
         self.takeovers += 1
@@ -175,10 +182,13 @@ class Guard:
             return Wish()
         if not seen.heard:
             return Wish()
-        if not _same(seen.autopilot, seen.custom_mode, self.found_mode) or not seen.flying:
-            self._go(Phase.ENDED if seen.flying else Phase.WATCHING, now_s)
+        if not seen.flying:
+            self._go(Phase.WATCHING, now_s)
             return Wish(end=True)
+        if not _same(seen.autopilot, seen.custom_mode, self.found_mode):
+            return self._end(CHANGED, now_s)
         if now_s - self._since_s > GIVE_UP_S:
+            self.refused += 1
             self._go(Phase.WATCHING, now_s)
             return Wish(end=True)
         self._found_item = seen.mission_item  # its plan is flown on until the mode is there
@@ -190,8 +200,9 @@ class Guard:
     def _resolve(self, seen: Seen, now_s: float, external: bool) -> Wish:
         # Who hands back lets go of the stream anyway, and the plan that is flown again sets targets of its own.
         if not external or (seen.taken and self.phase is Phase.RESOLVING):
-            handed = self.phase is Phase.HANDING_BACK and _same(seen.autopilot, seen.custom_mode, self.found_mode)
-            self._go(Phase.WATCHING if handed else Phase.ENDED, now_s)
+            if self.phase is not Phase.HANDING_BACK or not _same(seen.autopilot, seen.custom_mode, self.found_mode):
+                return self._end(CHANGED if not external else OTHER_WRITER, now_s)
+            self._go(Phase.WATCHING, now_s)
             return Wish(end=True)
         if seen.steering:
             self._steered_s = now_s
@@ -202,6 +213,7 @@ class Guard:
             self._go(Phase.HANDING_BACK, now_s)
         if not self._ask(now_s):
             return Wish()
+        self.refused += seen.heard and now_s - self._since_s > GIVE_UP_S
         return Wish(commands=self.hand_back(seen))
 
     def hand_back(self, seen: Seen) -> Commands:
@@ -220,6 +232,11 @@ class Guard:
             return False
         self._asked_s = now_s
         return True
+
+    def _end(self, why: str, now_s: float) -> Wish:
+        self.remark = why
+        self._go(Phase.ENDED, now_s)
+        return Wish(end=True)
 
     def _go(self, phase: Phase, now_s: float) -> None:
         self.phase, self._since_s, self._asked_s = phase, now_s, now_s - 1.0

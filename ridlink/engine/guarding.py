@@ -20,7 +20,7 @@ AHEAD_M = 1000.0
 
 def resting(guard: Guard) -> Rung:
     """The ladder of somebody who watches: nobody's request is waited for."""
-    return Rung(reason=f"guard: {guard.phase}")
+    return Rung(reason=f"guard: {guard.phase}" + (f": {guard.remark}" if guard.remark else ""))
 
 
 def goal_ahead(own: OwnState) -> Goal:

@@ -299,7 +299,7 @@ def test_a_guard_tells_people_that_it_takes_over_and_hands_back(capsys: pytest.C
         "engaged: avoiding",
         "engaged: avoiding; the guard hands back what it found",
         "standby: guard: watching; it has handed back",
-        "standby: guard: ended; somebody else has the vehicle",
+        "standby: guard: ended; MAV_CMD_DO_PAUSE_CONTINUE 1 to component 196 engages it again",
     ]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ridlink.engine import Engine, EngineConfig
-from ridlink.engine.guard import DO_SET_MODE, EXTERNAL_MODE, Guard, Phase
+from ridlink.engine.guard import CHANGED, DO_SET_MODE, EXTERNAL_MODE, FOREIGN_MODE, Guard, Phase
 from ridlink.failsafe import STEERING, UNHEARD, State
 from ridlink.geodesy import moved
 from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
@@ -37,6 +37,7 @@ class Guarded(Flight):
         self.phases: list[Phase] = []
         self.lost: set[str] = set()
         self.deaf = False
+        self.warnings: list[str] = []
         self.asked: list[int] = []
 
     def _note(self, outgoing: Any) -> Any:
@@ -60,7 +61,9 @@ class Guarded(Flight):
             apart = self.intruder.position[:2] - self.world.position_ned_m[0, :2]
             self.nearest_m = min(self.nearest_m, float(np.hypot(*apart)))
             self.engine.receive_remote_id(intruding(self.intruder, self.now_s), "air", self.now_s)
-        for frame in self.engine.step(self.now_s).to_vehicle:
+        output = self.engine.step(self.now_s)
+        self.warnings += output.warnings
+        for frame in output.to_vehicle:
             self.observer.steerable = True
             self.asked += [m.command for m in self.observer.watch(frame) if m.name == "COMMAND_LONG"]
             if not self.deaf:
@@ -154,7 +157,7 @@ def test_a_pilot_who_interrupts_has_it_until_the_operator_engages_again(flavour:
         flight.step()
     assert len(flight.observer.setpoints) == sent
     assert flight.mode == pilots
-    assert flight.engine.rung.reason == "guard: ended"
+    assert flight.engine.rung.reason == f"guard: ended: {CHANGED}"
     assert missions.start(flight) == 0
     flight.intruder = None
     cross_again(flight)
@@ -167,6 +170,24 @@ def test_a_pilot_who_interrupts_has_it_until_the_operator_engages_again(flavour:
     rung = flight.engine.rung
     engage(flight)
     assert flight.engine.rung is rung, "it is engaged, and goes on"
+
+
+def test_a_pilots_mode_is_said_not_to_be_taken_over_from() -> None:
+    flight = Guarded("px4")
+    for mode, said in (((4, 3), ""), ((3, 0), f": {FOREIGN_MODE}"), ((4, 3), "")):
+        assert flight.set_mode(*mode) == 0
+        flight.until(lambda said=said: flight.engine.rung.reason == f"guard: watching{said}", 3.0)  # type: ignore[misc]
+
+
+@both
+def test_an_autopilot_that_does_not_change_its_mode_is_told_of(flavour: str) -> None:
+    flight = on_a_mission(flavour)
+    cross(flight)
+    flight.until(lambda: flight.guard.phase is Phase.TAKING_OVER)
+    flight.deaf = True
+    flight.until(lambda: flight.guard.phase is Phase.WATCHING, 6.0)
+    flight.until(lambda: bool(flight.warnings), 1.0)
+    assert flight.warnings == ["guard: the autopilot does not change its mode"]
 
 
 def engage(flight: Guarded) -> None:
@@ -276,7 +297,7 @@ def test_i3_the_mode_of_another_vehicle_on_the_link_is_left_alone() -> None:
         now_s = flight.now_s + 4.0 + 0.1 * k
         flight.engine.receive_vehicle(second.telemetry(now_s), now_s, source=COMPANION)
         sent += [m for frame in flight.engine.step(now_s).to_vehicle for m in messages(frame)]
-    assert flight.guard.phase is Phase.ENDED and flight.engine.rung.reason == "guard: ended"
+    assert flight.guard.phase is Phase.ENDED and flight.engine.rung.reason.startswith("guard: ended: another vehicle")
     assert {m.command for m in sent if m.name == "COMMAND_LONG"} <= ASKED
     assert not any(m.name == "SET_POSITION_TARGET_LOCAL_NED" for m in sent)
     assert flight.engine.stop(flight.now_s + 20.0) == []

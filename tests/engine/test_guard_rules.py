@@ -8,8 +8,20 @@ from typing import Any
 import pytest
 
 from ridlink.engine import EngineConfig, Goal
-from ridlink.engine.guard import EXTERNAL_MODE, GIVE_UP_S, Guard, Phase, Seen, Wish, is_autonomous, mode_command
+from ridlink.engine.guard import (
+    CHANGED,
+    EXTERNAL_MODE,
+    FOREIGN_MODE,
+    GIVE_UP_S,
+    Guard,
+    Phase,
+    Seen,
+    Wish,
+    is_autonomous,
+    mode_command,
+)
 from ridlink.errors import ConfigError
+from ridlink.failsafe import OTHER_WRITER
 from ridlink.own_ship import ARDUPILOT, PX4
 from tests.sitl_sim import test_autopilot_missions as missions
 
@@ -219,7 +231,44 @@ def test_another_vehicle_on_the_link_is_told_nothing_of_what_was_found_on_the_la
 def test_it_tries_for_five_seconds() -> None:
     guard = taking_over(T)
     assert not guard.step(seen(conflict=True), T + 5.0).end and guard.phase is Phase.TAKING_OVER
+    assert guard.refused == 0
     assert guard.step(seen(conflict=True), T + 5.1).end and guard.phase is Phase.WATCHING
+    assert guard.refused == 1 and guard.step(seen(conflict=True), T + 5.2).begin
+
+
+def test_what_it_found_and_is_not_given_back_within_five_seconds_is_refused() -> None:
+    guard = taking_over(T)
+    ours = seen(custom_mode=6 << 16)
+    guard.step(ours, T + 1.0)
+    for now_s, refused in ((1.1, 0), (6.1, 0), (6.2, 0), (6.7, 1), (7.2, 2)):
+        guard.step(ours, T + now_s)
+        assert guard.phase is Phase.HANDING_BACK and guard.refused == refused
+    guard.step(replace(ours, heard=False), T + 8.0)
+    assert guard.refused == 2, "who is not heard refuses nothing"
+
+
+def test_why_it_has_ended_or_takes_over_from_nothing() -> None:
+    guard = Guard()
+    for fields, remark in (
+        ({}, ""),
+        ({"custom_mode": 3 << 16}, FOREIGN_MODE),
+        ({"custom_mode": 3 << 16, "flying": False}, ""),
+        ({"custom_mode": 3 << 16, "heard": False}, ""),
+    ):
+        guard.step(seen(**fields), T)
+        assert (guard.phase, guard.remark) == (Phase.WATCHING, remark)
+    ours = seen(custom_mode=6 << 16, clear=False)
+    for last, remark in (
+        (replace(ours, custom_mode=3 << 16), CHANGED),
+        (replace(ours, taken=True), OTHER_WRITER),
+        (replace(ours, sysid=2), "another vehicle speaks on the link"),
+    ):
+        guard = taking_over(T)
+        guard.step(ours, T + 1.0)
+        guard.step(last, T + 2.0)
+        assert (guard.phase, guard.remark) == (Phase.ENDED, remark)
+        guard.engage()
+        assert guard.remark == ""
 
 
 def test_a_sub_mode_of_offboard_is_offboard_and_another_one_of_auto_is_another_mode() -> None:
