@@ -144,7 +144,7 @@ class Publisher:
     def _arrivals_and_departures(self, now_s: float) -> list[Outgoing]:
         topics = self._settings.topics
         self.sky.forget_silent(now_s)
-        present = {id(one): one.name for one in self.sky.aircraft.values()}
+        present = {one.number: one.name for one in self.sky.aircraft.values()}
         if present == self._known:
             return []
         out = [] if self._origin_told or self.sky.origin is None else self.greeting()
@@ -153,6 +153,9 @@ class Publisher:
         out += [_availability(topics, name, online=False) for name in sorted(before - now)]
         for name in sorted(now - before):
             out += self._arrival(name)
+        if self._settings.home_assistant:  # who was called otherwise until its identity was heard is no second tracker
+            renamed = {name for number, name in self._known.items() if present.get(number, name) != name}
+            out += [_no_device_tracker(name) for name in sorted(renamed - now)]
         self._known = present
         return out
 
@@ -230,7 +233,6 @@ def _availability(topics: Topics, name: str, *, online: bool) -> Outgoing:
 
 def _device_tracker(topics: Topics, name: str) -> Outgoing:
     """Announces an aircraft to Home Assistant, which shows it on its map."""
-    unique = f"ridlink_{object_id(name)}"
     attributes = (
         "{{ {'latitude': value_json.latitude_deg, 'longitude': value_json.longitude_deg, "
         "'gps_accuracy': value_json.horizontal_error_m or 0, 'altitude_m': value_json.altitude_geodetic_m, "
@@ -238,11 +240,20 @@ def _device_tracker(topics: Topics, name: str) -> Outgoing:
     )
     config = {
         "name": name,
-        "unique_id": unique,
+        "unique_id": f"ridlink_{object_id(name)}",
         "source_type": "gps",
         "json_attributes_topic": topics.state(name),
         "json_attributes_template": attributes,
         "availability": [{"topic": topics.availability}, {"topic": topics.aircraft_availability(name)}],
         "availability_mode": "all",  # of a bridge that was killed its own topic alone says so, by the last will
     }
-    return Outgoing(f"homeassistant/device_tracker/{unique}/config", msgspec.json.encode(config), 1, True)
+    return Outgoing(_tracker_topic(name), msgspec.json.encode(config), 1, True)
+
+
+def _no_device_tracker(name: str) -> Outgoing:
+    """Takes the announcement back, in Home Assistant and in the broker."""
+    return Outgoing(_tracker_topic(name), b"", 1, True)
+
+
+def _tracker_topic(name: str) -> str:
+    return f"homeassistant/device_tracker/ridlink_{object_id(name)}/config"

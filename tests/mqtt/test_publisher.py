@@ -108,6 +108,16 @@ def test_who_comes_and_goes_is_retained_availability() -> None:
     assert any(message.topic == TOPICS.availability for message in publisher.greeting())
 
 
+def test_home_assistant_keeps_no_tracker_under_the_name_before_the_identity() -> None:
+    trackers: dict[str, bytes] = {}
+    for message in published([replace(ONE, identity_from_s=2.0), TWO], 15.0, home_assistant=True):
+        if message.topic.startswith("homeassistant/"):
+            assert message.retain
+            trackers[message.topic.split("/")[2]] = message.payload
+    assert trackers["ridlink_1_2F1"] == b"", "a broker forgets what is empty, and Home Assistant takes it back"
+    assert b"ALPHA" in trackers["ridlink_ALPHA"] and sum(map(bool, trackers.values())) == 2
+
+
 def test_home_assistant_gets_a_device_tracker_for_each() -> None:
     messages = published([replace(ONE, identity=b"A+#/<b>")], 0.5, home_assistant=True)
     [config] = [message for message in messages if message.topic.startswith("homeassistant/")]
