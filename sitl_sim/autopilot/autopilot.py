@@ -188,12 +188,14 @@ def _board_of(world: World, index: int, flavour: str, home: Geodetic, texts: Sta
     spec, system_id = world.scenario.vehicles[index], index + 1
     north, east, _ = spec.start_ned_m
     latitude, longitude, altitude = geodetic_from_ned((north, east, 0.0), home)
+    ground = Geodetic(float(latitude), float(longitude), float(altitude))
     return Board(
         system_id,
         spec,
         FLAVOURS[flavour],
         Parameters(FLAVOURS[flavour], system_id),
         scenario_home=home,
-        own_home=Geodetic(float(latitude), float(longitude), float(altitude)),
+        own_origin=ground,
+        own_home=ground,
         say=texts.say,
     )

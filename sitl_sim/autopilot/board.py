@@ -13,7 +13,7 @@ from sitl_sim.autopilot.results import Say
 
 @dataclass(slots=True)
 class Board:
-    """One vehicle's; only its home and the values of its parameters change.
+    """One vehicle's; only its home, the height of its origin and the values of its parameters change.
 
     Args:
         system_id: Of the vehicle.
@@ -21,8 +21,9 @@ class Board:
         flavour: Whose habits it has.
         parameters: Its parameters.
         scenario_home: Origin of the scenario's coordinates.
-        own_home: The ground below its start, as high as its estimator said when it was switched on or armed: heights
-            count from there.
+        own_origin: Origin of its local frame: the ground below its start, as high as home.
+        own_home: The ground where it was switched on or armed, as high as its estimator said then: heights count from
+            there.
         say: Called with what STATUSTEXT is to carry.
     """
 
@@ -31,6 +32,7 @@ class Board:
     flavour: Flavour
     parameters: Parameters
     scenario_home: Geodetic
+    own_origin: Geodetic
     own_home: Geodetic
     say: Say
 

@@ -1,12 +1,14 @@
-"""Where a vehicle has its home, and its local frame about the ground below its start.
+"""Where a vehicle has its home, and its local frame.
 
-Units and axes: metres; north-east-down. Heights and LOCAL_POSITION_NED count from home.
+Units and axes: metres; north-east-down. Home is the ground where the vehicle was armed, or below its start; heights
+count from it. The local frame keeps its origin on the ground below the start, and is as high as home is.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+from ridlink.geodesy import Geodetic, geodetic_from_ned
 from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.navigation import Navigation, Vector
 
@@ -15,33 +17,38 @@ class Home:
     """The home of one vehicle.
 
     Args:
-        board: Keeps it in degrees, for whoever tells or reads it.
+        board: Keeps both in degrees, for whoever tells or reads them.
         navigation: The vehicle's navigation solution at the start.
         down_m: How far below the scenario's home it is then.
 
     Attributes:
-        origin_ned_m: It, and the origin of the local frame, about the scenario's home: the ground below the start.
+        origin_ned_m: Origin of the local frame about the scenario's home.
+        place_ned_m: Home, likewise.
         error_m: How far below the ground the estimator had it.
     """
 
     def __init__(self, board: Board, navigation: Navigation, down_m: float) -> None:
         self._board = board
         self.origin_ned_m: Vector = (board.spec.start_ned_m[0], board.spec.start_ned_m[1], 0.0)
+        self.place_ned_m = self.origin_ned_m
         self.error_m = 0.0
-        self.set(navigation, down_m)
+        self.set(navigation, (*self.origin_ned_m[:2], down_m))
 
-    def set(self, navigation: Navigation, down_m: float = 0.0) -> None:
-        """Heights count from where the estimator believes the ground now, as on the real ones: by how many metres the
-        receiver is off at the start is not told as a height.
+    def set(self, navigation: Navigation, here_ned_m: Vector) -> None:
+        """Home is here from now on. Heights count from where the estimator believes the ground now, as on the real
+        ones: by how many metres the receiver is off at the start is not told as a height.
 
         Args:
             navigation: The vehicle's navigation solution.
-            down_m: Of the vehicle.
+            here_ned_m: Where it steers by to be, about the scenario's home.
         """
-        error_m = navigation.position_ned_m[2] - down_m
-        home = self._board.own_home
-        self._board.own_home = replace(home, altitude_m=home.altitude_m + self.error_m - error_m)
-        self.error_m = error_m
+        north, east, down = here_ned_m
+        error_m = navigation.position_ned_m[2] - down
+        altitude_m = self._board.own_origin.altitude_m + self.error_m - error_m
+        self._board.own_origin = replace(self._board.own_origin, altitude_m=altitude_m)
+        latitude, longitude, _ = geodetic_from_ned((north, east, 0.0), self._board.scenario_home)
+        self._board.own_home = Geodetic(float(latitude), float(longitude), altitude_m)
+        self.place_ned_m, self.error_m = (north, east, 0.0), error_m
 
     def local(self, navigation: Navigation) -> Vector:
         """Where the vehicle believes to be, as LOCAL_POSITION_NED tells it."""

@@ -100,6 +100,11 @@ class MissionFlight:
         if first <= self.current < first + len(items):
             self._go_on_with(self.current)
 
+    def home_moved(self) -> None:
+        """The item that stands for home is where home is now."""
+        if self._first:
+            self.plan = (self._home_item(), *self.plan[1:])
+
     def _home_item(self) -> MissionItem:
         home = self._board.own_home
         x, y = round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7)

@@ -119,7 +119,7 @@ class Orders:
             return self.refuse("arming refused: AUTO mode not armable")
         pilot.arm(wanted)
         if wanted:
-            pilot.home.set(pilot.navigation)
+            pilot.set_home()
         if wanted and pilot.mode in (Mode.LAND, Mode.RETURN):
             pilot.mode = self._board.flavour.ground_mode
         if wanted and pilot.mode is Mode.TAKEOFF and isinstance(pilot.guidance, Climb):

@@ -131,12 +131,12 @@ class Pilot:
 
     @property
     def local_position_ned_m(self) -> Vector:
-        """Where it believes to be about its own home, as LOCAL_POSITION_NED tells it."""
+        """Where it believes to be in its local frame, as LOCAL_POSITION_NED tells it."""
         return self.home.local(self.navigation)
 
     @property
     def position_target_ned_m(self) -> Vector | None:
-        """Where it is going, about its own home, also on its way up; None while it flies a velocity."""
+        """Where it is going, in its local frame, also on its way up; None while it flies a velocity."""
         if isinstance(self.guidance, Climb):
             north, east, _ = self.local_position_ned_m
             return north, east, -self.guidance.height_m
@@ -286,7 +286,7 @@ class Pilot:
         One that cannot be taken is ignored by PX4, which then misses its stream; ArduPilot stops.
         """
         try:
-            here = Here(self.local_position_ned_m, self.yaw_rad, self._board.own_home, self._board.is_px4)
+            here = Here(self.local_position_ned_m, self.yaw_rad, self._board.own_origin, self._board.is_px4)
             setpoint = decode_setpoint(message, here)
         except RefusedSetpoint as refusal:
             if self.mode is Mode.OFFBOARD:
@@ -338,6 +338,12 @@ class Pilot:
             self._board.say(Severity.INFO, "Arming motors" if wanted else "Disarming motors")
         self.armed = wanted
 
+    def set_home(self) -> None:
+        """Home is here from now on."""
+        estimate = self.estimate
+        self.home.set(self.navigation, (estimate.north_m, estimate.east_m, estimate.down_m))
+        self.mission.home_moved()
+
     def lift_off(self) -> None:
         """Leave the ground; it climbs when commanded to."""
         self._world.lift_off(self._index)
@@ -361,7 +367,7 @@ class Pilot:
             self.enter(Mode.RETURN, Climb(height_m, self.speeds.climb_mps) if low else self._way_home())
 
     def _way_home(self) -> GoTo:
-        north, east, _ = self.home.origin_ned_m
+        north, east, _ = self.home.place_ned_m
         return self.speeds.way_to((north, east, self.estimate.down_m))
 
     def _command(self) -> None:

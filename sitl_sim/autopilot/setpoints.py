@@ -67,14 +67,14 @@ class Here:
     Args:
         position_ned_m: Where the vehicle believes to be, about its own origin; for frames that give an offset.
         yaw_rad: Its heading; for frames that turn with it.
-        home: Its own origin; for global frames.
+        origin: Of its local frame; for global frames.
         px4: Whose frames are taken. A heading of PX4's counts from north, of ArduPilot's from the nose, beside a frame
             that turns with it.
     """
 
     position_ned_m: Vector
     yaw_rad: float
-    home: Geodetic
+    origin: Geodetic
     px4: bool
 
 
@@ -150,7 +150,7 @@ def guidance_of(setpoint: Setpoint, speeds: Speeds, origin_ned_m: Vector, flown_
     Args:
         setpoint: What is asked for.
         speeds: The vehicle's.
-        origin_ned_m: Its own home about the scenario's.
+        origin_ned_m: Of its local frame, about the scenario's home.
         flown_ned_mps: The velocity that it flies now; an acceleration goes on from there.
         px4: ArduPilot has no controller for a position with an acceleration alone: it stops.
     """
@@ -197,8 +197,8 @@ def _global_position(message: Message, here: Here) -> Vector:
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
         raise RefusedSetpoint("setpoint ignored: no place on Earth")
     (altitude_m, _, _) = _finite(message.alt, 0.0, 0.0)
-    above_m = here.home.altitude_m if message.coordinate_frame in ALTITUDE_FRAMES else 0.0
-    north, east, _ = ned_from_geodetic(latitude_deg, longitude_deg, here.home.altitude_m, here.home).tolist()
+    above_m = here.origin.altitude_m if message.coordinate_frame in ALTITUDE_FRAMES else 0.0
+    north, east, _ = ned_from_geodetic(latitude_deg, longitude_deg, here.origin.altitude_m, here.origin).tolist()
     return _finite(north, east, above_m - altitude_m)
 
 

@@ -214,7 +214,7 @@ class Telemetry:
         pilot = self._pilot
         fields = {name: value for name, value in self._position_target_local_ned().items() if name not in "xyz"}
         target = pilot.position_target_ned_m or pilot.local_position_ned_m
-        latitude, longitude, _ = geodetic_from_ned((target[0], target[1], 0.0), self.home)
+        latitude, longitude, _ = geodetic_from_ned((target[0], target[1], 0.0), self._board.own_origin)
         place = _position(float(latitude), float(longitude), "lat_int", "lon_int")
         return {**fields, **place, "coordinate_frame": 5, "alt": self.home.altitude_m - target[2]}
 
@@ -251,6 +251,7 @@ class Telemetry:
         return {
             **_position(self.home.latitude_deg, self.home.longitude_deg, "latitude", "longitude"),
             "altitude": mm_from_m(self.home.altitude_m),
+            **dict(zip(("x", "y", "z"), self._pilot.home.about_origin(self._pilot.home.place_ned_m), strict=True)),
             "q": (1.0, 0.0, 0.0, 0.0),
             "approach_x": math.nan,
             "approach_y": math.nan,
@@ -272,9 +273,10 @@ class Telemetry:
         }
 
     def _gps_global_origin(self) -> Fields:
+        origin = self._board.own_origin
         return {
-            **_position(self.home.latitude_deg, self.home.longitude_deg, "latitude", "longitude"),
-            "altitude": mm_from_m(self.home.altitude_m),
+            **_position(origin.latitude_deg, origin.longitude_deg, "latitude", "longitude"),
+            "altitude": mm_from_m(origin.altitude_m),
             "time_usec": self._boot_us,
         }
 

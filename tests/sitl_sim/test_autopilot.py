@@ -403,6 +403,43 @@ def test_return_comes_home_and_lands(flavour: str) -> None:
     assert not flight.armed
 
 
+@both
+def test_home_is_where_the_vehicle_was_armed_and_the_local_frame_keeps_its_origin(flavour: str) -> None:
+    flight = Flight(flavour, scenario=one_vehicle(start_ned_m=(*START_NED_M[:2], -5.0)))
+
+    def take_off() -> None:
+        if flavour == "ardupilot":
+            flight.set_mode(GUIDED)
+        flight.command(ARM, 1)
+        flight.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 5.0 if flavour == "ardupilot" else HOME.altitude_m + 5.0)
+        flight.advance(6.0)
+        offboard(flight)
+
+    def place(name: str, *fields: str) -> list[int]:
+        number = {"HOME_POSITION": 242, "GLOBAL_POSITION_INT": 33, "GPS_GLOBAL_ORIGIN": 49}[name]
+        _, message = flight.send("COMMAND_LONG", target_system=1, command=512, param1=number)
+        return [message.fields[field] for field in fields]
+
+    origin = place("GPS_GLOBAL_ORIGIN", "latitude", "longitude")
+    assert place("HOME_POSITION", "latitude", "longitude", "x") == [*origin, 0.0]
+    take_off()
+    flight.fly(10.0, mask=0x0DF8, x=20.0, z=-5.0)
+    flight.command(LAND)
+    flight.advance(15.0)
+    assert not flight.armed and place("HOME_POSITION", "latitude") == origin[:1]
+    take_off()
+    home = place("HOME_POSITION", "latitude", "longitude", "x")
+    assert home[0] - origin[0] == pytest.approx(20.0 / 0.0111, rel=0.1) and home[2] == pytest.approx(20.0, abs=2.0)
+    assert place("GPS_GLOBAL_ORIGIN", "latitude", "longitude") == origin
+    assert flight.last("LOCAL_POSITION_NED").x == pytest.approx(home[2], abs=1.0)
+    flight.fly(8.0, mask=0x0DF8, x=5.0, z=-5.0)  # places of setpoints still count from where it started
+    assert float(flight.world.position_ned_m[0, 0]) == pytest.approx(START_NED_M[0] + 5.0, abs=1.0)
+    assert flight.command(RETURN) == ACCEPTED
+    flight.advance(60.0)
+    assert not flight.armed
+    assert float(flight.world.position_ned_m[0, 0]) == pytest.approx(START_NED_M[0] + home[2], abs=1.5)
+
+
 # --- the world has its say --------------------------------------------------------------------------------------------
 
 

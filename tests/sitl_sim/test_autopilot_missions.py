@@ -316,6 +316,17 @@ def test_items_in_the_place_of_none_are_refused(first: int, last: int) -> None:
     assert len(download(flight)) == 2
 
 
+def test_the_item_that_is_home_moves_with_it() -> None:
+    flight = Flight("ardupilot", scenario=one_vehicle(sigma_m=3.5), seed=2)
+    assert upload(flight, planned("ardupilot", [item()])) == ACCEPTED
+    before = download(flight)[0].z
+    flight.advance(60.0)  # an estimator wanders
+    assert flight.command(ARM, 1) == ACCEPTED
+    after = download(flight)[0]
+    assert after.z == pytest.approx(flight.autopilot.telemetry.fields("HOME_POSITION")["altitude"] / 1e3, abs=0.001)
+    assert abs(after.z - before) > 0.05
+
+
 def test_the_first_items_of_a_mission_may_come_as_a_part_of_it() -> None:
     flight = holding("ardupilot")
     answers = to_vehicle(flight, "MISSION_WRITE_PARTIAL_LIST", start_index=0, end_index=0)
