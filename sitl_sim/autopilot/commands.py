@@ -198,6 +198,8 @@ class Commands:
 
     def _start_mission(self, command: Command, now_s: float) -> Result:
         first = command[1]
+        if not self._board.is_px4 and (first is not None or command[2] is not None):
+            return self._orders.refuse("mission: starts where it is, and ends at its end", Result.DENIED)
         if first is not None and not (0 <= first < 65536 and self._pilot.mission.set_current(int(first))):
             return self._orders.refuse("mission: there is no such item", Result.DENIED)
         return self._orders.start_mission(now_s)

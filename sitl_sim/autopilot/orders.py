@@ -16,6 +16,9 @@ from sitl_sim.world import VehicleState
 
 _NEEDS_POSITION = (Mode.POSITION, Mode.HOLD, Mode.TAKEOFF, Mode.MISSION, Mode.RETURN, Mode.OFFBOARD, Mode.BRAKE)
 
+_NOT_ARMABLE = (Mode.MISSION, Mode.LAND, Mode.RETURN, Mode.BRAKE)
+"""Modes of ArduPilot in which it does not arm: who has landed in one of them chooses another first."""
+
 
 class Orders:
     """Orders to one vehicle.
@@ -115,8 +118,8 @@ class Orders:
             return self.refuse("arming refused: no position")
         if wanted and self._board.is_px4 and pilot.mode is Mode.OFFBOARD and not pilot.steering.has_stream(now_s):
             return self.refuse("arming refused: no offboard signal")
-        if wanted and not self._board.is_px4 and pilot.mode is Mode.MISSION:
-            return self.refuse("arming refused: AUTO mode not armable")
+        if wanted and not self._board.is_px4 and pilot.mode in _NOT_ARMABLE:
+            return self.refuse(f"arming refused: {self._board.flavour.name_of(pilot.mode)} mode not armable")
         pilot.arm(wanted)
         if wanted:
             pilot.set_home()

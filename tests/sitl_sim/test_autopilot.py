@@ -328,6 +328,22 @@ def test_landing_ends_on_the_ground_and_disarms(flavour: str) -> None:
     assert flight.command(LAND) == ACCEPTED
 
 
+@pytest.mark.parametrize(("down", "name"), [(LAND, "LAND"), (RETURN, "RTL")])
+def test_ardupilot_is_not_armed_in_the_mode_in_which_it_has_landed(down: int, name: str) -> None:
+    flight = Flight("ardupilot", Start.AIRBORNE, scenario=one_vehicle(start_ned_m=(-200.0, 0.0, -3.0)))
+    flight.send("PARAM_SET", target_system=1, param_id="RTL_ALT", param_value=300.0)
+    flight.command(down)
+    flight.advance(10.0)
+    assert not flight.armed
+    assert flight.command(ARM, 1) == FAILED
+    flight.advance(0.1)
+    assert f"arming refused: {name} mode not armable" in flight.texts
+    flight.set_mode(17)
+    assert flight.command(ARM, 1) == FAILED
+    flight.set_mode(GUIDED)
+    assert flight.command(ARM, 1) == ACCEPTED
+
+
 @both
 def test_a_landing_can_be_called_off(flavour: str) -> None:
     flight = airborne(flavour)

@@ -219,6 +219,14 @@ def test_numbers_out_of_range_are_refused() -> None:
     assert partial.type == MissionResult.UNSUPPORTED
 
 
+def test_ardupilot_starts_a_mission_where_it_is_and_px4_where_it_is_told() -> None:
+    for flavour, result in (("px4", ACCEPTED), ("ardupilot", DENIED)):
+        flight = holding(flavour)
+        assert upload(flight, planned(flavour, [item(), item(north=5.0)])) == ACCEPTED
+        assert flight.command(MISSION_START, 1) == result
+        assert flight.command(MISSION_START) == ACCEPTED
+
+
 def test_a_lost_item_is_asked_for_again_until_the_vehicle_gives_up() -> None:
     flight = holding("px4")
     to_vehicle(flight, "MISSION_COUNT", count=2)
