@@ -7,9 +7,11 @@ from collections import Counter
 from collections.abc import Callable
 
 from ridlink.links import Address, Link
-from ridlink.mavlink.codec import Encoder
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
+from ridlink.mavlink.signing import EPOCH_UTC_S, Signing
 
 PATIENCE_S = 5.0
+UTC_S = EPOCH_UTC_S + 400_000_000.0
 
 
 class Inbox:
@@ -59,3 +61,8 @@ def heartbeat(seq: int = 0) -> bytes:
     encoder = Encoder(1, 1)
     encoder.seq = seq
     return encoder.encode("HEARTBEAT", type=2, autopilot=12)
+
+
+def signed(encoder: Encoder, signing: Signing, utc_s: float = UTC_S) -> bytes:
+    """A signed heartbeat of a vehicle."""
+    return signing.sign(encoder.encode("HEARTBEAT", type=2, autopilot=12), CRC_EXTRAS[0], utc_s)

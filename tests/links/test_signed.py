@@ -22,8 +22,8 @@ from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.signing import EPOCH_UTC_S, UNITS_PER_S, Signing
 from tests.daemon.emulated import PATIENCE_S
 from tests.links.conftest import KEY
+from tests.links.ends import UTC_S, signed
 
-UTC_S = EPOCH_UTC_S + 400_000_000.0
 ANY = parse_link_url("udpin:127.0.0.1:0")
 
 
@@ -66,10 +66,6 @@ def killed(link: SignedLink) -> None:
     """End a link without a word to the file, as kill -9 does."""
     link.clock.release()
     link.close()
-
-
-def signed(encoder: Encoder, signing: Signing, utc_s: float = UTC_S) -> bytes:
-    return signing.sign(encoder.encode("HEARTBEAT", type=2, autopilot=12), CRC_EXTRAS[0], utc_s)
 
 
 def test_f23_what_cannot_be_signed_is_counted_and_does_not_leave(key_file: Path, tmp_path: Path) -> None:

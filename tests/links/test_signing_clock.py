@@ -14,7 +14,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.signing import Signing
 from tests.links.conftest import KEY
-from tests.links.test_signed import UTC_S, signed
+from tests.links.ends import UTC_S, signed
 
 
 def test_f23_who_crashes_again_and_again_still_hears_a_vehicle_for_the_first_time(key_file: Path) -> None:

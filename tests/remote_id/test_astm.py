@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -32,22 +30,9 @@ from ridlink.remote_id.messages import (
     Separation,
     System,
 )
+from tests.remote_id.vectors import KINDS, PACKS, SINGLE, VECTORS, any_25_bytes, message_of, messages_25
 
-VECTORS: list[dict[str, Any]] = [
-    json.loads(line)
-    for line in (Path(__file__).parents[2] / "message_spec" / "vectors" / "astm.jsonl").read_text().splitlines()
-]
-SINGLE = [vector for vector in VECTORS if "fields" in vector]
-PACKS = [vector for vector in VECTORS if "messages" in vector]
-KINDS = {name: kind for kind, name in MAVLINK_NAMES.items()}
-BYTES = {"uas_id", "description", "operator_id", "authentication_data"}
 LOCATION = bytes.fromhex("12205a3103f824531eeb589302c1081b092a084a4339300100")
-
-
-def message_of(vector: dict[str, Any]) -> RemoteIdMessage:
-    fields = {name: bytes.fromhex(value) if name in BYTES else value for name, value in vector["fields"].items()}
-    message: RemoteIdMessage = KINDS[vector["type"]](**fields)
-    return message
 
 
 def test_every_message_has_vectors_in_both_directions() -> None:
@@ -229,8 +214,6 @@ locations = st.builds(
     horizontal_accuracy=codes, vertical_accuracy=codes, barometer_accuracy=codes, speed_accuracy=codes,
     timestamp_s=st.none() | st.floats(0, 3600), timestamp_accuracy_s=st.none() | st.floats(0, 1.5),
 )  # fmt: skip
-any_25_bytes = st.binary(min_size=MESSAGE_LENGTH, max_size=MESSAGE_LENGTH)
-messages_25 = any_25_bytes.map(lambda data: bytes((data[0] % 0x60,)) + data[1:]).filter(lambda d: not refusal_of(d))
 
 
 def within(sent: float | None, got: float | None, step: float) -> bool:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from ridlink.remote_id.astm import decode_message, encode_message
 from ridlink.remote_id.messages import Authentication, Separation
 from ridlink.remote_id.separation import separation_of
-from tests.remote_id.test_astm import SINGLE, message_of
+from tests.remote_id.vectors import SINGLE, message_of
 
 lengths = st.none() | st.floats(0, 1e5)
 speeds = st.none() | st.floats(-400, 400)

@@ -23,7 +23,7 @@ from ridlink.remote_id.messages import (
     SelfId,
     Separation,
 )
-from tests.remote_id.test_astm import messages_25
+from tests.remote_id.vectors import messages_25
 
 MAC = bytes.fromhex("84cca8604324").ljust(20, b"\x00")
 HERE = Location(latitude_deg=47.4, longitude_deg=8.5, timestamp_s=1234.5)
