@@ -50,6 +50,9 @@ LANDED_STATE_VALID_S = 5.0
 """EXTENDED_SYS_STATE comes once or twice a second."""
 CLOCK_BACK_MS = 1000
 """time_boot_ms back by more is a restart of the autopilot; by less, a datagram that overtook another."""
+CLOCK_ROUND_MS = 1 << 32
+NEARLY_ROUND_MS = CLOCK_ROUND_MS - 60_000
+"""It comes round after 50 days; a difference of nearly so much, within a minute of that, is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +113,7 @@ class OwnShipTelemetry:
         self._rebooted = False
         self._position_heard_at_s = -math.inf
         self._clock_ms: int | None = None
+        self._rounds_ms = 0
         self._lateness = Lateness()
         self._jumps = JumpWatch()
         self._filter = PositionFilter() if self._filtered else PositionFilter(time_constant_s=0.0)
@@ -191,11 +195,17 @@ class OwnShipTelemetry:
         self._obeying_since_s = min(self._obeying_since_s, now_s) if obeys else math.inf
 
     def _in_order(self, time_boot_ms: int) -> bool:
-        """Watch the autopilot's clock; False for a message that was overtaken."""
-        before, self._clock_ms = self._clock_ms, time_boot_ms
-        if before is None or time_boot_ms >= before:
+        """Watch the autopilot's clock, which goes on in `_clock_ms`; False for a message that was overtaken."""
+        before, now_ms = self._clock_ms, time_boot_ms + self._rounds_ms
+        if before is not None and before - now_ms > NEARLY_ROUND_MS:
+            self._rounds_ms += CLOCK_ROUND_MS
+            now_ms += CLOCK_ROUND_MS
+        elif before is not None and self._rounds_ms and now_ms - before > NEARLY_ROUND_MS:
+            return False
+        self._clock_ms = now_ms
+        if before is None or now_ms >= before:
             return True
-        if before - time_boot_ms > CLOCK_BACK_MS:
+        if before - now_ms > CLOCK_BACK_MS:
             self._rebooted = True
             self._lateness.forget()
             self.counters["autopilot_restart"] += 1
@@ -212,7 +222,7 @@ class OwnShipTelemetry:
         if (message.lat == 0 and message.lon == 0) or abs(latitude) > 90.0 or abs(longitude) > 180.0:
             self.counters["own_position_unusable"] += 1
             return
-        late_s = self._late_s(message, now_s)
+        late_s = self._late_s(now_s)
         if not self.trust.trusted:
             self.counters["own_position_untrusted"] += 1
             return
@@ -220,7 +230,7 @@ class OwnShipTelemetry:
         measured_at_s = now_s - late_s
         self._watch_for_jumps((latitude, longitude), velocity, measured_at_s)
         # By the autopilot's own clock: the link's jitter is no motion.
-        self._filter.update(latitude, longitude, velocity, self.trust.error_m(now_s), message.time_boot_ms / 1e3)
+        self._filter.update(latitude, longitude, velocity, self.trust.error_m(now_s), self._clock_s)
         self._altitude_m = m_from_mm(message.alt)
         self._home_altitude_m = m_from_mm(message.alt - message.relative_alt)
         self._velocity = velocity
@@ -232,8 +242,12 @@ class OwnShipTelemetry:
         if known and abs(latitude) <= 90.0 and abs(longitude) <= 180.0:
             self.home = Geodetic(latitude, longitude, m_from_mm(message.altitude))
 
-    def _late_s(self, message: Message, now_s: float) -> float:
-        late_s = self._lateness.update(message.time_boot_ms / 1e3, now_s)
+    @property
+    def _clock_s(self) -> float:
+        return (self._clock_ms or 0) / 1e3
+
+    def _late_s(self, now_s: float) -> float:
+        late_s = self._lateness.update(self._clock_s, now_s)
         if late_s > INFLATE_AFTER_S:
             self.counters["own_position_delayed"] += 1
         return late_s

@@ -82,7 +82,8 @@ class Emulated:
             alt_ellipsoid=ellipsoid, **place,
         )  # fmt: skip
         return (b"" if self.receiver_silent else receiver) + encode(
-            "GLOBAL_POSITION_INT", time_boot_ms=round(1e3 * now_s), relative_alt=relative, vx=vx, vy=vy, vz=vz, **place,
+            "GLOBAL_POSITION_INT", time_boot_ms=round(1e3 * now_s) % 2**32, relative_alt=relative,
+            vx=vx, vy=vy, vz=vz, **place,
         )  # fmt: skip
 
     def target_message(self, now_s: float) -> bytes:
@@ -90,7 +91,7 @@ class Emulated:
         vx, vy, vz = (float(value) for value in self.velocity)
         mask = 0x0DC7 if self.obeyed else 0x0DF8
         return self.encoder.encode(
-            "POSITION_TARGET_LOCAL_NED", time_boot_ms=round(1e3 * now_s), coordinate_frame=1, type_mask=mask,
+            "POSITION_TARGET_LOCAL_NED", time_boot_ms=round(1e3 * now_s) % 2**32, coordinate_frame=1, type_mask=mask,
             vx=vx, vy=vy, vz=vz,
         )  # fmt: skip
 

@@ -198,6 +198,18 @@ def test_a_clock_that_goes_back_is_a_restart_and_a_little_is_a_late_datagram() -
     assert telemetry.state(60.3).velocity_ned_mps == (0.0, 0.0, 0.0)  # type: ignore[union-attr]
 
 
+def test_what_was_overtaken_while_the_clock_came_round_is_late_and_no_restart() -> None:
+    telemetry, autopilot = flying()
+    for at_ms in (-20, 40, -40, 60):
+        autopilot.position(0.1, time_boot_ms=at_ms % 2**32)
+    assert (telemetry.counters["own_position_late"], telemetry.take_reboot()) == (1, False)
+    for last_ms in (2**32 - 70_000, 2**31):
+        telemetry, autopilot = flying()
+        autopilot.position(0.1, time_boot_ms=last_ms)
+        autopilot.position(0.2, time_boot_ms=20)
+        assert telemetry.take_reboot(), "not within a minute"
+
+
 def test_local_velocity_counts_if_it_is_a_number() -> None:
     telemetry, autopilot = flying()
     autopilot.say(0.1, "LOCAL_POSITION_NED", time_boot_ms=100, vx=3.0, vy=1.0, vz=0.0)
