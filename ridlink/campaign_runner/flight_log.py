@@ -20,7 +20,7 @@ from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.accuracy import code_of_three_sigma
 from ridlink.remote_id.convert import to_mavlink
-from ridlink.remote_id.messages import Location, Separation, SeparationFlags
+from ridlink.remote_id.messages import STATUS_AIRBORNE, Location, Separation, SeparationFlags
 from ridlink.remote_id.quantities import write_position
 
 BEGIN_S = 1_700_000_000
@@ -32,7 +32,6 @@ ORIGIN = Geodetic(47.397742, 8.545594, 488.0)
 HEIGHT_M = 50.0
 HEARTBEAT_S = 1.0
 MULTIROTOR, AUTOPILOT_GENERIC, ACTIVE, ARMED = 2, 0, 4, 0x80
-AIRBORNE = 2
 LAST_SYSTEM_ID = 250
 
 
@@ -92,7 +91,7 @@ def _reports(instant: Instant, k: int, bound_m: float, plan: Plan, roles: Roles)
     north, east = instant.velocity_ne_mps[0, k].tolist()
     timestamp_s = (BEGIN_S + instant.now_s) % 3600.0
     location = Location(
-        status=AIRBORNE, direction_deg=_course_deg(north, east), speed_horizontal_mps=math.hypot(north, east),
+        status=STATUS_AIRBORNE, direction_deg=_course_deg(north, east), speed_horizontal_mps=math.hypot(north, east),
         speed_vertical_mps=0.0, latitude_deg=latitude_deg, longitude_deg=longitude_deg,
         altitude_geodetic_m=altitude_m, height_m=HEIGHT_M, horizontal_accuracy=code_of_three_sigma(bound_m),
         timestamp_s=timestamp_s, timestamp_accuracy_s=0.1,

@@ -15,7 +15,7 @@ import msgspec
 
 from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.convert import to_mavlink
-from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation
+from ridlink.remote_id.messages import STATUS_AIRBORNE, BasicId, Location, RemoteIdMessage, Separation
 from ridlink.remote_id.quantities import ID_LENGTH, SECONDS_PER_HOUR
 
 RELAY_SYSID, RELAY_COMPID = 254, 236
@@ -23,7 +23,6 @@ RELAY_SYSID, RELAY_COMPID = 254, 236
 
 LONGEST_PAYLOAD = 64 * 1024
 MOST_AIRCRAFT_A_MESSAGE = 500
-AIRBORNE = 2
 SERIAL_NUMBER = 1
 
 NAMES: dict[str, tuple[str, ...]] = {
@@ -97,7 +96,7 @@ class Feed:
         messages: list[RemoteIdMessage] = [
             BasicId(id_type=SERIAL_NUMBER, ua_type=0, uas_id=raw, id_or_mac=transmitter),
             Location(
-                status=AIRBORNE,
+                status=STATUS_AIRBORNE,
                 latitude_deg=latitude,
                 longitude_deg=longitude,
                 altitude_geodetic_m=_number(row, "altitude_geodetic_m", -999.0, 31_767.0),

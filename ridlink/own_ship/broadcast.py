@@ -23,6 +23,10 @@ from ridlink.periodic import Periodic
 from ridlink.remote_id.accuracy import code_of_three_sigma
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import (
+    STATUS_AIRBORNE,
+    STATUS_FAILURE,
+    STATUS_ON_GROUND,
+    STATUS_UNDECLARED,
     BasicId,
     Location,
     OperatorId,
@@ -48,8 +52,6 @@ MODULE_INTERVAL_S = 1.0
 WORST_ACCELERATION_MPS2 = 5.0
 """How a vehicle may have changed its velocity since it last said where it is."""
 
-STATUS_UNDECLARED, STATUS_GROUND, STATUS_AIRBORNE, STATUS_FAILURE = 0, 1, 2, 4
-"""MAV_ODID_STATUS."""
 ID_NONE, ID_SERIAL_NUMBER = 0, 1
 """MAV_ODID_ID_TYPE."""
 TAKEOFF_LOCATION = 0
@@ -286,5 +288,5 @@ def _status(telemetry: OwnShipTelemetry, now_s: float) -> int:
     if telemetry.heard_s(now_s) > HEARTBEAT_LOST_S:
         return STATUS_UNDECLARED
     if telemetry.landed_state_known(now_s):
-        return STATUS_GROUND if telemetry.on_ground else STATUS_AIRBORNE
-    return STATUS_AIRBORNE if telemetry.armed else STATUS_GROUND
+        return STATUS_ON_GROUND if telemetry.on_ground else STATUS_AIRBORNE
+    return STATUS_AIRBORNE if telemetry.armed else STATUS_ON_GROUND

@@ -18,6 +18,9 @@ from enum import IntFlag
 
 from msgspec import Struct
 
+STATUS_UNDECLARED, STATUS_ON_GROUND, STATUS_AIRBORNE, STATUS_FAILURE = 0, 1, 2, 4
+"""MAV_ODID_STATUS, as `Location.status` has it."""
+
 
 class BasicId(Struct, frozen=True, gc=False):
     """OPEN_DRONE_ID_BASIC_ID (12900)."""

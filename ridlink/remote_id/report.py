@@ -12,13 +12,10 @@ import math
 from msgspec import Struct
 
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, horizontal_bound_m, three_sigma_bound_m
-from ridlink.remote_id.messages import Location, Separation
+from ridlink.remote_id.messages import STATUS_ON_GROUND, Location, Separation
 
 SourceKey = tuple[int, int, bytes | None]
 """Identity of a sender: system id, component id and, for relayed data, ``id_or_mac``."""
-
-STATUS_ON_GROUND = 1
-"""MAV_ODID_STATUS_GROUND."""
 
 _NO_EXTENSION = Separation()
 

@@ -20,7 +20,7 @@ from ridlink.observer import Sky
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, coded_bound_m
 from ridlink.remote_id.bridge import messages_of
-from ridlink.remote_id.messages import BasicId, Location
+from ridlink.remote_id.messages import STATUS_AIRBORNE, STATUS_ON_GROUND, BasicId, Location
 from ridlink.remote_id.report import RemoteIdReport
 
 GLOBAL_POSITION = MESSAGES_BY_NAME["GLOBAL_POSITION_INT"].msgid
@@ -40,7 +40,6 @@ SETTLED_S = 2.0
 
 RENEWED_S = 1.0
 
-ON_GROUND, AIRBORNE = 1, 2
 AUTOPILOTS = 64
 
 
@@ -132,7 +131,7 @@ class OwnVehicles:
         return RemoteIdReport(
             source=(sysid, AUTOPILOT_COMPONENT),
             uas_id=self._identity.get(sysid),
-            status=AIRBORNE if telemetry.armed and not telemetry.on_ground else ON_GROUND,
+            status=STATUS_AIRBORNE if telemetry.armed and not telemetry.on_ground else STATUS_ON_GROUND,
             latitude_deg=state.position.latitude_deg,
             longitude_deg=state.position.longitude_deg,
             altitude_geodetic_m=state.altitude_ellipsoid_m,

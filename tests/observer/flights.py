@@ -11,10 +11,9 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.observer import Sky
 from ridlink.remote_id.convert import to_mavlink
-from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation
+from ridlink.remote_id.messages import STATUS_AIRBORNE, BasicId, Location, RemoteIdMessage, Separation
 
 HOME = Geodetic(47.3977, 8.5456, 500.0)
-AIRBORNE = 2
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class Flyer:
             said.append(BasicId(id_type=1, ua_type=2, uas_id=self.identity, id_or_mac=self.id_or_mac))
         said.append(
             Location(
-                status=AIRBORNE,
+                status=STATUS_AIRBORNE,
                 direction_deg=math.degrees(math.atan2(ve, vn)) % 360.0,
                 speed_horizontal_mps=math.hypot(vn, ve),
                 speed_vertical_mps=0.0,
