@@ -14,7 +14,7 @@ PLAN = (400.0, 400.0)
 DISTANCE = (560.0, 400.0)
 LEAST_SPAN_M = 20.0
 TRACK_STYLES = ("one", "two")
-FAR_M = 3.0
+MOST_TIMES_ASKED = 3.0
 """The axis of distances ends at so many times the greatest distance that was asked for."""
 
 
@@ -30,10 +30,10 @@ def plan(met: Met) -> str:
     middle = (tracks[0][k] + tracks[1][k]) / 2.0
     norths, easts = ([track[:, axis] - middle[axis] for track in tracks] for axis in (0, 1))
     errors = met.row["horizontal_error_m"]
-    reach = [max(LEAST_SPAN_M / 2.0, *(error or 0.0 for error in errors), met.row["closest_m"])]
+    room_m = max(LEAST_SPAN_M / 2.0, *(error or 0.0 for error in errors), met.row["closest_m"]) / 2.0
     frame = Frame.true_to_scale(
-        *PLAN, *((float(min(map(np.min, axis), default=0.0)) - reach[0] / 2.0,
-                  float(max(map(np.max, axis), default=0.0)) + reach[0] / 2.0) for axis in (easts, norths))
+        *PLAN, *((float(min(map(np.min, axis), default=0.0)) - room_m,
+                  float(max(map(np.max, axis), default=0.0)) + room_m) for axis in (easts, norths))
     )  # fmt: skip
     parts = [frame.axes("east [m]", "north [m]")]
     for name, style, north, east, error in zip(met.row["uas"], TRACK_STYLES, norths, easts, errors, strict=True):
@@ -54,7 +54,7 @@ def distance(met: Met) -> str:
     since_s = met.trace.time_s - met.row["start_t"]
     required = met.trace.required_m
     asked_m = max(float(np.max(radius)) for radius in required.values())
-    top_m = 1.05 * min(max(float(met.trace.distance_m.max()), asked_m), FAR_M * asked_m)
+    top_m = 1.05 * min(max(float(met.trace.distance_m.max()), asked_m), MOST_TIMES_ASKED * asked_m)
     last_s = max(float(since_s[-1]), 1.0)
     frame = Frame(*DISTANCE, (0.0, last_s), (0.0, top_m))
     shown = np.where(met.trace.distance_m <= top_m, met.trace.distance_m, np.nan)

@@ -48,7 +48,7 @@ class Source:
         size, position: Bytes in all, None where that is not known, and bytes read.
         rejects: Damage by cause.
         error: What ended the reading before the end of the file.
-        needless: System ids whose telemetry nobody needs.
+        needless: Gives the system ids whose telemetry nobody needs, as they are whenever it is called.
         on_progress: Called with the source and a number of frames more, those of a block where the file is large.
 
     Raises:
