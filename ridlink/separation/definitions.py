@@ -8,7 +8,7 @@ Values come from strangers, so they are clamped here and nothing raises on them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -157,7 +157,8 @@ def separation_discs(
         Discs with the broadcast shape.
 
     Raises:
-        ValueError: If an interval is negative or not finite, eta is not within (0, 1), or a name is unknown.
+        ValueError: If an interval is negative or not finite, eta is not within (0, 1), shapes do not broadcast, or a
+            name is unknown.
     """
     definition = Definition(definition)
     interval = np.asarray(interval_s, dtype=np.float64)
@@ -167,7 +168,13 @@ def separation_discs(
     # Every definition answers in the same shape, whatever it looks at.
     sizes = (own.airframe_m, own.error_bound_m, own.accuracy_bound_m, own.speed_mps,
              others.airframe_m, others.error_bound_m, others.accuracy_bound_m, others.speed_mps)  # fmt: skip
-    shape = np.broadcast_shapes(*map(np.shape, (*sizes, interval, neighbours)))
+    try:
+        shape = np.broadcast_shapes(*map(np.shape, (*sizes, interval, neighbours)))
+    except ValueError:
+        names = [f"{whose}.{field.name}" for whose in ("own", "others") for field in fields(Reported)]
+        given = zip((*names, "interval_s", "neighbours"), (*sizes, interval, neighbours), strict=True)
+        shapes = ", ".join(f"{name} {np.shape(values)}" for name, values in given if np.shape(values))
+        raise ValueError(f"shapes do not broadcast: {shapes}") from None
 
     def filled(values: ArrayLike) -> FloatArray:
         part = np.asarray(values)

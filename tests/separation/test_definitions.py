@@ -171,3 +171,10 @@ def test_many_are_indexed_and_set_against_each_other_as_arrays_are():
     assert everybody.radius_m.shape == (3, 3) and np.array_equal(everybody.radius_m, everybody.radius_m.T)
     first = separation_discs(Definition.CANDIDATE2, three[0], three[1:])
     assert np.array_equal(first.radius_m, everybody.radius_m[0, 1:])
+
+
+def test_shapes_that_do_not_fit_are_told_by_their_names() -> None:
+    others = Reported(airframe_m=np.ones(2), speed_mps=np.ones(3))
+    told = r"shapes do not broadcast: others.airframe_m \(2,\), others.speed_mps \(3,\)$"
+    with pytest.raises(ValueError, match=told):
+        separation_discs(Definition.CANDIDATE2, Reported(0.6), others)
