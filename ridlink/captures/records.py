@@ -77,6 +77,9 @@ class Rejects:
         self._last_cause = ""
         self._last_end = -1
 
+    def __repr__(self) -> str:
+        return f"Rejects({dict(self.counts)})"
+
     def add(self, cause: str, offset: int, length: int = 1) -> None:
         """Count bytes that were not taken."""
         if cause != self._last_cause or offset != self._last_end:

@@ -26,7 +26,7 @@ class SourceCount:
     gaps: int = 0
     lost: int = 0
     last_seq: int | None = None
-    leaps: int = field(default=0, compare=False)
+    leaps: int = 0
 
     @property
     def is_of_several_links(self) -> bool:

@@ -32,6 +32,15 @@ def written(tmp_path: Path, data: bytes, name: str = "flight.tlog") -> Path:
     return path
 
 
+def test_links_that_were_recorded_side_by_side_are_told_from_losses(tmp_path: Path) -> None:
+    one, other = Encoder(1, 1), Encoder(1, 1)
+    other.seq = 120
+    path = tmp_path / "two-links.tlog"
+    path.write_bytes(tlog_bytes([(START_US + k, (one, other)[k % 2].encode("HEARTBEAT")) for k in range(1000)]))
+    source = decode(path).sources[1, 1]
+    assert source.is_of_several_links and (source.messages, source.gaps) == (1000, 999)
+
+
 def test_columns_have_the_names_and_values_of_the_xml(tmp_path: Path, thousand: Records) -> None:
     columns = ridlink.decode(written(tmp_path, tlog_bytes(thousand)))
     assert list(columns) == ["HEARTBEAT", "OPEN_DRONE_ID_LOCATION", "RIDLINK_SEPARATION"]
@@ -108,7 +117,7 @@ def test_gaps_and_rejects_are_counted(tmp_path: Path, thousand: Records) -> None
     data = bytearray(tlog_bytes(thousand[:10] + thousand[15:20]))
     data[len(tlog_bytes(thousand[:5])) + 20] ^= 1
     columns = decode(written(tmp_path, bytes(data)))
-    assert columns.rejects.counts == {"bad_checksum": 1}
+    assert columns.rejects.counts == {"bad_checksum": 1} and repr(columns.rejects) == "Rejects({'bad_checksum': 1})"
     assert columns.sources[1, 1] == SourceCount(14, 2, 6, 19)
 
 

@@ -171,4 +171,3 @@ def test_gaps_and_leaps_are_those_of_one_number_after_the_other(steps: list[tupl
         sysids, numbers = (np.array([pair[index] for pair in part], np.uint8) for index in (0, 1))
         count_sources(at_once, numbers, sysids, np.ones_like(sysids))
     assert at_once == one_by_one
-    assert [source.leaps for source in at_once.values()] == [one_by_one[key].leaps for key in at_once]

@@ -154,8 +154,8 @@ class BlockReader:
                 self.rejects.first_offset[str(cause)] = first
         seen = self._sources.reshape(-1, scanning.SOURCE_LENGTH)
         for key in np.flatnonzero(seen[:, scanning.MESSAGES]):
-            messages, gaps, lost, last = map(int, seen[key])
-            self.sources[int(key) >> 8, int(key) & 0xFF] = SourceCount(messages, gaps, lost, last - 1)
+            messages, gaps, lost, last, leaps = map(int, seen[key])
+            self.sources[int(key) >> 8, int(key) & 0xFF] = SourceCount(messages, gaps, lost, last - 1, leaps)
 
 
 def _batches(capture: Capture) -> Iterator[list[Record]]:

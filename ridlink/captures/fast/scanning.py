@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ridlink.captures.fast.loading import TIME_LENGTH, byte_of, checksum, kernel, load
+from ridlink.captures.statistics import LEAP
 from ridlink.captures.tlog import EARLIEST_TIME_US as _EARLIEST
 from ridlink.captures.tlog import LATEST_TIME_US as _LATEST
 from ridlink.captures.tlog import PLAUSIBLE_STEP_US as _STEP
@@ -30,8 +31,8 @@ STATE_LENGTH = 24
 GARBAGE, BAD_CHECKSUM, INCOMPATIBLE, UNCONFIRMED, TRUNCATED, BAD_TIME = range(6)
 """Causes of rejects, in the order of ``tables.CAUSES``."""
 
-MESSAGES, GAPS, LOST, LAST_SEQ = range(4)
-SOURCE_LENGTH = 4
+MESSAGES, GAPS, LOST, LAST_SEQ, LEAPS = range(5)
+SOURCE_LENGTH = 5
 """Places in ``sources``, for each system and component id; the last sequence number is kept plus one."""
 
 
@@ -106,6 +107,7 @@ def count_source(sources: Any, sysid: Any, compid: Any, seq: Any) -> None:
         if missing != 0 and missing != 255:
             sources[place + GAPS] += 1
             sources[place + LOST] += missing
+            sources[place + LEAPS] += missing >= LEAP
 
 
 @kernel(forceinline=True)
