@@ -47,6 +47,9 @@ LIFT_OFF_MPS = 0.1
 BLIND_MPS = 0.7
 """Descent of PX4 in altitude mode without a pilot (measured)."""
 
+_NEVER_ARMED = (Mode.LAND, Mode.RETURN)
+"""Modes that PX4 leaves when it is disarmed, for the one before."""
+
 _STICK_MODES = (Mode.MANUAL, Mode.ALTITUDE, Mode.POSITION, Mode.HOLD)
 """ArduPilot's modes that read the throttle stick; HOLD is LOITER there."""
 
@@ -111,6 +114,7 @@ class Pilot:
             self.mode = Mode.HOLD if flavour.is_px4 else Mode.BRAKE
         else:
             self.mode = flavour.ground_mode
+        self._chosen = self.mode
 
     # --- questions ----------------------------------------------------------------------------------------------------
 
@@ -233,6 +237,7 @@ class Pilot:
 
     def _fail(self, failsafe: Failsafe) -> None:
         self._board.say(Severity.CRITICAL, failsafe.text)
+        chosen = self._chosen
         match failsafe.mode:
             case Mode.RETURN:
                 self.fly_home()
@@ -242,7 +247,7 @@ class Pilot:
                 self.enter(Mode.ALTITUDE, Velocity((0.0, 0.0, BLIND_MPS)))
             case mode:
                 self.enter(mode, Velocity())
-        self.failsafe, self.steering.resumes = True, failsafe.resumes
+        self.failsafe, self.steering.resumes, self._chosen = True, failsafe.resumes, chosen
 
     def _watch_stream(self, now_s: float) -> None:
         if not self.steering.is_flown:
@@ -319,6 +324,8 @@ class Pilot:
     def enter(self, mode: Mode, guidance: Guidance | None) -> None:
         """Change the mode, whatever was before; None: the world flies it."""
         self.mode, self.guidance = mode, guidance
+        if mode not in _NEVER_ARMED:
+            self._chosen = Mode.HOLD if mode is Mode.TAKEOFF else mode
         self.nose.let_go()
         if guidance is None:
             self.command_ned_mps = STILL
@@ -333,9 +340,12 @@ class Pilot:
             self._obey(setpoint)
 
     def arm(self, wanted: bool) -> None:
-        """Switch the motors on or off, whatever speaks against it; ArduPilot says so."""
+        """Switch the motors on or off, whatever speaks against it. ArduPilot says so; PX4, disarmed after a landing, is
+        in the mode again that somebody had chosen before."""
         if wanted != self.armed and not self._board.is_px4:
             self._board.say(Severity.INFO, "Arming motors" if wanted else "Disarming motors")
+        if self.armed and not wanted and self._board.is_px4 and self.mode in _NEVER_ARMED:
+            self.enter(self._chosen, Velocity())
         self.armed = wanted
 
     def set_home(self) -> None:

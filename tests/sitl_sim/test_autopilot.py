@@ -26,6 +26,7 @@ from tests.sitl_sim.flight import (
     NAN,
     PX4_HOLD,
     PX4_LAND,
+    PX4_OFFBOARD,
     PX4_RETURN,
     PX4_TAKEOFF,
     REPOSITION,
@@ -344,6 +345,26 @@ def test_ardupilot_is_not_armed_in_the_mode_in_which_it_has_landed(down: int, na
     assert flight.command(ARM, 1) == ACCEPTED
 
 
+@pytest.mark.parametrize(
+    ("before", "down"), [(PX4_HOLD, LAND), (PX4_HOLD, RETURN), (PX4_OFFBOARD, LAND), (PX4_OFFBOARD, None)]
+)
+def test_px4_is_in_the_mode_before_the_landing_when_it_has_disarmed(before: int, down: int | None) -> None:
+    """As it was recorded: who landed it from OFFBOARD finds it there again, and it does not arm without a stream."""
+    flight = Flight("px4", Start.HOLDING, scenario=one_vehicle(start_ned_m=(-200.0, 0.0, -4.0)))
+    flight.send("PARAM_SET", target_system=1, param_id="RTL_RETURN_ALT", param_value=4.0, param_type=9)
+    flight.advance(0.1)
+    if before == PX4_OFFBOARD:
+        offboard(flight)
+    if down is not None:
+        flight.command(down)
+    flight.advance(2.0)  # of silence, which is a failsafe in OFFBOARD
+    assert flight.mode in (PX4_LAND, PX4_RETURN) and flight.armed
+    flight.advance(20.0)
+    assert flight.mode == before and not flight.armed
+    assert flight.last("HEARTBEAT").system_status == 3
+    assert flight.command(ARM, 1) == (ACCEPTED if before == PX4_HOLD else TEMPORARILY_REJECTED)
+
+
 @both
 def test_a_landing_can_be_called_off(flavour: str) -> None:
     flight = airborne(flavour)
@@ -426,7 +447,9 @@ def test_home_is_where_the_vehicle_was_armed_and_the_local_frame_keeps_its_origi
     def take_off() -> None:
         if flavour == "ardupilot":
             flight.set_mode(GUIDED)
-        flight.command(ARM, 1)
+        else:
+            flight.set_mode(4, 3)
+        assert flight.command(ARM, 1) == ACCEPTED
         flight.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 5.0 if flavour == "ardupilot" else HOME.altitude_m + 5.0)
         flight.advance(6.0)
         offboard(flight)
