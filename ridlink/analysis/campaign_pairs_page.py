@@ -37,7 +37,7 @@ def dominance_table(found: Sequence[Dominance]) -> str:
     """Which setting is no slower and has no more collisions than another, everywhere."""
     rows = (
         (
-            setting_words(*each.setting), setting_words(*each.against), world_words(each.world) or "as in the paper",
+            setting_words(*each.setting), setting_words(*each.against), world_words(each.world) or "usual",
             f"{each.no_slower} of {each.cells}", f"{each.no_more_macs} of {each.cells}", f"{each.slower}",
             f"{each.more_macs}", "<strong>dominates</strong>" if each.dominates else "",
         )

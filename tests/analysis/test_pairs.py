@@ -3,6 +3,7 @@
 import pytest
 
 from ridlink.analysis.campaign_markdown import markdown_report
+from ridlink.analysis.campaign_pairs_page import dominance_table
 from ridlink.analysis.pairs import against_lossless, against_points, dominance, pooled
 from tests.analysis.test_campaign import flown
 
@@ -36,6 +37,12 @@ def test_a_setting_dominates_where_it_is_no_worse_in_any_cell():
         assert (found.setting, found.against, found.cells) == (("candidate2", "g2"), ("candidate2", "rotation"), 2)
         assert (found.no_slower, found.no_more_macs, found.dominates) == expected
         assert found.slower == (ours_s > 8.0)
+
+
+def test_a_world_in_which_nothing_was_chosen_is_not_said_to_be_the_papers():
+    own = [flown("candidate2", 8.0, scenario="mine"), flown("candidate2", 7.9, scenario="mine", solver="g3")]
+    page = dominance_table(dominance(against_points(own)))
+    assert "<td>usual</td>" in page and "paper" not in page
 
 
 def test_losses_are_compared_with_the_same_cell_without():
