@@ -144,7 +144,8 @@ def test_mavutil_arms_takes_off_flies_and_lands() -> None:
         flavour = server.config.autopilot
         seen = await run_client("fly", flavour, f"127.0.0.1:{server.ports.vehicles[0]}")
         assert seen["results"] == {"176": 0, "400": 0, "22": 0, "21": 0}
-        assert seen["mode"] == "LAND" and seen["height"] > 1.5 and seen["speed"] > 2.0
+        disarmed_in = "LAND" if flavour == "ardupilot" else "OFFBOARD"  # where PX4 was before it landed
+        assert seen["mode"] == disarmed_in and seen["height"] > 1.5 and seen["speed"] > 2.0
         assert seen["parameter"] == (["RTL_ALT", 1500.0] if flavour == "ardupilot" else ["RTL_RETURN_ALT", 30.0])
         assert seen["packet_loss"] == 0
 
