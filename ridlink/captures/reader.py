@@ -10,7 +10,7 @@ import itertools
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import BinaryIO, Self, TypeVar
 
 from ridlink.captures.hexlines import looks_like_hex, read_hex
@@ -30,6 +30,9 @@ SHORT_HEAD_LENGTH = 1024
 ENOUGH_FRAMES = 16
 
 STDIN = "-"
+
+LARGE_BYTES = 2_000_000
+"""From here on compiled loops are faster than they are loaded."""
 
 _FOREIGN = {
     b"ULog": "a PX4 ULog",
@@ -167,6 +170,11 @@ class Capture:
             if head.startswith(MAGICS) or looks_like_hex(head) or len(_checked_frames(head)) >= ENOUGH_FRAMES:
                 break
         return head
+
+
+def is_large(path: str) -> bool:
+    """Whether a path is a file that compiled loops read sooner than one record after another."""
+    return path != STDIN and Path(path).is_file() and Path(path).stat().st_size >= LARGE_BYTES
 
 
 def open_capture(

@@ -30,8 +30,6 @@ NEED_OUTPUT = ("parquet", "mcap")
 JOINABLE = ("csv", "parquet", "jsonl")
 
 RECORDS_AT_ONCE = 8192
-LARGE_BYTES = 2_000_000
-"""From here on compiled loops are faster than they are loaded."""
 
 
 def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | None:
@@ -109,9 +107,10 @@ def others_go_on(files: tuple[str, ...], statistics: Statistics) -> Iterator[Non
 
 def large_reader(path: str, kind: str) -> BlockReader | None:
     """A reader in blocks where that pays off, that is for large files; ``None`` elsewhere."""
-    if path == "-" or not Path(path).is_file() or Path(path).stat().st_size < LARGE_BYTES:
+    from ridlink.captures.reader import is_large, open_capture
+
+    if not is_large(path):
         return None
-    from ridlink.captures import open_capture
     from ridlink.captures.fast.blocks import KINDS, BlockReader
 
     with open_capture(path, kind) as capture:

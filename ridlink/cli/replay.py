@@ -10,7 +10,7 @@ import click
 
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import above_zero, capture_kind, wanted_names
-from ridlink.cli.progress import StatusLine
+from ridlink.cli.progress import PROGRESS_EVERY_S, StatusLine
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.errors import CaptureError
 from ridlink.words import counted
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 PEER_EVERY_S = 0.05
 LATEST_LAG_S = 1.0
 LONG_WAIT_S = 10.0
-PROGRESS_EVERY_S = 0.2
 
 
 @click.command(short_help="Send a recording over a link, in its own rhythm.")

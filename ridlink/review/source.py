@@ -9,7 +9,6 @@ from __future__ import annotations
 import heapq
 from collections import OrderedDict
 from collections.abc import Callable, Container, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from ridlink.captures import Capture, CaptureKind, Rejects, open_capture
 from ridlink.captures.fast import tables
 from ridlink.captures.fast.block import NO_TIME
 from ridlink.captures.fast.blocks import BlockReader
-from ridlink.captures.reader import STDIN
+from ridlink.captures.reader import is_large
 from ridlink.errors import CaptureError
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
@@ -25,9 +24,6 @@ from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.review.own import TELEMETRY_IDS
 
 WANTED_IDS = REMOTE_ID_IDS | TELEMETRY_IDS
-
-LARGE_BYTES = 2_000_000
-"""From here on compiled loops are faster than they are loaded."""
 
 TIMELESS = (CaptureKind.MAVLINK, CaptureKind.HEX)
 REMEMBERED = 8192
@@ -116,7 +112,7 @@ def together(sources: Sequence[Source]) -> Iterator[Timed]:
 
 
 def _open(path: str, kind: str) -> Capture | BlockReader:
-    if path != STDIN and Path(path).is_file() and Path(path).stat().st_size >= LARGE_BYTES:
+    if is_large(path):
         return BlockReader(path, kind)
     return open_capture(path, kind)
 

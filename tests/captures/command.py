@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from ridlink.captures import reader
 from ridlink.captures.fast.blocks import BlockReader
-from ridlink.cli import decode_export
 from ridlink.cli.decode import decode
 
 Outcome = tuple[bytes, str, object, str]
@@ -26,7 +26,7 @@ def run(*arguments: str | Path) -> Result:
 def outcome(large: int, *arguments: str | Path, block_length: int = 1 << 19) -> Outcome:
     """What the command writes and how it ends, where files from so many bytes on are taken in blocks."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(decode_export, "LARGE_BYTES", large)
+        patch.setattr(reader, "LARGE_BYTES", large)
         patch.setattr(BlockReader.__init__, "__kwdefaults__", {"block_length": block_length})
         done = run(*arguments)
     return done.stdout_bytes, done.stderr, done.return_value, repr(done.exception)

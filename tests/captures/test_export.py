@@ -21,7 +21,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from msgspec import structs
 
-from ridlink.captures import decode_records, open_capture
+from ridlink.captures import decode_records, open_capture, reader
 from ridlink.captures.export.block_lines import BlockLines
 from ridlink.captures.export.fields import Fields, fields_of_block, fields_of_records
 from ridlink.captures.export.framed import framed_line
@@ -30,7 +30,6 @@ from ridlink.captures.export.join import COLUMNS, MAX_SENDERS, Joiner, join
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.lines import json_line, table_line
-from ridlink.cli import decode_export
 from ridlink.mavlink.codec import MESSAGES_BY_NAME, Encoder
 from ridlink.mavlink.frames import encode_frame
 from ridlink.remote_id.astm_pack import encode_pack
@@ -158,7 +157,7 @@ def test_lines_of_a_real_recording_are_the_same(monkeypatch: pytest.MonkeyPatch,
         pytest.skip("the recording of real autopilots is not part of the project")
     outputs = []
     for large in (10**12, 0):
-        monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+        monkeypatch.setattr(reader, "LARGE_BYTES", large)
         done = run(REAL, *options)
         assert done.return_value == 0
         outputs.append(done.stdout_bytes)
@@ -173,7 +172,7 @@ def test_limits_beyond_all_times_are_limits_in_large_files_too(
     for option in ("--since", "--until"):
         results = []
         for large in (10**12, 0):
-            monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+            monkeypatch.setattr(reader, "LARGE_BYTES", large)
             done = run(log, "-f", "jsonl", f"{option}={limit}")
             results.append((done.stdout_bytes, done.stderr, done.return_value))
         assert results[0] == results[1]
@@ -187,7 +186,7 @@ def test_large_files_report_damage_like_small_ones(tmp_path: Path, monkeypatch: 
     path.write_bytes(data[:-3])
     results = []
     for large in (10**12, 0):
-        monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+        monkeypatch.setattr(reader, "LARGE_BYTES", large)
         done = run(path, "-f", "jsonl", "--strict")
         results.append((done.stdout_bytes, done.stderr, done.return_value))
     assert results[0] == results[1]

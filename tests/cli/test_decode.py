@@ -17,8 +17,8 @@ from typing import Any
 import pytest
 from click.testing import Result
 
-from ridlink.captures import open_capture
-from ridlink.cli import decode_export, files, progress
+from ridlink.captures import open_capture, reader
+from ridlink.cli import files, progress
 from ridlink.mavlink.codec import Encoder
 from tests.captures.command import run
 from tests.captures.conftest import START_US, flight, tlog_bytes
@@ -78,7 +78,7 @@ def test_limits_that_nothing_keeps_are_told(
     log: Path, limit: tuple[str, str], large: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing came, and nothing was said."""
-    monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+    monkeypatch.setattr(reader, "LARGE_BYTES", large)
     run(log)  # in a new clone the compiler says a word of its own
     result = run(log, *limit)
     assert (result.stdout, result.return_value) == ("", 0)
@@ -92,7 +92,7 @@ def test_limits_that_nothing_keeps_are_told(
 def test_limits_of_time_are_told_to_be_in_vain_where_there_are_no_times(
     tmp_path: Path, suffix: str, large: int, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+    monkeypatch.setattr(reader, "LARGE_BYTES", large)
     frame = Encoder(7, 1).encode("HEARTBEAT")
     path = tmp_path / f"stream.{suffix}"
     path.write_bytes(3 * (frame if suffix == "mavlink" else frame.hex().encode() + b"\n"))
@@ -190,7 +190,7 @@ def test_fields_of_what_is_not_selected_are_not_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, large: int, options: list[str], found: dict[str, int]
 ) -> None:
     """Of two systems a LOCATION with a direction of 400 degrees, one such in a pack, and a member of no known type."""
-    monkeypatch.setattr(decode_export, "LARGE_BYTES", large)
+    monkeypatch.setattr(reader, "LARGE_BYTES", large)
     members = bytes((0x12, 0b10, 200)) + bytes(22) + bytes((0x72,)) + bytes(24)
     records = []
     for sysid in (1, 2):
@@ -409,7 +409,7 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
 def test_a_reader_that_goes_away_and_an_interrupt_end_the_rows_of_a_large_file(tmp_path: Path, leaves: bool) -> None:
     path = tmp_path / "large.tlog"
     path.write_bytes(20 * tlog_bytes(flight(3000)))
-    assert path.stat().st_size > decode_export.LARGE_BYTES
+    assert path.stat().st_size > reader.LARGE_BYTES
     with subprocess.Popen(
         [sys.executable, "-m", "ridlink", "decode", str(path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:

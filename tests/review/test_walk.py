@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ridlink.captures import reader
 from ridlink.errors import CaptureError
 from ridlink.observer import Scene
-from ridlink.review import Source, Walk, source, together
+from ridlink.review import Source, Walk, together
 from ridlink.review.approach import nearest_since
 from tests.captures.conftest import START_US, tlog_bytes
 from tests.captures.pcap_files import ethernet, ipv4, pcap, udp
@@ -103,7 +104,7 @@ def test_logs_of_two_vehicles_are_one_flight_and_what_both_hold_is_taken_once(tm
 def test_a_large_file_is_read_as_a_small_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = recorded(tmp_path / "f.tlog", [NORTHBOUND, SOUTHBOUND], 3.0)
     small = [(time_us, frame.raw) for time_us, frame in together([Source(str(path))])]
-    monkeypatch.setattr(source, "LARGE_BYTES", 1)
+    monkeypatch.setattr(reader, "LARGE_BYTES", 1)
     large = Source(str(path))
     assert [(time_us, frame.raw) for time_us, frame in together([large])] == small
     assert large.position == large.size == path.stat().st_size
