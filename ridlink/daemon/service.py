@@ -221,6 +221,7 @@ class AvoidDaemon:
         for frame in self.engine.stop(now_s):
             self._to_vehicle(frame)
             await asyncio.sleep(STOP_SPACING_S)
+        self._telling.tell_state()
 
     # --- bytes ----------------------------------------------------------------------------------------------------
 

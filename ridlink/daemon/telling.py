@@ -35,6 +35,14 @@ class Telling:
         """The loop stood still there; from any thread."""
         self._stalls.append(stack)
 
+    def tell_state(self) -> None:
+        """Tell the state, and why, if it has changed."""
+        rung, guard = self._engine.rung, self._engine.guard
+        told = rung.state.name.lower(), rung.reason, None if guard is None else str(guard.phase)
+        if told != self._announced:
+            self._announced = told
+            self._events.emit("state", state=told[0], reason=told[1], guard=told[2])
+
     def tell(self, output: StepOutput, *, recording_error: OSError | None, refused_signatures: Sequence[str]) -> None:
         """Tell what is new.
 
@@ -46,11 +54,7 @@ class Telling:
         if self._events.sink is None:
             return
         record, engine, emit = output.decision, self._engine, self._events.emit
-        state = (engine.rung.state.name.lower(), engine.rung.reason)
-        guard = None if engine.guard is None else str(engine.guard.phase)
-        if (*state, guard) != self._announced:
-            self._announced = (*state, guard)
-            emit("state", state=state[0], reason=state[1], guard=guard)
+        self.tell_state()
         if recording_error is not None and not self._recording_ended:
             self._recording_ended = True
             emit("recording_ended", reason=_words(recording_error))

@@ -18,7 +18,7 @@ from ridlink.engine.commands import MOST_REPLIES, acknowledged, answered
 from ridlink.engine.config import EngineConfig
 from ridlink.engine.decision import DecisionRecord, EngineSummary, StepOutput
 from ridlink.engine.guard import Commands, Guard, Phase, Seen
-from ridlink.engine.guarding import goal_ahead, resting, seen_by_guard
+from ridlink.engine.guarding import ended, goal_ahead, resting, seen_by_guard
 from ridlink.engine.hearing import Hearing
 from ridlink.engine.intake import VEHICLE_IDS, Intake
 from ridlink.engine.steering import Steering
@@ -261,15 +261,16 @@ class Engine:
         A guard that has taken over, or asked to, hands back what it found, and says so three times as well: nobody will
         be there to ask again.
         """
-        frames = []
+        frames: list[bytes] = []
+        wanted: Commands = ()
+        lock = self.telemetry.lock
+        if self.guard is not None and lock is not None:
+            wanted = self.guard.hand_back(self._seen_by_guard(self.telemetry.state(now_s), now_s))
         if self.rung.state in STEERING:
             frames = [self._setpoint(STOP, now_s + 0.05 * k) for k in range(LAST_WORDS)]
-            self.rung = Rung(State.STANDBY, False, Stream.NOTHING, "ended")
-        if self.guard is not None and self.telemetry.lock is not None:
-            wanted = self.guard.hand_back(self._seen_by_guard(self.telemetry.state(now_s), now_s))
-            for _ in range(LAST_WORDS):
-                frames += self._commands(wanted)
-        return frames
+        if lock is not None and (frames or wanted):
+            self.rung = ended(lock.autopilot, asked=bool(wanted), dry_run=self.config.dry_run)
+        return frames + LAST_WORDS * self._commands(wanted)
 
     def note_decision_time(self, seconds: float) -> None:
         """How long the last step took to compute, for RIDLINK_STATUS; the engine itself reads no clock."""

@@ -11,7 +11,7 @@ from ridlink.engine.guard import Guard, Seen
 from ridlink.engine.takeoff import interruptible
 from ridlink.failsafe import HEARTBEAT_LOST_S, OTHER_WRITER, STEERING, Rung, State
 from ridlink.geodesy import moved
-from ridlink.own_ship import OwnShipTelemetry
+from ridlink.own_ship import PX4, OwnShipTelemetry
 from ridlink.traffic.own_state import OwnState
 
 AHEAD_M = 1000.0
@@ -21,6 +21,22 @@ AHEAD_M = 1000.0
 def resting(guard: Guard) -> Rung:
     """The ladder of somebody who watches: nobody's request is waited for."""
     return Rung(reason=f"guard: {guard.phase}" + (f": {guard.remark}" if guard.remark else ""))
+
+
+def ended(autopilot: int, *, asked: bool, dry_run: bool) -> Rung:
+    """The ladder at the end of a daemon that steered: how the vehicle is left.
+
+    Args:
+        autopilot: MAV_AUTOPILOT.
+        asked: The mode that a guard found is asked for; nobody waits until a heartbeat says it.
+        dry_run: Nothing was sent.
+    """
+    if dry_run:
+        return Rung(reason="ended")
+    if asked:
+        return Rung(reason="ended: the mode that the guard found is asked for")
+    left = "leaves OFFBOARD by its own failsafe" if autopilot == PX4 else "hovers in GUIDED"
+    return Rung(reason=f"ended: the vehicle is told to stop, and {left}")
 
 
 def goal_ahead(own: OwnState) -> Goal:

@@ -214,6 +214,7 @@ def test_a_clean_stop_in_the_middle_hands_back_whatever_is_lost(lost: int) -> No
         if k < lost:
             continue
         flight._note(flight.autopilot.receive(frame, COMPANION, flight.now_s))
+    assert flight.engine.rung.reason == "ended: the mode that the guard found is asked for"
     flight.advance(1.5)
     assert flight.mode == MISSION["px4"]
     assert [message.vx for message in flight.observer.setpoints[-3:]] == [0.0] * 3

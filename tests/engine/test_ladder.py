@@ -8,7 +8,7 @@ import pytest
 
 from ridlink.failsafe import State
 from tests.daemon.emulated import LOITER, POSITION_MODE, Emulated, at
-from tests.engine.flight import Flight
+from tests.engine.flight import Flight, config
 
 
 @pytest.mark.parametrize(("autopilot", "other_mode"), [(12, POSITION_MODE), (3, LOITER)])
@@ -145,7 +145,18 @@ def test_f28_stop_is_three_zero_setpoints_and_only_while_streaming() -> None:
     for frame in frames:
         (message,) = flight.vehicle.hear(frame)
         assert (message.vx, message.vy, message.vz) == (0.0, 0.0, 0.0)
+    assert flight.engine.rung.reason == "ended: the vehicle is told to stop, and leaves OFFBOARD by its own failsafe"
     assert flight.engine.stop(flight.now_s) == []
+
+
+@pytest.mark.parametrize(
+    ("dry_run", "reason"), [(False, "ended: the vehicle is told to stop, and hovers in GUIDED"), (True, "ended")]
+)
+def test_f28_it_is_said_how_an_ardupilot_is_left(dry_run: bool, reason: str) -> None:
+    flight = Flight(Emulated(autopilot=3), config(dry_run=dry_run))
+    flight.step(20)
+    flight.engine.stop(flight.now_s)
+    assert flight.engine.rung.reason == reason
 
 
 def test_f25_decisions_that_fail_become_zero_velocity_and_then_a_hold(monkeypatch: pytest.MonkeyPatch) -> None:
