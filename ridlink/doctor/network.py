@@ -26,8 +26,10 @@ class Listened:
 
     Attributes:
         counts: Messages by name.
+        rejects: Damaged frames, and runs of bytes that are none.
         autopilots: System ids with an autopilot, and its MAV_AUTOPILOT.
         versions: MAVLink version of the last heartbeat of each, which begin with 1 where they may speak 2.
+        addresses: Where each was last heard, which is where it is asked.
         latest: The latest message by name, of autopilots.
         parameters: Values by name, of the first autopilot.
         senders: System ids by message name.

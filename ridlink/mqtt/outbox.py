@@ -38,9 +38,15 @@ class Outbox:
     The last has a lane of its own, since a value that is given up leaves an older one there for good: of an aircraft
     that is gone, that it is there.
 
+    Args:
+        capacity: Messages that wait at most, over all lanes.
+
     Attributes:
         replaced: Messages that a newer one of their topic overtook while they waited.
         dropped: Messages given up because there were too many topics, those of the longest lane first.
+
+    Raises:
+        ValueError: If the capacity is below 1.
     """
 
     def __init__(self, capacity: int = CAPACITY) -> None:

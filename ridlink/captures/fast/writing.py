@@ -79,10 +79,11 @@ def write_lines(
     Args:
         cells: Cells, column by column.
         kinds: Kind of each column.
-        rows: Rows of each column.
+        rows: How many lines.
         literals, literal_bounds: What stands before each column and after the last, and where each of it begins.
         texts, text_bounds: The table of texts, and where each begins.
         entries: Place of each line in the file: there ``starts`` and ``ends`` get its first byte and that after it.
+        out, at: Where the lines go, and the first byte that is free.
     """
     columns = len(kinds)
     for row in range(rows):
