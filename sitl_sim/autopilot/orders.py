@@ -16,7 +16,7 @@ from sitl_sim.world import VehicleState
 
 _NEEDS_POSITION = (Mode.POSITION, Mode.HOLD, Mode.TAKEOFF, Mode.MISSION, Mode.RETURN, Mode.OFFBOARD, Mode.BRAKE)
 
-_NOT_ARMABLE = (Mode.MISSION, Mode.LAND, Mode.RETURN, Mode.BRAKE)
+_NOT_ARMABLE = (Mode.MISSION, Mode.LAND, Mode.RETURN)
 """Modes of ArduPilot in which it does not arm: who has landed in one of them chooses another first."""
 
 
