@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
@@ -75,7 +76,7 @@ class HumanPrinter(FlightPrinter):
         elif facts["event"] == "stalled":
             self.put(f"{self._clear}warning: the loop stood still\n", error=True)
         elif self._live:
-            self.put(f"{self._clear}{_status_line(facts)}", error=True)
+            self.put(f"{self._clear}{_cut(_status_line(facts))}", error=True)
 
     def _state_line(self, facts: dict[str, Any]) -> str:
         before, self._phase = self._phase, facts["guard"]
@@ -99,6 +100,15 @@ class HumanPrinter(FlightPrinter):
             f"{counted(summary.infeasible_steps, 'step', 'd')} without an admissible velocity\n",
             error=True,
         )
+
+
+def _cut(line: str) -> str:
+    """What of a line a terminal shows without a second one, which nothing would take back."""
+    try:
+        columns = os.get_terminal_size(sys.stderr.fileno()).columns
+    except (OSError, ValueError):  # no terminal, or no file
+        return line
+    return line[: columns - 1] if columns > 1 else line  # 0 where nobody has said it
 
 
 def _status_line(facts: dict[str, Any]) -> str:
