@@ -160,10 +160,11 @@ class Answers:
     def _set_mode(self, heard: Heard) -> list[Reply]:
         """The old message is acknowledged like a command: by PX4 as the one that it stands for, by ArduPilot as one of
         its own number."""
-        number, mode = heard.message.custom_mode, self._board.flavour.mode_of(heard.message.custom_mode)
-        if mode is None or not heard.message.base_mode & MODE_FLAG_CUSTOM:
-            why = f"there is no {number}" if mode is None else "no custom mode flag"
-            result = self._orders.refuse(f"mode refused: {why}", Result.DENIED)
+        mode = self._board.flavour.mode_of(heard.message.custom_mode)
+        if not heard.message.base_mode & MODE_FLAG_CUSTOM:
+            result = self._orders.refuse("mode refused: no custom mode flag", Result.DENIED)
+        elif mode is None:
+            result = self._orders.no_such_mode(str(heard.message.custom_mode))
         else:
             result = self._orders.set_mode(mode, heard.now_s)
         command = int(MavCommand.DO_SET_MODE) if self._board.is_px4 else heard.frame.msgid

@@ -125,11 +125,11 @@ class Commands:
             return self._orders.refuse("mode refused: no custom mode flag", Result.DENIED)
         number, sub = command[2] or 0.0, command[3] or 0.0
         if not (0 <= number < 256 and 0 <= sub < 256):
-            return self._orders.refuse("mode refused: there is none of this number", Result.DENIED)
+            return self._orders.no_such_mode("such number")
         custom = px4_custom_mode(int(number), int(sub)) if self._board.is_px4 else int(number)
         mode = self._board.flavour.mode_of(custom)
         if mode is None:
-            return self._orders.refuse(f"mode refused: there is no {int(number)}/{int(sub)}", Result.DENIED)
+            return self._orders.no_such_mode(f"{int(number)}/{int(sub)}")
         return self._orders.set_mode(mode, now_s)
 
     def _inject_failure(self, command: Command, now_s: float) -> Result:

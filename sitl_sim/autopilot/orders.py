@@ -36,6 +36,10 @@ class Orders:
         self._board.say(Severity.WARNING, why)
         return Result(self._board.flavour.refused) if result is None else result
 
+    def no_such_mode(self, number: str) -> Result:
+        """There is no mode of this number: a wrong command for PX4, a change that fails for ArduPilot."""
+        return self.refuse(f"mode refused: there is no {number}", Result.DENIED if self._board.is_px4 else None)
+
     def _unavailable(self) -> Result | None:
         """Why nothing can be commanded now, whatever it is."""
         if not self._board.spec.cooperative:
@@ -82,7 +86,7 @@ class Orders:
     def _enter_mission(self) -> Result:
         pilot = self._pilot
         if not pilot.mission.exists:
-            return self.refuse("mission refused: there is none", Result.DENIED)
+            return self.refuse("mission refused: there is none")
         if pilot.mode is Mode.MISSION:
             return Result.ACCEPTED
         grounded = pilot.navigation.state is VehicleState.GROUNDED
@@ -97,6 +101,8 @@ class Orders:
         """MAV_CMD_MISSION_START: PX4 arms for it; ArduPilot wants to be armed, and leaves the ground with it only."""
         if not (self._board.is_px4 or self._pilot.armed):
             return self.refuse("mission refused: not armed")
+        if self._board.is_px4 and not self._pilot.mission.exists:
+            return self.refuse("mission refused: there is none", Result.DENIED)
         result = self.set_mode(Mode.MISSION, now_s)
         if result is Result.ACCEPTED and not self._pilot.armed:
             result = self.arm(True, now_s)

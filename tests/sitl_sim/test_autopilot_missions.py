@@ -139,7 +139,13 @@ def test_a_mission_is_cleared_and_other_kinds_are_empty() -> None:
     assert download(flight) == []
     flight.advance(1.1)
     assert (flight.last("MISSION_CURRENT").total, flight.last("MISSION_CURRENT").mission_state) == (0, 1)
-    assert start(flight) == DENIED
+    assert start(flight) == TEMPORARILY_REJECTED
+    assert flight.command(MISSION_START) == DENIED
+
+
+def test_ardupilot_fails_to_start_a_mission_that_it_does_not_have() -> None:
+    flight = holding("ardupilot")
+    assert start(flight) == flight.command(MISSION_START) == FAILED
 
 
 @both
