@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from ridlink.daemon.events import Events, rounded, summary_facts
+from ridlink.daemon.far_away import FarAway
 from ridlink.engine import Engine, StepOutput
 from ridlink.periodic import Periodic
 
@@ -28,6 +29,7 @@ class Telling:
         self._recording_ended = False
         self._told_of_signatures = False
         self._told_of_unheard = ""
+        self._far_away = FarAway(engine)
         self._stalls: deque[str] = deque(maxlen=MOST_STACKS)
         self._summary_due = Periodic(1.0)
 
@@ -72,6 +74,8 @@ class Telling:
         if (why := engine.unheard.why()) and why != self._told_of_unheard:
             self._told_of_unheard = why
             emit("warning", text=why)
+        for text in () if record.own is None else self._far_away.found(record.own.position):
+            emit("warning", text=text)
         emit("summary", **summary_facts(engine, record, self._rejects()))
         if engine.config.dry_run and record.commanded_ned_mps is not None:
             emit("dry_run", velocity_ned_mps=rounded(record.commanded_ned_mps))

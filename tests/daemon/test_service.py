@@ -42,6 +42,34 @@ def test_a_goal_below_home_is_said_before_it_is_flown_to(up_m: float, told: bool
     run(test)
 
 
+@pytest.mark.parametrize(
+    ("goal", "obstacle", "told"),
+    [
+        (at(300.0), [at(100.0), at(120.0), at(120.0, 20.0)], []),
+        (at(99e3), [at(900e3), at(900e3, 10.0), at(900e3 + 10.0)], []),
+        ((8.5456, 47.4004, 550.0), [], ["the goal is 5,660 km away: latitude comes first"]),
+        (at(300.0), [(8.545, 47.399), (8.546, 47.399), (8.546, 47.4)],
+         ["obstacle 1 is 5,660 km away: latitude comes first"]),
+    ],
+    ids=["near", "as far as may be", "goal", "obstacle"],
+)  # fmt: skip
+def test_where_longitude_was_written_first_it_is_said_before_it_is_flown(
+    goal: tuple[float, float, float], obstacle: list[tuple[float, ...]], told: list[str]
+) -> None:
+    """Both were taken: the vehicle set off for another continent, or flew through what stood where it was meant."""
+
+    async def test() -> None:
+        emulated = Emulated()
+        emulated.armed = False
+        polygons = (tuple(corner[:2] for corner in obstacle),) if obstacle else ()
+        async with running(emulated=emulated, engine=EngineConfig(goal=Goal(*goal), obstacles=polygons)) as flight:
+            await flight.vehicle.until(lambda: sum(event["event"] == "summary" for event in flight.events) >= 3)
+            assert [event["text"] for event in flight.events if event["event"] == "warning"] == told
+            assert not flight.vehicle.setpoints()
+
+    run(test)
+
+
 def test_a_crash_that_the_vehicle_tells_in_words_alone_stands_in_the_log_of_the_daemon() -> None:
     async def test() -> None:
         async with running() as flight:
