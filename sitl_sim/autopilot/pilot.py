@@ -362,15 +362,19 @@ class Pilot:
     def come_down(self) -> None:
         """Land here; on the ground: disarm."""
         if not self.navigation.in_air:
-            self.enter(Mode.LAND, Velocity())
-            self.arm(False)
+            self._stand_down(Mode.LAND)
         elif self.mode is not Mode.LAND:
             self.enter(Mode.LAND, Descend())
 
+    def _stand_down(self, mode: Mode) -> None:
+        """Be told to come down while it stands."""
+        self.enter(mode, Velocity())
+        self.arm(False)
+
     def fly_home(self) -> None:
-        """First up to the height of the way home, then there, then down."""
+        """First up to the height of the way home, then there, then down; on the ground: disarm."""
         if not self.navigation.in_air:
-            self.come_down()
+            self._stand_down(Mode.RETURN)
         elif self.mode is not Mode.RETURN:
             height_m = self.speeds.return_height_m
             low = -self.estimate.down_m < height_m

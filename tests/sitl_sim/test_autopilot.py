@@ -368,6 +368,19 @@ def test_px4_is_in_the_mode_before_the_landing_when_it_has_disarmed(before: int,
 
 
 @both
+def test_who_stands_and_is_sent_home_says_so_and_disarms(flavour: str) -> None:
+    flight = Flight(flavour)
+    assert flight.command(RETURN) == ACCEPTED
+    flight.advance(0.1)
+    assert flight.mode == (PX4_RETURN if flavour == "px4" else 6) and not flight.armed
+    flight.set_mode(4, 3) if flavour == "px4" else flight.set_mode(GUIDED)
+    flight.command(ARM, 1)
+    assert flight.command(RETURN) == ACCEPTED
+    flight.advance(0.1)
+    assert flight.mode == (PX4_HOLD if flavour == "px4" else 6) and not flight.armed
+
+
+@both
 def test_a_landing_can_be_called_off(flavour: str) -> None:
     flight = airborne(flavour)
     flight.command(LAND)
