@@ -272,7 +272,8 @@ def table_of(states: list[State], most: int, width: int, caption: str) -> Table:
 
 
 def _cut(name: str, longest: int) -> str:
-    return name if len(name) <= longest else f"{name[: longest - 1]}\N{HORIZONTAL ELLIPSIS}"
+    """A name with its ends, as on the page: serial numbers of one maker differ in their last characters."""
+    return name if len(name) <= longest else f"{name[: longest - 6]}\N{HORIZONTAL ELLIPSIS}{name[-5:]}"
 
 
 def _link_text(watch: _Watch) -> str:
