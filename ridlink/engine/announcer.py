@@ -9,7 +9,7 @@ from ridlink.engine.decision import DecisionRecord, StepOutput
 from ridlink.failsafe import UNHEARD, State
 from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import OwnShipTelemetry
-from ridlink.own_ship.requests import UNTOLD_PERIOD_S, UNTOLD_US, message_requests
+from ridlink.own_ship.requests import TARGET_US, UNTOLD_PERIOD_S, UNTOLD_US, message_requests
 from ridlink.own_ship.rival import Rivals
 from ridlink.periodic import Periodic
 from ridlink.traffic.track import TrackKey
@@ -52,6 +52,7 @@ class Announcer:
         self._status_due = Periodic(1.0)
         self._request_due = Periodic(1.0)
         self._untold_due = Periodic(UNTOLD_PERIOD_S)
+        self._target_due = Periodic(UNTOLD_PERIOD_S)
         self._claimed = 0
         self._warned_at_s: dict[TrackKey, float] = {}
         self._counted = dict.fromkeys(ALERTS, 0)
@@ -107,6 +108,8 @@ class Announcer:
             return message_requests(encoder, sysid) if self._request_due.due(now_s) else []
         if not telemetry.landed_state_known(now_s) and self._untold_due.due(now_s):
             return message_requests(encoder, sysid, UNTOLD_US)
+        if telemetry.other_writer.seldom_told and self._target_due.due(now_s):
+            return message_requests(encoder, sysid, TARGET_US)
         return []
 
     def _collisions(self, encoder: Encoder, record: DecisionRecord, now_s: float) -> list[bytes]:

@@ -39,6 +39,9 @@ SIGHTINGS, WITHIN_S = 4, 3.0
 """So many foreign targets in so short a time are somebody. Where two streams alternate just so, one of them is seen
 almost always and the other one hardly ever; targets of ours in between are therefore no excuse."""
 
+TOLD, SELDOM_S = 5, 0.085
+"""Targets told in the rhythm of two streams, or more seldom, may show one of them only, as long as clocks are alike."""
+
 HEARD_S = 2.0
 """A vehicle that stands again so soon after it flew after ours was told to: unheard, it flies on for longer."""
 
@@ -61,6 +64,7 @@ class OtherWriter:
         self._obeys_since_s: float | None = None
         self._standing: Target | None = None
         self._somebody = False
+        self._told_s: deque[float] = deque(maxlen=TOLD)
 
     def sent(self, velocity: Velocity | None, now_s: float) -> None:
         """What was sent in this step, None for nothing."""
@@ -79,6 +83,7 @@ class OtherWriter:
             now_s: Monotonic time.
             stands_unheard: The autopilot keeps its mode when it hears no setpoints, and stands (ArduPilot).
         """
+        self._told_s.append(now_s)
         standing = _standing(message) if stands_unheard else None
         if not self._is_foreign(message, now_s):
             if standing is None and self._obeys_since_s is None:
@@ -107,6 +112,12 @@ class OtherWriter:
     def unheard(self, now_s: float) -> bool:
         """The vehicle stands and flies after nothing of ours, as one that does not hear us."""
         return not self._somebody and self._disobeyed(now_s)
+
+    @property
+    def seldom_told(self) -> bool:
+        """Targets come too seldom to show everybody who writes in our rhythm."""
+        told = self._told_s
+        return len(told) == TOLD and told[-1] - told[0] > SELDOM_S * (TOLD - 1)
 
     def must_give_up(self, now_s: float) -> bool:
         """It has not heard us for so long that nobody may call that steering."""

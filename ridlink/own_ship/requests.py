@@ -10,7 +10,10 @@ SET_MESSAGE_INTERVAL = 511
 SET_POSITION_TARGET_LOCAL_NED, COMMAND_LONG = 84, 76
 """Message ids."""
 
-WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, 85: 100_000, 193: 500_000, 245: 500_000}
+TARGET_US = {85: 70_000}
+"""POSITION_TARGET_LOCAL_NED in a rhythm that is not that of setpoints, so that it shows whoever else sends some."""
+
+WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, **TARGET_US, 193: 500_000, 245: 500_000}
 """GLOBAL_POSITION_INT, GPS_RAW_INT, POSITION_TARGET_LOCAL_NED, EKF_STATUS_REPORT and EXTENDED_SYS_STATE, which an
 ArduPilot sends only when asked; ESTIMATOR_STATUS it does not have, and says so each time."""
 

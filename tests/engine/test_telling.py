@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from ridlink.engine import Engine
 from ridlink.failsafe import State
@@ -100,6 +101,19 @@ def test_an_autopilot_that_tells_no_more_whether_it_stands_or_flies_is_asked_aga
     flight.vehicle.landed_state = None
     flight.step(60)
     assert [message.param1 for message in flight.heard("COMMAND_LONG")] == [85, 193, 245]
+
+
+@pytest.mark.parametrize("autopilot", [3, 12])
+def test_targets_that_are_told_in_the_rhythm_of_setpoints_are_asked_for_in_another_one(autopilot: int) -> None:
+    flight, every = Flight(Emulated(autopilot=autopilot)), 1
+    told = flight.vehicle.telemetry
+    flight.vehicle.telemetry = lambda now_s: told(now_s) + flight.vehicle.target_message(now_s) * every  # type: ignore[method-assign]
+    flight.step(40)
+    assert {(asked.param1, asked.param2) for asked in flight.heard("COMMAND_LONG")} == {(85.0, 70_000.0)}
+    count, every = len(flight.heard("COMMAND_LONG")), 2
+    assert count == 1
+    flight.step(100)
+    assert len(flight.heard("COMMAND_LONG")) == count
 
 
 def test_what_lasts_is_told_every_ten_seconds_and_what_is_over_not_once_more() -> None:

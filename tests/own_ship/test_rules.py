@@ -8,6 +8,7 @@ import pytest
 
 from ridlink.mavlink.codec import Message
 from ridlink.own_ship.other_writer import OtherWriter
+from ridlink.own_ship.requests import WANTED_MESSAGES_US
 from ridlink.own_ship.trust import NavigationTrust
 
 T = 1000.0
@@ -228,3 +229,27 @@ def test_what_is_no_number_is_nobodys() -> None:
         velocity = [0.0, 0.0, 0.0]
         velocity[at] = math.nan
         assert not is_foreign(streaming(T - 5.0, until_s=T), target(velocity[0], velocity[1], vz=velocity[2]))
+
+
+@pytest.mark.parametrize("behind_ms", range(10, 90, 10))
+def test_a_writer_in_our_rhythm_is_seen_whenever_in_it_it_writes(behind_ms: int) -> None:
+    writer = OtherWriter()
+    told_ms = range(5, 3000, WANTED_MESSAGES_US[85] // 1000)
+    for now_ms in range(3000):
+        if now_ms % 100 == 0:
+            writer.sent((10.0, 0.0, 0.0), T + now_ms / 1e3)
+        if now_ms in told_ms:
+            ours = now_ms % 100 < behind_ms
+            target = {"type_mask": 0x0DC7, "vx": 10.0 if ours else 0.0, "vy": 0.0 if ours else 5.0, "vz": 0.0}
+            writer.receive(Message("POSITION_TARGET_LOCAL_NED", 85, target), T + now_ms / 1e3)
+    assert writer.must_yield(T + 3.0)
+
+
+@pytest.mark.parametrize(("interval_s", "seldom"), [(0.02, False), (0.07, False), (0.1, True), (0.5, True)])
+def test_targets_in_the_rhythm_of_the_stream_are_too_seldom(interval_s: float, seldom: bool) -> None:
+    writer = OtherWriter()
+    for k in range(5):
+        assert not writer.seldom_told, "not known yet"
+        stopped = {"type_mask": 0x0DC7, "vx": 0.0, "vy": 0.0, "vz": 0.0}
+        writer.receive(Message("POSITION_TARGET_LOCAL_NED", 85, stopped), T + interval_s * k)
+    assert writer.seldom_told is seldom
