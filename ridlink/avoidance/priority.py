@@ -2,15 +2,18 @@
 
 Discs that are too large to pass each other can hold everybody in place for ever, with every half-plane met. Whoever has
 come no nearer to its goal for as long as it takes to fly round the largest of them, while others that avoid are about,
-then falls back on an order that all of them know from each other's reports: the least identity goes first. Everybody
-else makes way for all that go before it and waits at CLEAR_RADII of the disc until they are through. Half-planes hold
-as ever and nothing is shrunk.
+then falls back on an order that all of them know from each other's reports and from the clock: for every TURN_S each
+identity has a lot, and who draws the least of those about goes first. Everybody else makes way for all that go before
+it, those that follow the first one by identity, round and round, and waits at CLEAR_RADII of the disc until they are
+through. Half-planes hold as ever and nothing is shrunk.
 
-Who goes first and does not fly, because it is at its goal or cannot, loses its turn to the next identity after TURN_S,
-round and round; so nobody need know of another whether it has arrived. Who gets nowhere in its own turns either leaves
-the round for longer and longer, and stays where it is. An own-ship is back to normal when it has come
-nearer to its goal than it was before, or when the others are far away. Where the geometry does not admit one after the
-other either, because others stay in the air at goals within a disc of the own one, a vehicle does not arrive.
+Lots need no agreement: whoever hears the same vehicles at the same time has the same ones, since whenever it has been
+waiting. Were turns counted by each on its own, two could each wait for the other, in every turn anew. Who goes first
+and comes somewhere keeps its turn; who does not, because it is at its goal or cannot, loses it as the time is over, so
+nobody need know of another whether it has arrived. Who gets nowhere in its own turns either leaves the round for longer
+and longer, and stays where it is. An own-ship is back to normal when it has come nearer to its goal than it was before,
+or when the others are far away. Where the geometry does not admit one after the other either, because others stay in
+the air at goals within a disc of the own one, a vehicle does not arrive.
 
 Axes: north-east, metres, m/s, seconds.
 """
@@ -31,15 +34,18 @@ PATIENCE_S = 20.0
 """At least: by then the turn of a stalled vehicle has long grown to its most, see `ProgressWatch`."""
 PROGRESS_S = 0.5
 """Nearer to the goal than ever before by so long a flight at cruise is progress."""
-TURN_S = 10.0
-"""Who goes first must fly so soon."""
+TURN_S = 15.0
+"""A turn of the clock; who goes first must come somewhere in it."""
 FLYING_SHARE = 0.1
-"""Who is faster than this share of the own cruise flies."""
+"""Somewhere is further than at this share of the own cruise; who hovers in wind and noise has a speed, too."""
+RETREAT_COSINE = 0.7
+"""Whose way leads so straight away from own-ship makes way for it, and believes that it is another one's turn."""
 NEAR_RADII = 3.0
 KEPT_RADII = 4.0
 """Others count within so many radii of the pair's disc; who goes first does until it is further than the second."""
-CLEAR_RADII = 1.5
-"""Who gives way waits so many radii away."""
+CLEAR_RADII, FAILED_RADII = 1.5, 0.5
+"""Who gives way waits so many radii away, and so many further for each of its own turns that led nowhere: others may
+lack the room, too, between a disc and a wall."""
 PUSH_S = 1.0
 """It makes up for what is lacking in this time, if its cruise speed allows."""
 SIDESTEP = 0.6
@@ -48,9 +54,10 @@ SIDESTEP = 0.6
 MOST_FAILED = 4
 """Own turns without progress that count; from the second on each doubles the patience."""
 
-# Columns of what is kept: least distance to the goal, when it was reached, who goes first, since when that one stands,
-# own turns without progress since.
-(BEST, SINCE, FIRST, STOOD, FAILED, TURN_COLUMNS) = range(6)
+# Columns of what is kept: least distance to the goal, when it was reached, who goes first, in which turn of the clock,
+# whether from its beginning, how far it has come in that turn, north and east, until when, and own turns without
+# progress.
+(BEST, SINCE, FIRST, TURN, WHOLE, COME, UNTIL, FAILED, TURN_COLUMNS) = (0, 1, 2, 3, 4, 5, 7, 8, 9)
 
 NOBODY = -1
 """Identity of a neighbour that has no place in the order."""
@@ -58,11 +65,22 @@ NOBODY = -1
 NEXT_ROUND = 1e12
 """More than any identity, and little enough for their order not to be lost in it."""
 
+LOTS, GOLDEN = 2**31 - 1, 1327217885
+"""A prime, and the golden section of it: lots are as good as thrown, and the same for whoever works them out."""
+
 
 @kernel(forceinline=True, inner=True)
 def turn_of(identity, first):  # type: ignore[no-untyped-def]
     """Place of an identity in the order that begins at `first`."""
     return identity if identity >= first else identity + NEXT_ROUND
+
+
+@kernel(forceinline=True, inner=True)
+def lot(identity, turn):  # type: ignore[no-untyped-def]
+    """What an identity draws in a turn; the least goes first."""
+    mixed = (identity + turn * GOLDEN) % LOTS
+    mixed = (mixed * mixed + identity) % LOTS
+    return mixed * mixed % LOTS
 
 
 @kernel(forceinline=True, inner=True)
@@ -91,45 +109,50 @@ def time_round(own, reports, identities, count):  # type: ignore[no-untyped-def]
 
 
 @kernel(inner=True)
-def choose_first(own, identity, reports, identities, count, now_s, kept):  # type: ignore[no-untyped-def]
+def choose_first(own, identity, reports, identities, count, now_s, clock_s, kept):  # type: ignore[no-untyped-def]
     """Who goes first now, own-ship or a neighbour; NOBODY if no neighbour is near. Arguments as in `give_way`."""
-    first = kept[FIRST]
-    least = following = 1.0 * identity
+    turn, first, drawn = math.floor(clock_s / TURN_S), kept[FIRST], identity
     known, alone = first == identity, True
-    speed = norm(own[VELOCITY], own[VELOCITY + 1])
+    v_1, v_2 = own[VELOCITY], own[VELOCITY + 1]
+    e_1 = e_2 = 0.0
     for j in range(count):
         if reports[j, 7] == 0.0 or identities[j] < 0:
             continue
         away = distance_to(own, reports[j])
         if identities[j] == first and away <= KEPT_RADII * reports[j, 8]:
             known, alone = True, False
-            speed = norm(reports[j, 2], reports[j, 3])
+            v_1, v_2 = reports[j, 2], reports[j, 3]
+            e_1 = (reports[j, 0] + v_1 * reports[j, 6] - own[POSITION]) / max(away, EPSILON)
+            e_2 = (reports[j, 1] + v_2 * reports[j, 6] - own[POSITION + 1]) / max(away, EPSILON)
         if away <= NEAR_RADII * reports[j, 8]:
             alone = False
-            least = min(least, identities[j])
-            if turn_of(identities[j], first + 0.5) < turn_of(following, first + 0.5):
-                following = 1.0 * identities[j]
+            if lot(identities[j], turn) < lot(drawn, turn):
+                drawn = identities[j]
     if alone:
         kept[SINCE] = now_s
         return 1.0 * NOBODY
-    if first == NOBODY:
-        kept[STOOD] = now_s
-        return least
-    if not known or now_s - kept[STOOD] > TURN_S:
-        kept[STOOD] = now_s
-        if first == identity:
+    passed, kept[UNTIL] = now_s - kept[UNTIL], now_s
+    goes_on = known and first != NOBODY
+    if goes_on:
+        kept[COME], kept[COME + 1] = kept[COME] + v_1 * passed, kept[COME + 1] + v_2 * passed
+        if kept[TURN] == turn:
+            return first
+        way = norm(kept[COME], kept[COME + 1])
+        retreats = kept[COME] * e_1 + kept[COME + 1] * e_2 >= RETREAT_COSINE * way
+        come = way > FLYING_SHARE * own[CRUISE] * TURN_S and not retreats
+        if first == identity and kept[WHOLE] != 0.0 and not come:
             kept[FAILED] = min(kept[FAILED] + 1.0, MOST_FAILED)
             if kept[FAILED] >= 2.0:
                 kept[SINCE] = now_s
                 return 1.0 * NOBODY
-        return following
-    if speed > FLYING_SHARE * own[CRUISE]:
-        kept[STOOD] = now_s
-    return first
+        if come:
+            drawn = int(first)
+    kept[TURN], kept[WHOLE], kept[COME], kept[COME + 1] = turn, 1.0 if goes_on else 0.0, 0.0, 0.0
+    return 1.0 * drawn
 
 
 @kernel
-def give_way(own, identity, reports, identities, count, now_s, kept):  # type: ignore[no-untyped-def]
+def give_way(own, identity, reports, identities, count, now_s, clock_s, kept):  # type: ignore[no-untyped-def]
     """Have a vehicle that gets nowhere make way for those before it: its aim becomes the velocity to do so.
 
     Args:
@@ -139,6 +162,7 @@ def give_way(own, identity, reports, identities, count, now_s, kept):  # type: i
         identities: Their numbers, NOBODY for who has none, shape (>= count,), int64.
         count: How many there are.
         now_s: Time, which must not go back.
+        clock_s: Time on the clock that all share.
         kept: What own-ship keeps, see `new_turns`, shape (TURN_COLUMNS,), written.
 
     Returns:
@@ -154,7 +178,7 @@ def give_way(own, identity, reports, identities, count, now_s, kept):  # type: i
     waited = now_s - kept[SINCE]
     if waited < patience(kept, 0.0) or waited < patience(kept, time_round(own, reports, identities, count)):
         return False
-    first = choose_first(own, identity, reports, identities, count, now_s, kept)
+    first = choose_first(own, identity, reports, identities, count, now_s, clock_s, kept)
     kept[FIRST] = first
     if first == NOBODY:
         return False
@@ -169,7 +193,7 @@ def give_way(own, identity, reports, identities, count, now_s, kept):  # type: i
         e_1 = p_1 - reports[j, 0] - reports[j, 2] * reports[j, 6]
         e_2 = p_2 - reports[j, 1] - reports[j, 3] * reports[j, 6]
         away = norm(e_1, e_2)
-        lacking = CLEAR_RADII * reports[j, 8] - away
+        lacking = (CLEAR_RADII + FAILED_RADII * kept[FAILED]) * reports[j, 8] - away
         if lacking <= 0.0 or away < EPSILON:
             continue
         e_1, e_2 = e_1 / away, e_2 / away
@@ -194,7 +218,7 @@ def give_way_in_worlds(  # type: ignore[no-untyped-def]
         present: Who is in the air.
         radius_m: Radii.
         range_m: Vehicles further than this are not heard.
-        now_s: Time.
+        now_s: Time, which is that of the clock that all share, too.
         kept: As `new_turns` made it, written.
         reports: Scratch, shape (N, 10).
         identities: Scratch, shape (N,), int64.
@@ -216,7 +240,7 @@ def give_way_in_worlds(  # type: ignore[no-untyped-def]
                         reports[count, column] = heard[world, j, column]
                     reports[count, 8], identities[count] = radius_m[world, i, j], j
                     count += 1
-            give_way(own[world, i], i, reports, identities, count, now_s, kept[world, i])
+            give_way(own[world, i], i, reports, identities, count, now_s, now_s, kept[world, i])
 
 
 def new_turns(*shape: int) -> FloatArray:
@@ -243,6 +267,7 @@ class RightOfWay:
         goal_ne_m: ArrayLike,
         cruise_mps: float,
         now_s: float,
+        clock_s: float | None = None,
     ) -> FloatArray | None:
         """Velocity to make way with [m/s, north-east], to be preferred to that towards the goal; None: fly there.
 
@@ -254,6 +279,8 @@ class RightOfWay:
             goal_ne_m: Where to go, shape (2,).
             cruise_mps: Speed wanted.
             now_s: The caller's clock; must not go back.
+            clock_s: What the clock says that all share, UTC for example; None where there is none. Without one turns
+                are the caller's own, and who goes first is agreed upon in some of them only.
 
         Raises:
             ValueError: If there is not one number for each neighbour, the own one is negative, or a value is not
@@ -264,14 +291,15 @@ class RightOfWay:
             raise ValueError(
                 f"identities must hold {len(traffic)} numbers, and the own one not be negative: {identity}"
             )
-        if not (math.isfinite(now_s) and math.isfinite(cruise_mps)):
-            raise ValueError(f"now_s and cruise_mps must be finite, got {now_s} and {cruise_mps}")
+        clock_s = now_s if clock_s is None else clock_s
+        if not (math.isfinite(now_s) and math.isfinite(clock_s) and math.isfinite(cruise_mps)):
+            raise ValueError(f"now_s, clock_s and cruise_mps must be finite, got {now_s}, {clock_s} and {cruise_mps}")
         row, reports = self._own, np.zeros((len(traffic), 10))
         row[:] = 0.0
         row[POSITION : POSITION + 2], row[VELOCITY : VELOCITY + 2] = own.position_ne_m, own.velocity_ne_mps
         row[AIM : AIM + 2], row[CRUISE] = checked_pair("goal_ne_m", goal_ne_m), cruise_mps
         reports[:, 0:2], reports[:, 2:4], reports[:, 6] = traffic.position_ne_m, traffic.velocity_ne_mps, traffic.age_s
         reports[:, 7], reports[:, 8] = traffic.reciprocal, traffic.radius_m
-        if give_way(row, identity, reports, numbers, len(traffic), now_s, self._kept):
+        if give_way(row, identity, reports, numbers, len(traffic), now_s, clock_s, self._kept):
             return row[AIM : AIM + 2].copy()
         return None

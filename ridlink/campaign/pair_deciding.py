@@ -45,7 +45,7 @@ def avoid_pairs(  # type: ignore[no-untyped-def]
             if not deciding[world, i]:
                 continue
             count = collect(own[world, i], world, i, picture, memory[world, i], room)
-            give_way(own[world, i], i, reports[world], names_here, count, picture.now_s, turns[world, i])
+            give_way(own[world, i], i, reports[world], names_here, count, picture.now_s, picture.now_s, turns[world, i])
             pack(reports[world], kept_here, count, few)
             route[world, i] = avoid_one(
                 own[world, i], few, -(-count // rows.LANES), math.inf, pieces, roadmap, route[world, i], settings,

@@ -162,7 +162,7 @@ class Engine:
 
         Args:
             now_s: Monotonic time; must not go back.
-            utc_s: UTC now, for the own Remote ID.
+            utc_s: UTC now, for the own Remote ID and for turns in a jam.
         """
         if self._started_s is None:
             self._started_s = now_s
@@ -188,6 +188,7 @@ class Engine:
                 last=self.setpoints.velocity,
                 identity=(self.encoder.sysid, self._hearing.names.uas_id),
                 since_last_s=since_last,
+                utc_s=utc_s,
             )
         elif self.rung.stream is Stream.ZERO:
             record = replace(record, commanded_ned_mps=STOP)

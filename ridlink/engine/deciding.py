@@ -115,6 +115,7 @@ class Decider:
         snapshot: Snapshot,
         traffic: Traffic,
         identity: Identity,
+        utc_s: float | None = None,
     ) -> DecisionRecord:
         """The record with the velocity to fly.
 
@@ -126,6 +127,7 @@ class Decider:
             snapshot: Who counts.
             traffic: The same for the solver.
             identity: Own system id and identity in Remote ID.
+            utc_s: UTC now, the clock of turns in a jam.
         """
         config, now_s = self.config, record.time_s
         here = own.position
@@ -141,7 +143,7 @@ class Decider:
             airframe_m=config.airframe_m,
             speed_limit_mps=config.cruise_mps,
         )
-        makes_way = self._makes_way(ship, identity, snapshot, traffic, target, now_s)
+        makes_way = self._makes_way(ship, identity, snapshot, traffic, target, now_s, utc_s)
         decision = self.solver.solve(
             ship,
             traffic,
@@ -180,6 +182,7 @@ class Decider:
         traffic: Traffic,
         target_ne_m: FloatArray,
         now_s: float,
+        utc_s: float | None,
     ) -> FloatArray | None:
         """Velocity that makes way for those before us where nobody gets anywhere; None: fly to the goal."""
         order = places(identity, snapshot.tracks)
@@ -193,4 +196,5 @@ class Decider:
             goal_ne_m=target_ne_m,
             cruise_mps=self.config.cruise_mps,
             now_s=now_s,
+            clock_s=utc_s,
         )

@@ -75,6 +75,7 @@ class Steering:
         last: Velocity,
         identity: Identity,
         since_last_s: float,
+        utc_s: float | None = None,
     ) -> DecisionRecord:
         """The record with the traffic of this instant and, where one may be flown, the velocity.
 
@@ -86,6 +87,7 @@ class Steering:
             last: Velocity sent last.
             identity: Own system id and identity in Remote ID.
             since_last_s: Time since the last step.
+            utc_s: UTC now, the clock of turns in a jam.
         """
         now_s = record.time_s
         commanded = None if stream is Stream.NOTHING else STOP
@@ -100,7 +102,7 @@ class Steering:
             record = replace(record, recovering=self._recovery.recovering(now_s))
             if stream is not Stream.DECISION or goal is None:
                 return replace(record, commanded_ned_mps=commanded)
-            record = self.decider.decide(record, goal, own, last, snapshot, traffic, identity)
+            record = self.decider.decide(record, goal, own, last, snapshot, traffic, identity, utc_s)
             record = self._slowed(record, last, since_last_s)
             if self._climber is None:
                 return record

@@ -156,6 +156,20 @@ def test_discs_wider_than_the_start_ring_still_let_everybody_through():
     assert medians[2] == max(medians)
 
 
+def test_two_that_meet_in_a_lane_too_narrow_for_both_go_one_after_the_other():
+    """One of them stands in a pocket and can make no way, so it is for the other one to go back."""
+    polygons = (
+        ((-91, 56), (-2, 38), (-1, 42), (-90, 60)), ((86, 19), (2, -3), (16, -54), (99, -31)),
+        ((-41, 39), (-100, 44), (-101, 29), (-57, 25), (-61, -19), (-46, -20)),
+        ((-52, 105), (-80, 54), (-49, 36), (-21, 88)),
+    )  # fmt: skip
+    start, goal = np.array([[48.0, 39.0], [-15.0, -43.0]]), np.array([[-134.0, -114.0], [4.0, 74.0]])
+    lane = scene(start, goal, np.array([10.0, 9.0]), np.ones(2, bool), polygons)
+    out = fly(lane, worlds=8, seed=5, response="px4", duration_s=400.0, from_rest=True)
+    assert_safe_arrival(out, seed=5)
+    assert np.median(out.arrival_s.max(axis=1)) < 150.0
+
+
 def test_the_same_seed_gives_the_same_flights():
     first = fly(circle(4), worlds=3, seed=18, duration_s=40.0)
     second = fly(circle(4), worlds=3, seed=18, duration_s=40.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from itertools import groupby
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ridlink.avoidance import OwnShip, Traffic
-from ridlink.avoidance.priority import CLEAR_RADII, NOBODY, PATIENCE_S, TURN_S, RightOfWay
+from ridlink.avoidance.priority import CLEAR_RADII, FAILED_RADII, NOBODY, PATIENCE_S, TURN_S, RightOfWay
+from tests.avoidance.lots import clock_in, lot, turn_of
 
 GOAL, CRUISE, DISC_M, STEP_S = (500.0, 0.0), 10.0, 40.0, 0.5
 
@@ -32,28 +35,40 @@ def neighbours(*places, velocity=(0.0, 0.0), reciprocal=True, disc_m=DISC_M) -> 
 
 
 class Jam:
-    """An own-ship that is asked twice a second."""
+    """An own-ship that is asked twice a second, by a clock that stands in one turn or goes on from the middle of it."""
 
-    def __init__(self, identity: int, own: OwnShip | None = None) -> None:
+    def __init__(self, identity: int, own: OwnShip | None = None, *, turn: int = 0, goes: bool = False) -> None:
         self.identity, self.own = identity, own or standing()
         self.right_of_way, self.now_s = RightOfWay(), 0.0
+        self.clock_s, self.goes = clock_in(turn), goes
 
     def last(self, traffic: Traffic, identities, for_s: float = STEP_S, goal=GOAL):
         """What it is told after so long."""
         for _ in range(round(for_s / STEP_S)):
             self.now_s += STEP_S
+            self.clock_s += STEP_S * self.goes
             told = self.right_of_way.velocity(
                 self.own, self.identity, traffic, np.array(identities), goal_ne_m=goal, cruise_mps=CRUISE,
-                now_s=self.now_s,
+                now_s=self.now_s, clock_s=self.clock_s,
             )  # fmt: skip
         return told
 
+    def stalled(self, traffic: Traffic, identities):
+        """Waits with the clock in the middle of its turn until its patience is at an end."""
+        goes, self.goes = self.goes, False
+        told = self.last(traffic, identities, ROUND_S + 2.0 * STEP_S)
+        self.goes = goes
+        return told
+
+
+FIRST_1 = turn_of(1, 2)
+"""A turn in which 1 goes before 2."""
 
 AHEAD = neighbours((50.0, 0.0))
 
 
 def test_only_who_gets_nowhere_for_a_while_makes_way():
-    jam = Jam(2)
+    jam = Jam(2, turn=FIRST_1)
     assert jam.last(AHEAD, [1], ROUND_S) is None
     told = jam.last(AHEAD, [1], 2.0 * STEP_S)
     assert told is not None and told == pytest.approx([-(CLEAR_RADII * DISC_M - 50.0), 0.0])
@@ -62,7 +77,7 @@ def test_only_who_gets_nowhere_for_a_while_makes_way():
 @pytest.mark.parametrize("disc_m", [25.0, 40.0, 120.0])
 def test_it_waits_as_long_as_a_way_round_the_largest_disc_takes(disc_m):
     """Slow among large discs, a vehicle may only be on its way round; beside small ones it waits for PATIENCE_S."""
-    jam, traffic = Jam(2), neighbours((20.0, 0.0), (0.0, 20.0), disc_m=disc_m)
+    jam, traffic = Jam(2, turn=turn_of(1, 2, 3)), neighbours((20.0, 0.0), (0.0, 20.0), disc_m=disc_m)
     traffic.radius_m[1] = 15.0
     wait = max(PATIENCE_S, 2.0 * math.pi * disc_m / CRUISE)
     assert jam.last(traffic, [1, 3], wait - STEP_S) is None
@@ -70,7 +85,7 @@ def test_it_waits_as_long_as_a_way_round_the_largest_disc_takes(disc_m):
 
 
 def test_who_comes_nearer_to_its_goal_never_does():
-    jam = Jam(2)
+    jam = Jam(2, turn=FIRST_1)
     for north in np.arange(0.0, 400.0, 4.0):
         jam.own = standing((north, 0.0))
         assert jam.last(neighbours((north + 50.0, 0.0)), [1], 1.0) is None
@@ -88,63 +103,121 @@ def test_who_comes_nearer_to_its_goal_never_does():
     ids=["the own turn", "without identity", "far away", "avoids nobody", "alone"],
 )
 def test_nobody_makes_way_without_reason(traffic, identities):
-    assert Jam(2).last(traffic, identities, ROUND_S + TURN_S / 2.0) is None
+    turn = turn_of(2, 3) if identities == [3] else FIRST_1
+    assert Jam(2, turn=turn).last(traffic, identities, ROUND_S + TURN_S / 2.0) is None
 
 
 def test_at_the_goal_it_is_for_the_half_planes_to_make_way():
-    assert Jam(2).last(AHEAD, [1], ROUND_S + 1.0, goal=(5.0, 0.0)) is None
+    assert Jam(2, turn=FIRST_1).last(AHEAD, [1], ROUND_S + 1.0, goal=(5.0, 0.0)) is None
 
 
 def test_far_enough_away_it_waits():
-    jam = Jam(2)
+    jam = Jam(2, turn=FIRST_1)
     told = jam.last(neighbours((CLEAR_RADII * DISC_M + 5.0, 0.0)), [1], ROUND_S + 1.0)
     assert told is not None and told.tolist() == [0.0, 0.0]
 
 
 def test_whom_the_first_flies_at_leaves_to_the_left_of_it():
     """The first comes from the north, so its left is in the east; it passes on its right, in the west."""
-    jam = Jam(2)
+    jam = Jam(2, turn=FIRST_1)
     told = jam.last(neighbours((50.0, 0.0), velocity=(-5.0, 0.0)), [1], ROUND_S + 1.0)
     assert told[0] < 0.0 < told[1]
 
 
 def test_it_makes_way_for_all_that_go_before_it_and_for_no_others():
-    jam = Jam(2)
+    """0 goes first, 1 next; 3 comes after 2."""
+    jam = Jam(2, turn=turn_of(0, 1, 2, 3))
     places = ((50.0, 0.0), (0.0, 40.0), (0.0, -40.0))
     told = jam.last(neighbours(*places), [0, 1, 3], ROUND_S + 1.0)
     assert told[0] < 0.0 and told[1] < 0.0
 
 
-def test_who_stands_loses_its_turn_to_the_next_one():
-    """1 goes first and stands; then it is the turn of 2, then of 3, with 1 next after it; then of 1 again."""
-    jam, others = Jam(2), neighbours((50.0, 0.0), (0.0, 50.0))
-    # In the middle of each turn; a turn is over a step after TURN_S.
-    waits = (ROUND_S + TURN_S / 2.0, *[TURN_S + STEP_S] * 3)
-    turns = [jam.last(others, [1, 3], wait) for wait in waits]
-    assert [told is None for told in turns] == [False, True, False, False]
-    assert turns[2][0] < 0.0 and turns[2][1] < 0.0
-    assert turns[3][0] < 0.0 and turns[3][1] == 0.0
+def test_the_order_goes_on_from_who_is_first_round_and_round():
+    """3 goes first, 1 next, then 2 itself."""
+    jam = Jam(2, turn=turn_of(3, 1, 2))
+    told = jam.stalled(neighbours((50.0, 0.0), (0.0, 50.0)), [1, 3])
+    assert told[0] < 0.0 and told[1] < 0.0
+    jam = Jam(1, turn=turn_of(3, 1, 2))
+    told = jam.stalled(neighbours((50.0, 0.0), (0.0, 50.0)), [2, 3])
+    assert told[0] == 0.0 and told[1] < 0.0
 
 
-def test_who_flies_keeps_its_turn():
-    jam, flying = Jam(2), neighbours((50.0, 0.0), velocity=(0.0, 3.0))
-    jam.last(flying, [1], ROUND_S + STEP_S)
+def test_who_stands_loses_its_turn_as_it_is_over():
+    jam = Jam(2, turn=FIRST_1, goes=True)
+    assert jam.stalled(AHEAD, [1]) is not None
+    assert jam.last(AHEAD, [1], TURN_S / 2.0 - STEP_S) is not None
+    assert jam.last(AHEAD, [1], TURN_S / 2.0) is None
+
+
+@pytest.mark.parametrize("gust_mps", [1.5, 8.0])
+def test_who_hovers_in_wind_and_noise_stands(gust_mps):
+    jam = Jam(2, turn=FIRST_1, goes=True)
+    assert jam.stalled(AHEAD, [1]) is not None
+    told = []
+    for k in range(round(TURN_S / STEP_S)):
+        velocity = (0.0, gust_mps if k % 2 else -gust_mps)
+        told.append(jam.last(neighbours((50.0, 0.0), velocity=velocity), [1]))
+    assert told[0] is not None and told[-1] is None
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 3.0), (-3.0, 0.0)])
+def test_who_comes_somewhere_keeps_its_turn(velocity):
+    jam, flying = Jam(2, turn=FIRST_1, goes=True), neighbours((50.0, 0.0), velocity=velocity)
+    jam.stalled(flying, [1])
     assert all(jam.last(flying, [1]) is not None for _ in range(round(5.0 * TURN_S / STEP_S)))
 
 
-def test_who_gets_nowhere_in_its_own_turns_leaves_the_round_for_longer_and_longer():
-    jam = Jam(2)
-    told = [jam.last(AHEAD, [1]) is not None for _ in range(1500)]
-    assert 0.0 < np.mean(told[-750:]) < np.mean(told[:250])
+def test_who_makes_way_for_own_ship_has_lost_its_turn_however_far_it_comes():
+    jam, retreating = Jam(2, turn=FIRST_1, goes=True), neighbours((50.0, 0.0), velocity=(3.0, 0.5))
+    assert jam.stalled(retreating, [1]) is not None
+    assert jam.last(retreating, [1], TURN_S) is None
 
 
-def test_two_agree_on_who_goes_first():
-    """Both stall at once; exactly one of them makes way, and it is the greater one."""
-    here, there = Jam(7), Jam(9, standing((50.0, 0.0)))
-    for _ in range(round((ROUND_S + TURN_S / 2.0) / STEP_S)):
+def test_who_gets_nowhere_in_its_own_turns_leaves_the_round_for_longer_and_longer_and_gives_more_room():
+    jam = Jam(2, goes=True)
+    told = [jam.last(AHEAD, [1]) for _ in range(1500)]
+    assert (
+        0.0 < np.mean([each is not None for each in told[-750:]]) < np.mean([each is not None for each in told[:250]])
+    )
+    lacking = sorted({round(float(-each[0]), 6) for each in told if each is not None})
+    assert lacking[0] == CLEAR_RADII * DISC_M - 50.0
+    assert lacking[-1] == CRUISE < (CLEAR_RADII + FAILED_RADII) * DISC_M - 50.0
+
+
+@pytest.mark.parametrize("later_s", [STEP_S, 4.0, 11.0, 33.0])
+def test_two_agree_on_who_goes_first_whenever_each_began_to_wait(later_s):
+    """Never do both make way, and mostly one of them does, until they leave the round."""
+    here, there = Jam(7, goes=True), Jam(9, standing((50.0, 0.0)), goes=True)
+    here.last(neighbours((50.0, 0.0)), [9], later_s)
+    there.clock_s = here.clock_s
+    both = one = 0
+    for _ in range(round((ROUND_S + 3.0 * TURN_S) / STEP_S)):
         first = here.last(neighbours((50.0, 0.0)), [9])
         second = there.last(neighbours((0.0, 0.0)), [7], goal=(-500.0, 0.0))
-    assert first is None and second is not None
+        both += first is not None and second is not None
+        one += (first is None) != (second is None)
+    assert both == 0
+    assert one * STEP_S > TURN_S
+
+
+def test_without_a_clock_that_all_share_the_own_one_counts():
+    jam = Jam(2)
+    told = [
+        jam.right_of_way.velocity(
+            jam.own, 2, AHEAD, np.array([1]), goal_ne_m=GOAL, cruise_mps=CRUISE, now_s=STEP_S * k
+        )
+        for k in range(round((ROUND_S + 10.0 * TURN_S) / STEP_S))
+    ]  # fmt: skip
+    assert any(each is not None for each in told) and any(each is None for each in told[round(ROUND_S / STEP_S) + 2 :])
+
+
+@pytest.mark.parametrize("identities", [range(2), range(24), [crc32(bytes([k])) for k in range(5)]])
+def test_lots_are_fair_and_seldom_the_same_for_long(identities):
+    leaders = [min(identities, key=lambda each: lot(each, turn)) for turn in range(118_000_000, 118_002_000)]
+    shares = np.array([leaders.count(each) for each in identities]) * len(identities) / len(leaders)
+    assert shares == pytest.approx(1.0, abs=0.5)
+    runs = [len(list(run)) for _, run in groupby(leaders)]
+    assert max(runs) < 15
 
 
 @settings(max_examples=40, deadline=None)
@@ -157,7 +230,7 @@ def test_the_answer_is_finite_within_cruise_and_turns_with_the_world(places, ang
     turn = np.array([[c, s], [-s, c]])
     identities = [k for k in range(9) if k != identity][: len(places)]
     plain, turned = (
-        Jam(identity).last(
+        Jam(identity, turn=FIRST_1).last(
             neighbours(*(np.array(places) @ by)), identities, ROUND_S + 0.5, goal=tuple(np.array(GOAL) @ by)
         )
         for by in (np.eye(2), turn)
@@ -173,5 +246,6 @@ def test_every_neighbour_needs_a_number():
         Jam(2).last(AHEAD, [1, 3])
     with pytest.raises(ValueError, match="negative: -1"):
         Jam(-1).last(AHEAD, [1])
-    with pytest.raises(ValueError, match="now_s"):
-        RightOfWay().velocity(standing(), 1, AHEAD, np.array([2]), goal_ne_m=GOAL, cruise_mps=10.0, now_s=math.nan)
+    for wrong in ({"now_s": math.nan}, {"now_s": 0.0, "clock_s": math.inf}):
+        with pytest.raises(ValueError, match="now_s, clock_s"):
+            RightOfWay().velocity(standing(), 1, AHEAD, np.array([2]), goal_ne_m=GOAL, cruise_mps=10.0, **wrong)

@@ -30,6 +30,7 @@ class Flight:
         self.others: list[Callable[[float], bytes]] = []
         self.telling = True
         self.now_s = 0.0
+        self.utc_s: float | None = None
         self.outputs: list[StepOutput] = []
 
     def step(self, count: int = 1) -> StepOutput:
@@ -38,7 +39,7 @@ class Flight:
                 self.engine.receive_vehicle(self.vehicle.telemetry(self.now_s), self.now_s, source="autopilot")
             for other in self.others:
                 self.engine.receive_remote_id(other(self.now_s), "air", self.now_s)
-            output = self.engine.step(self.now_s)
+            output = self.engine.step(self.now_s, utc_s=self.utc_s)
             for frame in output.to_vehicle:
                 self.vehicle.hear(frame)
             self.vehicle.advance(STEP_S)

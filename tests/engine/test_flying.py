@@ -18,6 +18,7 @@ from ridlink.geodesy import Geodetic
 from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.accuracy import AccuracyConvention
 from ridlink.separation import Definition
+from tests.avoidance.lots import clock_in, turn_of
 from tests.daemon.emulated import GUIDED, HOME, OFFBOARD, Emulated, at
 from tests.engine.flight import IDEAL, STEP_S, Flight, config, intruder
 
@@ -286,11 +287,12 @@ def test_the_record_says_what_was_decided() -> None:
     assert flight.vehicle.mode in (OFFBOARD, GUIDED)
 
 
-def test_where_nobody_gets_anywhere_the_lesser_system_id_goes_first() -> None:
-    """One that avoids hovers at the goal: whoever is the greater of the two makes way, for a while."""
+def test_where_nobody_gets_anywhere_the_system_id_that_drew_the_least_lot_goes_first() -> None:
+    """One that avoids hovers at the goal: own-ship makes way for it where it is first in this turn of the clock."""
     distance_m = {}
     for own_sysid in (1, 3):
         flight = Flight(Emulated(own_sysid, ned_m=(-60.0, 0.0, -50.0)), config(0.0))
+        flight.utc_s = clock_in(turn_of(1, 2) if own_sysid == 1 else turn_of(2, 3))
         hovering = Emulated(2, ned_m=(0.0, 0.0, -50.0))
         hovering.airframe_m = 25.0
         flight.others.append(hovering.remote_id)
