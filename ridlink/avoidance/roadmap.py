@@ -41,8 +41,8 @@ STEPS_PER_M = 2.0
 MOST_STEPS = 2**16 - 1
 """Clearances of so many steps and more are one."""
 
-CELLS = 2**20
-"""Places of a goal along one axis: as far as half a million metres and more. Beyond, goals lie on the edge."""
+CELLS = 2**22
+"""Places of a goal along one axis: goals count as one that are so many metres apart, which nobody flies."""
 
 SHELF = 8
 """Ways that stand side by side: what a goal's number says is on which shelf to look."""
@@ -152,9 +152,8 @@ def ways_to(pieces, roadmap, goal_1, goal_2, steps, width, margin_m, outward):  
             nearest, least = k, square
     goal_1 = goal_1 - (vertex[nearest, 0] - about[nearest, 0])
     goal_2 = goal_2 - (vertex[nearest, 1] - about[nearest, 1])
-    most = CELLS // 2 - 1
-    cell_1, cell_2 = min(max(round(goal_1), -most), most), min(max(round(goal_2), -most), most)
-    key = int(((cell_1 + most) * CELLS + cell_2 + most) * (MOST_STEPS + 1) + steps) * WIDTHS + width
+    cell_1, cell_2 = round(goal_1), round(goal_2)
+    key = int((cell_1 % CELLS * CELLS + cell_2 % CELLS) * (MOST_STEPS + 1) + steps) * WIDTHS + width
     shelf = int(key % len(keys))
     for place in range(SHELF):
         if keys[shelf, place] == key:

@@ -366,6 +366,16 @@ def test_ways_move_with_the_origin(moved):
     assert known(way.roadmap) == 1
 
 
+@pytest.mark.parametrize("origin", [(5.4e6, 4e5), (-6e5, 6e5), (1e8, -1e8)])
+def test_ways_are_found_wherever_the_origin_is(origin):
+    """As where north is counted from the equator."""
+    start, goal = np.array([-30.0, 0.0]), np.array([-150.0, 5.0])
+    expected = Way(Obstacles.from_polygons([BAY]), goal).fly(start)
+    places = Way(Obstacles.from_polygons([BAY + origin]), goal + origin).fly(start + origin) - origin
+    assert length(expected) > 250.0
+    assert places == pytest.approx(expected, abs=1e-3)
+
+
 def test_ways_keep_to_their_corners_where_north_is_another_direction():
     """It is, of a daemon that has flown some hundred metres: what is far from the first corner is not where it was."""
     turn, far = 2e-4, np.array([2000.0, 2000.0])
