@@ -180,11 +180,11 @@ class Obstacles:
                 crosses or touches itself.
         """
         pieces: list[FloatArray] = []
-        for index, polygon in enumerate(polygons_ne_m):
-            vertices = _checked(polygon, f"obstacle {index}")
+        for number, polygon in enumerate(polygons_ne_m, 1):
+            vertices = _checked(polygon, f"obstacle {number}")
             parts = convex_pieces(vertices)
             if abs(sum(map(signed_area, parts)) / signed_area(vertices) - 1.0) > LOST_SHARE:
-                raise ValueError(f"obstacle {index} cannot be cut into convex pieces")
+                raise ValueError(f"obstacle {number} cannot be cut into convex pieces")
             pieces.extend(parts)
         return cls(*_flat(pieces))
 

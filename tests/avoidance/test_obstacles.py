@@ -78,7 +78,7 @@ def test_a_convex_polygon_stays_one_piece_and_an_l_needs_two():
     ],
 )
 def test_a_degenerate_polygon_is_refused_by_its_number(polygon, reason):
-    with pytest.raises(ValueError, match=f"obstacle 1 .*{reason}"):
+    with pytest.raises(ValueError, match=f"obstacle 2 .*{reason}"):
         Obstacles.from_polygons([SQUARE, polygon])
 
 
