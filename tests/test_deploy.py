@@ -46,6 +46,17 @@ def test_what_the_container_is_given_lies_where_the_image_is_built() -> None:
         assert (PROJECT / name).is_file(), name
 
 
+def test_an_image_is_not_built_from_what_git_does_not_keep() -> None:
+    """A folder of environments and caches is copied for minutes, and each run of the tests would make another image."""
+    wanted = {
+        pattern.rstrip("/") if "/" in pattern.rstrip("/") else f"**/{pattern.rstrip('/')}"
+        for pattern in (PROJECT / ".gitignore").read_text().split("\n")
+        if pattern and not pattern.startswith("#")
+    }
+    left_out = set((DEPLOY / "Dockerfile.dockerignore").read_text().splitlines())
+    assert left_out >= wanted | {".git"}
+
+
 def test_a_configuration_that_is_refused_is_not_tried_again(tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.toml"
     wrong.write_text('vehicel = "udpin:127.0.0.1:0"\n')
