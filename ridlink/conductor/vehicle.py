@@ -145,6 +145,8 @@ class Conductor:
         usual_m = await self._asked("take-off height", self._action.get_takeoff_altitude())
         await self._asked("take-off height", self._action.set_takeoff_altitude(height_m))
         try:
+            if not (self._ardupilot or await self._telemetry.armed()) and await self._obeys_setpoints():
+                await self._leave_offboard()  # the last landing left it there, where it arms with a stream only
             await self._asked("arming", self._action.arm())
             await self._until(self._telemetry.armed, "armed", MANOEUVRE_S)
             self._say(f"armed, climbing to {height_m:g} m")
@@ -254,6 +256,10 @@ class Conductor:
         Raises:
             FlightError: If the mode is not confirmed.
         """
+        await self._leave_offboard()
+        self._say("holds")
+
+    async def _leave_offboard(self) -> None:
         asked_s = -math.inf
 
         async def holds() -> bool:
@@ -264,7 +270,6 @@ class Conductor:
             return not await self._obeys_setpoints()
 
         await self._until(holds, "holding", MANOEUVRE_S, without_daemon=True)
-        self._say("holds")
 
     async def land(self) -> None:
         """Come down here, and wait until it has disarmed itself.

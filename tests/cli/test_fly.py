@@ -229,6 +229,20 @@ def test_a_conductor_that_hears_no_more_says_so() -> None:
 
 
 @needs_mavsdk
+def test_a_px4_that_was_landed_from_offboard_flies_again() -> None:
+    """It is in OFFBOARD again when it has disarmed, where it does not arm without setpoints; nobody sends any yet."""
+
+    async def act(server: FleetServer) -> None:
+        pilot = server.autopilots[0].pilot
+        pilot.enter_offboard()
+        code, lines, said = await conduct("--vehicle", vehicle_of(server), "--takeoff", "2", "--land")
+        assert code == 0 and lines[-1]["landed"], said
+        assert pilot.mode is Mode.HOLD and not pilot.armed
+
+    fly(built_in("circle8", 1), act, sigma_m=0.0, start=Start.GROUND, **ANY_PORT)
+
+
+@needs_mavsdk
 def test_a_vehicle_without_a_fix_is_not_armed_and_what_is_missing_is_said() -> None:
     event = Event(0.0, 0, "gnss-outage", {"duration_s": 0.0})
     lost = Scenario("lost", 60.0, (VehicleSpec((0.0, 0.0, -50.0), (9.0, 0.0, -50.0)),), events=(event,))
