@@ -142,6 +142,12 @@ def test_the_order_goes_on_from_who_is_first_round_and_round():
     assert told[0] == 0.0 and told[1] < 0.0
 
 
+def test_who_has_no_identity_draws_no_lot():
+    turn = next(k for k in range(200) if lot(NOBODY, k) < lot(1, k) < lot(2, k))
+    told = Jam(2, turn=turn).stalled(neighbours((50.0, 0.0), (0.0, 50.0)), [1, NOBODY])
+    assert told == pytest.approx([-(CLEAR_RADII * DISC_M - 50.0), 0.0])
+
+
 def test_who_stands_loses_its_turn_as_it_is_over():
     jam = Jam(2, turn=FIRST_1, goes=True)
     assert jam.stalled(AHEAD, [1]) is not None
@@ -174,14 +180,14 @@ def test_who_makes_way_for_own_ship_has_lost_its_turn_however_far_it_comes():
 
 
 def test_who_gets_nowhere_in_its_own_turns_leaves_the_round_for_longer_and_longer_and_gives_more_room():
-    jam = Jam(2, goes=True)
-    told = [jam.last(AHEAD, [1]) for _ in range(1500)]
+    jam, ahead = Jam(2, goes=True), neighbours((55.0, 0.0))
+    told = [jam.last(ahead, [1]) for _ in range(1500)]
     assert (
         0.0 < np.mean([each is not None for each in told[-750:]]) < np.mean([each is not None for each in told[:250]])
     )
     lacking = sorted({round(float(-each[0]), 6) for each in told if each is not None})
-    assert lacking[0] == CLEAR_RADII * DISC_M - 50.0
-    assert lacking[-1] == CRUISE < (CLEAR_RADII + FAILED_RADII) * DISC_M - 50.0
+    assert lacking == [CLEAR_RADII * DISC_M - 55.0, CRUISE]
+    assert lacking[-1] < (CLEAR_RADII + FAILED_RADII) * DISC_M - 55.0
 
 
 @pytest.mark.parametrize("later_s", [STEP_S, 4.0, 11.0, 33.0])
