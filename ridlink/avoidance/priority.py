@@ -7,7 +7,7 @@ identity has a lot, and who draws the least of those about goes first. Everybody
 it, those that follow the first one by identity, round and round, and waits at CLEAR_RADII of the disc until they are
 through. Half-planes hold as ever and nothing is shrunk.
 
-Lots need no agreement: whoever hears the same vehicles at the same time has the same ones, since whenever it has been
+Lots need no agreement: whoever hears the same vehicles at the same time has the same ones, however long it has been
 waiting. Were turns counted by each on its own, two could each wait for the other, in every turn anew. Who goes first
 and comes somewhere keeps its turn; who does not, because it is at its goal or cannot, loses it as the time is over, so
 nobody need know of another whether it has arrived. Who gets nowhere in its own turns either leaves the round for longer
@@ -70,7 +70,7 @@ LOTS, GOLDEN = 2**31 - 1, 1327217885
 
 
 @kernel(forceinline=True, inner=True)
-def turn_of(identity, first):  # type: ignore[no-untyped-def]
+def place_of(identity, first):  # type: ignore[no-untyped-def]
     """Place of an identity in the order that begins at `first`."""
     return identity if identity >= first else identity + NEXT_ROUND
 
@@ -132,8 +132,7 @@ def choose_first(own, identity, reports, identities, count, now_s, clock_s, kept
         kept[SINCE] = now_s
         return 1.0 * NOBODY
     passed, kept[UNTIL] = now_s - kept[UNTIL], now_s
-    goes_on = known and first != NOBODY
-    if goes_on:
+    if known:
         kept[COME], kept[COME + 1] = kept[COME] + v_1 * passed, kept[COME + 1] + v_2 * passed
         if kept[TURN] == turn:
             return first
@@ -147,7 +146,7 @@ def choose_first(own, identity, reports, identities, count, now_s, clock_s, kept
                 return 1.0 * NOBODY
         if come:
             drawn = int(first)
-    kept[TURN], kept[WHOLE], kept[COME], kept[COME + 1] = turn, 1.0 if goes_on else 0.0, 0.0, 0.0
+    kept[TURN], kept[WHOLE], kept[COME], kept[COME + 1] = turn, 1.0 if known else 0.0, 0.0, 0.0
     return 1.0 * drawn
 
 
@@ -188,7 +187,7 @@ def give_way(own, identity, reports, identities, count, now_s, clock_s, kept):  
 
     push_1 = push_2 = 0.0
     for j in range(count):
-        if reports[j, 7] == 0.0 or identities[j] < 0 or turn_of(identities[j], first) >= turn_of(identity, first):
+        if reports[j, 7] == 0.0 or identities[j] < 0 or place_of(identities[j], first) >= place_of(identity, first):
             continue
         e_1 = p_1 - reports[j, 0] - reports[j, 2] * reports[j, 6]
         e_2 = p_2 - reports[j, 1] - reports[j, 3] * reports[j, 6]

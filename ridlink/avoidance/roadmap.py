@@ -45,7 +45,7 @@ CELLS = 2**22
 """Places of a goal along one axis: goals count as one that are so many metres apart, which nobody flies."""
 
 SHELF = 8
-"""Ways that stand side by side: what a goal's number says is on which shelf to look."""
+"""Ways that stand side by side: the key of a goal says on which shelf to look, and there the oldest make room."""
 
 LEAST_WAYS, MOST_WAYS, MOST_BYTES = 128, 4096, 2**22
 """Ways that are kept; between these as many as fit into so much memory."""
@@ -60,7 +60,7 @@ class Roadmap(NamedTuple):
     Attributes:
         vertex: Vertices of the convex pieces about the origin that ways are worked out about, shape (m, 2).
         points: What does not change of the points of ways, shape (ROUND * m, POINT_COLUMNS).
-        keys: Which ways are where, and in the last column which of a shelf make room next, shape (shelves, SHELF + 1).
+        keys: Which ways are where, and in the last column which of a shelf came last, shape (shelves, SHELF + 1).
         table: The ways, shape (SHELF * shelves, ROUND * m, WAY_COLUMNS).
         keep: Scratch of `measure_ways`, shape (ROUND * m, KEEP_COLUMNS).
         room: Scratch of who looks for a waypoint, shape (ROUND * m, ROOM_COLUMNS).
@@ -87,7 +87,7 @@ def new_roadmap(obstacles: Obstacles) -> Roadmap:
     """
     count = ROUND * len(obstacles.piece_vertex_ne_m)
     ways = min(max(MOST_BYTES // max(8 * WAY_COLUMNS * count, 1), LEAST_WAYS), MOST_WAYS) if count else 0
-    # Parts of a key are multiples of twos and threes; with such shelves they would stand on few of them.
+    # Keys are made of multiples of twos and threes: were the number of shelves one, most of them would stand empty.
     shelves = 6 * (ways // (6 * SHELF)) + 1
     return Roadmap(
         vertex=obstacles.piece_vertex_ne_m, points=_points(obstacles.pieces),

@@ -91,8 +91,8 @@ def new_solver(kind: SolverKind | str = SolverKind.HALFPLANE, settings: SolverSe
 class _RowSolver(ABC):
     """Packs checked values into rows, has a kernel decide, and unpacks its answer.
 
-    Holds scratch memory only: equal arguments give equal answers, and memory of sides is the caller's. Not for use by
-    two threads at a time.
+    Holds scratch memory, and ways that were worked out: equal arguments give equal answers about the same origin, and
+    memory of sides is the caller's. Not for use by two threads at a time.
     """
 
     def __init__(self) -> None:
