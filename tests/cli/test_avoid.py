@@ -47,7 +47,8 @@ def test_f28_flies_reports_and_ends_on_sigterm(number: signal.Signals) -> None:
             first = json.loads(await line(process.stdout))
             assert (first["event"], first["state"]) == ("state", "standby")
             async with LoopbackVehicle(Emulated(), port) as vehicle:
-                await vehicle.until(lambda: len(vehicle.setpoints()) >= 12)
+                # A PX4 is sent zero velocity before the kernels are there.
+                await vehicle.until(lambda: len(vehicle.setpoints()) >= 12 and vehicle.setpoints()[-1].vx > 0.0)
                 process.send_signal(number)
                 if number == signal.SIGHUP:
                     process.send_signal(number)

@@ -10,8 +10,16 @@ import sys
 
 import pytest
 
+from ridlink.avoidance.solver import warm_up
+from ridlink.avoidance.types import SolverKind
 from ridlink.cli.doctor import _show
 from ridlink.doctor.finding import Finding, Verdict
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled() -> None:
+    """Kernels that are compiled take longer than a doctor may."""
+    warm_up(SolverKind.HALFPLANE)
 
 
 def doctor(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -8,15 +8,18 @@ from asyncio.subprocess import PIPE, Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from ridlink.avoidance.solver import warm_up
+from ridlink.avoidance.types import SolverKind
 from tests.loopback import free_port
 
 START_S = 60.0
-"""A cold cache of compiled kernels."""
+"""A busy machine."""
 
 
 @asynccontextmanager
 async def daemon(*arguments: str) -> AsyncIterator[tuple[Process, int]]:
-    """The process, and the port on which it waits for its vehicle."""
+    """The process, and the port on which it waits for its vehicle. It loads kernels, and compiles none."""
+    warm_up(SolverKind.HALFPLANE)
     port = free_port()
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "ridlink", "avoid", "--vehicle", f"udpin:127.0.0.1:{port}",
