@@ -390,6 +390,17 @@ def test_ways_keep_to_their_corners_where_north_is_another_direction():
     assert aim == pytest.approx(Way(here, goal).aim(position), abs=0.05)
 
 
+def test_a_goal_is_known_by_its_nearest_corner_where_north_is_another_direction():
+    """As seen from the first corner it is 4 m off."""
+    turn, far = 2e-3, np.array([2000.0, 2000.0])
+    turned = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    plain, goal = Obstacles.from_polygons([SQUARE, SQUARE + far]), far + np.array([200.0, 5.0])
+    here = new_roadmap(plain)
+    ways_at(plain, here, goal)
+    ways_at(Obstacles.from_polygons([SQUARE @ turned, (SQUARE + far) @ turned]), here, goal @ turned)
+    assert known(here) == 1
+
+
 def test_whoever_has_no_goal_needs_no_map():
     obstacles, solver = Obstacles.from_polygons([SQUARE]), HalfplaneSolver()
     own = OwnShip(np.array([-100.0, 0.0]), np.zeros(2), np.zeros(2), 0.6, 10.0)
