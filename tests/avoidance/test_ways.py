@@ -127,6 +127,14 @@ def test_a_corner_that_is_straight_but_for_rounding_changes_no_way(corner, bulge
         assert length(there.fly(position)) == pytest.approx(length(here.fly(position)), abs=0.5)
 
 
+@pytest.mark.parametrize("off_m", [0.5, 2.0, 8.0])
+def test_who_is_nearer_than_the_clearance_finds_its_way_on_the_first_map(off_m):
+    way = Way(Obstacles.from_polygons([SQUARE]), (300.0, 10.0))
+    aim = way.aim((-40.0 - off_m, 10.0))
+    assert way.memory > 0 and aim[1] > 40.0
+    assert known(way.roadmap) == 1
+
+
 def test_two_obstacles_in_a_row_are_passed_one_after_the_other():
     obstacles = Obstacles.from_polygons([SQUARE, SQUARE + np.array([200.0, 30.0])])
     places = Way(obstacles, (400.0, 0.0), 10.0).fly((-150.0, 0.0))
