@@ -40,6 +40,8 @@ FLYING_SHARE = 0.1
 """Somewhere is further than at this share of the own cruise; who hovers in wind and noise has a speed, too."""
 RETREAT_COSINE = 0.7
 """Whose way leads so straight away from own-ship makes way for it, and believes that it is another one's turn."""
+LOOKED_AT_S = 1.0
+"""What was done longer ago than this, while own-ship was not stalled, counts for nothing."""
 NEAR_RADII = 3.0
 KEPT_RADII = 4.0
 """Others count within so many radii of the pair's disc; who goes first does until it is further than the second."""
@@ -131,7 +133,7 @@ def choose_first(own, identity, reports, identities, count, now_s, clock_s, kept
     if alone:
         kept[SINCE] = now_s
         return 1.0 * NOBODY
-    passed, kept[UNTIL] = now_s - kept[UNTIL], now_s
+    passed, kept[UNTIL] = min(now_s - kept[UNTIL], LOOKED_AT_S), now_s
     if known:
         kept[COME], kept[COME + 1] = kept[COME] + v_1 * passed, kept[COME + 1] + v_2 * passed
         if kept[TURN] == turn:

@@ -173,6 +173,14 @@ def test_who_comes_somewhere_keeps_its_turn(velocity):
     assert all(jam.last(flying, [1]) is not None for _ in range(round(5.0 * TURN_S / STEP_S)))
 
 
+def test_what_nobody_looked_at_is_not_taken_for_a_flight():
+    """Own-ship was not stalled for a minute, in which the first hovered at a speed that noise alone has."""
+    jam, hovering = Jam(2, turn=FIRST_1, goes=True), neighbours((50.0, 0.0), velocity=(0.0, 0.5))
+    assert jam.stalled(hovering, [1]) is not None
+    jam.now_s += 60.0
+    assert jam.last(hovering, [1], TURN_S) is None
+
+
 def test_who_makes_way_for_own_ship_has_lost_its_turn_however_far_it_comes():
     jam, retreating = Jam(2, turn=FIRST_1, goes=True), neighbours((50.0, 0.0), velocity=(3.0, 0.5))
     assert jam.stalled(retreating, [1]) is not None
