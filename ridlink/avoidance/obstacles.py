@@ -25,6 +25,9 @@ Polygons = tuple[FloatArray, IntArray]
 MIN_AREA_M2 = 1e-6
 """A smaller polygon is a point or a line and has no inside."""
 
+STRAIGHT_M2 = -1e-9
+"""A corner that turns back by no more than rounding is a straight one."""
+
 LOST_SHARE = 1e-6
 """Pieces that lack more of the area than this, or have more, are not those of the polygon: nothing is flown by them."""
 
@@ -87,7 +90,7 @@ def _cross_all(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 def _is_convex(vertices: FloatArray) -> bool:
     count = len(vertices)
-    return all(_cross(vertices[i - 1], vertices[i], vertices[(i + 1) % count]) >= -1e-9 for i in range(count))
+    return all(_cross(vertices[i - 1], vertices[i], vertices[(i + 1) % count]) >= STRAIGHT_M2 for i in range(count))
 
 
 def _triangles(vertices: FloatArray) -> list[list[int]]:
@@ -120,22 +123,22 @@ def convex_pieces(vertices: FloatArray) -> list[FloatArray]:
         return [vertices]
     pieces = dict(enumerate(_triangles(vertices)))
     owner = {edge: name for name, piece in pieces.items() for edge in _edges(piece)}
-    # Pairs on two sides of a cut; whoever has grown is looked at again with all that it touches.
-    pairs = [(owner[b, a], name) for (a, b), name in owner.items() if owner.get((b, a), name) < name]
-    heapify(pairs)
-    while pairs:
-        first, second = heappop(pairs)
+    # Cuts with the pieces on both sides; whoever has grown is looked at again with all that it touches.
+    cuts = [(owner[b, a], name, b, a) for (a, b), name in owner.items() if owner.get((b, a), name) < name]
+    heapify(cuts)
+    while cuts:
+        first, second, a, b = heappop(cuts)
         if first not in pieces or second not in pieces:
             continue
-        joined = _joined(pieces[first], pieces[second])
-        if joined is None or not _is_convex(vertices[joined]):
+        joined = _joined(vertices, pieces[first], pieces[second], a, b)
+        if joined is None:
             continue
         pieces[first] = joined
         del pieces[second]
         for a, b in _edges(joined):
             owner[a, b] = first
             if (other := owner.get((b, a))) is not None:
-                heappush(pairs, (min(first, other), max(first, other)))
+                heappush(cuts, (first, other, a, b) if first < other else (other, first, b, a))
     return [np.ascontiguousarray(vertices[piece]) for piece in pieces.values()]
 
 
@@ -143,15 +146,16 @@ def _edges(ring: list[int]) -> Iterator[tuple[int, int]]:
     return pairwise([*ring, ring[0]])
 
 
-def _joined(first: list[int], second: list[int]) -> list[int] | None:
-    """Two pieces that share one edge as one ring; None if they do not touch."""
-    for i in range(len(first)):
-        a, b = first[i], first[(i + 1) % len(first)]
-        for j in range(len(second)):
-            if second[j] == b and second[(j + 1) % len(second)] == a:
-                rest = [second[(j + 2 + k) % len(second)] for k in range(len(second) - 2)]
-                return [*first[: i + 1], *rest, *first[i + 1 :]]
-    return None
+def _joined(vertices: FloatArray, first: list[int], second: list[int], a: int, b: int) -> list[int] | None:
+    """Two convex pieces as one ring without the edge from a to b of the first; None if that would not be convex."""
+    i, j = first.index(a), second.index(b)
+    rest = (second[j:] + second[:j])[2:]
+    before, after = first[i - 1], first[(i + 2) % len(first)]
+    # Only where they meet can it be otherwise.
+    for one, corner, other in ((before, a, rest[0]), (rest[-1], b, after)):
+        if _cross(vertices[one], vertices[corner], vertices[other]) < STRAIGHT_M2:
+            return None
+    return [*first[: i + 1], *rest, *first[i + 1 :]]
 
 
 @dataclass(frozen=True, slots=True)
