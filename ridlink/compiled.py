@@ -12,9 +12,12 @@ function and every set of types that it is compiled for, more than what it does.
 
 from __future__ import annotations
 
+import fcntl
 import gc
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, partial
 from inspect import signature
 from pathlib import Path
@@ -34,6 +37,9 @@ from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables, Lite
 from numba.extending import lower_builtin, type_callable
 
 Decorator = Callable[..., Any]
+
+MOST_WAITED_S = 60.0
+"""Several times what the compiler takes for the kernels of a solver."""
 
 
 def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decorator:
@@ -255,6 +261,35 @@ def can_be_kept() -> bool:
     try:
         _KernelCache(can_be_kept, ())
     except RuntimeError:
+        return False
+    return True
+
+
+@contextmanager
+def compiling_alone(kernel: Any) -> Iterator[None]:
+    """Wait until no other process compiles into the folder of a kernel: what it has compiled need only be loaded then.
+
+    Daemons of several vehicles start together, and each would compile the same. Whoever has waited for MOST_WAITED_S
+    waits no longer: the other one may have been stopped.
+    """
+    with ExitStack() as until:
+        # Where nothing is kept, or folders know no locks, each compiles for itself.
+        with suppress(AttributeError, OSError):
+            folder = kernel._cache.cache_path
+            Path(folder).mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(folder, os.O_RDONLY)
+            until.callback(os.close, descriptor)
+            latest = time.monotonic() + MOST_WAITED_S
+            while not _is_locked(descriptor) and time.monotonic() < latest:
+                time.sleep(0.1)
+        yield
+
+
+def _is_locked(descriptor: int) -> bool:
+    """Whether a file is ours alone now, until it is closed."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
         return False
     return True
 

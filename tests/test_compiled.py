@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import ast
+import fcntl
 import gc
 import importlib
 import os
 import resource
+import threading
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from queue import Empty, Queue
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -21,7 +24,7 @@ from numba.core.typing.context import BaseContext
 
 import ridlink
 from ridlink.captures.fast.calling import announce
-from ridlink.compiled import _KernelCache, instructions_for, is_compiled, kernel_decorator
+from ridlink.compiled import _KernelCache, compiling_alone, instructions_for, is_compiled, kernel_decorator
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -121,6 +124,34 @@ def test_whoever_waits_for_the_compiler_is_told_whether_that_is_for_once(
         monkeypatch.setattr(caching.CacheImpl, "_locator_classes", places)
         announce(kernel_decorator([Path(__file__)])(halved))
         assert f"ridlink: compiling the decoder ({often}" in capsys.readouterr().err
+
+
+def test_of_two_that_compile_into_one_folder_the_second_waits_for_the_first(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Daemons that start together would each compile the same: four took four times as long."""
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    kernel = kernel_decorator([Path(__file__)])(halved)
+    order: Queue[str] = Queue()
+
+    def wait() -> None:
+        with compiling_alone(kernel):
+            order.put("second")
+
+    with compiling_alone(kernel):
+        second = threading.Thread(target=wait)
+        second.start()
+        with pytest.raises(Empty):
+            order.get(timeout=0.3)
+        order.put("first has compiled")
+    second.join(10.0)
+    assert [order.get_nowait(), order.get_nowait()] == ["first has compiled", "second"]
+    # One that has been stopped is not waited for, and folders that know no locks are done without.
+    monkeypatch.setattr("ridlink.compiled.MOST_WAITED_S", 0.0)
+    with compiling_alone(kernel), compiling_alone(kernel):
+        monkeypatch.setattr(fcntl, "flock", lambda *_: os.open(tmp_path / "missing", os.O_RDONLY))
+        with compiling_alone(kernel), compiling_alone(halved):
+            pass
 
 
 def test_what_is_kept_is_loaded_without_a_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from contextlib import nullcontext
 from typing import Protocol
 
 import numpy as np
@@ -24,7 +25,7 @@ from ridlink.avoidance.types import (
     Traffic,
     checked_pair,
 )
-from ridlink.compiled import is_compiled
+from ridlink.compiled import compiling_alone, is_compiled
 
 SolverSettings = HalfplaneSettings | GradedSettings | RotationSettings
 
@@ -305,8 +306,14 @@ def is_warm(kind: SolverKind | str = SolverKind.HALFPLANE) -> bool:
 def warm_up(kind: SolverKind | str = SolverKind.HALFPLANE) -> None:
     """Compile the kernels of a solver, or load them from the cache, once.
 
-    Seconds when cold, a fraction of one from the cache. Call it before the first deadline, not within one.
+    Seconds when cold, a fraction of one from the cache. Call it before the first deadline, not within one. Of several
+    processes that are cold one compiles, and the others wait for it.
     """
+    with nullcontext() if is_warm(kind) else compiling_alone(pack):
+        _decide_once(SolverKind(kind))
+
+
+def _decide_once(kind: SolverKind) -> None:
     square = Obstacles.from_polygons([[[50.0, 50.0], [60.0, 50.0], [60.0, 60.0], [50.0, 60.0]]])
     pair = np.zeros((1, 2))
     one = np.ones(1)

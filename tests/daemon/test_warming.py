@@ -50,6 +50,24 @@ def test_f26_a_daemon_with_a_cold_cache_compiles_nothing_itself(tmp_path: Path) 
     assert said(WARM) == "False False\n", "one kernel that is missing is enough"
 
 
+ONE_OF_TWO = """
+from ridlink.avoidance.packing import pack, unpack_memory
+from ridlink.avoidance.rotation import rotate_one
+from ridlink.avoidance.solver import warm_up
+warm_up("rotation")
+print(sum(sum(kernel.stats.cache_misses.values()) for kernel in (rotate_one, pack, unpack_memory)))
+"""
+
+
+@pytest.mark.programs
+def test_of_two_processes_that_start_together_with_a_cold_cache_one_compiles(tmp_path: Path) -> None:
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", ONE_OF_TWO]
+    both = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    assert sorted(process.communicate()[0] for process in both) == ["0\n", "3\n"]
+    assert all(process.returncode == 0 for process in both)
+
+
 def test_whoever_stops_waiting_ends_the_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pipe = tmp_path / "compiler"
     os.mkfifo(pipe)
