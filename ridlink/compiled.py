@@ -1,40 +1,27 @@
-"""How kernels are compiled: once, strictly, and kept on disk.
+"""Kernels are compiled strictly, once, and kept on disk.
 
 numba keeps compiled code beside the source and asks only whether the *file of that function* has changed. A kernel
 carries the code of those it calls, so an edit in one module would leave old code alive in another. Here a kernel's
 stamp covers every module that holds kernels of its package.
-
-Where the compiler's time goes, for the kernels of half-planes: two thirds into Python, most of it for writing their
-instructions, the rest for reading the functions and for their types; a third into LLVM, for reading these, putting each
-function in order, optimising kernels with all that they call, and machine code about alike. So what costs is every
-function and every set of types that it is compiled for, more than what it does.
 """
 
 from __future__ import annotations
 
 import fcntl
-import gc
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from functools import cache, partial
-from inspect import signature
+from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from numba import config, njit, types
 from numba.core.caching import FunctionCache
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
-from numba.core.compiler_machinery import PassManager
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
-from numba.core.typed_passes import InlineOverloads, NopythonRewrites
-from numba.core.typing import Context
-from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables, LiteralUnroll, WithLifting
-from numba.extending import lower_builtin, type_callable
+
+from ridlink.compiler import InnerCompiler, KernelCompiler
 
 Decorator = Callable[..., Any]
 
@@ -74,7 +61,7 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
         def compiled(plain: Callable[..., Any]) -> Any:
             options: dict[str, Any] = {"nogil": nogil, "forceinline": forceinline, "error_model": "numpy"}
             options["no_cfunc_wrapper"], options["no_cpython_wrapper"] = True, inner
-            options["pipeline_class"] = _InnerCompiler if inner else _KernelCompiler
+            options["pipeline_class"] = InnerCompiler if inner else KernelCompiler
             options["fastmath"] = {"contract"} if fused else False
             if not counted:
                 options["_nrt"] = False
@@ -113,121 +100,12 @@ class _InnerKernel(CPUDispatcher):  # type: ignore[misc]
         )
 
 
-class _RememberingContext(Context):  # type: ignore[misc]
-    """What the compiler asks for the types of calls, which answers for the same function and arguments but once.
-
-    numba tries every rule that there is for a sum each time that it meets one: a fifth of all its time.
-    """
-
-    def __init__(self, context: Context) -> None:
-        self.__dict__ |= context.__dict__
-        self._known: dict[Any, Any] = {}
-
-    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """Signature of a call, None if there is none for these types."""
-        if kws or not isinstance(func, types.Function):
-            return super().resolve_function_type(func, args, kws)
-        known = self._known.get((func, args))
-        if known is None:
-            known = self._known[func, args] = super().resolve_function_type(func, args, kws)
-        return known
-
-
-_remembering = cache(_RememberingContext)
-
-_UNUSED = (WithLifting, InlineClosureLikes, InlineInlinables, LiteralUnroll, InlineOverloads, NopythonRewrites)
-"""Passes over every function for what kernels have none of: functions in functions, sums of whole arrays, the like."""
-
-
-class _KernelCompiler(Compiler):  # type: ignore[misc]
-    """Compiles one kernel, and those that it calls first."""
-
-    def __init__(self, typing_context: Context, *others: Any) -> None:
-        super().__init__(_remembering(typing_context), *others)
-
-    def define_pipelines(self) -> list[PassManager]:
-        """Passes over a function, in their order."""
-        (manager,) = super().define_pipelines()
-        manager.passes = [one for one in manager.passes if one[0] not in _UNUSED]
-        return [manager]
-
-    def compile_extra(self, func: Any) -> Any:
-        """Compile a function. Little of what is left behind is garbage; to look for it would take a tenth more."""
-        collects = gc.isenabled()
-        gc.disable()
-        try:
-            return super().compile_extra(func)
-        finally:
-            if collects:
-                gc.enable()
-
-
-class _InnerCompiler(_KernelCompiler):
-    """Compiles a kernel that only becomes part of others."""
-
-    def compile_extra(self, func: Any) -> Any:
-        """Compile a function, as far as it must be before it becomes part of another."""
-        self.state.library = _InnerCode(self.state.targetctx.codegen(), func.__qualname__)
-        return super().compile_extra(func)
-
-
-class _InnerCode(JITCodeLibrary):  # type: ignore[misc]
-    """Code of an inner kernel: it is optimised, and machine code made of it, as part of others only."""
-
-    @property
-    def codegen(self) -> Any:
-        """What is told where the machine code finds what it keeps in Python: there is none."""
-        return SimpleNamespace(set_env=lambda name, environment: None)
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._finalized = True
-
-    def get_pointer_to_function(self, name: str) -> int:
-        """Address of a function: none."""
-        self._ensure_finalized()
-        return 0
-
-    def serialize_using_object_code(self) -> Any:
-        """What is kept on disk."""
-        return self.serialize_using_bitcode()
-
-
-def instructions_for(plain: Callable[..., Any]) -> Decorator:
-    """A decorator for the instructions that kernels have in the place of a plain function.
-
-    What it decorates is as for `numba.extending.intrinsic`: from the types of the arguments it gives the signature and
-    what writes the instructions. They stand in the caller itself; by way of `numba.extending.overload` each would be a
-    function of its own, which takes 20 ms to compile for every kind of caller.
-    """
-
-    def register(instructions: Callable[..., Any]) -> Callable[..., Any]:
-        @type_callable(plain)  # type: ignore[untyped-decorator]
-        def type_call(context: Any) -> Callable[..., Any]:
-            def typer(*kinds: Any) -> Any:
-                return instructions(context, *kinds)[0]
-
-            typer.__signature__ = signature(plain)  # type: ignore[attr-defined]
-            return typer
-
-        @lower_builtin(plain, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
-        def write(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
-            return instructions(context.typing_context, *call.args)[1](context, builder, call, arguments)
-
-        return instructions
-
-    return register
-
-
 class _KernelCache(FunctionCache):  # type: ignore[misc]
     """Where the compiled code of one kernel is kept."""
 
     def __init__(self, plain: Callable[..., Any], sources: tuple[Path, ...]) -> None:
         super().__init__(plain)
-        self.sources = (*sources, Path(__file__))
+        self.sources = (*sources, Path(__file__), Path(__file__).with_name("compiler.py"))
         self._cache_file._source_stamp = _stamp(self.sources)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

@@ -20,6 +20,7 @@ LAYERS = {
     "ridlink.geodesy": 0,
     "ridlink.companions": 0,
     "ridlink.compiled": 0,
+    "ridlink.compiler": 0,
     "ridlink.files": 0,
     "ridlink.checked_toml": 0,
     "ridlink.scenario": 0,

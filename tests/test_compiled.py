@@ -24,7 +24,8 @@ from numba.core.typing.context import BaseContext
 
 import ridlink
 from ridlink.captures.fast.calling import announce
-from ridlink.compiled import _KernelCache, compiling_alone, instructions_for, is_compiled, kernel_decorator
+from ridlink.compiled import _KernelCache, compiling_alone, is_compiled, kernel_decorator
+from ridlink.compiler import instructions_for
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
 

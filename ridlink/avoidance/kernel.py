@@ -9,7 +9,8 @@ from pathlib import Path
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 
-from ridlink.compiled import instructions_for, kernel_decorator
+from ridlink.compiled import kernel_decorator
+from ridlink.compiler import instructions_for
 
 kernel = kernel_decorator(sorted(Path(__file__).parent.glob("*.py")), counted=False)
 

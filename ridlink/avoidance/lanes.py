@@ -15,7 +15,7 @@ from numba.core import cgutils
 
 from ridlink.avoidance.kernel import kernel
 from ridlink.avoidance.rows import LANES
-from ridlink.compiled import instructions_for
+from ridlink.compiler import instructions_for
 
 LANE_BITS = LANES.bit_length() - 1
 
