@@ -3,7 +3,8 @@
 Axes: x north, y east, z down, metres. Latitudes and longitudes in degrees. Altitudes in metres above whatever datum the
 caller uses for both the origin and the points (mean sea level and ellipsoid must not be mixed). The tangent plane is
 exact (pymap3d); at 1 km its "down" differs from an altitude difference by 8 cm. `moved` and `offset_m` are the same for
-single points that are near, in the horizontal and tens of times as fast.
+single points that are near, in the horizontal and tens of times as fast; `great_circle_m` is for distances of
+any length.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ Array = npt.NDArray[np.float64]
 
 EQUATOR_RADIUS_M = 6378137.0
 ECCENTRICITY_SQUARED = 6.69437999014e-3
+MEAN_RADIUS_M = 6371e3
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,3 +85,11 @@ def offset_m(from_deg: tuple[float, float], to_deg: tuple[float, float]) -> tupl
     """North and east [m] from one point to another that is near, both latitude and longitude."""
     per_latitude, per_longitude = _scale(from_deg[0])
     return (to_deg[0] - from_deg[0]) * per_latitude, wrap_deg(to_deg[1] - from_deg[1]) * per_longitude
+
+
+def great_circle_m(from_deg: tuple[float, float], to_deg: tuple[float, float]) -> float:
+    """Distance [m] from one point to another, both latitude and longitude, on a sphere: within 1 %, however far."""
+    here, there = math.radians(from_deg[0]), math.radians(to_deg[0])
+    east = math.radians(to_deg[1] - from_deg[1])
+    haversine = math.sin((there - here) / 2.0) ** 2 + math.cos(here) * math.cos(there) * math.sin(east / 2.0) ** 2
+    return 2.0 * MEAN_RADIUS_M * math.asin(math.sqrt(min(haversine, 1.0)))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ridlink.geodesy import Geodetic, geodetic_from_ned, moved, ned_from_geodetic, offset_m
+from ridlink.geodesy import Geodetic, geodetic_from_ned, great_circle_m, moved, ned_from_geodetic, offset_m
 
 unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 """A busy machine is no failure."""
@@ -82,3 +82,18 @@ def test_near_points_across_the_antimeridian() -> None:
     east = moved(10.0, 179.9999, 0.0, 50.0)
     assert -180.0 <= east[1] < -179.999
     assert offset_m((10.0, 179.9999), east)[1] == pytest.approx(50.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("here", "there", "away_m"),
+    [
+        ((47.4, 8.54), (47.4, 8.54), 0.0),
+        ((0.0, 0.0), (0.0, 1.0), 111_319.5),  # on the equator of WGS-84
+        ((0.0, 0.0), (90.0, 77.0), 10_001_965.7),  # a quarter of its meridian
+        ((-17.0, 179.9), (-17.0, -179.9), 21_297.2),  # across the antimeridian
+        ((10.0, 20.0), (-10.0, -160.0), 20_003_931.5),  # to the other side, half a meridian
+    ],
+)
+def test_far_points_on_a_sphere(here: tuple[float, float], there: tuple[float, float], away_m: float) -> None:
+    assert great_circle_m(here, there) == pytest.approx(away_m, rel=0.006)
+    assert great_circle_m(there, here) == pytest.approx(great_circle_m(here, there))
