@@ -10,7 +10,7 @@ from ridlink.links import Address, Link
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.signing import EPOCH_UTC_S, Signing
 
-PATIENCE_S = 5.0
+PATIENCE_S = 8.0
 UTC_S = EPOCH_UTC_S + 400_000_000.0
 
 
@@ -21,19 +21,23 @@ class Inbox:
         self.datagrams: list[tuple[bytes, Address]] = []
         self._changed = asyncio.Event()
 
+    @property
+    def heard(self) -> list[bytes]:
+        return [data for data, _ in self.datagrams]
+
     def __call__(self, data: bytes, address: Address) -> None:
         self.datagrams.append((data, address))
         self._changed.set()
 
-    async def until(self, condition: Callable[[], bool]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
+    async def until(self, condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
+        async with asyncio.timeout(patience_s):
             while not condition():
                 self._changed.clear()
                 await self._changed.wait()
 
-    async def count(self, number: int) -> list[bytes]:
-        await self.until(lambda: len(self.datagrams) >= number)
-        return [data for data, _ in self.datagrams]
+    async def count(self, number: int, patience_s: float = PATIENCE_S) -> list[bytes]:
+        await self.until(lambda: len(self.datagrams) >= number, patience_s)
+        return self.heard
 
 
 class Told(Counter[str]):

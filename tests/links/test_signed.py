@@ -7,7 +7,6 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -20,9 +19,8 @@ from ridlink.links.signing_clock import SAVED_EVERY_S, open_signing
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mavlink.signing import EPOCH_UTC_S, UNITS_PER_S, Signing
-from tests.daemon.emulated import PATIENCE_S
 from tests.links.conftest import KEY
-from tests.links.ends import UTC_S, signed
+from tests.links.ends import PATIENCE_S, UTC_S, Inbox, signed
 
 ANY = parse_link_url("udpin:127.0.0.1:0")
 
@@ -40,26 +38,8 @@ for _ in range(2):
 """A program of its own: which dialect and version pymavlink speaks is one choice a process."""
 
 
-class Ear:
-    """What a link delivers."""
-
-    def __init__(self) -> None:
-        self.heard: list[bytes] = []
-        self.changed = asyncio.Event()
-
-    def __call__(self, data: bytes, _: object) -> None:
-        self.heard.append(data)
-        self.changed.set()
-
-    async def until(self, condition: Callable[[], bool]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
-            while not condition():
-                self.changed.clear()
-                await self.changed.wait()
-
-
-async def opened(ear: Ear, key_file: Path, url: LinkUrl = ANY, **options: object) -> SignedLink:
-    return await open_signed_link(url, ear, SigningOptions(key_file, **options), utc=lambda: UTC_S)  # type: ignore[arg-type]
+async def opened(inbox: Inbox, key_file: Path, url: LinkUrl = ANY, **options: object) -> SignedLink:
+    return await open_signed_link(url, inbox, SigningOptions(key_file, **options), utc=lambda: UTC_S)  # type: ignore[arg-type]
 
 
 def killed(link: SignedLink) -> None:
@@ -70,7 +50,7 @@ def killed(link: SignedLink) -> None:
 
 def test_f23_what_cannot_be_signed_is_counted_and_does_not_leave(key_file: Path, tmp_path: Path) -> None:
     async def body() -> None:
-        link = await opened(Ear(), key_file, state_file=tmp_path / "ours")
+        link = await opened(Inbox(), key_file, state_file=tmp_path / "ours")
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.bind(("127.0.0.1", 0))
             peer.setblocking(False)
@@ -89,17 +69,14 @@ def test_f23_what_cannot_be_signed_is_counted_and_does_not_leave(key_file: Path,
 
 def test_f23_pymavlink_and_we_believe_each_other_over_udp(key_file: Path) -> None:
     async def test() -> None:
-        ear = Ear()
-        link = await open_signed_link(ANY, ear, SigningOptions(key_file, required=True, link_id=3))
+        inbox = Inbox()
+        link = await open_signed_link(ANY, inbox, SigningOptions(key_file, required=True, link_id=3))
         peer = await asyncio.create_subprocess_exec(
             sys.executable, "-c", PEER, str(link.local_address[1]), KEY.hex(),
             stdout=subprocess.PIPE, env=os.environ | {"MAVLINK20": "1", "MAVLINK_DIALECT": "common"},
         )  # fmt: skip
         try:
-            async with asyncio.timeout(4 * PATIENCE_S):  # a program that begins
-                while not ear.heard:
-                    ear.changed.clear()
-                    await ear.changed.wait()
+            await inbox.count(1, 4 * PATIENCE_S)  # a program that begins
             beat = Encoder(7, 196).encode("HEARTBEAT", type=18)
             link.send(beat + beat)
             said, _ = await asyncio.wait_for(peer.communicate(), PATIENCE_S)
@@ -115,8 +92,8 @@ def test_f23_what_is_not_signed_or_signed_wrongly_is_counted_and_changes_nothing
     key_file: Path, required: bool
 ) -> None:
     async def test() -> None:
-        ear = Ear()
-        link = await opened(ear, key_file, required=required)
+        inbox = Inbox()
+        link = await opened(inbox, key_file, required=required)
         encoder = Encoder(7, 1)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.connect(("127.0.0.1", link.local_address[1]))
@@ -127,10 +104,10 @@ def test_f23_what_is_not_signed_or_signed_wrongly_is_counted_and_changes_nothing
             before = link.clock.signing.timestamp
             for datagram in (unsigned, forged, far_ahead, first, first, b"noise" + signed(encoder, good)):
                 peer.send(datagram)
-            await ear.until(lambda: len(ear.heard) == (2 if required else 3))
+            await inbox.count(2 if required else 3)
             causes = {"signature_wrong": 1, "signature_too_new": 1, "signature_replayed": 1}
             if required:
-                assert ear.heard[0] == first and b"noise" not in ear.heard[1]
+                assert inbox.heard[0] == first and b"noise" not in inbox.heard[1]
                 causes |= {"unsigned": 1, "garbage": 1}
             assert dict(link.counters) == causes
             assert link.clock.signing.timestamp <= max(before, int(400_000_000 * UNITS_PER_S) + 10)
@@ -144,8 +121,8 @@ def test_f23_a_restart_neither_signs_with_old_times_nor_believes_a_recording(key
 
     async def live(life: int, utc_s: float) -> tuple[dict[str, int], int]:
         """One life of the program; what it refused, and the last timestamp that it signed with."""
-        ear = Ear()
-        link = await open_signed_link(ANY, ear, SigningOptions(key_file, required=True), utc=lambda: utc_s)
+        inbox = Inbox()
+        link = await open_signed_link(ANY, inbox, SigningOptions(key_file, required=True), utc=lambda: utc_s)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.bind(("127.0.0.1", 0))
             peer.settimeout(PATIENCE_S)
@@ -154,7 +131,7 @@ def test_f23_a_restart_neither_signs_with_old_times_nor_believes_a_recording(key
                 Encoder(9, 1), Signing(KEY, link_id=life), UTC_S + 1.0
             )  # not so late that the clock is kept for it
             peer.sendto(new, link.local_address)
-            await ear.until(lambda: bool(ear.heard) and ear.heard[-1] == new)
+            await inbox.until(lambda: bool(inbox.heard) and inbox.heard[-1] == new)
             link.send(Encoder(1, 196).encode("HEARTBEAT"), peer.getsockname())
             (frame,) = parse_datagram(peer.recv(500), CRC_EXTRAS)
         assert isinstance(frame, Frame)
@@ -171,7 +148,7 @@ def test_f23_a_restart_neither_signs_with_old_times_nor_believes_a_recording(key
 
 def test_f23_a_crash_uses_no_timestamp_twice(key_file: Path) -> None:
     async def test() -> None:
-        link = await opened(Ear(), key_file)
+        link = await opened(Inbox(), key_file)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.bind(("127.0.0.1", 0))
             peer.settimeout(PATIENCE_S)
@@ -189,13 +166,13 @@ def test_f23_a_crash_uses_no_timestamp_twice_behind_a_peer_whose_clock_is_ahead(
     async def test() -> None:
         writer = ThreadPoolExecutor(1)
         asyncio.get_running_loop().set_default_executor(writer)
-        ear = Ear()
-        link = await opened(ear, key_file)
+        inbox = Inbox()
+        link = await opened(inbox, key_file)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.bind(("127.0.0.1", 0))
             peer.settimeout(PATIENCE_S)
             peer.sendto(signed(Encoder(7, 1), Signing(KEY), UTC_S + 100.0), link.local_address)
-            await ear.until(lambda: bool(ear.heard))
+            await inbox.count(1)
             link.send(Encoder(1, 196).encode("HEARTBEAT"))
             sent = peer.recv(500)
         await asyncio.get_running_loop().run_in_executor(writer, lambda: None)  # what was asked of it before is done
@@ -209,19 +186,19 @@ def test_f23_a_crash_uses_no_timestamp_twice_behind_a_peer_whose_clock_is_ahead(
 
 def test_a_clock_belongs_to_one_program_at_a_time(key_file: Path, tmp_path: Path) -> None:
     async def test() -> None:
-        first = await opened(Ear(), key_file)
+        first = await opened(Inbox(), key_file)
         with pytest.raises(ConfigError, match=r"key\.state: is the clock of another program.* signing-state"):
-            await opened(Ear(), key_file, link_id=1)
-        beside = await opened(Ear(), key_file, state_file=tmp_path / "other")
+            await opened(Inbox(), key_file, link_id=1)
+        beside = await opened(Inbox(), key_file, state_file=tmp_path / "other")
         first.close()
         first.close()
-        again = await opened(Ear(), key_file)
+        again = await opened(Inbox(), key_file)
         for link in (beside, again):
             link.close()
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
             other.bind(("127.0.0.1", 0))
             with pytest.raises(LinkError):
-                await opened(Ear(), key_file, LinkUrl(Scheme.UDPIN, *other.getsockname()))
-        (await opened(Ear(), key_file)).close()
+                await opened(Inbox(), key_file, LinkUrl(Scheme.UDPIN, *other.getsockname()))
+        (await opened(Inbox(), key_file)).close()
 
     asyncio.run(test())
