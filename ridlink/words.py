@@ -1,4 +1,4 @@
-"""Words of sentences: 1 shard, 2 shards, 1,200 flights; and what somebody meant who wrote another one."""
+"""Words of sentences and tables: 1 shard, 2 shards, 1,200 flights, a dash; and what was meant by another word."""
 
 from __future__ import annotations
 
@@ -18,6 +18,11 @@ def counted(number: float, noun: str, form: str = ",", *, more: str = "") -> str
         more: The plural; empty: the singular with an s.
     """
     return f"{number:{form}} {noun if number == 1 else more or noun + 's'}"
+
+
+def or_dash(value: float | None, form: str = ".1f") -> str:
+    """A figure of a table, written as `format` takes it; a dash for what is unknown."""
+    return "-" if value is None else format(value, form)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

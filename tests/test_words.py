@@ -1,11 +1,11 @@
-"""Counts in sentences, and what was meant."""
+"""Counts in sentences, figures of tables, and what was meant."""
 
 import pytest
 
 from ridlink.avoidance.solver import new_solver
 from ridlink.captures import open_capture
 from ridlink.separation.definitions import Definition
-from ridlink.words import Named, counted, did_you_mean, unknown_name
+from ridlink.words import Named, counted, did_you_mean, or_dash, unknown_name
 
 
 def test_one_is_singular_and_everything_else_plural():
@@ -13,6 +13,11 @@ def test_one_is_singular_and_everything_else_plural():
     assert counted(1.0, "drone", "g") == "1 drone" and counted(0.5, "drone", "g") == "0.5 drones"
     assert [counted(n, "process", more="processes") for n in (1, 2)] == ["1 process", "2 processes"]
     assert counted(2446, "setpoint", "d") == "2446 setpoints"
+
+
+def test_a_figure_that_is_unknown_is_a_dash():
+    assert [or_dash(value) for value in (None, 0.0, 12.25, float("nan"))] == ["-", "0.0", "12.2", "nan"]
+    assert [or_dash(value, ".2g") for value in (None, 0.012)] == ["-", "0.012"]
 
 
 def test_what_was_meant_is_the_nearest_or_what_ends_so():

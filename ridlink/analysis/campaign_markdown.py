@@ -8,6 +8,7 @@ from dataclasses import asdict
 from ridlink.analysis.campaign import FlownCell, setting_words
 from ridlink.analysis.pairs import PAPERS_POINTS, Pair, Pooled
 from ridlink.campaign.cell import Cell, world_words
+from ridlink.words import or_dash
 
 ERRORS = {"gauss-markov": "G-M"}
 """Short names for heads of columns."""
@@ -44,9 +45,8 @@ def _matrix(cells: Sequence[FlownCell]) -> str:
     for each in cells:
         cell, row = Cell.of_row(each.row), each.row
         late = f" ({row['unfinished']} late)" if row["unfinished"] else ""
-        median = "-" if row["median_s"] is None else f"{row['median_s']:.1f}"
         line = found.setdefault(setting_words(cell.definition, cell.solver), {})
-        line[_world(cell)] = f"{median} / {row['macs']}{late}"
+        line[_world(cell)] = f"{or_dash(row['median_s'])} / {row['macs']}{late}"
     worlds = list(dict.fromkeys(world for line in found.values() for world in line))
     lines = ((setting, *(line.get(world, "") for world in worlds)) for setting, line in found.items())
     return _table(("setting", *worlds), lines)

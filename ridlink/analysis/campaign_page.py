@@ -10,7 +10,7 @@ from pathlib import Path
 from ridlink.analysis.campaign import DEFINITION_NAMES, TOLERANCE, Judged, JudgedCell, Verdict
 from ridlink.campaign.cell import world_words
 from ridlink.campaign.statistics import Difference
-from ridlink.words import counted
+from ridlink.words import counted, or_dash
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 76rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a }
@@ -86,7 +86,7 @@ def _table(cells: Sequence[JudgedCell]) -> str:
             _number(cell.median, 1),
             _slower(cell.beside_snmac),
             _number(cell.ratio, 2),
-            "-" if nearest is None else f"{nearest:.1f}",
+            or_dash(nearest),
             f"{row['unfinished']}",
             f"{row['infeasible_share']:.1%}",
         )

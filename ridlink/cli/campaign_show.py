@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ridlink.words import counted
+from ridlink.words import counted, or_dash
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -117,13 +117,13 @@ def _columns(rows: Sequence[Row]) -> dict[str, list[str]]:
         "% (95 %)": [_share(row) for row in rows],
         "late": [f"{row.unfinished}" for row in rows],
         "median s (95 %)": [_median(row) for row in rows],
-        "ratio": [_or_dash(row.ratio_to_snmac, ".2f") for row in rows],
+        "ratio": [or_dash(row.ratio_to_snmac, ".2f") for row in rows],
     }
     if any(row.risk_ratio is not None for row in rows):
-        columns["risk"] = [_or_dash(row.risk_ratio, ".2g") for row in rows]
+        columns["risk"] = [or_dash(row.risk_ratio, ".2g") for row in rows]
     return columns | {
-        "longest s": [_or_dash(row.max_time_s, ".1f") for row in rows],
-        "nearest m": [_or_dash(row.min_separation_m, ".1f") for row in rows],
+        "longest s": [or_dash(row.max_time_s) for row in rows],
+        "nearest m": [or_dash(row.min_separation_m) for row in rows],
         "infeasible %": [f"{100.0 * row.infeasible_share:.1f}" for row in rows],
     }
 
@@ -151,9 +151,5 @@ def _share(row: Row) -> str:
 
 
 def _median(row: Row) -> str:
-    median = _or_dash(row.median_s, ".1f")
+    median = or_dash(row.median_s)
     return f"{median} ({row.median_ci95[0]:.1f}-{row.median_ci95[1]:.1f})" if row.median_ci95 else median
-
-
-def _or_dash(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)

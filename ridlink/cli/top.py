@@ -13,6 +13,7 @@ import click
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import above_zero, accuracy_convention, definition_of, refuse_recording
 from ridlink.cli.signals import stopped_by_signals
+from ridlink.words import or_dash
 
 if TYPE_CHECKING:
     from collections import Counter
@@ -232,10 +233,10 @@ def _cells(state: State) -> list[str]:
         f"{state['age_s']:.1f}",
         f"{1.0 / interval_s:.1f}" if interval_s else "-",
         f"{state['latitude_deg']:.5f},{state['longitude_deg']:.5f}",
-        _or_dash(state["speed_horizontal_mps"]),
-        _or_dash(state["horizontal_error_m"]),
-        _or_dash(state["airframe_size_m"]),
-        _or_dash(state["disc_radius_m"]),
+        or_dash(state["speed_horizontal_mps"]),
+        or_dash(state["horizontal_error_m"]),
+        or_dash(state["airframe_size_m"]),
+        or_dash(state["disc_radius_m"]),
         "-" if nearest is None else nearest["uas"],
         "-" if nearest is None else f"{nearest['distance_m']:.1f}",
         "-" if nearest is None else f"{nearest['margin_m']:.1f}",
@@ -281,7 +282,3 @@ def _link_text(watch: _Watch) -> str:
     counters = watch.link_counters()
     shown = (name for name, count in counters.items() if count or name in ("frames", "remote_id"))
     return ", ".join(f"{name.replace('_', ' ')} {counters[name]:,}" for name in shown)
-
-
-def _or_dash(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"

@@ -11,6 +11,7 @@ import click
 from ridlink.cli.files import refuse_to_replace, whole_output
 from ridlink.cli.options import accuracy_convention, capture_kind, definition_of
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
+from ridlink.words import or_dash
 
 if TYPE_CHECKING:
     from ridlink.review import Walk
@@ -133,8 +134,8 @@ def _table(rows: list[dict[str, Any]], walk: Walk, ahead_s: float) -> str:
         pair = row["least_margin_uas"]
         cells = (
             row["definition"], f"{row['alerts']:,}", f"{row['alert_s']:,.1f}", f"{row['entered']:,}",
-            _or_dash(row["least_margin_m"]), f"{row['macs']:,}", f"{row['macs_without_alert']:,}",
-            _or_dash(row["least_warning_s"]), "-" if pair is None else " ".join(pair),
+            or_dash(row["least_margin_m"]), f"{row['macs']:,}", f"{row['macs_without_alert']:,}",
+            or_dash(row["least_warning_s"]), "-" if pair is None else " ".join(pair),
         )  # fmt: skip
         table.add_row(*map(Text, cells))
     console = Console(file=io.StringIO(), width=120, color_system=None)
@@ -143,7 +144,3 @@ def _table(rows: list[dict[str, Any]], walk: Walk, ahead_s: float) -> str:
     lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
     text = "\n".join(line.rstrip() for line in lines)
     return f"{text}\n{walk.aircraft:,} aircraft, {span:,.1f} s; entries alerted {ahead_s:g} s ahead\n"
-
-
-def _or_dash(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
