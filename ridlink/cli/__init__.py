@@ -29,7 +29,8 @@ EXIT_NEGATIVE = 1
 EXIT_USAGE = 2
 EXIT_IO = 3
 EXIT_REJECTS = 4
-EXIT_INTERNAL = 70
+EXIT_INTERNAL = os.EX_SOFTWARE
+"""70, which those exit with as well who know no commands: the watchdog of the daemon."""
 
 COMMANDS = {
     "analyze": "ridlink.cli.analyze:analyze",

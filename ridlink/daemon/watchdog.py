@@ -17,13 +17,12 @@ from collections.abc import Callable
 STALLED_S = 0.3
 DEAD_S = 2.0
 LOOK_S = 0.05
-EXIT_INTERNAL = 70
 
 
 def _end(report: str) -> None:
     sys.stderr.write(f"ridlink: the loop stands still for {DEAD_S:g} s, ending\n{report}")
     sys.stderr.flush()
-    os._exit(EXIT_INTERNAL)
+    os._exit(os.EX_SOFTWARE)
 
 
 class Watchdog:
