@@ -1,6 +1,6 @@
 """Flights with tracks of pairs: the same as with one picture where nothing is lost, and reproducible where it is."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from ridlink.campaign.worlds import Outcomes, SharedBatch
 from ridlink.geodesy import moved, offset_m
 from ridlink.separation import Definition
 from ridlink.traffic.position_filter import PositionFilter
+from tests.campaign.outcomes import assert_same_rows
 
 REAL = {"halfplane": HalfplaneSettings(), "graded": GradedSettings(), "rotation": RotationSettings()}
 LOSSY = Channel(0.3, 5.0, (0.05, 0.25))
@@ -24,11 +25,6 @@ LOSSY = Channel(0.3, 5.0, (0.05, 0.25))
 def meeting(**arguments) -> Scene:
     start, goal = np.array([[-200.0, 0.0], [200.0, 3.0]]), np.array([[200.0, 0.0], [-200.0, 3.0]])
     return Scene("meeting", start, goal, speed_mps=np.array([10.0, 10.0]), airframe_m=np.ones(2), **arguments)
-
-
-def assert_same_rows(first: Outcomes, second: Outcomes):
-    for item in fields(Outcomes):
-        assert np.array_equal(getattr(first, item.name), getattr(second, item.name)), item.name
 
 
 @pytest.mark.parametrize(

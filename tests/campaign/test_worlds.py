@@ -3,7 +3,7 @@
 Short versions of `python -m tests.avoidance.study_paper`; the seed is the plan's, 1.
 """
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,15 +17,11 @@ from ridlink.campaign.plan import IDEAL_HALFPLANES, Plan, graded_plan, paper_pla
 from ridlink.campaign.scene import Scene, circle, square
 from ridlink.campaign.worlds import Outcomes
 from ridlink.separation import Definition
+from tests.campaign.outcomes import assert_same_rows
 
 SETTINGS = {"halfplane": IDEAL_HALFPLANES, "graded": GradedSettings.g2(), "rotation": RotationSettings.paper()}
 EACH = pytest.mark.parametrize("name", list(SETTINGS))
 PAPER_ORDER = (Definition.SNMAC, Definition.CANDIDATE2, Definition.CANDIDATE1, Definition.REMOTE_ID)
-
-
-def assert_same_rows(first: Outcomes, second: Outcomes):
-    for item in fields(Outcomes):
-        assert np.array_equal(getattr(first, item.name), getattr(second, item.name)), item.name
 
 
 @EACH
