@@ -97,8 +97,10 @@ class Response:
         ticks = round(elapsed_s / TICK_S)
         if abs(ticks * TICK_S - elapsed_s) > 1e-9:
             raise ValueError(f"elapsed_s must be a multiple of {TICK_S}, got {elapsed_s}")
-        fly = fly_feedback if self.dynamics is Dynamics.PX4 else fly_shaped
-        fly(position, velocity, command, self._limit_mps, self._drag_per_s, ticks, self._state)
+        if self.dynamics is Dynamics.PX4:
+            fly_feedback(position, velocity, command, self._limit_mps, self._drag_per_s, ticks, self._state)
+        else:
+            fly_shaped(position, velocity, command, self._limit_mps, ticks, self._state)
 
     def keep(self, kept: NDArray[np.bool_]) -> None:
         """Go on with some worlds of the batch only, shape (W,)."""
@@ -124,15 +126,14 @@ def push(state, x_1, x_2):  # type: ignore[no-untyped-def]
 
 
 @kernel(nogil=True)
-def fly_shaped(position, velocity, command, limit_mps, drag_per_s, ticks, state):  # type: ignore[no-untyped-def]
-    """Fly so many ticks as under ArduPilot.
+def fly_shaped(position, velocity, command, limit_mps, ticks, state):  # type: ignore[no-untyped-def]
+    """Fly so many ticks as under ArduPilot, whose measured speed had no error in wind.
 
     Args:
         position: Shape (W, N, 2), written.
         velocity: Shape (W, N, 2), written.
         command: Commanded velocities, shape (W, N, 2).
         limit_mps: Speed limits, shape (W, N).
-        drag_per_s: Not used: the measured vehicle had no error of its speed in wind.
         ticks: Number of ticks.
         state: Inner state, shape (W, N, STATE_COLUMNS), written.
     """
