@@ -16,6 +16,7 @@ import math
 from collections import deque
 
 from ridlink.mavlink.codec import Message
+from ridlink.own_ship.rival import PATIENCE_S
 from ridlink.setpoint import Velocity
 
 Target = tuple[float, float, float]
@@ -47,8 +48,9 @@ HEARD_S = 2.0
 
 NEWCOMER_S = 3.0
 """Whoever first sees another writer within so short a time of its first setpoint came second."""
-PATIENCE_S = 10.0
-"""So long the earlier one waits for the later one to give way."""
+
+GIVE_UP_S = 10.0
+"""So long setpoints may go unheard, and still count as steering."""
 
 
 class OtherWriter:
@@ -122,7 +124,7 @@ class OtherWriter:
     def must_give_up(self, now_s: float) -> bool:
         """It has not heard us for so long that nobody may call that steering."""
         since = self._contested_since_s
-        return self.unheard(now_s) and since is not None and now_s - since > PATIENCE_S
+        return self.unheard(now_s) and since is not None and now_s - since > GIVE_UP_S
 
     def must_yield(self, now_s: float) -> bool:
         """Somebody else steers, and was there first or does not give way."""

@@ -19,7 +19,7 @@ FRESH_S = 3.0
 """A claim not renewed for three heartbeats is no claim any more."""
 
 PATIENCE_S = 10.0
-"""So long the earlier one counts on the later one to give way; it may not hear us."""
+"""So long the earlier one counts on the later one to give way, which may not hear us."""
 
 MOST = 8
 """Rivals that are kept; a vehicle has links for fewer."""

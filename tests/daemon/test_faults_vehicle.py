@@ -407,7 +407,7 @@ def test_i3_two_daemons_on_one_vehicle_the_second_notices_and_stands_by() -> Non
 
 
 def test_an_ardupilot_that_hears_no_setpoints_any_more_has_no_other_writer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ridlink.own_ship.other_writer.PATIENCE_S", 1.0)
+    monkeypatch.setattr("ridlink.own_ship.other_writer.GIVE_UP_S", 1.0)
 
     async def test() -> None:
         async with running(emulated=Emulated(autopilot=3)) as flight:
