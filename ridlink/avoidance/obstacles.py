@@ -57,8 +57,8 @@ def _checked(polygon: ArrayLike, name: str) -> FloatArray:
     if abs(area) < MIN_AREA_M2:
         raise ValueError(f"{name} encloses no area, its vertices are {vertices[:4].tolist()}")
     if (met := _meeting_edge(vertices)) is not None:
-        at = int(np.flatnonzero(distinct)[met])
-        raise ValueError(f"{name} crosses or touches itself, on its edge from vertex {at} (the first is 0)")
+        at = int(np.flatnonzero(distinct)[met]) + 1
+        raise ValueError(f"{name} crosses or touches itself, on its edge from vertex {at}")
     if area < 0.0:
         vertices = vertices[::-1]
     return np.ascontiguousarray(vertices)

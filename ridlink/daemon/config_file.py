@@ -55,6 +55,9 @@ KINDS = {
 POLYGON = ("polygon",)
 """Keys of an [[obstacle]]."""
 
+_IN_OBSTACLE = re.compile(r"\.obstacle\[(\d+)\](?:\.polygon\[(\d+)\])?")
+"""Where the reader found a value of the wrong kind, counted from 0; in what is told all is counted from 1."""
+
 
 class ObstacleTable(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """One [[obstacle]]."""
@@ -206,7 +209,10 @@ def _faults(document: Mapping[str, Any], where: str, text: str) -> Iterator[str]
 def _explained(key: str, error: Exception) -> str:
     if key == "goal":
         return "goal must be [latitude, longitude] or [latitude, longitude, altitude]"
-    said = str(error).partition(" - at")[0]
+    said, _, path = str(error).partition(" - at")
+    if found := _IN_OBSTACLE.search(path):
+        obstacle, vertex = (None if index is None else int(index) + 1 for index in found.groups())
+        key = f"obstacle {obstacle}" + (f", vertex {vertex}" if vertex else "")
     for kind, words in KINDS.items():
         said = said.replace(f"`{kind} | null`", words).replace(f"`{kind}`", words)
     return f"{key}: {said[:1].lower()}{said[1:]}"

@@ -31,11 +31,8 @@ class StaticObstacles:
         self._layout: Obstacles | None = None
         if not polygons:
             return
-        for latitude_deg, longitude_deg in (vertex for polygon in polygons for vertex in polygon):
-            if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
-                raise ConfigError(f"obstacle: {latitude_deg:g}, {longitude_deg:g} is no latitude and longitude")
-        if not all(polygons):
-            raise ConfigError("obstacle: a polygon without vertices")
+        for number, polygon in enumerate(polygons, 1):
+            _check(number, polygon)
         flat: list[FloatArray] = []
         origin = Geodetic(*polygons[0][0])
         for polygon in polygons:
@@ -52,6 +49,15 @@ class StaticObstacles:
         if self._layout is None:
             return None
         return replace(self._layout, piece_vertex_ne_m=_metres(self._pieces, origin))
+
+
+def _check(number: int, polygon: Polygon) -> None:
+    if not polygon:
+        raise ConfigError(f"obstacle {number} has no vertices")
+    for vertex, (latitude_deg, longitude_deg) in enumerate(polygon, 1):
+        if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
+            place = f"obstacle {number}, vertex {vertex}"
+            raise ConfigError(f"{place}: {latitude_deg:g}, {longitude_deg:g} is no latitude and longitude")
 
 
 def _degrees(vertices_ne_m: FloatArray, origin: Geodetic) -> tuple[FloatArray, FloatArray]:

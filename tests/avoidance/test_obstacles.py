@@ -64,7 +64,7 @@ def test_a_convex_polygon_stays_one_piece_and_an_l_needs_two():
         ([[0.0, 0.0], [1.0, 1.0]], "three distinct"),
         ([[0.0, 0.0], [1.0, 1.0], [1.0, 1.0]], "three distinct"),
         ([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]], "no area"),
-        ([[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 3.0]], "crosses or touches itself"),
+        ([[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 3.0]], "crosses or touches itself, on its edge from vertex 1$"),
         # An hourglass whose halves share a corner, a line that stands on a wall, a hole that a line leads to, and a
         # square that is gone round twice: pieces of these lacked half of the area or all of it.
         ([[0.0, 0.0], [5.0, 5.0], [0.0, 10.0], [10.0, 10.0], [5.0, 5.0], [10.0, 0.0]], "touches itself"),

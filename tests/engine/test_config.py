@@ -13,6 +13,8 @@ from ridlink.errors import ConfigError
 from ridlink.separation import Definition
 from ridlink.setpoint import VelocityLimits
 
+PLOT = ((47.0, 8.0), (47.1, 8.0), (47.0, 8.1))
+
 
 @pytest.mark.parametrize(
     ("options", "text"),
@@ -33,8 +35,9 @@ from ridlink.setpoint import VelocityLimits
         ({"uas_id": "123456789012345678901"}, "uas-id"),
         ({"uas_id": ""}, "uas-id"),
         ({"obstacles": (((47.0, 8.0), (47.1, 8.0), (47.0, 8.0)),)}, "distinct"),
-        ({"obstacles": (((95.0, 8.0), (47.1, 8.0), (47.0, 8.1)),)}, "95, 8 is no latitude"),
-        ({"obstacles": ((),)}, "without vertices"),
+        ({"obstacles": (PLOT, ((47.0, 8.0), (147.1, 8.0), (47.0, 8.1)))}, "^obstacle 2, vertex 2: 147.1, 8 is no"),
+        ({"obstacles": (PLOT, ((47.0, 8.0), (47.1, 188.0), (47.0, 8.1)))}, "^obstacle 2, vertex 2: 47.1, 188 is no"),
+        ({"obstacles": (PLOT, ())}, "^obstacle 2 has no vertices"),
         ({"definition": "candidate"}, "definition must be one of snmac, .*, chance, got 'candidate'"),
         ({"chance_bound": "none"}, "chance-bound must be one of"),
         ({"accuracy_convention": "two-sigma"}, "accuracy-convention must be one of letter"),
