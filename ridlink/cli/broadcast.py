@@ -43,6 +43,7 @@ from ridlink.words import counted
     metavar="N",
     help="Listen to this system id only.  [default: the first autopilot heard]",
 )
+@click.option("--allow-v1", is_flag=True, help="Take MAVLink 1 frames from the autopilot as well.")
 @signing_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a second on standard output.")
 def broadcast(
@@ -55,6 +56,7 @@ def broadcast(
     uas_id: str | None,
     operator_id: str,
     vehicle_sysid: int | None,
+    allow_v1: bool,
     as_json: bool,
     **signing: Any,
 ) -> int:
@@ -87,6 +89,7 @@ def broadcast(
         ),
         vehicle_sysid=vehicle_sysid,
         signing=SigningOptions.of(**signing),
+        allow_v1=allow_v1,
     )
     printer = Printer()
     told: list[str] = []

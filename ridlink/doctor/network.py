@@ -149,7 +149,7 @@ def _vehicle(url: LinkUrl, heard: Listened, for_s: float) -> Iterator[Finding]:
             "MAVLink",
             Verdict.WARNING,
             f"version {heard.versions[sysid]}, which the daemon does not take",
-            "PX4: MAV_PROTO_VER 2; ArduPilot: SERIALn_PROTOCOL 2; or ridlink avoid --allow-v1",
+            "PX4: MAV_PROTO_VER 2; ArduPilot: SERIALn_PROTOCOL 2; or --allow-v1 of ridlink avoid and broadcast",
         )
     if len(heard.autopilots) > 1:
         others = ", ".join(map(str, list(heard.autopilots)[1:]))

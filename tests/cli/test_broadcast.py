@@ -14,7 +14,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from ridlink.mavlink.codec import Encoder, Message
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message
+from ridlink.mavlink.frames import Frame, parse_datagram
+from tests.captures.drawn import version_1
 from tests.cli.full_pipe import full_pipe
 from tests.daemon.emulated import Emulated
 from tests.daemon.invariants import messages
@@ -95,6 +97,29 @@ def test_relayed_for_a_transmitter_that_was_heard() -> None:
         heard = said_until(vehicle, air, Emulated(9), {"RIDLINK_SEPARATION", "OPEN_DRONE_ID_SYSTEM"})
     bearing = [message for message in heard if message.name != "HEARTBEAT"]
     assert bearing and all(message.id_or_mac[:6] == bytes.fromhex("025249440007") for message in bearing)
+
+
+class Old(Emulated):
+    """An autopilot that speaks MAVLink 1 (as system 7, which is that of these frames)."""
+
+    def telemetry(self, now_s: float) -> bytes:
+        frames = [each for each in parse_datagram(super().telemetry(now_s), CRC_EXTRAS) if isinstance(each, Frame)]
+        return b"".join(version_1(each.msgid, each.payload, CRC_EXTRAS[each.msgid]) for each in frames)
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_an_autopilot_that_speaks_mavlink_1_is_taken_when_that_is_allowed(allowed: bool) -> None:
+    with transmitting(*["--allow-v1"] * allowed) as (process, vehicle, air):
+        if allowed:
+            said_until(vehicle, air, Old(7), {"OPEN_DRONE_ID_LOCATION", "RIDLINK_SEPARATION"})
+            return
+        assert process.stdout is not None
+        lines, autopilot, why = iter(process.stdout.readline, ""), Old(7), None
+        _, daemon = vehicle.recvfrom(1000)
+        while not why:
+            vehicle.sendto(autopilot.telemetry(0.0), daemon)
+            why = json.loads(next(lines))["why"]
+    assert why == "the vehicle speaks MAVLink 1, which is not taken: set it to MAVLink 2, or give --allow-v1"
 
 
 @pytest.mark.parametrize(
