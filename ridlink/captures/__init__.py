@@ -3,7 +3,7 @@
 records     what every reader yields, and how damage is counted
 tlog, raw, hexlines, pcap, pcapng
             the formats; packet_window: the view through which the last two are read
-packets     what the packets of a pcap or pcapng hold: MAVLink in UDP, Open Drone ID in radio frames
+packets     what the packets of a pcap or pcapng hold: MAVLink in UDP and TCP, Open Drone ID in radio frames
 broadcasts  messages of 25 bytes as records
 reader      captures by path: which format a file has
 follow      captures that still grow

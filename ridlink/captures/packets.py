@@ -1,7 +1,8 @@
-"""Packets of a network or of the air as records: MAVLink in UDP, Open Drone ID in radio frames.
+"""Packets of a network or of the air as records: MAVLink in UDP and TCP, Open Drone ID in radio frames.
 
 Whatever else a capture holds is passed over; what is ours, or says it is, and cannot be taken is counted. Fragments of
-IP are counted and not put together: nothing that speaks MAVLink sends datagrams that large. A datagram is parsed alone.
+IP are counted and not put together: nothing that speaks MAVLink sends datagrams that large. A datagram is parsed alone,
+and what comes over TCP as the stream that it is (`tcp`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ridlink.captures.pcap import FILE_HEADER_LENGTH, PCAP_MAGICS, PcapReader
 from ridlink.captures.pcapng import PCAPNG_MAGIC, PcapngReader
 from ridlink.captures.raw import parse_alone
 from ridlink.captures.records import Origin, Record, Rejects, TracedRecord
+from ridlink.captures.tcp import Segment, TcpStreams
 from ridlink.errors import CaptureError
 from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Cause, Frame
 from ridlink.remote_id import radio
@@ -91,7 +93,7 @@ def read_contents(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Datagra
     Raises:
         CaptureError: As `read_pcap`.
     """
-    relay = Relay(rejects)
+    relay, streams = Relay(rejects), TcpStreams(rejects)
     foreign: set[int] = set()
     understood = False
     for packet in read_packets(chunks, rejects):
@@ -100,14 +102,17 @@ def read_contents(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Datagra
             yield from _heard(packet, relay, rejects)
         elif packet.link_type in NETWORKS:
             understood = True
-            payload = _udp_payload(packet, rejects)
-            if payload:
-                yield Datagram(packet.time_us, packet.offset, payload)
+            carried = _carried(packet, rejects)
+            if isinstance(carried, Segment):
+                yield from streams.records(carried, packet.time_us, packet.offset)
+            elif carried:
+                yield Datagram(packet.time_us, packet.offset, carried)
         else:
             foreign.add(packet.link_type)
             rejects.add_one(f"link_type_{packet.link_type}", packet.offset)
             if len(foreign) > len(NETWORKS) + len(RADIOS):  # no more names than that, for a hostile file has many
                 foreign.pop()
+    yield from streams.finish()
     if foreign and not understood:
         known = ", ".join(map(str, sorted((*NETWORKS, *RADIOS))))
         raise CaptureError(f"link type {', '.join(map(str, sorted(foreign)))} is not read; these are: {known}")
@@ -175,18 +180,23 @@ def _layer_of(packet: Packet) -> Any:
     return decoders[kind](data)
 
 
-def _udp_payload(packet: Packet, rejects: Rejects) -> bytes | None:
-    """What a packet carries over UDP, if it does so whole."""
+def _carried(packet: Packet, rejects: Rejects) -> bytes | Segment | None:
+    """What a packet carries over UDP, if it does so whole, or over TCP."""
     plain = _plain_payload(packet)
     if plain is not None:
         return plain
     dpkt = _dpkt()
     try:
-        layer = _layer_of(packet)
+        layer, ends = _layer_of(packet), (b"", b"")
         while isinstance(layer, dpkt.Packet):
             if isinstance(layer, dpkt.udp.UDP):
                 end = max(layer.ulen - UDP_HEADER_LENGTH, 0) if layer.ulen else None  # 0 is a jumbogram
                 return bytes(layer.data)[:end]
+            if isinstance(layer, dpkt.tcp.TCP):
+                direction = (*ends, layer.sport, layer.dport)
+                return Segment(direction, layer.seq, bool(layer.flags & dpkt.tcp.TH_SYN), bytes(layer.data))
+            if isinstance(layer, dpkt.ip.IP | dpkt.ip6.IP6):
+                ends = layer.src, layer.dst
             if _is_fragment(layer):
                 rejects.add_one(IP_FRAGMENT, packet.offset)
                 return None

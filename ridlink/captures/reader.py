@@ -128,7 +128,7 @@ class Capture:
         if self.kind in (CaptureKind.TLOG, CaptureKind.MAVLINK):
             return f"has no MAVLink frame ({self.kind})"
         damage = f"; refused: {self.rejects}" if self.rejects else ""
-        where = " in UDP" if self.kind is CaptureKind.PCAP else ""
+        where = " in UDP or TCP" if self.kind is CaptureKind.PCAP else ""
         return f"has no MAVLink frame{where} and no Remote ID broadcast ({self.kind}){damage}"
 
     def close(self) -> None:

@@ -30,7 +30,7 @@ class Origin:
     """How a message came, where that is more than a frame in a file.
 
     Attributes:
-        transport: ``udp``, or a `ridlink.remote_id.radio.Transport`; ``None`` where the capture does not say.
+        transport: ``udp``, ``tcp``, or a `ridlink.remote_id.radio.Transport`; ``None`` where the capture does not say.
         mac: Transmitter of a broadcast; empty where the capture does not say.
         counter: Message counter of a broadcast.
         index: Place of the message in its message pack; 0 for one alone.

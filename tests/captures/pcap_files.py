@@ -59,6 +59,11 @@ def udp(payload: bytes, port: int = 14550) -> bytes:
     return struct.pack(">HHHH", 14540, port, 8 + len(payload), 0) + payload
 
 
+def tcp(payload: bytes, sequence: int, *, port: int = 5760, syn: bool = False) -> bytes:
+    head = struct.pack(">HHIIBBHHH", 14540, port, sequence % 2**32, 0, 0x50, 0x02 if syn else 0x18, 65535, 0, 0)
+    return head + payload
+
+
 def ipv4(content: bytes, *, flags: int = 0, options: bytes = b"", protocol: int = 17) -> bytes:
     length = 20 + len(options) + len(content)
     head = struct.pack(">BBHHHBBH", 0x40 | 5 + len(options) // 4, 0, length, 1, flags, 64, protocol, 0)

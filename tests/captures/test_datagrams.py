@@ -28,6 +28,7 @@ from tests.captures.pcap_files import (
     pcap_record,
     pcapng,
     section,
+    tcp,
     timed,
     udp,
 )
@@ -47,6 +48,7 @@ PACKETS = st.one_of(
     PAYLOADS.map(lambda payload: ethernet(struct.pack(">HH", 7, 0x0800) + ipv4(udp(payload)), 0x8100)),
     PAYLOADS.map(lambda payload: ethernet(ipv4(udp(payload), flags=0x2000))),
     PAYLOADS.map(lambda payload: ethernet(ipv4(udp(payload)))[:-5]),
+    st.tuples(PAYLOADS, st.integers(0, 300)).map(lambda of: ethernet(ipv4(tcp(*of), protocol=6))),
     st.just(ethernet(bytes(46), 0x0806)),
 )
 OPTIONS = st.tuples(
@@ -170,4 +172,4 @@ def test_other_protocols_alone_are_no_capture_of_ours(tmp_path: Path) -> None:
     path.write_bytes(pcapng(timed([ethernet(ipv4(udp(b"GET / HTTP/1.1")))] * 300)))
     found = in_blocks(path)
     assert found == outcome(NEVER, path)
-    assert "has no MAVLink frame in UDP and no Remote ID broadcast (pcap)" in found[3]
+    assert "has no MAVLink frame in UDP or TCP and no Remote ID broadcast (pcap)" in found[3]

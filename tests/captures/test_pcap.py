@@ -16,6 +16,7 @@ from ridlink.captures import CaptureKind, open_capture, packets, read_messages
 from ridlink.captures.packet_window import MAX_PACKET_LENGTH, Packet
 from ridlink.captures.packets import read_packets, read_pcap
 from ridlink.captures.records import Record, Rejects, TracedRecord
+from ridlink.captures.tcp import Segment
 from ridlink.errors import CaptureError
 from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.bridge import pack_to_mavlink
@@ -225,9 +226,9 @@ def test_plain_packets_are_what_the_library_takes_them_for(
         packet[len(head) + place] = value
     data = bytes(packet[: max(1, len(packet) - cut)])
 
-    def found() -> tuple[bytes, Rejects]:
+    def found() -> tuple[bytes | Segment, Rejects]:
         rejects = Rejects()
-        return packets._udp_payload(Packet(0, link_type, data, 24), rejects) or b"", rejects
+        return packets._carried(Packet(0, link_type, data, 24), rejects) or b"", rejects
 
     payload_here, rejects_here = found()
     with pytest.MonkeyPatch.context() as patch:
@@ -357,7 +358,10 @@ def test_an_unknown_link_type_is_one_clear_line(tmp_path: Path) -> None:
 def test_a_capture_without_anything_of_ours_is_an_error_at_its_end(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "x.pcap"
     path.write_bytes(data)
-    with open_capture(path) as capture, pytest.raises(CaptureError, match="no MAVLink frame in UDP and no Remote ID"):
+    with (
+        open_capture(path) as capture,
+        pytest.raises(CaptureError, match="no MAVLink frame in UDP or TCP and no Remote ID"),
+    ):
         list(capture)
 
 
