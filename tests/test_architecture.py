@@ -261,6 +261,15 @@ def test_architecture_document_names_every_room() -> None:
         assert f"`{path.stem}`" in text, f"ARCHITECTURE.md does not name sitl_sim/{path.name}"
 
 
+@pytest.mark.parametrize("path", sources("tests"), ids=module_name)
+def test_no_module_of_tests_imports_another_one(path: Path) -> None:
+    """What tests share stands beside them in modules of its own, which say what they are and collect nothing twice."""
+    tree = ast.parse(path.read_text())
+    found = [f"{node.module}.{alias.name}" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
+             for alias in node.names] + [name for name, _ in imports(path)]  # fmt: skip
+    assert not [name for name in found if name.startswith("tests.") and ".test_" in name]
+
+
 AT_THE_TOP = {
     ".ci", ".gitignore", "ARCHITECTURE.md", "CHANGELOG.md", "LICENSE", "Makefile", "NOTICE", "README.md",
     "SAFETY.md", "SECURITY.md", "docs", "examples", "hatch_build.py", "message_spec", "pyproject.toml", "ridlink",

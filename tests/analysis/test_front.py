@@ -9,7 +9,7 @@ pytest.importorskip("matplotlib", reason="figures need the extra 'plot'")
 from ridlink.analysis.campaign import DEFINITION_NAMES
 from ridlink.analysis.campaign_front import front_figure, front_of, sensitivity_figures
 from ridlink.analysis.panels import WORLD, grouped, name_of
-from tests.analysis.test_campaign import flown
+from tests.analysis.cells import flown
 
 FIGURES = st.integers(0, 9).map(float)
 

@@ -5,7 +5,7 @@ import pytest
 from ridlink.analysis.campaign_markdown import markdown_report
 from ridlink.analysis.campaign_pairs_page import dominance_table
 from ridlink.analysis.pairs import against_lossless, against_points, dominance, pooled
-from tests.analysis.test_campaign import flown
+from tests.analysis.cells import flown
 
 
 def test_every_cell_meets_the_papers_points_of_its_own_world():

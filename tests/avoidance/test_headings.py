@@ -29,9 +29,9 @@ from ridlink.avoidance import (
 from ridlink.avoidance.obstacles import NO_OBSTACLES
 from ridlink.avoidance.solver import GradedSolver, HalfplaneSolver, RotationSolver, new_solver, warm_up
 from ridlink.campaign.deciding import new_decider
+from tests.avoidance.encounters import SQUARE, coordinate, crowd, drawn_crowd, own_ship, solve, speed, traffic, turned
 from tests.avoidance.lockstep import signed_distance
 from tests.avoidance.reference_rotation import straightforward
-from tests.avoidance.test_solver import SQUARE, coordinate, crowd, own_ship, solve, speed, traffic, turned
 
 PAPER = RotationSolver(RotationSettings.paper())
 G2 = GradedSolver(GradedSettings.g2())
@@ -41,12 +41,6 @@ IDEAL = pytest.mark.parametrize("solver", [PAPER, G2], ids=["rotation", "graded"
 
 seeds = st.integers(0, 2**32 - 1)
 """Worlds are drawn from these, so that knife edges (two headings equally good) have no part in them."""
-
-
-def drawn_crowd(seed, most=9):
-    random = np.random.default_rng(seed)
-    count = int(random.integers(0, most + 1))
-    return np.hstack([random.uniform(-200.0, 200.0, (count, 2)), random.uniform(-12.0, 12.0, (count, 2))])
 
 
 # --- against the published formulae -----------------------------------------------------------------------------------
@@ -563,10 +557,13 @@ def test_equal_questions_get_equal_answers_and_crowds_may_grow(solver):
 
 def test_the_kernels_are_plain_python_where_compilation_is_off():
     code = (
-        "from tests.avoidance.test_headings import G2, PAPER, drawn_crowd, graded, own_ship, solve, traffic, SQUARE;"
+        "from ridlink.avoidance import GradedSettings, RotationSettings, graded;"
+        "from ridlink.avoidance.solver import GradedSolver, RotationSolver;"
+        "from tests.avoidance.encounters import SQUARE, drawn_crowd, own_ship, solve, traffic;"
+        "solvers = [RotationSolver(RotationSettings.paper()), GradedSolver(GradedSettings.g2())];"
         "assert not hasattr(graded.grade_one, 'py_func');"
         "found = [solve(own_ship((-90.0, 5.0)), traffic(*drawn_crowd(3)), each, obstacles=SQUARE, own_clearance_m=9.0)"
-        ".velocity_ne_mps.tolist() for each in (PAPER, G2)];"
+        ".velocity_ne_mps.tolist() for each in solvers];"
         "print(found)"
     )
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}

@@ -12,45 +12,24 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from ridlink.avoidance import HalfplaneSettings, Memory, Obstacles, OwnShip, Status, Traffic
+from ridlink.avoidance import HalfplaneSettings, Memory, Status, Traffic
 from ridlink.avoidance.halfplane import avoid_one
 from ridlink.avoidance.rows import LANES
 from ridlink.avoidance.solver import HalfplaneSolver, warm_up
 from ridlink.avoidance.turning import buffer_growth
-
-SOLVER = HalfplaneSolver()
-GOAL = (1000.0, 0.0)
-SQUARE = Obstacles.from_polygons([[[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]]])
-
-
-def own_ship(position=(0.0, 0.0), velocity=(10.0, 0.0), command=None, limit=10.0):
-    told = velocity if command is None else command
-    return OwnShip(np.array(position), np.array(velocity), np.array(told), 1.0, limit)
-
-
-def traffic(*rows, radius=24.0, error=21.0, age=0.0, reciprocal=True, command=(math.nan, math.nan)):
-    """Neighbours at (north, east) with velocity (north, east)."""
-    table = np.array(rows, float).reshape(-1, 4)
-    count = len(table)
-    return Traffic(
-        table[:, :2], table[:, 2:], np.tile(command, (count, 1)), np.full(count, age), np.full(count, radius),
-        np.full(count, error), np.full(count, reciprocal), np.zeros(count, np.int8),
-    )  # fmt: skip
-
-
-def solve(own, others, solver=SOLVER, **options):
-    return solver.solve(own, others, **({"goal_ne_m": GOAL, "cruise_mps": 10.0} | options))
-
-
-def turned(vectors, angle):
-    c, s = math.cos(angle), math.sin(angle)
-    return np.asarray(vectors) @ np.array([[c, s], [-s, c]])
-
-
-coordinate = st.floats(-300.0, 300.0)
-speed = st.floats(-12.0, 12.0)
-neighbour = st.tuples(coordinate, coordinate, speed, speed)
-crowd = st.lists(neighbour, min_size=0, max_size=12)
+from tests.avoidance.encounters import (
+    GOAL,
+    SOLVER,
+    SQUARE,
+    coordinate,
+    crowd,
+    neighbour,
+    own_ship,
+    solve,
+    speed,
+    traffic,
+    turned,
+)
 
 
 @settings(max_examples=200, deadline=None)
@@ -458,7 +437,7 @@ def test_equal_questions_get_equal_answers():
 def test_the_kernels_are_plain_python_where_compilation_is_off():
     code = (
         "import numpy as np;"
-        "from tests.avoidance.test_solver import own_ship, solve, traffic;"
+        "from tests.avoidance.encounters import own_ship, solve, traffic;"
         "from ridlink.avoidance.halfplane import avoid_one;"
         "assert not hasattr(avoid_one, 'py_func');"
         "d = solve(own_ship(), traffic((150.0, 5.0, -10.0, 0.0), (80.0, -90.0, 0.0, 10.0)));"

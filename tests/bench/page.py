@@ -23,7 +23,7 @@ from typing import Any
 from playwright.sync_api import sync_playwright
 
 from tests.bench.view import speak, spoken
-from tests.e2e.test_page import FLAGS, WIDE, chromium, crowd, quantile, ridlink, write_tlog
+from tests.e2e.page import FLAGS, WIDE, chromium, crowd, quantile, ridlink, write_tlog
 
 VEHICLES = 250
 FRAMES = """seconds => new Promise(resolve => {

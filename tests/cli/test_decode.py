@@ -22,14 +22,9 @@ from ridlink.cli import files, progress
 from ridlink.mavlink.codec import Encoder
 from tests.captures.command import run
 from tests.captures.conftest import START_US, flight, tlog_bytes
+from tests.cli.program import ridlink
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
-
-
-def ridlink(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[bytes]:
-    """The whole program in a process of its own."""
-    command = [sys.executable, "-m", "ridlink", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, timeout=60, **options)
 
 
 def lines(result: Result) -> list[dict[str, Any]]:

@@ -23,6 +23,7 @@ from ridlink.scenario import built_in
 from sitl_sim.demo.screen import Screen, held_up_by, verdict_table
 from sitl_sim.world import World
 from tests.cli.full_pipe import full_pipe
+from tests.cli.scenes import ALONE, scenario
 
 pytestmark = pytest.mark.programs
 
@@ -39,15 +40,6 @@ start_ned_m = [50.0, 0.0, -50.0]
 goal_ned_m = [-50.0, 0.0, -50.0]
 speed_mps = 20.0
 sigma_m = 1.0
-"""
-
-ALONE = """
-name = "alone"
-duration_s = 20.0
-[[vehicle]]
-start_ned_m = [0.0, 0.0, -50.0]
-goal_ned_m = [30.0, 0.0, -50.0]
-speed_mps = 20.0
 """
 
 INTO_A_HOVERER = """
@@ -78,12 +70,6 @@ KEYS = {
 def demo(*arguments: str, timeout_s: float = 120.0) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "ridlink", "demo", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, stdin=subprocess.DEVNULL)
-
-
-def scenario(folder: Path, text: str) -> str:
-    path = folder / "scenario.toml"
-    path.write_text(text)
-    return str(path)
 
 
 @pytest.mark.parametrize(

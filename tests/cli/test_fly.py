@@ -29,7 +29,7 @@ from sitl_sim.autopilot.results import Severity
 from sitl_sim.fleet_config import FleetConfig, Start
 from sitl_sim.server import FleetServer
 from tests.loopback import turn
-from tests.sitl_sim.test_server import ANY_PORT, fly, fly_both_autopilots, run
+from tests.sitl_sim.fleets import ANY_PORT, fly, fly_both_autopilots, run
 
 pytestmark = pytest.mark.programs
 needs_mavsdk = pytest.mark.skipif(

@@ -19,7 +19,7 @@ from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Location
 from tests.captures.conftest import tlog_bytes
-from tests.cli.test_decode import ridlink
+from tests.cli.program import ridlink
 from tests.review.recordings import NORTHBOUND, SOUTHBOUND, recorded, records
 
 

@@ -31,8 +31,7 @@ from sitl_sim.cli import sim
 from sitl_sim.gnss import ERROR_MODELS
 from sitl_sim.vehicle import AIRFRAMES, AUTOPILOTS
 from tests.cli.full_pipe import full_pipe
-
-ANY_PORT = ["--vehicle-port", "0", "--companion-port", "0", "--air-port", "0"]
+from tests.cli.program import ANY_PORT
 
 
 def ridlink_sim(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -22,7 +22,7 @@ import httpx
 from websockets.asyncio.client import connect
 
 from ridlink.captures.tlog import TlogWriter
-from tests.cli.test_demo import ALONE, scenario
+from tests.cli.scenes import ALONE, scenario
 from tests.observer.flights import Flyer, frames
 from tests.view.serving import HEAD_ON, PATIENCE_S, heard
 

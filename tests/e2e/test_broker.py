@@ -25,7 +25,7 @@ import aiomqtt
 
 from ridlink.links import parse_link_url
 from ridlink.mqtt import Topics
-from tests.cli.test_sim import ANY_PORT
+from tests.cli.program import ANY_PORT
 from tests.loopback import free_port, turn
 from tests.mqtt.brokers import a_bridge, a_listener, run
 

@@ -14,7 +14,7 @@ from ridlink.scenario import Scenario, VehicleSpec
 from sitl_sim.autopilot import Start
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.server import FleetServer
-from tests.sitl_sim.test_server import ANY_PORT, run
+from tests.sitl_sim.fleets import ANY_PORT, run
 
 pytestmark = [
     pytest.mark.e2e,

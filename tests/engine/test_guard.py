@@ -18,10 +18,10 @@ from ridlink.own_ship import ARDUPILOT, PX4
 from sitl_sim.autopilot import Start
 from tests.daemon.emulated import Emulated
 from tests.daemon.invariants import ASKED, GUARDING, Observer, messages
-from tests.sitl_sim import test_autopilot_missions as missions
-from tests.sitl_sim.flight import COMPANION, HOME, START_NED_M, Flight
+from tests.sitl_sim import missions
+from tests.sitl_sim.flight import COMPANION, HOME, PX4_HOLD, PX4_MISSION, START_NED_M, Flight
 
-MISSION = {"px4": missions.PX4_MISSION, "ardupilot": missions.AUTO}
+MISSION = {"px4": PX4_MISSION, "ardupilot": missions.AUTO}
 both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 
 
@@ -149,7 +149,7 @@ def test_a_pilot_who_interrupts_has_it_until_the_operator_engages_again(flavour:
     cross(flight)
     flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
     flight.step()
-    pilots = missions.PX4_HOLD if flavour == "px4" else missions.BRAKE
+    pilots = PX4_HOLD if flavour == "px4" else missions.BRAKE
     assert (flight.set_mode(4, 3) if flavour == "px4" else flight.set_mode(missions.BRAKE)) == 0
     flight.until(lambda: flight.guard.phase is Phase.ENDED, 3.0)
     sent = len(flight.observer.setpoints)

@@ -23,9 +23,9 @@ from ridlink.engine.guard import (
 from ridlink.errors import ConfigError
 from ridlink.failsafe import OTHER_WRITER
 from ridlink.own_ship import ARDUPILOT, PX4
-from tests.sitl_sim import test_autopilot_missions as missions
+from tests.sitl_sim.flight import PX4_HOLD, PX4_MISSION, PX4_RETURN
 
-CLEAR = Seen(PX4, missions.PX4_MISSION, True, True, False, True, sysid=1, mission_item=1)
+CLEAR = Seen(PX4, PX4_MISSION, True, True, False, True, sysid=1, mission_item=1)
 
 
 def seen(**fields: Any) -> Seen:
@@ -39,9 +39,9 @@ def taking_over(at_s: float = 0.0) -> Guard:
 
 
 def test_only_autonomous_modes_are_taken_over_from() -> None:
-    assert is_autonomous(PX4, missions.PX4_MISSION) and is_autonomous(PX4, missions.PX4_RETURN)
+    assert is_autonomous(PX4, PX4_MISSION) and is_autonomous(PX4, PX4_RETURN)
     assert is_autonomous(ARDUPILOT, 3) and not is_autonomous(ARDUPILOT, 5)
-    for mode in (3 << 16, 6 << 16, missions.PX4_HOLD | 1):
+    for mode in (3 << 16, 6 << 16, PX4_HOLD | 1):
         guard = Guard()
         guard.step(seen(conflict=True, custom_mode=mode), 0.0)
         assert (guard.phase is Phase.WATCHING) is (not is_autonomous(PX4, mode))
@@ -78,7 +78,7 @@ def test_whoever_changes_the_mode_before_us_has_it(fields: dict[str, Any], phase
 
 def test_a_landing_that_is_ordered_while_it_takes_over_from_a_hold_is_another_mode() -> None:
     guard, landing = Guard(), 4 << 16 | 6 << 24
-    assert guard.step(seen(conflict=True, custom_mode=missions.PX4_HOLD), 0.0).begin
+    assert guard.step(seen(conflict=True, custom_mode=PX4_HOLD), 0.0).begin
     assert guard.step(seen(conflict=True, custom_mode=landing), 0.2).end
     assert guard.phase is Phase.ENDED
 
@@ -99,10 +99,10 @@ def test_a_mission_item_that_moved_is_set_back_before_the_mode() -> None:
 def test_a_waypoint_that_is_passed_before_the_takeover_is_not_flown_to_again() -> None:
     guard = taking_over()
     guard.step(seen(conflict=True, mission_item=2), 0.5)
-    assert guard.hand_back(seen(conflict=True, mission_item=2)) == (mode_command(PX4, missions.PX4_MISSION),)
+    assert guard.hand_back(seen(conflict=True, mission_item=2)) == (mode_command(PX4, PX4_MISSION),)
     guard.step(seen(custom_mode=6 << 16, clear=False, mission_item=2), 1.0)
     wish = guard.step(seen(custom_mode=6 << 16, mission_item=2), 2.0)
-    assert wish.commands == (mode_command(PX4, missions.PX4_MISSION),)
+    assert wish.commands == (mode_command(PX4, PX4_MISSION),)
 
 
 def test_what_was_found_is_asked_for_again_until_a_heartbeat_says_it() -> None:
@@ -134,7 +134,7 @@ def test_the_modes_of_both_autopilots() -> None:
     assert [mode for mode in range(30) if is_autonomous(ARDUPILOT, mode)] == [3, 6], "AUTO, RTL"
     assert not is_autonomous(8, 3), "of another autopilot nothing is known"
     assert mode_command(ARDUPILOT, EXTERNAL_MODE[ARDUPILOT]) == (176, (1.0, 4.0, 0.0))
-    assert mode_command(PX4, missions.PX4_MISSION) == (176, (1.0, 4.0, 4.0))
+    assert mode_command(PX4, PX4_MISSION) == (176, (1.0, 4.0, 4.0))
 
 
 def test_nobody_asks_for_anything_while_all_is_clear() -> None:
@@ -164,7 +164,7 @@ def test_five_seconds_without_anybody_who_steers_are_enough() -> None:
     assert not guard.step(ours, T + 9.0).commands and guard.phase is Phase.RESOLVING
     idle = replace(ours, steering=False)
     assert not guard.step(idle, T + 14.0).commands and guard.phase is Phase.RESOLVING
-    assert guard.step(idle, T + 14.1).commands == (mode_command(PX4, missions.PX4_MISSION),)
+    assert guard.step(idle, T + 14.1).commands == (mode_command(PX4, PX4_MISSION),)
     assert guard.phase is Phase.HANDING_BACK
     guard = taking_over(T)
     guard.step(replace(idle, steering=False), T + 1.0)
@@ -196,7 +196,7 @@ def test_what_was_not_asked_for_yet_is_not_handed_back() -> None:
     guard.step(seen(conflict=True), T + 0.4)
     assert not guard.hand_back(seen(conflict=True))
     guard.step(seen(conflict=True), T + 0.5)
-    assert guard.hand_back(seen(conflict=True)) == (mode_command(PX4, missions.PX4_MISSION),)
+    assert guard.hand_back(seen(conflict=True)) == (mode_command(PX4, PX4_MISSION),)
 
 
 def test_whether_the_mode_came_before_the_link_was_lost_is_told_by_the_next_heartbeat() -> None:
@@ -217,7 +217,7 @@ def test_whether_the_mode_came_before_the_link_was_lost_is_told_by_the_next_hear
 
 
 def test_another_vehicle_on_the_link_is_told_nothing_of_what_was_found_on_the_last_one() -> None:
-    for mode in (missions.PX4_MISSION, 6 << 16):
+    for mode in (PX4_MISSION, 6 << 16):
         guard = taking_over(T)
         guard.step(seen(conflict=True), T + 0.5)
         guard.step(seen(conflict=True, clear=False, custom_mode=mode), T + 1.0)
@@ -276,10 +276,10 @@ def test_a_sub_mode_of_offboard_is_offboard_and_another_one_of_auto_is_another_m
     guard.step(seen(conflict=True, custom_mode=6 << 16 | 1 << 24), T + 1.0)
     assert guard.phase is Phase.RESOLVING
     guard = taking_over(T)
-    assert guard.step(seen(conflict=True, custom_mode=missions.PX4_HOLD), T + 0.2).end
+    assert guard.step(seen(conflict=True, custom_mode=PX4_HOLD), T + 0.2).end
     assert guard.phase is Phase.ENDED, "from the mission to a hold: somebody did that"
     guard = Guard()
-    assert guard.step(seen(conflict=True, custom_mode=missions.PX4_HOLD), T).begin
+    assert guard.step(seen(conflict=True, custom_mode=PX4_HOLD), T).begin
     assert guard.step(seen(conflict=True), T + 0.2).end and guard.phase is Phase.ENDED, "and the other way round"
 
 

@@ -13,7 +13,7 @@ import pytest
 from ridlink.scenario import built_in
 from sitl_sim.fleet_config import Start
 from sitl_sim.server import FleetServer
-from tests.sitl_sim.test_server import fly
+from tests.sitl_sim.fleets import fly
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -11,7 +11,7 @@ import pytest
 
 from ridlink.scenario import built_in
 from sitl_sim.server import FleetServer
-from tests.sitl_sim.test_server import fly, fly_both_autopilots, run_client
+from tests.sitl_sim.fleets import fly, fly_both_autopilots, run_client
 
 pytestmark = [
     pytest.mark.programs,
