@@ -10,7 +10,7 @@ from asyncio.subprocess import DEVNULL, Process
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
-from ridlink.conductor.outcome import End, FlightError, TakenError
+from ridlink.conductor.outcome import End, FlightError, SilentError, TakenError
 from ridlink.conductor.station import connect, mavsdk_ground_station
 from ridlink.conductor.vehicle import Conductor
 from ridlink.links import LinkUrl
@@ -94,7 +94,7 @@ class ConductedFlight:
                 if system is None:
                     self._stopped_on_the_ground()
                     return
-                await self._conduct(Conductor(system, self._say, self._daemon_has_ended), stop)
+                await self._conduct(Conductor(system, self._say, self._daemon_has_ended, stop.is_set), stop)
         except FlightError as error:
             self.outcome, self.reason = "failed", str(error)
             raise
@@ -103,7 +103,7 @@ class ConductedFlight:
         await conductor.open()
         try:
             await self._fly(conductor, stop)
-        except TakenError:
+        except (TakenError, SilentError):
             raise
         except FlightError:
             if self._ordered and self._lands and not self._landed and await conductor.is_armed():

@@ -18,6 +18,13 @@ class TakenError(FlightError):
         super().__init__(End.TAKEN)
 
 
+class SilentError(FlightError):
+    """The vehicle has fallen silent, and whoever waits for it is to end: nothing more is asked of it."""
+
+    def __init__(self, what: str, silent_s: float) -> None:
+        super().__init__(f"{what}: the vehicle has been silent for {silent_s:.0f} s, and may still be in the air")
+
+
 class End(StrEnum):
     """How a flight under a daemon ended."""
 

@@ -19,7 +19,7 @@ from importlib.resources import files
 from typing import Any
 
 from ridlink.conductor.daemon_words import AVOIDANCE_COMPONENT, DaemonWords
-from ridlink.conductor.outcome import End, FlightError, TakenError
+from ridlink.conductor.outcome import End, FlightError, SilentError, TakenError
 from ridlink.errors import MissingExtraError
 from ridlink.remote_id.text import display_name
 
@@ -34,6 +34,7 @@ try:
 except ImportError as error:
     raise MissingExtraError("mavsdk", "the conductor") from error
 
+AUTOPILOT_COMPONENT = 1
 MAV_CMD_DO_SET_MODE = 176
 PX4_OFFBOARD, PX4_HOLD = (6.0, 0.0), (4.0, 3.0)
 ARDUCOPTER_GUIDED, ARDUCOPTER_BRAKE = (4.0, 0.0), (17.0, 0.0)
@@ -41,6 +42,8 @@ ARDUCOPTER_GUIDED, ARDUCOPTER_BRAKE = (4.0, 0.0), (17.0, 0.0)
 
 LOOK_S = 0.1
 ASK_AGAIN_S = 1.0
+SILENT_S = 5.0
+"""So long a vehicle that is not heard is waited for by whoever is to end; without that, as long as for any other."""
 DAEMON_HEARD_S = 20.0
 HAND_OVER_S = 90.0
 """A daemon that is new to this machine compiles for so long; the vehicle hovers meanwhile."""
@@ -72,10 +75,17 @@ class Conductor:
         system: Of MAVSDK.
         say: Called with a line for every step, and for every warning of the vehicle.
         is_lost: Whether the daemon has ended, for whoever started it.
+        is_to_end: Whether somebody wants the flight to end.
     """
 
-    def __init__(self, system: Any, say: Say, is_lost: Callable[[], bool] = lambda: False) -> None:
-        self._system, self._say, self._is_lost = system, say, is_lost
+    def __init__(
+        self,
+        system: Any,
+        say: Say,
+        is_lost: Callable[[], bool] = lambda: False,
+        is_to_end: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._system, self._say, self._is_lost, self._is_to_end = system, say, is_lost, is_to_end
         self._telemetry, self._action = TelemetryAsync(system), ActionAsync(system)
         self._direct = MavlinkDirectAsync(system)
         self._daemon = DaemonWords()
@@ -83,6 +93,7 @@ class Conductor:
         self._ardupilot = False
         self._was_ours = False
         self._last_text = ""
+        self._heard_s = time.monotonic()
         self._listening: list[asyncio.Task[None]] = []
 
     async def open(self) -> None:
@@ -297,7 +308,8 @@ class Conductor:
             result = getattr(error, "result", None)
             word = getattr(result, "name", str(error)).lower().replace("_", " ")
             await asyncio.sleep(2 * LOOK_S)  # the vehicle gives its reason after its answer
-            raise FlightError(f"{what} refused: {word}{self._because()}") from error
+            said = "has no answer from the vehicle" if word == "timeout" else f"refused: {word}"
+            raise FlightError(f"{what} {said}{self._because()}") from error
 
     def _because(self) -> str:
         return f"; the vehicle said: {self._last_text}" if self._last_text else ""
@@ -317,6 +329,9 @@ class Conductor:
                 self._check_hearing()
                 if self._is_lost():
                     raise FlightError("the daemon ended: its line above says why")
+            silent_s = time.monotonic() - self._heard_s
+            if self._is_to_end() and silent_s > SILENT_S:
+                raise SilentError(f"{denied} {what}", silent_s)
             if time.monotonic() > deadline:
                 raise FlightError(f"{denied} {what} within {timeout_s:.0f} s{self._because()}")
             await asyncio.sleep(LOOK_S)
@@ -339,7 +354,9 @@ class Conductor:
 
     async def _hear_heartbeats(self) -> None:
         async for heartbeat in self._direct.subscribe_message("HEARTBEAT"):
-            if heartbeat.component_id == AVOIDANCE_COMPONENT:
+            if (heartbeat.system_id, heartbeat.component_id) == (self._system_id, AUTOPILOT_COMPONENT):
+                self._heard_s = time.monotonic()
+            elif heartbeat.component_id == AVOIDANCE_COMPONENT:
                 self._daemon.take_heartbeat(json.loads(heartbeat.fields_json), time.monotonic())
 
     async def _hear_status(self) -> None:

@@ -204,6 +204,52 @@ def test_what_ends_the_climb_leaves_nobody_up_there(cause: str) -> None:
 
 
 @needs_mavsdk
+@pytest.mark.parametrize(
+    ("arguments", "moment", "words"),
+    [
+        (["--takeoff", "200", "--land"], "armed, climbing", "not at 200 m: the vehicle has been silent for "),
+        (["--takeoff", "2", "--land"], "landing from", "not landed: the vehicle has been silent for "),
+        (
+            ["--takeoff", "2", "--daemon", "running"],
+            "the daemon steers",
+            "not holding: the vehicle has been silent for ",
+        ),
+        (
+            ["--takeoff", "2", "--land", "--daemon", "running"],
+            "the daemon steers",
+            "landing has no answer from the vehi",
+        ),
+    ],
+    ids=["climb", "landing", "daemon", "daemon-and-landing"],
+)
+def test_a_vehicle_that_has_fallen_silent_is_not_waited_for_after_a_signal(
+    arguments: list[str], moment: str, words: str
+) -> None:
+    """It was for as long as the climb and the landing may take, minutes, and then 'landing refused: timeout'."""
+    if "--daemon" in arguments:
+        warm_up(SolverKind.HALFPLANE)
+
+    async def act(server: FleetServer) -> None:
+        async with AsyncExitStack() as beside:
+            if "--daemon" in arguments:
+                await beside.enter_async_context(a_daemon(server, FAR))
+            command = fly_command("--vehicle", vehicle_of(server), *arguments)
+            process = await asyncio.create_subprocess_exec(*command, stdout=PIPE, stderr=PIPE)
+            assert process.stdout is not None
+            async for line in process.stdout:
+                if moment in json.loads(line)["text"]:
+                    break
+            server.world.inject(Event(0.0, 0, "link-off", {"duration_s": 0.0}))
+            process.send_signal(signal.SIGTERM)
+            output, said = await process.communicate()
+            final = json.loads(output.splitlines()[-1])
+            assert process.returncode == 1 and words in said.decode().splitlines()[-1]
+            assert final["outcome"] == "failed" and words in final["reason"] and not final["landed"]
+
+    fly(built_in("circle8", 1), act, sigma_m=0.0, start=Start.GROUND, **ANY_PORT)
+
+
+@needs_mavsdk
 def test_a_conductor_that_hears_no_more_says_so() -> None:
     """Its words go to somebody who takes none of the vehicle's: nobody would know what the vehicle warns of."""
     from ridlink.conductor import Conductor, FlightError, connect, mavsdk_ground_station

@@ -15,7 +15,8 @@ from ridlink.conductor.daemon_words import DaemonWords
 def test_a_daemon_that_is_not_heard_is_named_with_what_may_be_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     conductor = object.__new__(vehicle.Conductor)  # without MAVSDK's server: nobody is heard
     conductor._system_id, conductor._listening, conductor._last_text = 1, [], ""
-    conductor._daemon, conductor._is_lost = DaemonWords(), lambda: False
+    conductor._daemon, conductor._is_lost, conductor._is_to_end = DaemonWords(), lambda: False, lambda: False
+    conductor._heard_s = 0.0
     monkeypatch.setattr(vehicle, "DAEMON_HEARD_S", 0.0)
     with pytest.raises(vehicle.FlightError) as told:
         asyncio.run(conductor.find_daemon())
