@@ -48,46 +48,48 @@ class HalfplaneSettings:
     """Constants of the half-plane solver; one set serves both autopilots it was tried with.
 
     Args:
-        horizon_s: Conflicts later than this do not constrain. 5 s crawls in dense traffic, 12 s jams it; it is
-            stretched to 1.5 disc radii of own flight, since a large disc must be seen earlier.
-        response_time_s: The vehicle is taken to fly on for so long and then to obey at once; a half-plane is placed at
-            both ends of that time. 0.6 to 1.5 s behave alike, 2 s jumps past the closest approach.
-        barrier_gain_per_s: Inside the disc, separating speed asked for per metre of overlap. Less lets the overlap grow
-            deeper by metres on a slow vehicle.
+        horizon_s: Conflicts later than this do not constrain. With 5 s vehicles crawl in dense traffic, with 12 s they
+            jam. It is stretched to 1.5 disc radii of own flight, since a large disc must be seen earlier.
+        response_time_s: The vehicle is taken to fly on for this long and then to obey at once; a half-plane is placed
+            at both ends of that time. 0.6 to 1.5 s behave alike; 2 s jumps past the closest approach.
+        barrier_gain_per_s: Inside the disc, separating speed asked for per metre of overlap. With less, the overlap
+            grows deeper by metres on a slow vehicle.
         barrier_share: Largest part of the speed limit that the barrier may ask of the pair. Discs of crossed bounds can
-            overlap by more than any vehicle can fly in a second; asking for it would only make the programme
+            overlap by more than any vehicle can fly in a second; asking for that would only make the programme
             infeasible.
-        smoothing: Part of the way from the last command to the new velocity taken per step. 0.3 adds a lag to a lag,
-            1 doubles the activity of the command.
+        smoothing: Part of the way from the last command to the new velocity that is taken per step. 0.3 adds a lag to a
+            lag, 1 doubles the activity of the command.
         right_turn_rad: Turn to the right of the preferred direction while a conflict lies ahead, tapered to zero. Pairs
-            that both avoid pass by it alone. 0.4 gives them two to three metres more under PX4 at 10 m/s, and is a
-            tenth faster in a circle of eight at 5 m/s; but under Candidate 2 the square takes 4 % longer, and of discs
-            that overlap at the start up to twice as many flights are late.
-        start_turn_rad: Turn on top of that of a vehicle that stands, less the faster it flies. At rest every velocity
-            lies outside of every cone: without it a fleet that starts together creeps straight into a jam, while one
-            that comes at cruise goes round. Twice the turn at cruise; three times makes discs that overlap at the start
-            orbit each other.
-        age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its disc grows by a age^2 / 2.
-        buffer_share: Share of the error sum added to the radius, and of the clearance added to it at obstacles. Grazing
-            a disc with moving errors is violating it; a third of three sigma each is the smallest buffer that ends it.
-            Below a cruise speed of 8 m/s the buffer to neighbours is larger, by 8 % at 5 m/s.
-        arrival_deceleration_mps2: The preferred speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s).
-            Infinite for a vehicle that stops at once.
+            that both avoid pass each other by it alone. 0.4 gives them two to three metres more under PX4 at 10 m/s,
+            and is a tenth faster in a circle of eight at 5 m/s. But under Candidate 2 the square takes 4 % longer, and
+            of discs that overlap at the start up to twice as many flights are late.
+        start_turn_rad: Additional turn of a vehicle that stands; it is less the faster the vehicle flies. At rest every
+            velocity lies outside every cone. Without this turn a fleet that starts together creeps straight into a jam,
+            while one that comes at cruise goes round. The default is twice the turn at cruise; three times makes discs
+            that overlap at the start orbit each other.
+        age_acceleration_mps2: Acceleration a that an unheard neighbour is assumed to fly: its disc grows by a age^2 /
+            2.
+        buffer_share: Share of the error sum added to the radius, and of the clearance added to it at obstacles. To
+            graze a disc with moving errors is to violate it; a third of three sigma each is the smallest buffer that
+            ends it. Below a cruise speed of 8 m/s the buffer to neighbours is larger, by 8 % at 5 m/s.
+        arrival_deceleration_mps2: Deceleration a: the preferred speed at distance g of the goal is min(V, sqrt(2 a g) +
+            0.3 m/s). Infinite for a vehicle that stops at once.
         head_on_cosine: Opposite courses are head-on when the cosine of the angle between them is below this.
-        head_on_speed_mps: Both must be faster for the head-on rule; below it a course is mostly noise.
-        obstacle_horizon_s: Time constant with which a gap to an obstacle may be closed at most.
+        head_on_speed_mps: Both vehicles must be faster than this for the head-on rule; below it a course is mostly
+            noise.
+        obstacle_horizon_s: A gap to an obstacle is closed at most with this time constant.
         obstacle_deceleration_mps2: Braking that every autopilot reaches; the approach to an obstacle is never faster
-            than what it can stop.
+            than this can stop.
         obstacle_response_s: Delay before braking begins.
-        route_margin_m: A route round an obstacle passes its clearance by so much more, so that the half-plane of the
+        route_margin_m: A route round an obstacle passes its clearance by this much more, so that the half-plane of the
             obstacle does not slow the vehicle down on it.
-        contact_step_s: Time from one decision to the next. Discs without a part for errors are then never entered,
-            nor entered further, where all that are near avoid too and obey at once: each keeps to its half of what
-            separates the discs before anything else that neighbours ask of it, and standing still always does. 0, the
-            default, is off: a vehicle that answers late cannot promise it.
+        contact_step_s: Time from one decision to the next. Discs without a part for errors are then never entered, nor
+            entered further, if all vehicles near by avoid too and obey at once. For that each keeps to its half of what
+            separates the discs before anything else that neighbours ask of it; standing still always satisfies it. 0,
+            the default, is off: a vehicle that answers late cannot promise it.
         acceleration_mps2: Commands change by no more than this in 0.1 s, whatever the half-planes ask; the velocity is
-            the best one among those that can be reached so. Infinite, the default, leaves the shaping to the autopilot:
-            a limit below 5 m/s^2 is a lag on top of its own, and costs metres.
+            the best one among those that can be reached. Infinite, the default, leaves the shaping to the autopilot: a
+            limit below 5 m/s^2 is a lag on top of its own, and costs metres.
 
     Raises:
         ValueError: If a figure is out of its range, or not finite where it must be.
@@ -135,16 +137,17 @@ class RotationSettings:
     """Constants of the paper's solver. As they stand it can be flown by a real vehicle; `paper` is the paper's.
 
     Args:
-        step_deg: Candidates are so far apart; a divisor of 360. The coarse grid is a hidden margin: with 5 degrees
+        step_deg: Candidates are this far apart; a divisor of 360. The coarse grid is a hidden margin: with 5 degrees
             flights are a little faster and collide more often.
-        left_weight: Cost of a radian to the left of the straight way, in speeds: it must be worth a wide turn to the
-            right, or vehicles dance. With a thirtieth of it twice as many collide under sNMAC.
-        cost_weight: Metres of a disc that are worth a deviation by the whole speed where every candidate leads into
-            one.
-        age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its disc grows by a age^2 / 2.
-        arrival_deceleration_mps2: The speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s). Infinite for a
-            vehicle that stops at once.
-        smoothing: Part of the way from the last command to the new velocity taken per step.
+        left_weight: Cost of a radian to the left of the straight way, in speeds. It must be worth a wide turn to the
+            right, or vehicles swing from side to side. With a thirtieth of it twice as many collide under sNMAC.
+        cost_weight: Where every candidate leads into a disc: metres of a disc that are worth a deviation by the whole
+            speed.
+        age_acceleration_mps2: Acceleration a that an unheard neighbour is assumed to fly: its disc grows by a age^2 /
+            2.
+        arrival_deceleration_mps2: Deceleration a: the speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s).
+            Infinite for a vehicle that stops at once.
+        smoothing: Part of the way from the last command to the new velocity that is taken per step.
 
     Raises:
         ValueError: If a figure is not finite or out of its range, or candidates do not divide the circle.
@@ -182,29 +185,30 @@ class GradedSettings:
     of 0.2 stands for 12 m there.
 
     Args:
-        base_share: The radius that is kept is that of the airframes and the displacement, plus this share. The rest of
-            the errors is left to the tail.
-        tail_share: Scale in which the risk falls off outside of the radius and grows inside: the trade between time and
+        base_share: The radius that is kept is that of the airframes and the displacement, plus this share of the
+            errors. The rest of the errors is left to the tail.
+        tail_share: Scale in which the risk falls off outside the radius and grows inside: the trade between time and
             collisions.
         crowd_share: Growth of the radius with the logarithm of the number of neighbours over 7.
-        crowd_from: Fewer neighbours than this count as so many. Without that, a pair alone would come too near.
+        crowd_from: Fewer neighbours than this count as this many. Without that, a pair alone would come too near.
         least_radius_m: Least radius, or the whole disc where that is smaller.
         risk_weight: Cost of a pass at the radius now; 1 is a detour of the whole look-ahead.
-        fade_s: Time until the entry in which a risk fades to 37 %.
-        wrong_side_factor: A neighbour that would be passed on its right counts so many times.
+        fade_s: A risk fades to 37 % when its entry is this far ahead.
+        wrong_side_factor: A neighbour that would be passed on its right counts this many times.
         lean_rad: Turn to the right while the straight way is in conflict: the strongest lever on near misses. It must
-            be gated; always on, it costs seconds in traffic.
+            not be always on, for that costs seconds in traffic.
         lean_within_s: A conflict is a closest approach within this time ...
-        lean_radii: ... nearer than so many radii.
+        lean_radii: ... nearer than this many radii.
         left_weight: Cost of a radian to the left of the leaned way.
         smoothness: Cost of a change of velocity by the whole cruise speed.
-        look_ahead_s: The time to the goal is compared after so long on a heading.
-        response_time_s: The vehicle is taken to fly on for so long before it obeys; risks are seen from both ends. It
-            earns a metre where one overtakes another, and little elsewhere.
-        age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted: its radius grows by a age^2 / 2.
-        arrival_deceleration_mps2: The speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s). Infinite for a
-            vehicle that stops at once.
-        smoothing: Part of the way from the last command to the new velocity taken per step.
+        look_ahead_s: Headings are compared by the time to the goal after flying each for this long.
+        response_time_s: The vehicle is taken to fly on for this long before it obeys; risks are seen from both ends. It
+            earns a metre where one vehicle overtakes another, and little elsewhere.
+        age_acceleration_mps2: Acceleration a that an unheard neighbour is assumed to fly: its radius grows by a age^2 /
+            2.
+        arrival_deceleration_mps2: Deceleration a: the speed at distance g of the goal is min(V, sqrt(2 a g) + 0.3 m/s).
+            Infinite for a vehicle that stops at once.
+        smoothing: Part of the way from the last command to the new velocity that is taken per step.
 
     Raises:
         ValueError: If a figure is not finite or out of its range.

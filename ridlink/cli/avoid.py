@@ -98,7 +98,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     "--response-time",
     type=float,
     metavar="S",
-    help="How long the vehicle flies on before it obeys; 0 for one that obeys at once.  [default: 1]",
+    help="How long the vehicle flies on before it obeys; 0: it obeys at once.  [default: 1]",
 )
 @click.option("--vertical", is_flag=True, default=None, help="Climb or descend, too, where turning is not enough.")
 @click.option(
@@ -112,7 +112,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     "--vertical-band",
     type=float,
     metavar="M",
-    help="Of --vertical: stay so near to the altitude of the goal.  [default: 40]",
+    help="Of --vertical: stay this near to the altitude of the goal.  [default: 40]",
 )
 @click.option("--min-height", type=float, metavar="M", help="Of --vertical: least height over home.  [default: 20]")
 @click.option("--max-height", type=float, metavar="M", help="Of --vertical: largest height over home.  [default: 120]")
@@ -146,7 +146,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 @click.option("--log", metavar="FILE.tlog", help="Record everything received and sent; replaces the file.")
 @click.option("--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics there (extra metrics).")
 @click.option(
-    "--input-log", metavar="FILE", help="Record what is needed to decide the flight again; replaces the file."
+    "--input-log", metavar="FILE", help="Record what --replay needs to decide the flight again; replaces the file."
 )
 @click.option(
     "--replay",

@@ -122,16 +122,19 @@ def signing_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--signing-state",
             metavar="FILE",
-            help="Where each program's clock of the signatures outlives it.  [default: the key's name with .state]",
+            help="Keeps the clock of the signatures, a file for each program.  [default: the key's name with .state]",
         ),
         click.option(
-            "--signing-link-id", type=click.IntRange(0, 255), metavar="N", help="Of our signatures.  [default: 0]"
+            "--signing-link-id",
+            type=click.IntRange(0, 255),
+            metavar="N",
+            help="Link id in our signatures.  [default: 0]",
         ),
         click.option(
             "--require-signature",
             is_flag=True,
             default=None,
-            help="Hear nothing on the vehicle link that is not signed.",
+            help="On the vehicle link, hear only what is signed.",
         ),
         click.option(
             "--signing-key",

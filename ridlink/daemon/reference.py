@@ -18,16 +18,16 @@ ELSEWHERE = {"halfplane", "graded", "rotation", "obstacle"}
 
 HEAD = """# Configuration of `ridlink avoid`
 
-Made by `ridlink avoid --config-reference`. Keys of the file given with `--config`, TOML; an option of the same name,
-with hyphens for underscores, wins over the file. A key that is not known, a value of another kind, or a number that is
-none or out of range ends the program with exit code 2 and the line of the file. `--print-config` shows what would be
-flown.
+Made by `ridlink avoid --config-reference`. These are the keys of the TOML file given with `--config`. An option of the
+same name, with hyphens for underscores, wins over the file. An unknown key, a value of another kind, or a number that
+is none or out of range ends the program with exit code 2 and the line of the file. `--print-config` shows what would
+be flown.
 """
 
 OBSTACLES = """## [[obstacle]]
 
-Static, never entered, as often as there are any. Those of an emulated scenario, which has them in metres, are in what
-`ridlink sim --daemon-config N` writes.
+One table for each static obstacle; none is ever entered. `ridlink sim --daemon-config N` writes those of an emulated
+scenario, which has them in metres.
 
 | key | kind | default | meaning |
 | --- | --- | --- | --- |
