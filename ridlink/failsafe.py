@@ -61,6 +61,8 @@ class FailsafeSettings:
         stop_after_s: Own state older than this will not come back soon; the autopilot knows better what to do.
         pause_s: A loop that slept longer first holds: the world has moved on. As the watchdog has it.
         max_latitude_deg: Closer to a pole local coordinates bend too much.
+        farthest_goal_m: What is farther away was not meant, as where longitude was written first: no multirotor flies
+            for eight hours.
     """
 
     heartbeat_lost_s: float = HEARTBEAT_LOST_S
@@ -68,6 +70,7 @@ class FailsafeSettings:
     stop_after_s: float = 5.0
     pause_s: float = 0.3
     max_latitude_deg: float = 85.0
+    farthest_goal_m: float = 300e3
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +95,7 @@ class Conditions:
         other_writer: Somebody else sends setpoints, and was there first or does not give way.
         unheard: The vehicle has stood for long and flown after no setpoint.
         has_goal: There is somewhere to go.
+        goal_away_m: How far away that is, where it is known.
         deciding_fails: Decisions have failed again and again.
     """
 
@@ -112,6 +116,7 @@ class Conditions:
     other_writer: bool = False
     unheard: bool = False
     has_goal: bool = False
+    goal_away_m: float = 0.0
     deciding_fails: bool = False
 
 
@@ -205,9 +210,15 @@ def _doubt(seen: Conditions, settings: FailsafeSettings) -> str:
         return "own position jumped"
     if not abs(seen.latitude_deg) <= settings.max_latitude_deg:
         return f"latitude beyond {settings.max_latitude_deg:g} degrees"
+    if not seen.goal_away_m <= settings.farthest_goal_m:
+        return f"the goal {_far(settings)}"
     if seen.deciding_fails:
         return "decisions fail"
     return ""
+
+
+def _far(settings: FailsafeSettings) -> str:
+    return f"is more than {settings.farthest_goal_m / 1e3:g} km away"
 
 
 def _waiting(rung: Rung, seen: Conditions, settings: FailsafeSettings) -> Rung:
@@ -220,6 +231,8 @@ def _waiting(rung: Rung, seen: Conditions, settings: FailsafeSettings) -> Rung:
         return Rung(State.STANDBY, True, Stream.NOTHING, "waiting for an autopilot")
     if not seen.has_goal:
         return Rung(State.STANDBY, True, Stream.NOTHING, "waiting for a goal")
+    if not seen.goal_away_m <= settings.farthest_goal_m:
+        return Rung(State.STANDBY, True, Stream.NOTHING, f"waiting for another goal: this one {_far(settings)}")
     if not seen.armed:
         return Rung(State.STANDBY, True, Stream.NOTHING, "waiting for the vehicle to be armed")
     if seen.external_mode and seen.other_writer:

@@ -51,6 +51,8 @@ def test_nothing_engages_unasked() -> None:
     [
         ({"autopilot_heard_s": math.inf}, "autopilot"),
         ({"has_goal": False}, "goal"),
+        ({"goal_away_m": 300_001.0}, "waiting for another goal: this one is more than 300 km away"),
+        ({"goal_away_m": math.nan}, "more than 300 km"),
         ({"armed": False}, "armed"),
         ({"external_mode": False}, "OFFBOARD"),
         ({"ready": False}, "take-off"),
@@ -123,6 +125,8 @@ def test_who_asks_where_the_vehicle_is_is_told_what_it_said_last(change: dict[st
         {"own_state_age_s": 1.1},
         {"since_last_step_s": 0.6},
         {"latitude_deg": -85.5},
+        {"goal_away_m": 300_001.0},
+        {"goal_away_m": math.nan},
         {"deciding_fails": True},
         {"stalled": True},
         {"own_jumped": True},
@@ -284,7 +288,7 @@ def test_what_is_not_told_is_neither_an_alarm_nor_a_permission() -> None:
 
 
 def test_the_times_are_those_of_the_contract_and_the_states_those_of_the_dialect() -> None:
-    assert FailsafeSettings() == FailsafeSettings(3.0, 1.0, 5.0, 0.3, 85.0)
+    assert FailsafeSettings() == FailsafeSettings(3.0, 1.0, 5.0, 0.3, 85.0, 300e3)
     assert [int(state) for state in (State.STANDBY, State.ENGAGED, State.HOLD, State.STOPPED)] == [0, 1, 2, 3]
 
 
@@ -297,6 +301,7 @@ def test_the_times_are_those_of_the_contract_and_the_states_those_of_the_dialect
         ({"since_last_step_s": 0.3}, State.ENGAGED),
         ({"latitude_deg": 85.0}, State.ENGAGED),
         ({"latitude_deg": -85.0}, State.ENGAGED),
+        ({"goal_away_m": 300e3}, State.ENGAGED),
     ],
 )
 def test_a_limit_itself_is_still_within(seen: dict[str, float], state: State) -> None:

@@ -30,17 +30,31 @@ class FarAway:
         here = own.latitude_deg, own.longitude_deg
         goal, self._goal = self._goal, self._engine.goal
         if self._goal is not None and self._goal != goal:
-            there = self._goal.latitude_deg, self._goal.longitude_deg
-            far += _words("the goal", great_circle_m(here, there), FAR_GOAL_M)
+            far += _of_goal(own, self._goal, self._engine.config.failsafe.farthest_goal_m)
         if not self._obstacles_seen:
             self._obstacles_seen = True
             found = (
-                _words(f"obstacle {number}", min(great_circle_m(here, corner) for corner in corners), FAR_OBSTACLE_M)
+                _of_obstacle(number, min(great_circle_m(here, corner) for corner in corners))
                 for number, corners in enumerate(self._engine.config.obstacles, 1)
             )
             far += next(filter(None, found), [])
         return far
 
 
-def _words(what: str, away_m: float, far_m: float) -> list[str]:
-    return [f"{what} is {away_m / 1e3:,.0f} km away: latitude comes first"] if away_m > far_m else []
+def _of_goal(own: Geodetic, goal: Goal, farthest_m: float) -> list[str]:
+    away_m, swapped = goal.away_m(own), Goal(goal.longitude_deg, goal.latitude_deg)
+    if away_m <= FAR_GOAL_M:
+        return []
+    is_swapped = abs(swapped.latitude_deg) <= 90.0 and swapped.away_m(own) <= FAR_GOAL_M
+    meant = f"{swapped.latitude_deg:.7g},{swapped.longitude_deg:.7g}"
+    return [
+        f"the goal is {away_m / 1e3:,.0f} km away"
+        + (" and is not flown to" if away_m > farthest_m else "")
+        + (f": is {meant} meant? Latitude comes first" if is_swapped else "")
+    ]
+
+
+def _of_obstacle(number: int, away_m: float) -> list[str]:
+    if away_m <= FAR_OBSTACLE_M:
+        return []
+    return [f"obstacle {number} is {away_m / 1e3:,.0f} km away: latitude comes first"]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ridlink.engine.config import Goal, goal_problem
 from ridlink.failsafe import FailsafeSettings
 from ridlink.mavlink.codec import Encoder, Message
+from ridlink.traffic.own_state import OwnState
 
 DO_REPOSITION = 192
 DO_PAUSE_CONTINUE = 193
@@ -39,12 +40,12 @@ class Answer:
     engages_guard: bool = False
 
 
-def answered(message: Message, home_altitude_m: float | None, settings: FailsafeSettings, *, guarding: bool) -> Answer:
+def answered(message: Message, own: OwnState | None, settings: FailsafeSettings, *, guarding: bool) -> Answer:
     """What becomes of a COMMAND_INT or COMMAND_LONG to this component.
 
     Args:
         message: The command.
-        home_altitude_m: Where relative altitudes begin, above mean sea level; None while that is not known.
+        own: Where the vehicle is; None while that is not known.
         settings: Limits of goals.
         guarding: A guard flies the autopilot's own plan and takes no goals.
     """
@@ -52,17 +53,17 @@ def answered(message: Message, home_altitude_m: float | None, settings: Failsafe
         continues = message.param1 == CONTINUE
         return Answer(ACCEPTED if continues else DENIED, engages_guard=continues)
     if message.command == DO_REPOSITION and not guarding:
-        goal = repositioned(message, home_altitude_m, settings)
+        goal = repositioned(message, own, settings)
         return Answer(DENIED if goal is None else ACCEPTED, goal)
     return Answer()
 
 
-def repositioned(message: Message, home_altitude_m: float | None, settings: FailsafeSettings) -> Goal | None:
+def repositioned(message: Message, own: OwnState | None, settings: FailsafeSettings) -> Goal | None:
     """The goal that a DO_REPOSITION names; None where it is none, or none that may be flown to.
 
     Args:
         message: COMMAND_INT, or COMMAND_LONG with its altitude above mean sea level.
-        home_altitude_m: Where relative altitudes begin, above mean sea level; None while that is not known.
+        own: Where the vehicle is, and where relative altitudes begin; None while that is not known.
         settings: Limits of goals.
     """
     frame = ABSOLUTE_ALTITUDE_FRAMES[0]
@@ -78,13 +79,15 @@ def repositioned(message: Message, home_altitude_m: float | None, settings: Fail
     height: float | None = None if math.isnan(altitude) else altitude
     if frame in RELATIVE_ALTITUDE_FRAMES:
         if height is not None:
-            if home_altitude_m is None:
+            if own is None:
                 return None
-            height += home_altitude_m
+            height += own.home_altitude_m
     elif frame not in ABSOLUTE_ALTITUDE_FRAMES:
         return None
     goal = Goal(latitude, longitude, height)
-    return None if goal_problem(goal, settings) else goal
+    if goal_problem(goal, settings) or (own is not None and goal.away_m(own.position) > settings.farthest_goal_m):
+        return None
+    return goal
 
 
 def acknowledged(encoder: Encoder, message: Message, result: int, target_system: int, target_component: int) -> bytes:

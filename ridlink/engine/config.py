@@ -11,6 +11,7 @@ from ridlink.avoidance.types import SolverKind
 from ridlink.engine.static_obstacles import Polygon, StaticObstacles
 from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
+from ridlink.geodesy import Geodetic, great_circle_m
 from ridlink.own_ship.broadcast import BroadcastSettings, Form
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.quantities import ID_LENGTH
@@ -38,6 +39,10 @@ class Goal:
     def is_below(self, altitude_m: float) -> bool:
         """Whether it is known to lie lower than an altitude above mean sea level."""
         return self.altitude_m is not None and self.altitude_m < altitude_m
+
+    def away_m(self, place: Geodetic) -> float:
+        """How far it is from a place, along a great circle."""
+        return great_circle_m((place.latitude_deg, place.longitude_deg), (self.latitude_deg, self.longitude_deg))
 
 
 @dataclass(frozen=True, slots=True)

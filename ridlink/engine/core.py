@@ -144,8 +144,7 @@ class Engine:
             self._counters["command_refused"] += 1
             return
         own = self.telemetry.state(now_s)
-        home_altitude_m = None if own is None else own.home_altitude_m
-        answer = answered(message, home_altitude_m, self.config.failsafe, guarding=self.guard is not None)
+        answer = answered(message, own, self.config.failsafe, guarding=self.guard is not None)
         if answer.engages_guard and self.guard is not None and self.guard.engage():
             self.rung = resting(self.guard)
         if answer.goal is not None:
@@ -330,6 +329,7 @@ class Engine:
             other_writer=not self.config.dry_run and self._must_yield(now_s),
             unheard=telemetry.other_writer.must_give_up(now_s),
             has_goal=self.goal is not None,
+            goal_away_m=0.0 if self.goal is None or own is None else self.goal.away_m(own.position),
             deciding_fails=self.steering.fatal,
         )
 

@@ -47,11 +47,14 @@ def test_a_goal_below_home_is_said_before_it_is_flown_to(up_m: float, told: bool
     [
         (at(300.0), [at(100.0), at(120.0), at(120.0, 20.0)], []),
         (at(99e3), [at(900e3), at(900e3, 10.0), at(900e3 + 10.0)], []),
-        ((8.5456, 47.4004, 550.0), [], ["the goal is 5,660 km away: latitude comes first"]),
+        (at(200e3), [], ["the goal is 200 km away"]),
+        (at(301e3), [], ["the goal is 301 km away and is not flown to"]),
+        ((8.5456, 47.4004, 550.0), [],
+         ["the goal is 5,660 km away and is not flown to: is 47.4004,8.5456 meant? Latitude comes first"]),
         (at(300.0), [(8.545, 47.399), (8.546, 47.399), (8.546, 47.4)],
          ["obstacle 1 is 5,660 km away: latitude comes first"]),
     ],
-    ids=["near", "as far as may be", "goal", "obstacle"],
+    ids=["near", "as far as may be", "far", "too far", "goal", "obstacle"],
 )  # fmt: skip
 def test_where_longitude_was_written_first_it_is_said_before_it_is_flown(
     goal: tuple[float, float, float], obstacle: list[tuple[float, ...]], told: list[str]

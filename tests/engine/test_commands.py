@@ -40,6 +40,7 @@ def test_a_goal_given_with_standby_is_not_flown_to_unasked() -> None:
         ("COMMAND_INT", {"x": 860_000_000}, 2),
         ("COMMAND_INT", {"y": 1_900_000_000}, 2),
         ("COMMAND_INT", {"z": math.inf}, 2),
+        ("COMMAND_INT", {"x": 85_456_000, "y": 473_977_000}, 2),  # longitude first: 5,660 km away
         ("COMMAND_INT", {"command": 176}, 3),
         ("COMMAND_INT", {"target_component": 1}, None),
         ("COMMAND_INT", {"target_component": 0}, None),
@@ -55,6 +56,29 @@ def test_answers_to_commands(name: str, fields: dict[str, Any], result: int | No
     if fields.get("frame") == 6:
         assert flight.engine.goal is not None
         assert flight.engine.goal.altitude_m == pytest.approx(560.0, abs=0.01)
+
+
+def test_a_goal_too_far_away_that_was_taken_without_a_position_is_not_flown_to() -> None:
+    flight = Flight(settings=EngineConfig(standby=True))
+    flight.telling = False
+    flight.engine.receive_vehicle(flight.vehicle.heartbeat(), 0.0, source="autopilot")
+    assert flight.command("COMMAND_INT", **reposition(x=85_456_000, y=473_977_000)) == 0
+    flight.telling = True
+    flight.step(20)
+    assert flight.engine.rung.reason == "waiting for another goal: this one is more than 300 km away"
+    assert flight.vehicle.position == pytest.approx((0.0, 0.0, -50.0))
+    assert flight.command("COMMAND_INT", **reposition()) == 0
+    flight.step(100)
+    assert flight.vehicle.position == pytest.approx((30.0, 0.0, -50.0), abs=0.5)
+
+
+def test_a_goal_too_far_away_changes_nothing_of_a_flight() -> None:
+    flight = Flight(settings=config())
+    flight.step(10)
+    goal = flight.engine.goal
+    assert flight.command("COMMAND_INT", **reposition(x=85_456_000, y=473_977_000)) == 2
+    flight.step()
+    assert flight.engine.goal == goal and flight.engine.rung.reason == "avoiding"
 
 
 def test_command_long_names_a_goal_too() -> None:
