@@ -87,13 +87,10 @@ def capacity(
     try:
         found = capacities(airspaces, density_per_km2, bearable, seed, worlds)
         console = Console(stderr=True)
-        few = len(airspaces) <= len(Definition)
-        rows = list(
-            track(
-                found, "simulating", len(airspaces), console=console, transient=True,
-                disable=few or not console.is_terminal,
-            )
-        )  # fmt: skip
+        if console.is_terminal and len(airspaces) > len(Definition):
+            rows = list(track(found, "simulating", len(airspaces), console=console, transient=True))
+        else:
+            rows = list(found)
     except ValueError as error:
         raise ConfigError(str(error)) from error
     note = FEW if worlds < LEAST_RUNS else None
