@@ -61,19 +61,23 @@ def checksum(data: Any, start: Any, end: Any, extra: Any, table: Any, initial: A
     word = load(data, at) & (np.uint64(2**64 - 1) << np.uint64(8 * missing))
     while True:
         # what does not hang on the checksum so far comes first: it can be done ahead
+        # np.uint64 everywhere: a sum of it and a number of Python is a float in NumPy 1
         ahead = (
             (
-                table[1280 + (word >> np.uint64(16) & np.uint64(255))]
-                ^ table[1024 + (word >> np.uint64(24) & np.uint64(255))]
+                table[np.uint64(1280) + (word >> np.uint64(16) & np.uint64(255))]
+                ^ table[np.uint64(1024) + (word >> np.uint64(24) & np.uint64(255))]
             )
             ^ (
-                table[768 + (word >> np.uint64(32) & np.uint64(255))]
-                ^ table[512 + (word >> np.uint64(40) & np.uint64(255))]
+                table[np.uint64(768) + (word >> np.uint64(32) & np.uint64(255))]
+                ^ table[np.uint64(512) + (word >> np.uint64(40) & np.uint64(255))]
             )
-            ^ (table[256 + (word >> np.uint64(48) & np.uint64(255))] ^ table[word >> np.uint64(56)])
+            ^ (table[np.uint64(256) + (word >> np.uint64(48) & np.uint64(255))] ^ table[word >> np.uint64(56)])
         )
         word ^= np.uint64(value)
-        value = ahead ^ (table[1792 + (word & np.uint64(255))] ^ table[1536 + (word >> np.uint64(8) & np.uint64(255))])
+        value = ahead ^ (
+            table[np.uint64(1792) + (word & np.uint64(255))]
+            ^ table[np.uint64(1536) + (word >> np.uint64(8) & np.uint64(255))]
+        )
         at += 8
         if at >= end:
             break

@@ -41,8 +41,8 @@ _ZERO = np.uint64(ord("0"))
 def copy(source: Any, start: Any, end: Any, out: Any, at: Any) -> Any:
     """Append bytes; the byte after them."""
     first, place = np.uint64(start), np.uint64(at)  # an unsigned index cannot count from the end
-    for index in range(np.uint64(end - start)):
-        out[place + index] = source[first + index]
+    for index in range(end - start):
+        out[place + np.uint64(index)] = source[first + np.uint64(index)]
     return at + (end - start)
 
 
