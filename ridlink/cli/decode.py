@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import click
 
-from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS, decode_export
+from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS
+from ridlink.cli.decode_export import export, others_go_on
+from ridlink.cli.decode_options import EXPORTS, refuse_combination, refuse_following, time_us
 from ridlink.cli.files import readable, whole_output
 from ridlink.cli.options import capture_kind, wanted_names
 from ridlink.cli.progress import HasPosition, Progress
@@ -30,7 +32,7 @@ BATCH_BYTES = 64 * 1024
     "-f",
     "--format",
     "output_format",
-    type=click.Choice(["table", "jsonl", *decode_export.EXPORTS]),
+    type=click.Choice(["table", "jsonl", *EXPORTS]),
     default="table",
     show_default=True,
     help="One aligned row, or one JSON object, a message; a folder of tables (csv, parquet); a map; MCAP.",
@@ -55,10 +57,10 @@ BATCH_BYTES = 64 * 1024
 @click.option(
     "--since",
     metavar="TIME",
-    callback=decode_export.time_us,
+    callback=time_us,
     help="Only from this time on: seconds since 1970, or such as 2026-05-01T12:30:00Z.",
 )
-@click.option("--until", metavar="TIME", callback=decode_export.time_us, help="Only before this time.")
+@click.option("--until", metavar="TIME", callback=time_us, help="Only before this time.")
 @click.option("--types", metavar="GLOBS", help="Messages to show, such as 'OPEN_DRONE_ID_*,RIDLINK_*'.")
 @click.option("--source-system", type=click.IntRange(0, 255), metavar="N", help="Only messages of this system id.")
 @click.option(
@@ -96,16 +98,16 @@ def decode(
     from ridlink.captures.export.selection import Selection
     from ridlink.captures.statistics import Statistics
 
-    decode_export.check(output_format, output, frames, join, stats, telemetry)
+    refuse_combination(output_format, output, frames, join, stats, telemetry)
     if since is not None and until is not None and since >= until:
         raise click.UsageError("--since is not before --until: between them there is nothing")
     if follow:
-        decode_export.check_follow(files, kind, output_format, output, join, stats)
+        refuse_following(files, kind, output_format, output, join, stats)
     selection = Selection(wanted_names(types), source_system, since, until)
     statistics = Statistics()
     found = readable(files)
-    if join or output_format in decode_export.EXPORTS:
-        decode_export.export(found, kind, output_format, output, join, selection, statistics, telemetry=telemetry)
+    if join or output_format in EXPORTS:
+        export(found, kind, output_format, output, join, selection, statistics, telemetry=telemetry)
         _tell_timeless(statistics, selection)
         return _verdict(statistics, strict, len(files) - len(found))
     with whole_output(output, files) as out:
@@ -234,8 +236,8 @@ def _decode_files(files: tuple[str, ...], kind: str, lines: _Lines) -> None:
     from ridlink.captures import open_capture
 
     for path in files:
-        with decode_export.others_go_on(files, lines.statistics):
-            reader = decode_export.large_reader(path, kind)
+        with others_go_on(files, lines.statistics):
+            reader = _large_reader(path, kind)
             if reader is not None:
                 lines.write_blocks(reader)
                 continue
@@ -243,6 +245,18 @@ def _decode_files(files: tuple[str, ...], kind: str, lines: _Lines) -> None:
             with open_capture(path, kind, before_read=lines.flush) as capture:
                 lines.write(capture)
     lines.progress.clear()
+
+
+def _large_reader(path: str, kind: str) -> BlockReader | None:
+    """A reader in blocks where that pays off, that is for large files; ``None`` elsewhere."""
+    from ridlink.captures.reader import is_large, open_capture
+
+    if not is_large(path):
+        return None
+    from ridlink.captures.fast.blocks import KINDS, BlockReader
+
+    with open_capture(path, kind) as capture:
+        return BlockReader(path, capture.kind) if capture.kind in KINDS else None
 
 
 def _follow(path: str, kind: str, lines: _Lines) -> None:

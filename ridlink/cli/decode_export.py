@@ -1,4 +1,4 @@
-"""What ``ridlink decode`` does for formats other than lines and statistics, and for large files."""
+"""What ``ridlink decode`` writes in formats other than lines and statistics."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
+from ridlink.cli.decode_options import FOLDERS
 from ridlink.cli.files import whole_folder, whole_output
 from ridlink.errors import CaptureError
 from ridlink.remote_id.text import display_name
@@ -19,76 +20,10 @@ if TYPE_CHECKING:
     from ridlink.captures.export.fields import Fields
     from ridlink.captures.export.selection import Selection
     from ridlink.captures.fast.block import Block
-    from ridlink.captures.fast.blocks import BlockReader
     from ridlink.captures.messages import MessageRecord
     from ridlink.captures.statistics import Statistics
 
-FOLDERS = ("csv", "parquet")
-MAPS = ("geojson", "kml")
-EXPORTS = (*FOLDERS, *MAPS, "mcap")
-NEED_OUTPUT = ("parquet", "mcap")
-JOINABLE = ("csv", "parquet", "jsonl")
-
 RECORDS_AT_ONCE = 8192
-
-
-def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | None:
-    """Microseconds since 1970 of seconds since 1970 or of a date and time, UTC where it does not say."""
-    if value is None:
-        return None
-    from datetime import UTC, datetime
-    from decimal import Decimal
-
-    try:
-        return int(Decimal(value) * 1_000_000)
-    except (ArithmeticError, ValueError):
-        pass
-    try:
-        moment = datetime.fromisoformat(value)
-    except ValueError:
-        raise click.BadParameter("must be seconds since 1970 or a time such as 2026-05-01T12:30:00Z") from None
-    moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)
-    since = moment - datetime(1970, 1, 1, tzinfo=UTC)
-    return (since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds
-
-
-def check(output_format: str, output: str | None, frames: bool, join: bool, stats: bool, telemetry: bool) -> None:
-    """Refuse combinations of options that mean nothing.
-
-    Raises:
-        click.UsageError: If so.
-    """
-    if join and output_format not in JOINABLE:
-        raise click.UsageError(f"--join is for -f {', '.join(JOINABLE)}; -f {output_format} cannot take it")
-    if frames and (join or stats or output_format != "jsonl"):
-        raise click.UsageError("--frames is for -f jsonl, without --join and --stats")
-    if telemetry and output_format not in MAPS:
-        raise click.UsageError(f"--telemetry is for -f {' and -f '.join(MAPS)}")
-    if stats and (join or output_format in EXPORTS):
-        raise click.UsageError("--stats is for -f table and -f jsonl, without --join")
-    if output in (None, "-"):
-        if output_format == "csv" and not join:
-            raise click.UsageError("-f csv writes one file a message: name a folder with -o")
-        if output_format in NEED_OUTPUT:
-            raise click.UsageError(f"-f {output_format} needs -o")
-
-
-def check_follow(
-    files: tuple[str, ...], kind: str, output_format: str, output: str | None, join: bool, stats: bool
-) -> None:
-    """Refuse what cannot be followed.
-
-    Raises:
-        click.UsageError: If so.
-    """
-    if len(files) > 1 or files[0] == "-":
-        raise click.UsageError("--follow is for one file, and standard input is followed as it is")
-    if output_format not in ("table", "jsonl") or join or stats:
-        raise click.UsageError("--follow is for -f table and -f jsonl, without --join and --stats")
-    if kind == "pcap":
-        raise click.UsageError("--follow is for tlog, raw MAVLink and lines of hex, not for pcap")
-    if output not in (None, "-"):
-        raise click.UsageError("--follow writes to standard output: a file of -o appears only when it is whole")
 
 
 @contextmanager
@@ -103,18 +38,6 @@ def others_go_on(files: tuple[str, ...], statistics: Statistics) -> Iterator[Non
         if statistics.unread == len(files):
             raise
         click.echo(f"ridlink: {error}", err=True)
-
-
-def large_reader(path: str, kind: str) -> BlockReader | None:
-    """A reader in blocks where that pays off, that is for large files; ``None`` elsewhere."""
-    from ridlink.captures.reader import is_large, open_capture
-
-    if not is_large(path):
-        return None
-    from ridlink.captures.fast.blocks import KINDS, BlockReader
-
-    with open_capture(path, kind) as capture:
-        return BlockReader(path, capture.kind) if capture.kind in KINDS else None
 
 
 def export(
