@@ -13,11 +13,11 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from ridlink.captures.recorder import Recorder
-from ridlink.daemon.config import DaemonConfig, as_toml
+from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.events import Events, EventSink
 from ridlink.daemon.figures import figures
-from ridlink.daemon.input_log import FromAir, FromVehicle, InputLog
+from ridlink.daemon.input_log import FromAir, FromVehicle
+from ridlink.daemon.recordings import Recordings
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.summary import Spread, Summary
 from ridlink.daemon.telling import Telling
@@ -34,9 +34,6 @@ from ridlink.periodic import Periodic
 
 STOP_SPACING_S = 0.05
 """Between the last setpoints: a burst would be lost as one."""
-
-LAST_RECORDS_S = 1.0
-"""At the end a slow disk is waited for so long and no longer."""
 
 FATAL_STEPS = 3
 """A step that fails sends nothing; after so many in a row the autopilot must not wait any longer."""
@@ -68,12 +65,10 @@ class AvoidDaemon:
         self.ready = asyncio.Event()
         self.vehicle_address: Address | None = None
         self.remote_id_address: Address | None = None
-        self._opened = False
         self._vehicle: Link | None = None
         self._air: Link | None = None
         self._transmitter: Link | None = None
-        self._recorder: Recorder | None = None
-        self._input_log: InputLog | None = None
+        self._recordings = Recordings(config)
         self._counters: Counter[str] = Counter()
         self._events = Events(on_event, self._counters)
         self._telling = Telling(self.engine, self._events, self.rejects)
@@ -109,12 +104,8 @@ class AvoidDaemon:
                 self._transmitter = await open_link(self.config.broadcast_to, lambda _, __: None)
             if self.config.metrics is not None:
                 self._metrics = MetricsServer(self.config.metrics, AVOID_METRICS)
-            if self.config.log is not None:  # after the links: a port in use must not cost the log of another daemon
-                self._recorder = Recorder(self.config.log, overwrite=True)
-            if self.config.input_log is not None:
-                self._input_log = InputLog(self.config.input_log, as_toml(self.config))
             self.vehicle_address, self.remote_id_address = self._vehicle.local_address, self._air.local_address
-            self._opened = True
+            self._recordings.open()  # after the links: a port in use must not cost the log of another daemon
             try:
                 await self._keep_time(stop, warm)
             finally:
@@ -126,10 +117,7 @@ class AvoidDaemon:
                     link.close()
             if self._metrics is not None:
                 await asyncio.to_thread(self._metrics.close)
-            if self._recorder is not None:
-                await asyncio.to_thread(self._recorder.close, LAST_RECORDS_S)
-            if self._input_log is not None:
-                await asyncio.to_thread(self._input_log.close, LAST_RECORDS_S)
+            await self._recordings.close()
         if self.engine.fatal:
             raise DecisionError(f"decisions failed: {self.engine.last_error}; the vehicle was told to stop")
         return self.summary()
@@ -188,8 +176,7 @@ class AvoidDaemon:
         if hold:  # counted here: the watchdog's thread must not change what the loop may be reading
             self._counters["loop_stalled"] += 1
             self.engine.hold_next()
-        if self._input_log is not None:
-            self._input_log.step(now_s, hold, self.engine.warm, utc_s)
+        self._recordings.step(now_s, hold, self.engine.warm, utc_s)
         try:
             output = self.engine.step(now_s, utc_s=utc_s)
         except Exception as error:
@@ -204,20 +191,17 @@ class AvoidDaemon:
         self._decision_ms.add(took * 1e3)
         self._decision_cpu_ms.add((time.thread_time() - begin_cpu_s) * 1e3)
         self._send(output)
-        if self._input_log is not None:
-            self._input_log.decided(output, self.engine.rung.reason)
-            self._input_log.took(took)
+        self._recordings.decided(output, self.engine.rung.reason, took)
         self._leave_figures(output)
         self._telling.tell(
             output,
-            recording_error=None if self._recorder is None else self._recorder.error,
+            recording_error=self._recordings.wire_error,
             refused_signatures=self._refused_signatures(),
         )
 
     async def _end(self) -> None:
         now_s = time.monotonic()
-        if self._input_log is not None:
-            self._input_log.stop(now_s)
+        self._recordings.stop(now_s)
         for frame in self.engine.stop(now_s):
             self._to_vehicle(frame)
             await asyncio.sleep(STOP_SPACING_S)
@@ -226,26 +210,22 @@ class AvoidDaemon:
     # --- bytes ----------------------------------------------------------------------------------------------------
 
     def _from_vehicle(self, data: bytes, address: Address) -> None:
-        if (times := self._heard(FromVehicle, data, address)) is not None:
-            self.engine.receive_vehicle(data, times[0], source=address, utc_s=times[1])
+        if (heard := self._heard(FromVehicle, data, address)) is not None:
+            self.engine.receive_vehicle(data, heard.now_s, source=address, utc_s=heard.utc_s)
 
     def _from_air(self, data: bytes, address: Address) -> None:
-        if (times := self._heard(FromAir, data, address)) is not None:
-            self.engine.receive_remote_id(data, address, times[0], utc_s=times[1])
+        if (heard := self._heard(FromAir, data, address)) is not None:
+            self.engine.receive_remote_id(data, address, heard.now_s, utc_s=heard.utc_s)
 
-    def _heard(
-        self, kind: type[FromVehicle | FromAir], data: bytes, address: Address
-    ) -> tuple[float, float | None] | None:
-        """Record a datagram; when it came, monotonic and UTC. None while links are still being opened: what cannot be
+    def _heard(self, kind: type[FromVehicle | FromAir], data: bytes, address: Address) -> FromVehicle | FromAir | None:
+        """Record a datagram with the times at which it came. None while links are still being opened: what cannot be
         recorded yet must not be decided about."""
-        if not self._opened:
+        if not self._recordings.opened:
             return None
-        self._record(data)
         now_s = time.monotonic()
-        utc_s = self._utc.at(now_s)
-        if self._input_log is not None:
-            self._input_log.heard(kind(now_s, utc_s, address, data))
-        return now_s, utc_s
+        datagram = kind(now_s, self._utc.at(now_s), address, data)
+        self._recordings.heard(datagram)
+        return datagram
 
     def _send(self, output: StepOutput) -> None:
         for frame in output.to_vehicle:
@@ -253,16 +233,16 @@ class AvoidDaemon:
         for frame in output.to_air:
             if self._air is not None:
                 self._air.send(frame)
-                self._record(frame)
+                self._recordings.sent(frame)
         transmitter = self._transmitter or self._air
         for datagram in output.broadcasts:
             if transmitter is not None:
                 self._broadcasts += transmitter.send(datagram)
-                self._record(datagram)
+                self._recordings.sent(datagram)
         for frame, address in output.replies:
             if self._vehicle is not None and isinstance(address, tuple):
                 self._vehicle.send(frame, address)
-                self._record(frame)
+                self._recordings.sent(frame)
         if output.decision.commanded_ned_mps is None:
             self._last_setpoint_s = None
             return
@@ -279,11 +259,7 @@ class AvoidDaemon:
             return
         address = self.engine.vehicle_source
         self._vehicle.send(frame, address if isinstance(address, tuple) else None)
-        self._record(frame)
-
-    def _record(self, data: bytes) -> None:
-        if self._recorder is not None:
-            self._recorder.receive(data)
+        self._recordings.sent(frame)
 
     def _leave_figures(self, output: StepOutput) -> None:
         if self._metrics is None or not self._metrics_due.due(output.decision.time_s):
@@ -320,20 +296,14 @@ class AvoidDaemon:
             tracks=totals.tracks,
             state=totals.state,
             infeasible_steps=totals.infeasible_steps,
-            decision_log=None if self._input_log is None else self._input_log.decisions.digest,
+            decision_log=self._recordings.decision_log,
         )
 
     def rejects(self) -> dict[str, int]:
         """Everything that was dropped, clamped, rejected or noticed so far, by cause."""
-        rejects = self.engine.counters + self._counters
+        rejects = self.engine.counters + self._counters + self._recordings.counters
         for name, link in (("vehicle", self._vehicle), ("rid", self._air), ("transmitter", self._transmitter)):
             if link is not None:
                 rejects.update({f"{name}_link_{cause}": count for cause, count in link.counters.items()})
-        if self._recorder is not None:
-            rejects["recording_dropped"] += self._recorder.dropped
-            rejects["recording_failed"] += self._recorder.error is not None
-        if self._input_log is not None:
-            rejects["input_log_dropped"] += self._input_log.dropped
-            rejects["input_log_failed"] += self._input_log.error is not None
         rejects["clock_stepped"] += self._utc.steps
         return {cause: count for cause, count in sorted(rejects.items()) if count}
