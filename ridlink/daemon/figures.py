@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ridlink.daemon.summary import Spread
+from ridlink.daemon.summary import Pace
 from ridlink.engine import Engine, StepOutput
 from ridlink.failsafe import State
 from ridlink.metrics import Value
@@ -17,8 +17,7 @@ def figures(
     engine: Engine,
     output: StepOutput,
     *,
-    decision_ms: Spread,
-    gap_ms: Spread,
+    pace: Pace,
     broadcasts: int,
     events: Mapping[str, int],
 ) -> dict[str, Value]:
@@ -27,8 +26,7 @@ def figures(
     Args:
         engine: The engine.
         output: Of its last step.
-        decision_ms: What steps took.
-        gap_ms: Between two setpoints.
+        pace: Of its steps.
         broadcasts: Datagrams of the own Remote ID sent.
         events: What was dropped, clamped, refused or noticed, by cause.
     """
@@ -44,8 +42,8 @@ def figures(
         "ridlink_reports_received": totals.reports_received,
         "ridlink_infeasible_steps": totals.infeasible_steps,
         "ridlink_broadcasts": broadcasts,
-        "ridlink_decision_seconds": decision_ms.quantiles(LAST_MINUTE_STEPS, 1e-3),
-        "ridlink_setpoint_gap_seconds": gap_ms.quantiles(LAST_MINUTE_STEPS, 1e-3),
+        "ridlink_decision_seconds": pace.decision_ms.quantiles(LAST_MINUTE_STEPS, 1e-3),
+        "ridlink_setpoint_gap_seconds": pace.gap_ms.quantiles(LAST_MINUTE_STEPS, 1e-3),
         "ridlink_events": dict(events),
     }
     for name, value in (

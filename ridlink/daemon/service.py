@@ -19,7 +19,7 @@ from ridlink.daemon.figures import figures
 from ridlink.daemon.input_log import FromAir, FromVehicle
 from ridlink.daemon.recordings import Recordings
 from ridlink.daemon.steady_utc import SteadyUtc
-from ridlink.daemon.summary import Spread, Summary
+from ridlink.daemon.summary import Pace, Summary
 from ridlink.daemon.telling import Telling
 from ridlink.daemon.vehicle_link import open_vehicle_link
 from ridlink.daemon.warming import warm_up_unless
@@ -73,10 +73,7 @@ class AvoidDaemon:
         self._events = Events(on_event, self._counters)
         self._telling = Telling(self.engine, self._events, self.rejects)
         self._broadcasts = 0
-        self._decision_ms = Spread()
-        self._decision_cpu_ms = Spread()
-        self._gap_ms = Spread()
-        self._last_setpoint_s: float | None = None
+        self._pace = Pace()
         self._failed_in_a_row = 0
         self._utc = SteadyUtc(time.monotonic())
         self._hold = False
@@ -169,7 +166,8 @@ class AvoidDaemon:
         self._telling.stalled(stack)
 
     def _tick(self) -> None:
-        begin, begin_cpu_s, now_s = time.perf_counter(), time.thread_time(), time.monotonic()
+        self._pace.begin()
+        now_s = time.monotonic()
         self._utc.check(now_s)
         utc_s = self._utc.at(now_s)
         hold, self._hold = self._hold, False
@@ -186,12 +184,11 @@ class AvoidDaemon:
                 raise DecisionError(f"steps failed: {type(error).__name__}: {error}") from error
             return
         self._failed_in_a_row = 0
-        took = time.perf_counter() - begin
-        self.engine.note_decision_time(took)
-        self._decision_ms.add(took * 1e3)
-        self._decision_cpu_ms.add((time.thread_time() - begin_cpu_s) * 1e3)
+        took_s = self._pace.decided()
+        self.engine.note_decision_time(took_s)
         self._send(output)
-        self._recordings.decided(output, self.engine.rung.reason, took)
+        self._pace.sent(output.decision.commanded_ned_mps is not None, time.monotonic())
+        self._recordings.decided(output, self.engine.rung.reason, took_s)
         self._leave_figures(output)
         self._telling.tell(
             output,
@@ -243,13 +240,6 @@ class AvoidDaemon:
             if self._vehicle is not None and isinstance(address, tuple):
                 self._vehicle.send(frame, address)
                 self._recordings.sent(frame)
-        if output.decision.commanded_ned_mps is None:
-            self._last_setpoint_s = None
-            return
-        now = time.monotonic()
-        if self._last_setpoint_s is not None:
-            self._gap_ms.add((now - self._last_setpoint_s) * 1e3)
-        self._last_setpoint_s = now
 
     def _to_vehicle(self, frame: bytes) -> None:
         if self._vehicle is None:
@@ -268,8 +258,7 @@ class AvoidDaemon:
             figures(
                 self.engine,
                 output,
-                decision_ms=self._decision_ms,
-                gap_ms=self._gap_ms,
+                pace=self._pace,
                 broadcasts=self._broadcasts,
                 events=self.rejects(),
             )
@@ -289,9 +278,9 @@ class AvoidDaemon:
         return Summary(
             setpoints=0 if self.config.engine.dry_run else totals.setpoints,
             reports_received=totals.reports_received,
-            decision_ms=self._decision_ms.summary(),
-            decision_cpu_ms=self._decision_cpu_ms.summary(),
-            setpoint_gap_ms=self._gap_ms.summary(),
+            decision_ms=self._pace.decision_ms.summary(),
+            decision_cpu_ms=self._pace.decision_cpu_ms.summary(),
+            setpoint_gap_ms=self._pace.gap_ms.summary(),
             rejects=self.rejects(),
             tracks=totals.tracks,
             state=totals.state,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from dataclasses import asdict, dataclass
 from itertools import islice
@@ -45,6 +46,38 @@ class Spread:
             return {"p50": 0.0, "p99": 0.0, "max": 0.0}
         p50, p99 = _quantiles(np.fromiter(self._recent, np.float64), (0.5, 0.99))
         return {"p50": round(float(p50), 3), "p99": round(float(p99), 3), "max": round(self._most, 3)}
+
+
+class Pace:
+    """How long decisions take, and how regular setpoints are.
+
+    Attributes:
+        decision_ms: By the wall.
+        decision_cpu_ms: By the time that the thread was given.
+        gap_ms: Between two setpoints of one stream.
+    """
+
+    def __init__(self) -> None:
+        self.decision_ms, self.decision_cpu_ms, self.gap_ms = Spread(), Spread(), Spread()
+        self._began_s = self._began_cpu_s = 0.0
+        self._last_setpoint_s: float | None = None
+
+    def begin(self) -> None:
+        """A decision is begun."""
+        self._began_s, self._began_cpu_s = time.perf_counter(), time.thread_time()
+
+    def decided(self) -> float:
+        """It has been made; what it took [s]."""
+        took_s = time.perf_counter() - self._began_s
+        self.decision_ms.add(took_s * 1e3)
+        self.decision_cpu_ms.add((time.thread_time() - self._began_cpu_s) * 1e3)
+        return took_s
+
+    def sent(self, is_setpoint: bool, now_s: float) -> None:
+        """What came of it has been sent: a setpoint, or none, which ends a stream."""
+        if is_setpoint and self._last_setpoint_s is not None:
+            self.gap_ms.add((now_s - self._last_setpoint_s) * 1e3)
+        self._last_setpoint_s = now_s if is_setpoint else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ridlink.daemon.summary import Spread
+from ridlink.daemon.summary import Pace, Spread
 
 
 @given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=200))
@@ -28,6 +28,13 @@ def test_quantiles_are_numpys(values: list[float]) -> None:
 def test_without_a_value_there_is_no_quantile() -> None:
     assert Spread().quantiles(10, 1.0) == {}
     assert Spread().summary() == {"p50": 0.0, "p99": 0.0, "max": 0.0}
+
+
+def test_a_gap_lies_between_two_setpoints_of_one_stream() -> None:
+    pace = Pace()
+    for now_s, is_setpoint in ((9.9, False), (10.0, True), (10.1, True), (10.2, False), (20.0, True), (20.2, True)):
+        pace.sent(is_setpoint, now_s)
+    assert pace.gap_ms.summary() == {"p50": 150.0, "p99": 199.0, "max": 200.0}
 
 
 def test_no_quantile_imports_anything_in_flight() -> None:
