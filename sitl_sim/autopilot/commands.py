@@ -1,7 +1,7 @@
 """COMMAND_LONG and COMMAND_INT to what the pilot does, and the MAV_RESULT that goes back.
 
-Clients fill what they do not use with NaN (for PX4) or 0 (for ArduPilot), so both mean "as usual". Every command may
-come twice, because an acknowledgement was lost: none does more the second time.
+Clients fill what they do not use with NaN (for PX4) or 0 (for ArduPilot), so both mean "as usual" nearly everywhere.
+Every command may come twice, because an acknowledgement was lost: none does more the second time.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from enum import IntEnum
 from ridlink.geodesy import ned_from_geodetic
 from ridlink.mavlink.codec import Message
 from sitl_sim.autopilot.board import Board
+from sitl_sim.autopilot.guidance import GoTo
 from sitl_sim.autopilot.mission_items import UNUSED_INT
 from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM, Mode, px4_custom_mode
 from sitl_sim.autopilot.orders import Orders
@@ -54,37 +55,31 @@ TAKEOFF_FRAME = 3
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command in either form; None where a parameter says "as usual". A COMMAND_LONG has no frame."""
+    """One command in either form. A COMMAND_LONG has no frame; places are in degrees.
+
+    Attributes:
+        given: Parameters 1 to 7; None where one is left open with NaN, or with the greatest integer for a place.
+    """
 
     number: int
-    parameters: tuple[float | None, ...]
-    latitude_deg: float | None
-    longitude_deg: float | None
-    altitude_m: float | None
+    given: tuple[float | None, ...]
     frame: int | None
 
     def __getitem__(self, number: int) -> float | None:
-        """Parameter 1 to 7."""
-        return self.parameters[number - 1]
+        """Parameter 1 to 7; None where it says "as usual", be it with NaN or with 0."""
+        return self.given[number - 1] or None
 
 
 def read_command(message: Message) -> Command:
     """The command in a COMMAND_LONG or COMMAND_INT."""
-    first = tuple(_given(message.fields[f"param{number}"]) for number in range(1, 5))
+    first = [message.fields[f"param{number}"] for number in range(1, 5)]
     if message.name == "COMMAND_INT":
-        latitude, longitude = (None if value in (0, UNUSED_INT) else value / 1e7 for value in (message.x, message.y))
-        altitude = _given(message.z)
-        parameters = (*first, latitude, longitude, altitude)
-        frame: int | None = message.frame
+        is_open = message.x == message.y == UNUSED_INT
+        place = (math.nan, math.nan) if is_open else (message.x / 1e7, message.y / 1e7)
+        parameters, frame = (*first, *place, message.z), message.frame
     else:
-        parameters = (*first, *(_given(message.fields[f"param{number}"]) for number in range(5, 8)))
-        latitude, longitude, altitude = parameters[4:]
-        frame = None
-    return Command(message.command, parameters, latitude, longitude, altitude, frame)
-
-
-def _given(value: float) -> float | None:
-    return value if math.isfinite(value) and value != 0.0 else None
+        parameters, frame = (*first, *(message.fields[f"param{number}"] for number in range(5, 8))), None
+    return Command(message.command, tuple(each if math.isfinite(each) else None for each in parameters), frame)
 
 
 class Commands:
@@ -139,7 +134,7 @@ class Commands:
         return Result.ACCEPTED
 
     def _take_off(self, command: Command, now_s: float) -> Result:
-        altitude_m = command.altitude_m
+        altitude_m = command[7]
         if self._board.is_px4:  # above mean sea level
             return self._orders.take_off(None if altitude_m is None else altitude_m - self._board.own_home.altitude_m)
         if command.frame not in (None, TAKEOFF_FRAME):
@@ -154,9 +149,11 @@ class Commands:
         return Result.ACCEPTED
 
     def _reposition(self, command: Command, now_s: float) -> Result:
-        """ArduPilot wants to know the frame. PX4 does not look at it: every altitude is one above mean sea level.
+        """ArduPilot wants to know the frame, and a place. PX4 does not look at the frame: every altitude is one above
+        mean sea level, and what is left open stays as it is. Zero is a value like any other.
 
-        Source: handle_message_command_int of PX4, mav_frame_for_command_long of ArduPilot.
+        Source: handle_message_command_int and the navigator of PX4; mav_frame_for_command_long and Location::sanitize
+        of ArduPilot.
         """
         is_px4 = self._board.is_px4
         if not is_px4 and command.frame is None:
@@ -167,21 +164,25 @@ class Commands:
             return self._orders.refuse("reposition refused: another mode", Result.DENIED)
         if not is_px4 and command.frame not in (*ALTITUDE_FRAMES, *HEIGHT_FRAMES):
             return self._orders.refuse(f"reposition refused: frame {command.frame}", Result.DENIED)
-        estimate = self._pilot.estimate
+        *_, yaw_rad, latitude, longitude, altitude = command.given
+        is_height = not is_px4 and command.frame in HEIGHT_FRAMES
+        if not is_px4 and (not (latitude or longitude) or (is_height and altitude == 0.0)):
+            return self._orders.refuse("reposition refused: no place", Result.DENIED)
+        estimate, going = self._pilot.estimate, self._pilot.guidance
         target = [estimate.north_m, estimate.east_m, estimate.down_m]
-        latitude, longitude = command.latitude_deg, command.longitude_deg
         if latitude is not None and longitude is not None:
             if abs(latitude) > 90.0 or abs(longitude) > 180.0:
                 return self._orders.refuse("reposition refused: no place on Earth", Result.DENIED)
             home = self._board.scenario_home
             target[:2] = ned_from_geodetic(latitude, longitude, home.altitude_m, home)[:2].tolist()
-        if command.altitude_m is not None:
-            above = 0.0 if command.frame in HEIGHT_FRAMES and not is_px4 else self._board.own_home.altitude_m
-            target[2] = above - command.altitude_m
+        elif isinstance(going, GoTo) and self._pilot.mode is not Mode.OFFBOARD and (altitude, yaw_rad) != (None, None):
+            target[:2] = going.target_ned_m[:2]
+        if altitude is not None:
+            target[2] = (0.0 if is_height else self._board.own_home.altitude_m) - altitude
         speed = command[1]
         result = self._orders.go_to((target[0], target[1], target[2]), speed if speed and speed > 0.0 else None)
-        if result is Result.ACCEPTED and command[4] is not None:
-            self._pilot.nose.turn_to(command[4])
+        if result is Result.ACCEPTED and is_px4 and yaw_rad is not None:
+            self._pilot.nose.turn_to(yaw_rad)
         return result
 
     def _pause_or_continue(self, command: Command, now_s: float) -> Result:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import Any
 
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from ridlink.mavlink.codec import MESSAGES, message_spec
 from ridlink.mavlink.frames import encode_frame
 from sitl_sim.autopilot import Start
+from sitl_sim.autopilot.mission_items import UNUSED_INT
 from sitl_sim.world import VehicleState
 from tests.sitl_sim.flight import (
     ACCEPTED,
@@ -414,6 +416,57 @@ def test_reposition_flies_to_the_point_and_stays(flavour: str, form: str) -> Non
     target = (START_NED_M[0] + 30.0, 0.0, -45.0)
     assert flight.world.position_ned_m[0] == pytest.approx(target, abs=1.5)
     assert flight.mode == (PX4_HOLD if flavour == "px4" else GUIDED)
+
+
+@pytest.mark.parametrize("form", ["COMMAND_LONG", "COMMAND_INT"])
+def test_px4_keeps_what_a_reposition_leaves_open_and_takes_zero_for_a_value(form: str) -> None:
+    nowhere = {"x": UNUSED_INT, "y": UNUSED_INT} if form == "COMMAND_INT" else {"param5": NAN, "param6": NAN}
+    flight = airborne("px4")
+    flight.autopilot.pilot.nose.yaw_rad = 1.0
+
+    def target() -> list[float]:
+        flight.advance(0.5)
+        told = flight.last("POSITION_TARGET_LOCAL_NED")
+        return [told.x, told.y, told.z]
+
+    assert reposition(flight, form, NAN) == ACCEPTED
+    assert target() == pytest.approx([30.0, 0.0, -50.0], abs=1.0)  # at the height that it has
+    flight.advance(3.0)
+    assert reposition(flight, form, HOME.altitude_m + 45.0, **nowhere) == ACCEPTED
+    assert target() == pytest.approx([30.0, 0.0, -45.0], abs=1.0)  # where it was going
+    assert flight.autopilot.pilot.yaw_rad == pytest.approx(1.0)
+    assert reposition(flight, form, NAN, param4=0.0, **nowhere) == ACCEPTED
+    flight.advance(3.0)
+    assert target()[:2] == pytest.approx([30.0, 0.0], abs=1.0)
+    assert flight.autopilot.pilot.yaw_rad == pytest.approx(0.0, abs=1e-6)  # to the north
+    assert reposition(flight, form, NAN, **nowhere) == ACCEPTED
+    here = flight.autopilot.pilot.local_position_ned_m
+    assert target() == pytest.approx(here, abs=3.0)  # all left open: stay here
+    assert reposition(flight, form, 0.0, **nowhere) == ACCEPTED
+    assert target()[2] == pytest.approx(HOME.altitude_m, abs=1.0)  # the sea, below the ground
+    null_island = {"x": 0, "y": 0} if form == "COMMAND_INT" else {"param5": 0.0, "param6": 0.0}
+    assert reposition(flight, form, NAN, **null_island) == ACCEPTED
+    assert math.hypot(*target()[:2]) > 1e6
+
+
+def test_a_reposition_on_the_meridian_of_greenwich_is_no_other_than_elsewhere() -> None:
+    for flavour in ("px4", "ardupilot"):
+        flight = airborne(flavour)
+        assert reposition(flight, "COMMAND_INT", HOME.altitude_m + 50.0, y=0) == ACCEPTED
+        flight.advance(0.5)
+        assert flight.last("POSITION_TARGET_LOCAL_NED").y < -100e3
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"x": 0, "y": 0}, {"x": UNUSED_INT, "y": UNUSED_INT}, {"frame": 6, "z": 0.0}],
+    ids=["zero", "unused", "height"],
+)
+def test_ardupilot_is_not_repositioned_by_what_says_no_place(fields: dict[str, Any]) -> None:
+    flight = airborne("ardupilot")
+    assert reposition(flight, "COMMAND_INT", HOME.altitude_m + 45.0, **fields) == DENIED
+    flight.advance(3.0)
+    assert flight.velocity == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
 
 
 def test_ardupilot_is_not_repositioned_by_a_command_without_a_frame() -> None:

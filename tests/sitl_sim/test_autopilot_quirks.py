@@ -261,7 +261,7 @@ def test_losing_the_position_in_the_air_lands_ardupilot_for_good() -> None:
     assert flight.mode == ARDUPILOT_LAND and flight.last("HEARTBEAT").system_status == 5
     assert "EKF Failsafe: changed to LAND Mode" in flight.texts
     assert flight.set_mode(GUIDED) == FAILED
-    (answer,) = flight.send("COMMAND_INT", target_system=1, command=192, frame=6, param1=-1.0, param2=1.0)
+    (answer,) = flight.send("COMMAND_INT", target_system=1, command=192, frame=6, param2=1.0, x=1, y=1, z=9.0)
     assert answer.result == FAILED
     flight.advance(8.0)
     last_s = flight.messages("LOCAL_POSITION_NED")[-1][0]
