@@ -371,8 +371,8 @@ def test_f18_a_neighbour_across_the_antimeridian_is_near_and_one_track() -> None
 
 def test_f18_beyond_85_degrees_nothing_is_flown() -> None:
     async def test() -> None:
-        polar = Emulated(ned_m=(4_290_000.0, 0.0, -50.0))
-        async with running(emulated=polar) as flight:
+        polar, near = Emulated(ned_m=(4_290_000.0, 0.0, -50.0)), Goal(84.9, at(0.0)[1])
+        async with running(emulated=polar, engine=EngineConfig(goal=near)) as flight:
             await flight.vehicle.until(lambda: "latitude" in flight.daemon.engine.rung.reason)
             assert flight.daemon.engine.rung.reason == "waiting: latitude beyond 85 degrees"
             await flight.vehicle.speaks(25)
