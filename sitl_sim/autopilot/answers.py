@@ -11,7 +11,7 @@ from ridlink.mavlink.frames import Frame
 from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.commands import Command, Commands, MavCommand, read_command
 from sitl_sim.autopilot.files import refuse_file_transfer
-from sitl_sim.autopilot.link import Link
+from sitl_sim.autopilot.link import Address, Link
 from sitl_sim.autopilot.mission_protocol import MissionProtocol
 from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM
 from sitl_sim.autopilot.orders import Orders
@@ -71,9 +71,10 @@ class Answers:
         self._missions, self._streams, self._texts = missions, streams, texts
         self._orders = Orders(board, pilot)
         self._commands = Commands(board, pilot, self._orders)
-        parameters = ParameterProtocol(board)
+        self._parameters = parameters = ParameterProtocol(board)
         self.daemon_heard_s = -math.inf
         self._repeated: list[bytes] = []
+        self._for_others: list[tuple[Address, Reply]] = []
         handlers: dict[str, Callable[[Heard], list[Reply]]] = {
             "HEARTBEAT": self._heartbeat,
             "PING": self._ping,
@@ -88,7 +89,7 @@ class Answers:
             "ADSB_VEHICLE": self._adsb_vehicle,
             "PARAM_REQUEST_LIST": lambda heard: parameters.everything(heard.message),
             "PARAM_REQUEST_READ": lambda heard: parameters.read(heard.message),
-            "PARAM_SET": lambda heard: parameters.set(heard.message),
+            "PARAM_SET": self._param_set,
             "REQUEST_DATA_STREAM": self._request_data_stream,
             "FILE_TRANSFER_PROTOCOL": self._file_transfer,
             **{f"MISSION_{name}": self._mission for name in _MISSION_MESSAGES},
@@ -111,6 +112,11 @@ class Answers:
         """Payloads of ADSB_VEHICLE that are to be given out again, once."""
         repeated, self._repeated = self._repeated, []
         return repeated
+
+    def for_others(self) -> list[tuple[Address, Reply]]:
+        """What is to be told, once, to all but the peer at that address, who has it already."""
+        told, self._for_others = self._for_others, []
+        return told
 
     # --- one a message ------------------------------------------------------------------------------------------------
 
@@ -173,6 +179,13 @@ class Answers:
     def _mission(self, heard: Heard) -> list[Reply]:
         sender = heard.frame.sysid, heard.frame.compid
         return self._missions.receive(heard.message, sender, heard.link.address, heard.now_s)
+
+    def _param_set(self, heard: Heard) -> list[Reply]:
+        """What has changed is told to everybody, by PX4 and by ArduPilot."""
+        replies, has_changed = self._parameters.set(heard.message)
+        if has_changed and len(self._for_others) < MAX_PASSED_ON:
+            self._for_others += [(heard.link.address, reply) for reply in replies]
+        return replies
 
     def _request_data_stream(self, heard: Heard) -> list[Reply]:
         self._streams.legacy(heard.message, heard.link, heard.now_s)

@@ -106,13 +106,14 @@ class Autopilot:
         at_once = self._changed()
         for_all = [*self._reached(), *self._texts.taken()]
         asks_again = self._missions.tick(now_s)
-        repeated = self._answers.repeated()
+        repeated, for_others = self._answers.repeated(), self._answers.for_others()
         outgoing: Outgoing = []
         for link in self._peers.served(now_s):
             names = [name for name in link.due(now_s) if self.telemetry.tells(name)]
             names += [name for name in at_once if name not in names]
             frames = [link.frame(name, self._payload(name)) for name in names]
             frames += [link.message(name, fields) for name, fields in for_all]
+            frames += [link.message(*reply) for source, reply in for_others if source != link.address]
             if asks_again is not None and asks_again[0] == link.address:
                 frames.append(link.message(*asks_again[1]))
             frames += [link.frame("ADSB_VEHICLE", payload) for payload in repeated]

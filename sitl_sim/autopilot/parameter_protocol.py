@@ -32,15 +32,15 @@ class ParameterProtocol:
         index = self._parameters.find(message.param_id, message.param_index)
         return self._unknown(message.param_id, message.param_index) if index is None else [self._value(index)]
 
-    def set(self, message: Message) -> list[Reply]:
-        """The value that holds from now on, be it the new or the old one."""
+    def set(self, message: Message) -> tuple[list[Reply], bool]:
+        """The value that holds from now on, and whether it is the new one: then it is for everybody."""
         index = self._parameters.find(message.param_id)
         if index is None:
-            return self._unknown(message.param_id, -1)
+            return self._unknown(message.param_id, -1), False
         complaint = self._parameters.set(index, message.param_value, message.param_type)
         if complaint is not None:
             self._board.say(Severity.WARNING, f"parameter refused: {complaint}")
-        return [self._value(index)]
+        return [self._value(index)], complaint is None
 
     def _value(self, index: int) -> Reply:
         return "PARAM_VALUE", self._parameters.fields(index)

@@ -51,6 +51,24 @@ def test_sequence_numbers_of_a_link_have_no_gaps() -> None:
 
 
 @both
+def test_a_parameter_that_somebody_sets_is_told_to_all(flavour: str) -> None:
+    """Who showed the old value showed it for ever."""
+    name = "RTL_RETURN_ALT" if flavour == "px4" else "GUID_TIMEOUT"
+    flight = Flight(flavour)
+    other = ("127.0.0.1", 50001)
+    flight.advance(0.1)
+    flight.send("HEARTBEAT", address=other, type=6)
+    (echo,) = flight.send("PARAM_SET", target_system=1, param_id=name, param_value=4.5, param_type=9)
+    flight.advance(1.0)
+    for address in (COMPANION, other, GROUND_STATION):
+        assert [message for _, message in flight.messages("PARAM_VALUE", address)] == [echo]
+    flight.send("PARAM_SET", target_system=1, param_id=name, param_value=-1.0, param_type=9)
+    flight.send("PARAM_REQUEST_READ", target_system=1, param_id=name, param_index=-1)
+    flight.advance(1.0)  # a value that stays is for who asked
+    assert [len(flight.messages("PARAM_VALUE", each)) for each in (COMPANION, other, GROUND_STATION)] == [1, 1, 3]
+
+
+@both
 def test_words_of_others_are_passed_on_untouched_and_what_is_for_the_autopilot_is_not(flavour: str) -> None:
     flight = Flight(flavour)
     flight.advance(0.1)
