@@ -1,8 +1,8 @@
 """Own-ship and one neighbour: the half-plane that keeps them apart, the side to pass on, how soon they meet.
 
-These are worked out for every neighbour of every own-ship, several at a time. So nothing here branches: both answers
-are worked out and one is picked, lengths are compared by their squares, and a square root or a division, which cost as
-much as ten other steps, is shared by all answers that need one.
+These functions run for every neighbour of every own-ship, several at a time. So nothing here branches: both answers are
+worked out and one is picked. Lengths are compared by their squares. A square root or a division costs as much as ten
+other steps, so all answers that need one share it.
 
 Axes: north-east, metres, m/s, seconds. In these axes a rotation by a positive angle is a turn to the right, and
 `a x b = a_1 b_2 - a_2 b_1` is positive when b points to the right of a. The neighbour is at r as seen from own-ship;
@@ -18,18 +18,18 @@ from ridlink.avoidance.kernel import kernel, larger, smaller
 EPSILON = 1e-9
 
 LEAST = 1e-18
-"""A length that can still be divided by, m."""
+"""Least length that can still be divided by [m]."""
 
 HOLD_FACTOR = 1.3
 CLEAR_FACTOR = 0.5
-"""The rule of the road gives way when own-ship is so many radii on the other side already. A side is held until the
+"""The rule of the road yields if own-ship already passes CLEAR_FACTOR radii on the other side. A side is held until the
 miss distance is HOLD_FACTOR radii."""
 
 LEAN_RADII = 2.0
-"""A neighbour that is passed at so many radii of its disc calls for no turn."""
+"""A neighbour that is passed at this many radii of its disc calls for no turn."""
 
 LEAN_HORIZONS = 2.5
-"""Nor does one that is met later than so many conflict horizons."""
+"""A neighbour that is met later than this many conflict horizons calls for no turn either."""
 
 DODGE_MPS = 1.0
 """A neighbour that moves to its right across the line of sight by more than this dodges to the right."""
@@ -39,31 +39,31 @@ DODGE_MPS = 1.0
 def half_plane(  # type: ignore[no-untyped-def]
     r_1, r_2, radius_m, horizon_s, edge_m, w_1, w_2, side, way_1, way_2, barrier_per_s, most_mps
 ):
-    """Smallest change of the relative velocity that leaves the velocity obstacle of a disc, or that separates within.
+    """Smallest change of the relative velocity that leaves a disc's velocity obstacle or, inside the disc, separates.
 
     Source: van den Berg et al. (2011). The obstacle is a cone cut off by a circle, so the nearest way out leads to the
-    circle or to one of the legs of the cone. Inside of the disc a barrier asks for separation in proportion to the
-    overlap instead.
+    circle or to one of the legs of the cone. Inside the disc a barrier asks for separation in proportion to the overlap
+    instead.
 
     Args:
         r_1: North of the neighbour as seen from own-ship.
         r_2: East of it.
         radius_m: Radius of the disc.
         horizon_s: Time after which conflicts do not count, which cuts the cone off.
-        edge_m: What the barrier defends, not above the radius.
+        edge_m: Radius that the barrier defends, at most `radius_m`.
         w_1: North of the relative velocity, own less neighbour's.
         w_2: East of it.
         side: 0 nearest boundary; 1 the right leg of the cone, -1 the left one, without the circle.
-        way_1: North of the unit vector on which own-ship leaves a neighbour that it is exactly on top of.
+        way_1: North of the unit vector along which own-ship leaves a neighbour that is exactly on top of it.
         way_2: East of it.
         barrier_per_s: Separating speed asked for per metre of overlap.
-        most_mps: Most that may be asked for.
+        most_mps: Largest separating speed that may be asked for.
 
     Returns:
         Outward normal of the boundary and the change along it [m/s].
     """
     square, radius_square = r_1 * r_1 + r_2 * r_2, radius_m * radius_m
-    # From the middle of the circle, all of it times the horizon: a division would come before everything else.
+    # Relative velocity from the middle of the circle, times the horizon: a division would have to come before all else.
     off_1, off_2 = w_1 * horizon_s - r_1, w_2 * horizon_s - r_2
     off_square = off_1 * off_1 + off_2 * off_2
     towards, across = r_1 * off_1 + r_2 * off_2, r_1 * off_2 - r_2 * off_1
@@ -74,7 +74,7 @@ def half_plane(  # type: ignore[no-untyped-def]
     nearer = 1.0 if rightwards else -1.0
     leg = nearer if side == 0.0 else side
 
-    # Of |r|, the distance from the middle of the circle and the length of the leg only one is needed.
+    # Only one of these is needed: |r|, the distance from the middle of the circle, the length of the leg.
     outside_square = off_square if circle else square - radius_square
     root = math.sqrt(square if inside else outside_square)
     outside_divisor = root if circle else square
@@ -96,10 +96,10 @@ def half_plane(  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True, inner=True)
 def rule_side(v_1, v_2, u_1, u_2, reciprocal, head_on_cosine, head_on_speed_mps):  # type: ignore[no-untyped-def]
-    """Side that the rule of the road gives own-ship: 1 right, -1 left, 0 where there is none.
+    """Side that the rule of the road gives own-ship: 1 right, -1 left, 0 if it gives none.
 
     On opposite courses both turn to the right. A crossing vehicle that avoids nobody is passed astern: ahead of it, at
-    its own speed, a slow answer ends in a race with it.
+    its own speed, a slow answer ends in a race.
 
     Args:
         v_1: North of the own velocity.
@@ -107,7 +107,7 @@ def rule_side(v_1, v_2, u_1, u_2, reciprocal, head_on_cosine, head_on_speed_mps)
         u_1: North of the neighbour's reported velocity.
         u_2: East of it.
         reciprocal: True if the neighbour takes its half of the avoidance.
-        head_on_cosine: Courses whose angle has a cosine below this are opposite; not above zero.
+        head_on_cosine: Courses are opposite if the cosine of their angle is below this; not above zero.
         head_on_speed_mps: Below this a course is mostly noise.
     """
     own_square, other_square = v_1 * v_1 + v_2 * v_2, u_1 * u_1 + u_2 * u_2
@@ -127,12 +127,11 @@ def rule_side(v_1, v_2, u_1, u_2, reciprocal, head_on_cosine, head_on_speed_mps)
 def passing_side(  # type: ignore[no-untyped-def]
     held, rule, r_1, r_2, distance_m, w_1, w_2, c_1, c_2, reciprocal, radius_m, horizon_s
 ):
-    """Side on which own-ship passes a neighbour where the nearest boundary will not do: 1 right, -1 left, 0 nearest.
+    """Side on which own-ship passes a neighbour if the nearest boundary will not do: 1 right, -1 left, 0 nearest.
 
-    Both vehicles must see the same case, so only reported velocities count, no private commands. The choice is held
-    until the encounter is over, so that noise cannot turn it, with one exception: where the two disagree, because one
-    of them saw itself clear on the left and the other did not, right wins. Otherwise both dodge the same way and lock
-    on.
+    Both vehicles must see the same case, so only reported velocities count, not private commands. The choice is held
+    until the encounter is over, so that noise cannot change it. One exception: if the two disagree, because one saw
+    itself clear on the left and the other did not, right wins. Otherwise both dodge the same way and lock on.
 
     Args:
         held: Side that is kept from the last step, 0 if none.
@@ -142,7 +141,7 @@ def passing_side(  # type: ignore[no-untyped-def]
         distance_m: Length of r.
         w_1: North of the relative velocity, own less neighbour's.
         w_2: East of it.
-        c_1: North of what the neighbour was told to fly, its velocity where it does not say.
+        c_1: North of the neighbour's command, or of its velocity if it sends none.
         c_2: East of it.
         reciprocal: True if the neighbour takes its half of the avoidance.
         radius_m: Disc with its buffer.
@@ -169,7 +168,7 @@ def passing_side(  # type: ignore[no-untyped-def]
 def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon, horizons):  # type: ignore[no-untyped-def]
     """Weight in [0, 1] of the turn that a neighbour calls for, tapered in miss distance and time.
 
-    A turn switched by a threshold moves the miss distance over that threshold itself and chatters.
+    With a threshold instead, the turn would move the miss distance across the threshold, and chatter.
 
     Args:
         r_1: North of the neighbour as seen from own-ship.
@@ -178,7 +177,7 @@ def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon, horizons):  # type: ign
         w_2: East of it.
         radius_m: Disc without its buffer.
         once_per_horizon: One over the conflict horizon, 1/s.
-        horizons: So many of it away the turn begins; it is whole from one later on.
+        horizons: The turn begins this many conflict horizons ahead and is whole one horizon later.
     """
     square = w_1 * w_1 + w_2 * w_2
     radius = larger(radius_m, EPSILON)
@@ -198,7 +197,7 @@ def time_to_entry(r_1, r_2, w_1, w_2, radius_m, never_s):  # type: ignore[no-unt
     square = w_1 * w_1 + w_2 * w_2
     towards = r_1 * w_1 + r_2 * w_2
     root = towards * towards + square * inside
-    # Where the two approach w is not zero.
+    # If the two approach, w is not zero.
     time = (towards - math.sqrt(larger(root, 0.0))) / larger(square, EPSILON * EPSILON)
     never = (towards <= 0.0) | (root <= 0.0)
     entry = never_s if never else larger(time, 0.0)

@@ -1,12 +1,12 @@
 """One decision: discs and velocities -> half-planes -> the velocity nearest the preferred one.
 
-Method: ORCA half-planes (van den Berg et al., 2011) for a vehicle that does not obey at once and positions that drift.
-Each neighbour gives two half-planes, one from now and one from a response time ahead: "fly on for T, then change at
-once" is what a linear response tends to, and the true path lies between the two. Discs carry a buffer, because a disc
-that is grazed with moving errors is violated; inside the disc a barrier asks for separation in proportion to the
-overlap. An answer that cannot be flown before a disc is entered gives way to one that can, see `evasion`.
+Method: ORCA half-planes (van den Berg et al., 2011), for a vehicle that does not obey at once and positions that drift.
+Each neighbour gives two half-planes: one from now and one from a response time ahead. A linear response tends to "fly
+on for T, then change at once", and the true path lies between the two. Discs carry a buffer: with moving errors, a disc
+that is grazed is violated. Inside a disc, a barrier asks for separation in proportion to the overlap. An answer that
+cannot be flown before a disc is entered is replaced by one that can, see `evasion`.
 
-Which neighbours matter is told in `sift`, what they ask for is worked out in `meeting`, and the decision is made here.
+`sift` finds the neighbours that matter, `meeting` works out what they ask for, and this module decides.
 Axes: north-east, metres, m/s, seconds. Inputs are rows and blocks of numbers, see `rows`. Nothing here allocates.
 """
 
@@ -75,32 +75,32 @@ TOUCHING_MPS = 0.05
 """A constraint whose slack is smaller than this is named as binding."""
 
 MOST_TURN = 1.5
-"""All turns together [rad]: a quarter turn and more would lead away from the goal."""
+"""Limit of all turns together [rad]: a quarter turn or more would lead away from the goal."""
 
 
 @kernel(forceinline=True, inner=True)
 def name_binding(lines, hard, walls, first, last, ends, names, slack_mps, result):  # type: ignore[no-untyped-def]
-    """Write what the velocity touches or exceeds, at least what it is nearest to: obstacles, three neighbours.
+    """Write what binds the velocity (touched, exceeded, or at least the tightest): obstacles, up to three neighbours.
 
     Args:
         lines: Half-planes, measured at that velocity.
-        hard: Index of the first one of an obstacle.
+        hard: Index of the first half-plane of an obstacle.
         walls: Index after the last one.
-        first: Index of the first one of a neighbour.
+        first: Index of the first half-plane of a neighbour.
         last: Index after the last one.
-        ends: Half-planes for each neighbour.
+        ends: Number of half-planes per neighbour.
         names: Places of these neighbours.
         slack_mps: Distance of the velocity to the tightest of all.
         result: Result.
     """
     excess = lines[EXCESS]
-    # Of no half-plane the slack is infinite, and nothing is as near as that.
+    # Without any half-plane the slack is infinite, and nothing is as near as that.
     touching = max(-(max(slack_mps, 0.0) + TOUCHING_MPS), -FAR)
     result[R_OBSTACLE] = 0.0
     for k in range(hard, walls):
         if excess[k] >= touching:
             result[R_OBSTACLE] = 1.0
-    # The first three of them as they came: candidates are in another order.
+    # The three that come first among the neighbours: candidates are in another order.
     one = two = three = FAR
     stride = LANES * ends
     for group in range(first, last, BLOCKS_A_WORD * stride):
@@ -128,7 +128,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
 
     Args:
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
-        neighbours: Blocks of neighbours, shape (>= count, BLOCK); what is kept of each encounter is read and written.
+        neighbours: Blocks of neighbours, shape (>= count, BLOCK); KEPT, the memory of each encounter, is updated.
         count: Number of blocks.
         range_m: Neighbours whose reports are from further away are not heard.
         pieces: Convex pieces of the obstacles, `Obstacles.pieces`.
@@ -169,14 +169,14 @@ def avoid_one(  # type: ignore[no-untyped-def]
     if settings[CONTACT_STEP] > 0.0 and margin < 2.0 * limit * settings[CONTACT_STEP]:
         begin = contact_half_planes(own, neighbours, count, candidates, found, settings[CONTACT_STEP], lines, hard)
 
-    # Starting and stalled are the same to the speed; both turns together would lead away from the goal.
+    # By its speed, a vehicle that starts looks stalled; both turns together would lead away from the goal.
     start *= settings[START_TURN] * slow
     if exceeds(preferred[0], preferred[1], limit):
         speed = norm(preferred[0], preferred[1])
         preferred[0], preferred[1] = preferred[0] * limit / speed, preferred[1] * limit / speed
     extra = own[EXTRA_TURN]
     if extra != 0.0 and measure(lines, first, used, preferred[0], preferred[1]) <= EPSILON:
-        # A turn that outlives its cause leads round the goal for ever: whose way is free flies straight on.
+        # If the way is free, fly straight on: a turn that outlives its cause leads round the goal for ever.
         extra = 0.0
     turn = settings[RIGHT_TURN] * (1.0 + wider) * (right - left) + extra + max(start - max(extra, 0.0), 0.0)
     turn = min(turn, MOST_TURN)
@@ -213,7 +213,7 @@ def avoid_one(  # type: ignore[no-untyped-def]
     result[R_MARGIN] = margin if margin < FAR else math.inf
     result[R_TIME] = violation if violation < FAR else math.inf
 
-    # Smoothed, and put back behind obstacles: a mean of two velocities that keep out may be one that does not.
+    # Smooth, then keep out of obstacles again: the mean of two velocities that keep out may lead in.
     blend = settings[SMOOTHING]
     pair[0] = own[COMMAND] + blend * (x[0] - own[COMMAND])
     pair[1] = own[COMMAND + 1] + blend * (x[1] - own[COMMAND + 1])
@@ -227,11 +227,11 @@ def avoid_one(  # type: ignore[no-untyped-def]
 
 
 def new_scratch(count: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
-    """What `avoid_one` works on, for so many neighbours or fewer.
+    """Scratch of `avoid_one` for up to `count` neighbours.
 
     Returns:
-        Candidates, blocks in which those that matter remain with their half-planes; their places among the neighbours;
-        half-planes; two choices among these.
+        Blocks of candidates (the neighbours that matter, with their half-planes); their places among the neighbours;
+        half-planes; two arrays for chosen half-planes.
     """
     blocks = new_blocks(count)
     lanes = LANES * len(blocks)
@@ -241,6 +241,6 @@ def new_scratch(count: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
 
 
 def has_room(scratch: tuple[np.ndarray, ...], obstacles: Obstacles) -> bool:
-    """Whether a scratch does for these obstacles, at the number of neighbours that it was made for."""
+    """Whether a scratch is large enough for these obstacles, at the number of neighbours it was made for."""
     blocks, _, lines, *_ = scratch
     return bool(obstacles.piece_count + REACH_SIDES <= lines.shape[1] - 3 * LANES * len(blocks))

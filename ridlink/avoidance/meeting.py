@@ -1,7 +1,7 @@
-"""The neighbours that matter, worked out exactly, block by block: sides to pass on, turns they call for, half-planes.
+"""The neighbours that matter, worked out exactly, block by block: passing sides, turns they call for, half-planes.
 
-Most matter by their half-planes alone. A few are met on the way, and only these have a side or call for a turn. What
-is worked out for one neighbour is in `encounter`; which neighbours come here is decided in `sift`.
+Most neighbours matter only by their half-planes. A few are met on the way; only these have a passing side or call for a
+turn. `sift` decides which neighbours come here; `encounter` has the formulas for one of them.
 
 Axes: north-east, metres, m/s, seconds; columns as in `rows`.
 """
@@ -42,28 +42,28 @@ from ridlink.avoidance.rows import (
 from ridlink.avoidance.sift import FAR, HORIZON_RADII
 
 PUSHED_MPS = 5.0
-"""So much the barrier may ask of a pair that was once apart, however slow: a buffer of seven metres asks for more."""
+"""The barrier may ask this much of a pair that was once apart, even of a slow vehicle: a buffer of seven metres asks
+for more."""
 
 START_RADII = 1.5
-"""A neighbour nearer than so many radii calls for no turn of a standing vehicle; one a radius further for all of it.
-Who stands at the edge of a disc waits, and is not just starting."""
+"""A neighbour within this many radii calls for no turn of a standing vehicle; one a radius further away calls for all
+of it. A vehicle that stands at the edge of a disc waits; it is not just starting."""
 
 
 @kernel(forceinline=True, inner=True)
 def meet(own, neighbours, candidates, found, names, meetings, preferred, horizons, settings):  # type: ignore[no-untyped-def]
-    """Sides to pass on, and turns that are called for, of the neighbours that are met on the way.
+    """Work out passing sides and turns for the neighbours that are met on the way.
 
     Args:
         own: Own-ship.
-        neighbours: Blocks; what is kept of the encounters is brought up to date.
-        candidates: Blocks, as `sift` left them, those that are met first; in the blocks that hold one of these, SIDE is
-            filled in, and the velocity midway between what the neighbour flies and what it was told takes the place of
-            its command.
+        neighbours: Blocks; the memory of the encounters (KEPT) is updated.
+        candidates: Blocks, as `sift` left them, those that are met first. In the blocks that hold one of these, SIDE is
+            filled in, and N_COMMAND becomes the midpoint of the neighbour's velocity and its command.
         found: Number of candidates.
         names: As `sift` left them.
         meetings: Number of neighbours that are met.
         preferred: Velocity without traffic, shape (2,).
-        horizons: Conflicts later than so many conflict horizons call for no turn.
+        horizons: Conflicts later than this many conflict horizons call for no turn.
         settings: Constants.
 
     Returns:
@@ -79,7 +79,7 @@ def meet(own, neighbours, candidates, found, names, meetings, preferred, horizon
     violation = FAR
     for b in range(-(-meetings // LANES)):
         block = candidates[b]
-        # One array and distances known beforehand, and no branch: that lets the compiler take all lanes at once.
+        # One array, distances known beforehand, no branch: so the compiler can take all lanes at once.
         for k in range(LANES):
             heard, reciprocal = LANES * b + k < found, block[RECIPROCAL + k] != 0.0
             r_1, r_2 = block[N_POSITION + k] - p_1, block[N_POSITION + LANES + k] - p_2
@@ -101,11 +101,11 @@ def meet(own, neighbours, candidates, found, names, meetings, preferred, horizon
             called = lean(r_1, r_2, a_1 - u_1, a_2 - u_2, disc, once_per_horizon, horizons)
             weight = called if heard else 0.0
             right, left = larger(right, 0.0 if rule < 0.0 else weight), larger(left, weight if rule < 0.0 else 0.0)
-            # Going round works where the other does it too; who stands or lands is passed, not gone round with.
+            # Circling works only if the neighbour does it too; one that stands or lands is passed instead.
             away = smaller(larger(distance * horizon * once_per - START_RADII, 0.0), 1.0)
             start = larger(start, weight * away if reciprocal else 0.0)
 
-            # What is kept of a candidate says already whether it is, or ever was, apart.
+            # KEPT of a candidate already says whether it is, or ever was, apart.
             kept = block[KEPT + k]
             apart = kept >= IS_APART
             kept = kept - IS_APART if apart else kept
@@ -123,8 +123,8 @@ def meet(own, neighbours, candidates, found, names, meetings, preferred, horizon
 
 @kernel(forceinline=True, inner=True)
 def neighbour_half_planes(own, candidates, found, preferred, settings, lines, first):  # type: ignore[no-untyped-def]
-    """The half-planes of all neighbours, LANES of now and LANES of later for every block; those that no velocity within
-    the limit fails forbid nothing.
+    """Write the half-planes of all neighbours: for each block LANES of now, and LANES of later if there is a response
+    time. A half-plane that every velocity within the limit meets is written as one that forbids nothing.
 
     Args:
         own: Own-ship.
@@ -139,7 +139,7 @@ def neighbour_half_planes(own, candidates, found, preferred, settings, lines, fi
         Index after the last column of `lines` that is used.
     """
     p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
-    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
+    # Midpoint of the own velocity and the own command: the point from which changes are shared.
     o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
     a_1, a_2 = preferred[0], preferred[1]
     speed = norm(a_1, a_2)
@@ -149,7 +149,7 @@ def neighbour_half_planes(own, candidates, found, preferred, settings, lines, fi
     limit, stretch = own[LIMIT], HORIZON_RADII / max(own[CRUISE], 1.0)
     least_horizon, wait = settings[HORIZON], settings[RESPONSE]
     barrier, most = settings[BARRIER], settings[BARRIER_SHARE] * limit
-    # Who was clear of a neighbour and is slow to obey may ask for more: as a share, a slow vehicle's is too little.
+    # After being clear of a neighbour, one that obeys late may ask for more: a share of a low limit is too little.
     pushed = max(most, min(limit, PUSHED_MPS)) if wait > 0.0 else most
 
     used = first
@@ -163,7 +163,7 @@ def neighbour_half_planes(own, candidates, found, preferred, settings, lines, fi
             disc, radius, side = block[RADIUS + k], block[WIDE + k], block[SIDE + k]
             horizon = larger(least_horizon, stretch * radius)
             w_1, w_2 = v_1 - u_1, v_2 - u_2
-            # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
+            # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside it.
             apart = block[KEPT + k] >= IS_APART
             edge, asked = radius if apart else disc, pushed if apart else most
             x_1, x_2 = c_1 if side != 0.0 else u_1, c_2 if side != 0.0 else u_2

@@ -1,4 +1,4 @@
-"""The velocity that own-ship would fly if nobody were about: to its goal, round the obstacles, slower towards the end.
+"""Preferred velocity: what own-ship would fly without traffic, to its goal, round obstacles, slower towards the end.
 
 Axes: north-east, metres, m/s, seconds.
 """
@@ -29,35 +29,35 @@ INTERVAL_S = 0.1
 """Time between decisions; a goal nearer than one step of cruise is flown to in one step."""
 
 STRAIGHT_M, STRAIGHT_SHARE = 3.0, 0.25
-"""A slow vehicle whose course leads past its goal at this distance, or this share of the way to it if that is less,
-flies straight on: its own position drifts by as much while it turns, and to turn after every drift is to weave."""
+"""A vehicle that obeys late flies straight on if its course leads past the goal within STRAIGHT_M, or this share of the
+distance if less. Its own position drifts by as much while it turns; to follow every drift would be to weave."""
 
 AMENDED = 3.0
-"""Where its velocity leads past the goal at so many times that distance, the command leads to the goal itself."""
+"""If its velocity leads past the goal at this many times that distance, the command leads to the goal itself."""
 
 
 @kernel(forceinline=True, inner=True)
 def steadied(c_1, c_2, v_1, v_2, to_1, to_2, to_goal_m):  # type: ignore[no-untyped-def]
-    """The way to a goal, turned away from the course commanded no further than that has to be left.
+    """Direction to a goal, kept as near to the commanded course as possible [m, north-east].
 
-    A vehicle that comes back from a detour still flies outwards of what it is told, PX4 for seconds: the further its
-    velocity leads past the goal, the nearer to it the command must lead.
+    A vehicle that comes back from a detour still flies outwards of its command, PX4 for seconds. The further its
+    velocity leads past the goal, the nearer to the goal the command must lead.
 
     Args:
-        c_1: North of the velocity commanded.
+        c_1: North of the commanded velocity.
         c_2: East of it.
-        v_1: North of the velocity flown.
+        v_1: North of the own velocity.
         v_2: East of it.
         to_1: North of the goal as seen from own-ship.
         to_2: East of it.
-        to_goal_m: How far it is.
+        to_goal_m: Distance to the goal.
     """
     square = c_1 * c_1 + c_2 * c_2
     if c_1 * to_1 + c_2 * to_2 <= 0.0 or square < EPSILON:
         return to_1, to_2
     once_per_speed = 1.0 / math.sqrt(square)
     most = min(STRAIGHT_M, STRAIGHT_SHARE * to_goal_m)
-    # A root and a division only where it is not nearly straight.
+    # Root and division only if the way is not nearly straight.
     across, flown_square, near = v_1 * to_2 - v_2 * to_1, v_1 * v_1 + v_2 * v_2, (AMENDED - 1.0) * most
     if across * across > near * near * flown_square:
         flown_past = abs(across) / max(math.sqrt(flown_square), EPSILON)
@@ -76,7 +76,7 @@ def preferred_velocity(own, pieces, roadmap, memory, settings, aim, preferred): 
     to_1, to_2, route = own[AIM] - p_1, own[AIM + 1] - p_2, 0
     to_goal = length = norm(to_1, to_2)
     if len(roadmap.points) > 0:
-        # Where there is no way, straight on: half-planes keep out.
+        # If there is no way, fly straight on: half-planes keep out.
         route = max(next_waypoint(
             pieces, roadmap, p_1, p_2, own[AIM], own[AIM + 1], buffered_clearance(own, settings),
             settings[ROUTE_MARGIN], memory, aim,
@@ -101,6 +101,6 @@ def preferred_velocity(own, pieces, roadmap, memory, settings, aim, preferred): 
 
 @kernel(forceinline=True, inner=True)
 def slowness(preferred, v_1, v_2, limit):  # type: ignore[no-untyped-def]
-    """How far own-ship is from the speed it wants, 0 at that speed and 1 at rest."""
+    """Share of the wanted speed that own-ship lacks: 0 at that speed, 1 at rest."""
     wanted = min(norm(preferred[0], preferred[1]), limit)
     return max(1.0 - norm(v_1, v_2) / max(wanted, EPSILON), 0.0)

@@ -1,15 +1,15 @@
 """Exact two-dimensional programme: the velocity nearest a preferred one in a disc cut by half-planes.
 
-A half-plane (n_1, n_2, d) has a unit normal: velocities x with n.x >= d are allowed; d - n.x is by how much x exceeds
-it. Units are m/s. The method is the incremental idea of Seidel as ORCA uses it (van den Berg et al., "Reciprocal n-body
-collision avoidance", 2011), in normal form: a new half-plane either keeps the optimum or moves it onto its own edge,
-which leaves a problem in one dimension. Any order of the half-planes will do. Here the next one is always that which is
-exceeded most: a handful of rounds find those that matter, and only these ever meet each other, however many there are.
-When nothing is allowed, the largest excess over all soft half-planes is made as small as possible in the same way,
-while the hard ones at the head of the list stay as they are.
+A half-plane (n_1, n_2, d) has a unit normal and allows velocities x with n.x >= d; d - n.x is the excess of x. Units
+are m/s. The method is Seidel's incremental one as ORCA uses it (van den Berg et al., "Reciprocal n-body collision
+avoidance", 2011), in normal form: a new half-plane either keeps the optimum or moves it onto its own edge, which leaves
+a problem in one dimension. Any order will do; here the next half-plane is always the one exceeded most. A handful of
+rounds find those that matter, and only these are compared with each other, however many there are. If nothing is
+allowed, the largest excess over all soft half-planes is minimised in the same way, while the hard ones at the head of
+the list stay as they are.
 
-Half-planes to choose from come as `lines`, a row for each of n_1, n_2, d, and one for the excess; chosen ones as one
-row each. Compiled by numba; nothing here allocates. With NUMBA_DISABLE_JIT=1 the same functions run as plain Python.
+Half-planes to choose from are `lines`, a row for each of n_1, n_2, d and the excess; chosen ones are one row each.
+Compiled by numba; nothing here allocates. With NUMBA_DISABLE_JIT=1 the same functions run as plain Python.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from ridlink.avoidance.lanes import exceed, lanes_from, lowest_bit
 from ridlink.avoidance.rows import LANES, aligned
 
 EPSILON = 1e-9
-"""Speeds are compared to this, m/s; it is far below what any autopilot resolves."""
+"""Tolerance of speeds [m/s], far below what any autopilot resolves."""
 
 # Rows of `lines`.
 N_1, N_2, BOUND, EXCESS = range(4)
 
 
 WITHIN = 1.0 + 1e-12
-"""Rounding of a square. Half of all velocities at a limit come out above it, and which ones nobody can foretell."""
+"""Tolerance of a square: by rounding, half of all velocities at a limit come out above it, unpredictably."""
 
 
 @kernel(forceinline=True, inner=True)
 def exceeds(x_1, x_2, limit_mps):  # type: ignore[no-untyped-def]
-    """Whether a velocity is above a limit by more than rounding makes of one that is at it."""
+    """Whether a velocity is above a limit by more than rounding can make of one at the limit."""
     return x_1 * x_1 + x_2 * x_2 > WITHIN * limit_mps * limit_mps
 
 
 @kernel(forceinline=True, inner=True)
 def optimum_on_edge(chosen, index, limit_mps, aim, linear, point):  # type: ignore[no-untyped-def]
-    """Best point on the edge of half-plane `index` that meets all earlier ones; False if there is none.
+    """Find the best point on the edge of half-plane `index` that meets all earlier ones; False if there is none.
 
     Args:
         chosen: Half-planes, shape (m, 3).
-        index: The one whose edge is searched; those before it count.
+        index: Half-plane whose edge is searched; those before it count.
         limit_mps: Radius of the disc.
         aim: Preferred velocity, or with `linear` the direction to go as far as possible in, shape (2,).
-        linear: Which of the two `aim` is.
+        linear: True if `aim` is a direction.
         point: Result, shape (2,), written only on success.
     """
     n_1, n_2, d = chosen[index, 0], chosen[index, 1], chosen[index, 2]
@@ -80,7 +80,7 @@ def optimum_on_edge(chosen, index, limit_mps, aim, linear, point):  # type: igno
 
 @kernel(forceinline=True, inner=True)
 def unconstrained(limit_mps, preferred, point):  # type: ignore[no-untyped-def]
-    """Point of the disc nearest a velocity, shape (2,)."""
+    """Write the point of the disc nearest a preferred velocity to `point`, both of shape (2,)."""
     point[0], point[1] = preferred[0], preferred[1]
     if exceeds(preferred[0], preferred[1], limit_mps):
         scale = limit_mps / norm(preferred[0], preferred[1])
@@ -89,10 +89,9 @@ def unconstrained(limit_mps, preferred, point):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True, inner=True)
 def furthest(chosen, count, limit_mps, direction, point):  # type: ignore[no-untyped-def]
-    """Furthest point of the disc in a direction, a unit vector, within the first `count` of a few half-planes; False if
-    there is none.
+    """Find the furthest point of the disc in a direction (unit vector) within the first `count` of a few half-planes.
 
-    Arguments as in `optimum_on_edge`.
+    Returns False if there is none. Arguments as in `optimum_on_edge`.
     """
     point[0], point[1] = limit_mps * direction[0], limit_mps * direction[1]
     for i in range(count):
@@ -105,7 +104,7 @@ def furthest(chosen, count, limit_mps, direction, point):  # type: ignore[no-unt
 
 @kernel(forceinline=True, inner=True)
 def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
-    """Fill in by how much a velocity exceeds half-planes `first..last-1`; the largest excess, minus infinity of none.
+    """Fill in the excess of a velocity over half-planes `first..last-1`; returns the largest, minus infinity of none.
 
     Args:
         lines: Half-planes, shape (4, m).
@@ -120,7 +119,7 @@ def measure(lines, first, last, x_1, x_2):  # type: ignore[no-untyped-def]
 @kernel(forceinline=True, inner=True)
 def choose(lines, first, excess, chosen, place):  # type: ignore[no-untyped-def]
     """Copy the first half-plane with that excess, as `measure` left it, to a row of `chosen`."""
-    # What is measured is filled up to a multiple of LANES, and nothing exceeds the largest excess.
+    # Measured columns are filled up to a multiple of LANES, and no excess is above the largest.
     k = first
     bits = lanes_from(lines[EXCESS], k, excess)
     while bits == 0:
@@ -132,16 +131,14 @@ def choose(lines, first, excess, chosen, place):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True, inner=True)
 def nearest(lines, first, last, limit_mps, preferred, chosen, point):  # type: ignore[no-untyped-def]
-    """Best point of the disc within half-planes `first..last-1`, or some point if there is none.
-
-    Arguments as in `least_bad`.
+    """Find the best point of the disc within half-planes `first..last-1`, or some point if there is none.
 
     Returns:
-        True if there is one; then also the largest excess over these half-planes, all of which are measured there.
+        Whether there is one, and the largest excess; if there is one, all these half-planes are measured at it.
     """
     unconstrained(limit_mps, preferred, point)
     worst = measure(lines, first, last, point[0], point[1])
-    # A half-plane is chosen but once, except by rounding where two of them are all but parallel.
+    # A half-plane is chosen only once, except by rounding if two of them are almost parallel.
     for place in range(last - first):
         if worst <= EPSILON:
             break
@@ -154,20 +151,20 @@ def nearest(lines, first, last, limit_mps, preferred, chosen, point):  # type: i
 
 @kernel(inner=True)
 def is_met(lines, first, last, limit_mps, preferred, chosen, point):  # type: ignore[no-untyped-def]
-    """Whether there is a point that `nearest` finds."""
+    """Whether `nearest` finds a point within all half-planes."""
     met, _ = nearest(lines, first, last, limit_mps, preferred, chosen, point)
     return met
 
 
 @kernel(inner=True)
 def least_excess(lines, hard, met, first, last, limit_mps, chosen, work, point):  # type: ignore[no-untyped-def]
-    """Make the largest excess over half-planes `first..last-1` as small as possible while others stay met.
+    """Find the velocity of least largest excess over half-planes `first..last-1`, while others stay met.
 
     Args:
         lines: Half-planes, shape (4, m).
-        hard: Index of the first of those that stay met; `point` must meet them.
+        hard: Index of the first half-plane that stays met; `point` must meet these.
         met: Index after the last one of them.
-        first: Index of the first one whose excess counts.
+        first: Index of the first half-plane whose excess counts.
         last: Index after the last one.
         limit_mps: Radius of the disc.
         chosen: Scratch, shape (m + 2, 3).
@@ -212,7 +209,7 @@ def least_excess(lines, hard, met, first, last, limit_mps, chosen, work, point):
 
 @kernel(forceinline=True, inner=True)
 def move_back(lines, first, last, excess):  # type: ignore[no-untyped-def]
-    """Move half-planes `first..last-1` back by so much, and by what rounding takes."""
+    """Move half-planes `first..last-1` back by an excess, and a little more for rounding."""
     for k in range(first, last):
         lines[BOUND, k] -= excess + 1e3 * EPSILON
 
@@ -221,11 +218,11 @@ def move_back(lines, first, last, excess):  # type: ignore[no-untyped-def]
 def least_bad(  # type: ignore[no-untyped-def]
     lines, begin, hard, first, last, limit_mps, preferred, chosen, work, point
 ):
-    """Velocity in the disc that exceeds half-planes least, where `nearest` finds none that meets them all.
+    """Find the velocity in the disc that exceeds half-planes least, if `nearest` finds none that meets all.
 
-    There are three ranks: soft half-planes are exceeded, as little as can be, before firm ones are, and those before
-    hard ones. Firm or hard ones that contradict each other, or those above them, are all moved back by their least
-    possible excess first.
+    There are three ranks: soft half-planes are exceeded before firm ones, and firm before hard ones, as little as
+    possible. If firm or hard ones contradict each other, or firm ones the hard, all of the rank are first moved back by
+    their least possible excess.
 
     Args:
         lines: Half-planes, shape (4, m): from `begin` firm ones, from `hard` hard ones, from `first` soft ones. All but
@@ -257,7 +254,9 @@ def least_bad(  # type: ignore[no-untyped-def]
 def nearest_admissible(  # type: ignore[no-untyped-def]
     lines, begin, hard, first, last, limit_mps, preferred, chosen, work, point
 ):
-    """Velocity nearest `preferred` within all half-planes and the disc, or the least bad one; arguments as there.
+    """Find the velocity nearest `preferred` within all half-planes and the disc, or the least bad one.
+
+    Arguments as in `least_bad`.
 
     Returns:
         True if every half-plane is met as it was given.
@@ -269,7 +268,8 @@ def nearest_admissible(  # type: ignore[no-untyped-def]
 
 
 def padded(count: int) -> int:
-    """The next multiple of LANES: soft half-planes begin at one, and hard ones are followed by some that do nothing."""
+    """The next multiple of LANES: soft half-planes begin at one, and columns between hard and soft ones forbid
+    nothing."""
     return -(-count // LANES) * LANES
 
 
@@ -281,6 +281,6 @@ def new_lines(hard: int, soft: int, firm: int = 0) -> np.ndarray:
 
 
 def new_choice(columns: int) -> np.ndarray:
-    """Room for the choices that `nearest_admissible` makes among so many columns of lines, and for two spare rows, one
-    of them its caller's, shape (m + 2, 3)."""
+    """Scratch for the choices of `nearest_admissible` among `columns` of lines, shape (m + 2, 3): two rows are spare,
+    one of them for the caller."""
     return np.zeros((columns + 2, 3))

@@ -1,9 +1,9 @@
-"""Which neighbours matter: all are passed over in a few instructions each, before anything costly is worked out.
+"""Which neighbours matter: a test of a few instructions for each, before anything costly is worked out.
 
-Of two dozen neighbours a handful can constrain own-ship, and in open air none. Here nothing is divided and one square
-root taken; what cannot be told without is left to `meeting`, which works out the neighbours that remain exactly. A
-neighbour is set aside only where that is certain to say that it forbids no velocity within the limit, calls for no
-turn, gives no side to pass on and has no disc that own-ship flies into, so that nothing is lost.
+Of two dozen neighbours a handful can constrain own-ship, and in open air none. The test takes one square root and no
+division. `meeting` works out the neighbours that remain exactly. Nothing is lost: a neighbour is set aside only if
+`meeting` would certainly find that it forbids no velocity within the limit, calls for no turn, gives no passing side
+and has no disc that own-ship flies into.
 
 Axes: north-east, metres, m/s, seconds; columns as in `rows`.
 """
@@ -45,32 +45,32 @@ from ridlink.avoidance.rows import (
 from ridlink.avoidance.turning import buffer_growth_in_kernels
 
 APART_FACTOR = HOLD_FACTOR
-"""A neighbour that was once so many radii away, buffer included, has the buffer held against it from then on. One that
-begins nearer, as in a fleet that starts side by side, may stay there and come up to the disc itself: pushing it out of
-a buffer first is what kept such fleets from moving at all. Once it has left, it is as any other."""
+"""Once a neighbour has been this many radii away, buffer included, the buffer is held against it. One that begins
+nearer, as in a fleet that starts side by side, may come up to the disc itself until then: to push such neighbours out
+of a buffer first kept these fleets from moving at all."""
 
 HORIZON_RADII = 1.5
-"""The conflict horizon is at least the time in which own-ship flies so many radii of the disc."""
+"""The conflict horizon is at least the time in which own-ship flies this many radii of the disc."""
 
 FAR = 1e300
-"""Metres or seconds that stand for infinity where least values are sought: the compiler knows too well what the smaller
-one of infinity and a number is, and what it makes of that does not go by lanes."""
+"""Infinity [m or s] where a minimum is sought. With a true infinity the compiler simplifies the minimum, and its code
+does not go by lanes."""
 
 BINDS, MEETS = 1.0, 2.0
-"""How a neighbour may matter: by its half-planes alone, or because it is met on the way as well."""
+"""How a neighbour matters: by its half-planes alone, or because it is met on the way as well."""
 
 SURELY = 1.0 + 1e-6
-"""What is compared differs by this much more than rounding can make of it within 80,000 radii."""
+"""Factor of safety of the comparisons, above what rounding can do within 80,000 radii."""
 
 LITTLE = 1e-6
-"""And by this much, m/s, where nobody moves."""
+"""The same margin in m/s, for vehicles that do not move."""
 
 HOLD_SQUARE, LEAN_SQUARE = (SURELY * HOLD_FACTOR) ** 2, (SURELY * LEAN_RADII) ** 2
 
 
 @kernel(forceinline=True, fused=True, inner=True)
 def approaches(r_1, r_2, square, w_1, w_2, radius_square):  # type: ignore[no-untyped-def]
-    """Whether a point at r is approached at velocity w and may be passed within a radius, or is left from within it.
+    """Whether velocity w approaches a point at r and may pass it within a radius, or leaves it from within that radius.
 
     With the miss distance m, (r.w)^2 = (r^2 - m^2) w^2. A number times its magnitude is its square with its sign.
 
@@ -88,13 +88,13 @@ def approaches(r_1, r_2, square, w_1, w_2, radius_square):  # type: ignore[no-un
 
 @kernel(forceinline=True, fused=True, inner=True)
 def plus_product(a, b, c):  # type: ignore[no-untyped-def]
-    """a + b c, rounded but once where the machine can."""
+    """a + b c, with a single rounding where the machine can."""
     return a + b * c
 
 
 @kernel(forceinline=True, fused=True, inner=True)
 def forbids_nothing(e_1, e_2, o_1, o_2, horizon_s, reach_m):  # type: ignore[no-untyped-def]
-    """Whether a half-plane of `encounter.half_plane` with no side is certain to lie outside of the limit.
+    """Whether a half-plane of `encounter.half_plane` without a side is certain to lie outside the limit.
 
     With r the neighbour, w = o - u the relative velocity, h the horizon and e = r - h w, the nearest way out of the
     velocity obstacle leads to its circle if e.r > R |e|, with n = -e / |e| and a change by R / h - |e| / h. Its
@@ -119,7 +119,7 @@ def forbids_nothing(e_1, e_2, o_1, o_2, horizon_s, reach_m):  # type: ignore[no-
 
 @kernel(forceinline=True, inner=True)
 def first_lane(block, column, number):  # type: ignore[no-untyped-def]
-    """The first lane with that number in a column; the last one if there is none before."""
+    """First lane of a column that holds a number; the last lane if none before it does."""
     lane = LANES - 1
     for k in range(LANES - 2, -1, -1):
         lane = k if block[column + k] == number else lane
@@ -133,11 +133,11 @@ def collect(neighbours, count, candidates, names):  # type: ignore[no-untyped-de
     Args:
         neighbours: Blocks, with MATTERS filled in.
         count: Number of blocks.
-        candidates: Result, with no side to pass on.
-        names: Result: their places among the neighbours.
+        candidates: Result; no passing side yet.
+        names: Result: places of the candidates among the neighbours.
 
     Returns:
-        Number of neighbours that are heard, of candidates, and of those that are met.
+        Numbers of neighbours that are heard, of candidates, and of candidates that are met.
     """
     heard, found = LANES * count, 0
     for b in range(count):
@@ -152,7 +152,7 @@ def collect(neighbours, count, candidates, names):  # type: ignore[no-untyped-de
         found += bit_count(bound)
     for b in range(-(-found // LANES)):
         target, first = candidates[b], LANES * b
-        # Lanes after the last one are filled with some neighbour or other.
+        # Lanes after the last candidate hold some neighbour or other.
         place_0, place_1, place_2, place_3 = names[first], names[first + 1], names[first + 2], names[first + 3]
         for column in range(0, HEARD, LANES):
             gather_lanes(neighbours, place_0, place_1, place_2, place_3, column, target)
@@ -167,17 +167,17 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
 
     Args:
         own: Own-ship.
-        neighbours: Blocks; GAP is filled in, and in KEPT what is known without more.
+        neighbours: Blocks; GAP is filled in, and KEPT as far as it is known here.
         count: Number of blocks.
         range_m: Neighbours whose reports are from further away are not heard.
         preferred: Velocity without traffic, shape (2,).
         settings: Constants.
-        candidates: Result: blocks of those that matter: first the ones that are met, then the others.
-        names: Result: their places among the neighbours.
+        candidates: Result: blocks of the neighbours that matter: first those that are met, then the others.
+        names: Result: places of the candidates among the neighbours.
 
     Returns:
-        Number of neighbours that are heard; of those that matter; of those that are met; place of the first neighbour
-        with the least distance less radius, -1 if nobody is heard; that distance [m], FAR if there is none.
+        Numbers of neighbours that are heard, that matter, and that are met; place of the first neighbour with the least
+        distance less radius, -1 if none is heard; that distance [m], FAR if there is none.
     """
     p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
     o_1, o_2 = (v_1 + own[COMMAND]) / 2.0, (v_2 + own[COMMAND + 1]) / 2.0
@@ -212,7 +212,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             leans = approaches(r_1, r_2, square, a_1 - u_1, a_2 - u_2, LEAN_SQUARE * disc * disc + EPSILON)
             e_1, e_2 = plus_product(r_1, -horizon, o_1 - u_1), plus_product(r_2, -horizon, o_2 - u_2)
             l_1, l_2 = plus_product(e_1, -wait, w_1), plus_product(e_2, -wait, w_2)
-            # h / share, of which the share is a half or whole.
+            # h / share; the share is a half or one.
             shared = plus_product(horizon, horizon, block[RECIPROCAL + k])
             most = plus_product(radius, shared, larger(fastest, block[SPEED + k]))
             free_now = forbids_nothing(e_1, e_2, o_1, o_2, shared, most)
@@ -225,7 +225,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             kept = block[KEPT + k]
             apart = (kept >= IS_APART) | (square >= hold_square)
             side = kept - IS_APART if kept >= IS_APART else kept
-            # An encounter is forgotten with the neighbour that goes out of range, a side with the one that it avoids.
+            # APART is forgotten if the neighbour is out of range, a side also once the neighbour is no longer met.
             block[KEPT + k] = (IS_APART if apart & heard else 0.0) + (side if meets & heard else 0.0)
         near = b if margin < before else near
     nearest = LANES * near + first_lane(neighbours[near], GAP, margin) if near >= 0 else -1
