@@ -1,10 +1,10 @@
-"""The last way out, where the answer of the half-planes cannot be flown in time.
+"""Evasion: the last way out if the answer of the half-planes cannot be flown in time.
 
-Half-planes bound velocities. Whether the vehicle gets to one before it meets somebody, they do not say: told to outrun
-an intruder that it first hears at 80 m, at 12 m/s each, a multirotor brakes for three seconds on the spot on which it
-is hit. So where a disc will be entered before the answer is flown, and deeply, paths to other velocities are compared
-with the path to the answer: on as before, then over to that velocity at the acceleration of a real vehicle, while the
-neighbours fly straight on. One that enters the discs less deeply is taken instead.
+Half-planes bound velocities; they do not say whether the vehicle reaches one before it meets another vehicle. A
+multirotor that is told to outrun an intruder first heard at 80 m, at 12 m/s each, brakes for three seconds on the very
+spot where it is hit. So if a disc will be entered deeply before the answer is flown, the path to the answer is compared
+with paths to other velocities. A path flies on as before, then changes to its velocity at the acceleration of a real
+vehicle, while the neighbours fly straight on. A path that enters the discs less deeply is taken instead.
 
 Axes: north-east, metres, m/s, seconds; columns as in `rows`.
 """
@@ -30,27 +30,27 @@ from ridlink.avoidance.rows import (
 )
 
 SOON_S = 6.0
-"""Paths are followed for so long. Discs that are entered later are left to the half-planes."""
+"""Paths are followed for this long. Discs that are entered later are left to the half-planes."""
 
 REACTION_S, ACCELERATION_MPS2 = 0.5, 5.0
-"""How a velocity setpoint is answered: the faster of the two autopilots that were measured. With the slower one's 0.7 s
-and 2.5 m/s^2 PX4 is taken off answers that it can fly; with the faster one's ArduPilot is hit as seldom."""
+"""Answer to a velocity setpoint, of the faster of the two autopilots that were measured. With the slower one's 0.7 s
+and 2.5 m/s^2, PX4 is taken off answers that it can fly; with the faster one's, ArduPilot is hit as seldom."""
 
 DEEP, LESS_DEEP = 0.25, 0.02
-"""Shares of the radius: a path that enters a disc so deeply is left for one that enters less deeply by so much."""
+"""Shares of the radius: a path that enters a disc by DEEP is left for one that enters less deeply by LESS_DEEP."""
 
 WAYS = tuple(
     (math.cos(angle), math.sin(angle)) for angle in (0.25 * math.pi, -0.25 * math.pi, 0.5 * math.pi, -0.5 * math.pi)
 )
-"""Paths that are tried lead to both sides of the deepest neighbour at full speed, midway between towards it and across
-the line of sight, and across: cosine and sine of the angle to it. To the right first: of two that are alike the right
-one is kept."""
+"""Velocities that are tried, as cosine and sine of the angle to the deepest neighbour, all at full speed: midway
+between towards it and across the line of sight, and across, to both sides. The right comes first: of two that are alike
+the right one is kept."""
 
 
 @kernel(forceinline=True, inner=True)
 def approach_at(t, r_1, r_2, w_1, w_2, d_1, d_2, ramp_s, once_per_ramp):  # type: ignore[no-untyped-def]
-    """Of a path at a time: square of the distance to the neighbour [m^2], and how much later [s] it is least if both
-    fly straight on from there.
+    """Squared distance [m^2] to the neighbour at a time on a path, and how much later [s] it is least if both fly
+    straight.
 
     Args:
         t: Time from now.
@@ -60,8 +60,8 @@ def approach_at(t, r_1, r_2, w_1, w_2, d_1, d_2, ramp_s, once_per_ramp):  # type
         w_2: East of it.
         d_1: North of the change of own-ship's velocity.
         d_2: East of it.
-        ramp_s: How long own-ship takes for that, after its reaction.
-        once_per_ramp: One over that.
+        ramp_s: How long own-ship takes for the change, after its reaction.
+        once_per_ramp: One over `ramp_s`.
     """
     answering = larger(t - REACTION_S, 0.0)
     turning = smaller(answering, ramp_s)
@@ -73,20 +73,20 @@ def approach_at(t, r_1, r_2, w_1, w_2, d_1, d_2, ramp_s, once_per_ramp):  # type
 
 @kernel(inner=True)
 def deepest_entry(own, candidates, found, c_1, c_2, enough):  # type: ignore[no-untyped-def]
-    """How deeply a path enters a disc.
+    """How deeply a path enters a disc, as a share of its radius.
 
     Args:
         own: Own-ship.
-        candidates: Blocks of the neighbours that matter, with their half-planes; what the path comes to with each of
-            them is written to GAP.
+        candidates: Blocks of the neighbours that matter, with their half-planes; the path's entry into each disc is
+            written to GAP.
         found: Number of them.
         c_1: North of the velocity that the path leads to.
         c_2: East of it.
-        enough: Blocks after one that is entered so deeply are not looked at.
+        enough: Blocks after one that is entered this deeply are not looked at.
 
     Returns:
-        Share of the radius by which the least distance falls short of it, half of that where the neighbour avoids as
-        well; the largest of all neighbours, 0 if no disc is entered.
+        Share of the radius by which the least distance falls short of it, halved if the neighbour avoids as well; the
+        largest of all neighbours, 0 if no disc is entered.
     """
     p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]
     d_1, d_2 = c_1 - v_1, c_2 - v_2
@@ -122,7 +122,7 @@ def deepest_entry(own, candidates, found, c_1, c_2, enough):  # type: ignore[no-
 
 @kernel(forceinline=True, inner=True)
 def too_soon(own, x, violation_s):  # type: ignore[no-untyped-def]
-    """Whether the first disc is entered before a velocity is flown. Who is inside of one is left to the barrier.
+    """Whether the first disc is entered before a velocity is flown; never inside one, which is left to the barrier.
 
     Args:
         own: Own-ship.
@@ -135,20 +135,20 @@ def too_soon(own, x, violation_s):  # type: ignore[no-untyped-def]
 
 @kernel(inner=True)
 def evade(own, candidates, found, limit, lines, begin, first, x):  # type: ignore[no-untyped-def]
-    """Put a velocity that is flown to less deeply through discs in the place of the answer, if there is need and one.
+    """Replace the answer by a velocity whose path enters discs less deeply, if that is needed and there is one.
 
     Args:
         own: Own-ship.
         candidates: Blocks of the neighbours that matter, with their half-planes; GAP is overwritten.
         found: Number of them.
         limit: Largest speed.
-        lines: Half-planes, of which those from column `begin` to `first` are not exceeded.
+        lines: Half-planes; those in columns `begin..first-1` are not exceeded.
         begin: See `lines`.
         first: See `lines`.
         x: Answer, shape (2,), read and written.
 
     Returns:
-        True if it is another one now.
+        True if the answer was replaced.
     """
     answer = deepest_entry(own, candidates, found, x[0], x[1], math.inf)
     if answer < DEEP:

@@ -1,19 +1,19 @@
-"""Who goes first where nobody gets anywhere: priority by identity, as the last resort.
+"""Right of way in a jam: priority by identity, as the last resort.
 
-Discs that are too large to pass each other can hold everybody in place for ever, with every half-plane met. Whoever has
-come no nearer to its goal for as long as it takes to fly round the largest of them, while others that avoid are about,
-then falls back on an order that all of them know from each other's reports and from the clock: for every TURN_S each
-identity has a lot, and who draws the least of those about goes first. Everybody else makes way for all that go before
-it, those that follow the first one by identity, round and round, and waits at CLEAR_RADII of the disc until they are
-through. Half-planes hold as ever and nothing is shrunk.
+Discs too large to pass each other can hold all vehicles in place for ever, with every half-plane met. If a vehicle,
+with others about that avoid, has come no nearer to its goal for as long as it takes to fly round the largest of their
+discs, it falls back on an order. All of them know the order from each other's reports and from the clock: for every
+TURN_S each identity has a lot, and of those about the one with the least lot goes first. The others follow by identity,
+round and round. Each makes way for all before it, and waits at CLEAR_RADII of the disc until they are through.
+Half-planes hold as ever, and no disc is shrunk.
 
-Lots need no agreement: whoever hears the same vehicles at the same time has the same ones, however long it has been
-waiting. Were turns counted by each on its own, two could each wait for the other, in every turn anew. Who goes first
-and comes somewhere keeps its turn; who does not, because it is at its goal or cannot, loses it as the time is over, so
-nobody need know of another whether it has arrived. Who gets nowhere in its own turns either leaves the round for longer
-and longer, and stays where it is. An own-ship is back to normal when it has come nearer to its goal than it was before,
-or when the others are far away. Where the geometry does not admit one after the other either, because others stay in
-the air at goals within a disc of the own one, a vehicle does not arrive.
+Lots need no agreement: vehicles that hear the same traffic at the same time have the same lots, however long they have
+waited. If each counted its own turns, two could wait for each other in every turn anew. A vehicle that goes first and
+gets somewhere keeps its turn. One that does not, because it is at its goal or cannot, loses it at the end of the turn,
+so no vehicle needs to know whether another has arrived. One that gets nowhere even in its own turns leaves the round
+for longer and longer, and stays where it is. Own-ship is back to normal when it is nearer to its goal than before, or
+when the others are far away. If vehicles cannot pass even one after the other, because others stay in the air at goals
+within a disc of the own goal, a vehicle does not arrive.
 
 Axes: north-east, metres, m/s, seconds.
 """
@@ -31,44 +31,45 @@ from ridlink.avoidance.rows import AIM, AIM_IS_VELOCITY, CRUISE, EXTRA_TURN, OWN
 from ridlink.avoidance.types import FloatArray, OwnShip, Traffic, checked_pair
 
 PATIENCE_S = 20.0
-"""At least: by then the turn of a stalled vehicle has long grown to its most, see `ProgressWatch`."""
+"""Least patience; by then the turn of a stalled vehicle has long grown to its most, see `ProgressWatch`."""
 PROGRESS_S = 0.5
-"""Nearer to the goal than ever before by so long a flight at cruise is progress."""
+"""Progress is to be nearer to the goal than ever before by this much flight at cruise."""
 TURN_S = 15.0
-"""A turn of the clock; who goes first must come somewhere in it."""
+"""A turn of the clock; the vehicle that goes first must get somewhere in it."""
 FLYING_SHARE = 0.1
-"""Somewhere is further than at this share of the own cruise; who hovers in wind and noise has a speed, too."""
+"""It gets somewhere if it moves further than at this share of the own cruise: hovering in wind and noise is motion,
+too."""
 RETREAT_COSINE = 0.7
-"""Whose way leads so straight away from own-ship makes way for it, and believes that it is another one's turn."""
+"""A vehicle that flies so straight away from own-ship makes way for it, and believes that it is another one's turn."""
 LOOKED_AT_S = 1.0
-"""What was done longer ago than this, while own-ship was not stalled, counts for nothing."""
+"""Movement longer ago than this, while own-ship was not stalled, does not count."""
 NEAR_RADII = 3.0
 KEPT_RADII = 4.0
-"""Others count within so many radii of the pair's disc; who goes first does until it is further than the second."""
+"""Others count within NEAR_RADII of the pair's disc; the vehicle that goes first counts within KEPT_RADII."""
 CLEAR_RADII, FAILED_RADII = 1.5, 0.5
-"""Who gives way waits so many radii away, and so many further for each of its own turns that led nowhere: others may
-lack the room, too, between a disc and a wall."""
+"""A vehicle that gives way waits CLEAR_RADII away, and FAILED_RADII more for each of its own turns that led nowhere:
+others, too, may lack the room between a disc and a wall."""
 PUSH_S = 1.0
-"""It makes up for what is lacking in this time, if its cruise speed allows."""
+"""It makes up for the missing distance in this time, if its cruise speed allows."""
 SIDESTEP = 0.6
-"""Whom another one flies at also moves to that one's left, by this share: the other passes on its right."""
+"""If another vehicle flies at it, it also moves to that one's left, by this share: the other passes on its right."""
 
 MOST_FAILED = 4
 """Own turns without progress that count; from the second on each doubles the patience."""
 
-# Columns of what is kept: least distance to the goal, when it was reached, who goes first, in which turn of the clock,
-# whether from its beginning, how far it has come in that turn, north and east, until when, and own turns without
-# progress.
+# Columns of the memory: least distance to the goal, when it was reached, identity that goes first, in which turn of the
+# clock, whether from its beginning, how far that vehicle has come in the turn, north and east, until when, and own
+# turns without progress.
 (BEST, SINCE, FIRST, TURN, WHOLE, COME, UNTIL, FAILED, TURN_COLUMNS) = (0, 1, 2, 3, 4, 5, 7, 8, 9)
 
 NOBODY = -1
 """Identity of a neighbour that has no place in the order."""
 
 NEXT_ROUND = 1e12
-"""More than any identity, and little enough for their order not to be lost in it."""
+"""More than any identity, and small enough that their order is not lost in rounding."""
 
 LOTS, GOLDEN = 2**31 - 1, 1327217885
-"""A prime, and the golden section of it: lots are as good as thrown, and the same for whoever works them out."""
+"""A prime, and its golden section: lots are as good as random, and the same for every vehicle that computes them."""
 
 
 @kernel(forceinline=True, inner=True)
@@ -79,7 +80,7 @@ def place_of(identity, first):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True, inner=True)
 def lot(identity, turn):  # type: ignore[no-untyped-def]
-    """What an identity draws in a turn; the least goes first."""
+    """Lot of an identity in a turn; the least lot goes first."""
     mixed = (identity + turn * GOLDEN) % LOTS
     mixed = (mixed * mixed + identity) % LOTS
     return mixed * mixed % LOTS
@@ -87,7 +88,7 @@ def lot(identity, turn):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True, inner=True)
 def distance_to(own, report):  # type: ignore[no-untyped-def]
-    """How far a neighbour is now [m]."""
+    """Distance to a neighbour now [m]."""
     north = report[0] + report[2] * report[6] - own[POSITION]
     east = report[1] + report[3] * report[6] - own[POSITION + 1]
     return norm(north, east)
@@ -95,13 +96,13 @@ def distance_to(own, report):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True, inner=True)
 def patience(kept, round_s):  # type: ignore[no-untyped-def]
-    """Time without progress after which own-ship falls back on the order [s], with the time for a way round."""
+    """Time without progress [s] after which own-ship falls back on the order, given the time for a way round."""
     return max(PATIENCE_S, round_s) * 2.0 ** max(kept[FAILED] - 1.0, 0.0)
 
 
 @kernel(inner=True)
 def time_round(own, reports, identities, count):  # type: ignore[no-untyped-def]
-    """Time to fly once round the largest disc of those near that have a place in the order [s]."""
+    """Time [s] to fly once round the largest disc of near neighbours that have a place in the order."""
     largest = 0.0
     for j in range(count):
         ordered = reports[j, 7] != 0.0 and identities[j] >= 0
@@ -112,7 +113,10 @@ def time_round(own, reports, identities, count):  # type: ignore[no-untyped-def]
 
 @kernel(inner=True)
 def choose_first(own, identity, reports, identities, count, now_s, clock_s, kept):  # type: ignore[no-untyped-def]
-    """Who goes first now, own-ship or a neighbour; NOBODY if no neighbour is near. Arguments as in `give_way`."""
+    """Identity that goes first now; NOBODY if no neighbour is near, or own-ship leaves the round.
+
+    Arguments as in `give_way`.
+    """
     turn, first, drawn = math.floor(clock_s / TURN_S), kept[FIRST], identity
     known, alone = first == identity, True
     v_1, v_2 = own[VELOCITY], own[VELOCITY + 1]
@@ -154,17 +158,17 @@ def choose_first(own, identity, reports, identities, count, now_s, clock_s, kept
 
 @kernel
 def give_way(own, identity, reports, identities, count, now_s, clock_s, kept):  # type: ignore[no-untyped-def]
-    """Have a vehicle that gets nowhere make way for those before it: its aim becomes the velocity to do so.
+    """Make own-ship, if it gets nowhere, give way to those before it: its aim becomes the velocity to do so.
 
     Args:
-        own: Own row, as in `rows`; AIM, AIM_IS_VELOCITY and EXTRA_TURN are written where it gives way.
+        own: Own row, as in `rows`; if it gives way, AIM, AIM_IS_VELOCITY and EXTRA_TURN are written.
         identity: Number of own-ship, not negative.
         reports: Neighbours, rows as in `packing.pack`, shape (>= count, 10).
-        identities: Their numbers, NOBODY for who has none, shape (>= count,), int64.
-        count: How many there are.
+        identities: Their numbers, NOBODY for a neighbour that has none, shape (>= count,), int64.
+        count: Number of neighbours.
         now_s: Time, which must not go back.
-        clock_s: Time on the clock that all share.
-        kept: What own-ship keeps, see `new_turns`, shape (TURN_COLUMNS,), written.
+        clock_s: Time of the clock that all share.
+        kept: Memory of own-ship, see `new_turns`, shape (TURN_COLUMNS,), written.
 
     Returns:
         True if it gives way.
@@ -210,17 +214,17 @@ def give_way(own, identity, reports, identities, count, now_s, clock_s, kept):  
 def give_way_in_worlds(  # type: ignore[no-untyped-def]
     own, deciding, heard, present, radius_m, range_m, now_s, kept, reports, identities
 ):
-    """The same for all that decide, in every world; vehicles are known by their places. Arguments as in `worlds`.
+    """`give_way` for all that decide, in every world; a vehicle's identity is its place. Arguments as in `worlds`.
 
     Args:
         own: Own-ships on their way to goals, written.
-        deciding: Who decides.
+        deciding: True for vehicles that decide.
         heard: What others hear of each.
-        present: Who is in the air.
+        present: True for vehicles in the air.
         radius_m: Radii.
         range_m: Vehicles further than this are not heard.
-        now_s: Time, which is that of the clock that all share, too.
-        kept: As `new_turns` made it, written.
+        now_s: Time, also of the clock that all share.
+        kept: Memory of the vehicles, from `new_turns`, written.
         reports: Scratch, shape (N, 10).
         identities: Scratch, shape (N,), int64.
     """
@@ -245,14 +249,14 @@ def give_way_in_worlds(  # type: ignore[no-untyped-def]
 
 
 def new_turns(*shape: int) -> FloatArray:
-    """What vehicles keep that have not flown yet, shape (*shape, TURN_COLUMNS)."""
+    """Memory of vehicles that have not flown yet, shape (*shape, TURN_COLUMNS)."""
     kept = np.zeros((*shape, TURN_COLUMNS))
     kept[..., BEST], kept[..., FIRST] = math.inf, NOBODY
     return kept
 
 
 class RightOfWay:
-    """The same for one own-ship on its way to one goal. Fed and asked; reads no clock."""
+    """`give_way` for one own-ship on its way to one goal. Reads no clock."""
 
     def __init__(self) -> None:
         self._kept = new_turns()
@@ -270,18 +274,18 @@ class RightOfWay:
         now_s: float,
         clock_s: float | None = None,
     ) -> FloatArray | None:
-        """Velocity to make way with [m/s, north-east], to be preferred to that towards the goal; None: fly there.
+        """Velocity to make way with [m/s, north-east], instead of the one to the goal; None: fly to the goal.
 
         Args:
             own: Own-ship.
             identity: Number of own-ship in the order, not negative.
             traffic: Neighbours.
-            identities: Their numbers, NOBODY for who has none, shape (n,).
-            goal_ne_m: Where to go, shape (2,).
+            identities: Their numbers, NOBODY for a neighbour that has none, shape (n,).
+            goal_ne_m: Goal, shape (2,).
             cruise_mps: Speed wanted.
             now_s: The caller's clock; must not go back.
-            clock_s: What the clock says that all share, UTC for example; None where there is none. Without one turns
-                are the caller's own, and who goes first is agreed upon in some of them only.
+            clock_s: Time of a clock that all share, for example UTC; None if there is none. Then turns follow `now_s`,
+                and vehicles agree on who goes first in some of them only.
 
         Raises:
             ValueError: If there is not one number for each neighbour, the own one is negative, or a value is not

@@ -1,7 +1,7 @@
-"""The ways among obstacles that were worked out, kept for when they are asked for again.
+"""Cache of the ways among obstacles that were worked out.
 
-Ways are those of a goal, to the metre, a clearance, in steps, and a width. Rounded further, the last corner before a
-goal may be another one than that of the goal itself.
+Ways belong to a goal, rounded to the metre, a clearance, in steps, and a width. With coarser rounding, the last corner
+before the rounded goal might not be the last one before the goal itself.
 """
 
 from __future__ import annotations
@@ -29,41 +29,41 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 WIDTHS = 3
-"""Ways to a goal: with the route margin, without it for where that leaves none, and with SCANT of the rest."""
+"""Kinds of ways to a goal: with the route margin, without it if that leaves no way, and with SCANT of the clearance."""
 
 SCANT = 0.25
-"""Who is between walls that are too near from the beginning gets out with this share of the clearance; nobody gets in,
-for half-planes keep out."""
+"""A vehicle that begins between walls that are too near gets out with this share of the clearance. None gets in, for
+half-planes keep out."""
 
 STEPS_PER_M = 2.0
-"""Clearances are rounded down to such steps: they change with the speed, and each has ways of its own."""
+"""Clearances are rounded down to such steps: they change with the speed, and each needs ways of its own."""
 
 MOST_STEPS = 2**16 - 1
-"""Clearances of so many steps and more are one."""
+"""Clearances of this many steps or more count as one."""
 
 CELLS = 2**22
-"""Places of a goal along one axis: goals count as one that are so many metres apart, which nobody flies."""
+"""Cells of a goal along one axis, in metres: goals this far apart count as one, but no vehicle flies so far."""
 
 SHELF = 8
-"""Ways that stand side by side: the key of a goal says on which shelf to look, and there the oldest make room."""
+"""Ways in one set: the key of a goal says in which shelf to look, and there the oldest ways make room."""
 
 LEAST_WAYS, MOST_WAYS, MOST_BYTES = 128, 4096, 2**22
-"""Ways that are kept; between these as many as fit into so much memory."""
+"""Least and most ways that are kept; in between, as many as fit into MOST_BYTES."""
 
 NO_KEY = -1
 
 
 class Roadmap(NamedTuple):
-    """What is known of the ways among obstacles, and room to find more. Whoever flies has one of its own, made for its
-    obstacles by `new_roadmap`: it is not for two threads at a time, nor for two solvers.
+    """Known ways among obstacles, and scratch to find more. Each user has its own, made for its obstacles by
+    `new_roadmap`: it is not for two threads at a time, nor for two solvers.
 
     Attributes:
         vertex: Vertices of the convex pieces about the origin that ways are worked out about, shape (m, 2).
-        points: What does not change of the points of ways, shape (ROUND * m, POINT_COLUMNS).
-        keys: Which ways are where, and in the last column which of a shelf came last, shape (shelves, SHELF + 1).
+        points: Fixed data of the points of ways, shape (ROUND * m, POINT_COLUMNS).
+        keys: Keys of the ways in each place; last column: newest place of the shelf; shape (shelves, SHELF + 1).
         table: The ways, shape (SHELF * shelves, ROUND * m, WAY_COLUMNS).
         keep: Scratch of `measure_ways`, shape (ROUND * m, KEEP_COLUMNS).
-        room: Scratch of who looks for a waypoint, shape (ROUND * m, ROOM_COLUMNS).
+        room: Scratch of `next_waypoint`, shape (ROUND * m, ROOM_COLUMNS).
     """
 
     vertex: FloatArray
@@ -74,20 +74,20 @@ class Roadmap(NamedTuple):
     room: FloatArray
 
 
-# Columns of room. Those of `ways.KEEP_COLUMNS`, then of a piece: how far it is from own-ship and from the goal; of a
-# point: the length of the way that leads by it, which share of its clearance there is to its piece, and where it lies.
+# Columns of room. Those of `ways.KEEP_COLUMNS`, then of a piece: its distance from own-ship and from the goal; of a
+# point: the length of the way past it, the share of the clearance that is left to its piece, and where it lies.
 (OWN_OFF, GOAL_OFF, LENGTH, SHARE, POINT, ROOM_COLUMNS) = (KEEP_COLUMNS + place for place in (0, 1, 2, 3, 4, 6))
 
 
 def new_roadmap(obstacles: Obstacles) -> Roadmap:
-    """A map of ways on which there is none yet.
+    """An empty roadmap.
 
     Args:
-        obstacles: Them, about any origin; later ones have the same layout.
+        obstacles: Obstacles about any origin; later ones must have the same layout.
     """
     count = ROUND * len(obstacles.piece_vertex_ne_m)
     ways = min(max(MOST_BYTES // max(8 * WAY_COLUMNS * count, 1), LEAST_WAYS), MOST_WAYS) if count else 0
-    # Keys are made of multiples of twos and threes: were the number of shelves one, most of them would stand empty.
+    # Keys are made of multiples of twos and threes: if the number of shelves were one, too, most would stay empty.
     shelves = 6 * (ways // (6 * SHELF)) + 1
     return Roadmap(
         vertex=obstacles.piece_vertex_ne_m, points=_points(obstacles.pieces),
@@ -104,7 +104,7 @@ def _points(pieces: Polygons) -> FloatArray:
         ring = vertex[first:last]
         edge = ring - np.roll(ring, 1, axis=0)
         begin = np.arctan2(-edge[:, 0], edge[:, 1])
-        # Of a corner that is straight but for rounding it may come out below zero, which is no full circle.
+        # At a corner that is straight but for rounding, this may come out below zero, which is no full circle.
         turn = np.maximum((np.roll(begin, -1) - begin + np.pi) % (2.0 * np.pi) - np.pi, 0.0)
         angle = begin[:, None] + turn[:, None] * (np.arange(ROUND) + 0.5) / ROUND
         reach = 1.0 / np.cos(turn / (2.0 * ROUND))
@@ -120,8 +120,8 @@ def width_of_way(steps, width, margin_m):  # type: ignore[no-untyped-def]
 
     Args:
         steps: The clearance, in steps.
-        width: Which of WIDTHS.
-        margin_m: By how much more routes pass a clearance.
+        width: Index below WIDTHS.
+        margin_m: Further distance that routes keep.
     """
     clearance_m = steps / STEPS_PER_M
     if width == 0:
@@ -131,20 +131,20 @@ def width_of_way(steps, width, margin_m):  # type: ignore[no-untyped-def]
 
 @kernel(inner=True)
 def ways_to(pieces, roadmap, goal_1, goal_2, steps, width, margin_m, outward):  # type: ignore[no-untyped-def]
-    """Where the ways to a goal are in the table; those that are not known are worked out.
+    """Index in the table of the ways to a goal; ways that are not known are worked out.
 
     Args:
-        pieces: Convex pieces, `Obstacles.pieces`, about the origin that holds now.
+        pieces: Convex pieces, `Obstacles.pieces`, about the present origin.
         roadmap: `Roadmap`.
         goal_1: North of the goal.
         goal_2: East of it.
         steps: The clearance, in steps.
-        width: Which of WIDTHS.
-        margin_m: By how much more routes pass a clearance, always the same.
+        width: Index below WIDTHS.
+        margin_m: Further distance that routes keep, always the same.
         outward: Scratch, shape (2,).
     """
     (vertex, start), (about, points, keys, table, keep, _) = pieces, roadmap
-    # Corner by corner: about another origin north is another direction, too.
+    # By the nearest corner: about another origin, north is another direction, too.
     nearest, least = 0, math.inf
     for k in range(len(vertex)):
         square = (vertex[k, 0] - goal_1) * (vertex[k, 0] - goal_1) + (vertex[k, 1] - goal_2) * (vertex[k, 1] - goal_2)

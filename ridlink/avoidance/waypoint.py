@@ -1,6 +1,6 @@
-"""The point to fly to now on the way to a goal round obstacles: at every step, on the map that `roadmap` keeps.
+"""Next waypoint on the way to a goal round obstacles, chosen at every step on the map that `roadmap` keeps.
 
-The shortest way counts; of equal ways the right-hand one. Where the goal is in sight no map is needed.
+The shortest way counts; of equal ways the right-hand one. If the goal is in sight, no map is needed.
 
 Axes: north-east, metres. Pieces are convex and positively oriented (north to east), see `obstacles`.
 """
@@ -39,35 +39,35 @@ from ridlink.avoidance.ways import (
 )
 
 NO_WAY = -1
-"""Memory where no point of a way is in sight."""
+"""Memory if no point of a way is in sight."""
 
 DETOUR_M, DETOUR_SHARE = 5.0, 0.1
-"""A way that was chosen is kept until another one is shorter by both: reported positions move by metres."""
+"""A chosen way is kept until another one is shorter by both: reported positions move by metres."""
 
 TIE_M = 1.0
-"""Ways that differ by less count as equal, and equal ways are passed on the right."""
+"""Ways that differ by less count as equal; of equal ways the right-hand one is flown."""
 
 LEAN = 4.0
-"""Too near, the way leans outwards by so many times the share that is lacking."""
+"""If own-ship is too near a piece, the way leans outwards by this many times the missing share of the clearance."""
 
 
 @kernel(inner=True)
 def next_waypoint(  # type: ignore[no-untyped-def]
     pieces, roadmap, p_1, p_2, goal_1, goal_2, clearance_m, margin_m, memory, aim
 ):
-    """Point to fly to now; the goal itself when nothing is in the way, or no way is in sight.
+    """Find the point to fly to now; the goal itself if nothing is in the way, or no way is in sight.
 
     Inside a piece the way leads over its nearest edge.
 
     Args:
-        pieces: Convex pieces, `Obstacles.pieces`, about the origin that holds now.
+        pieces: Convex pieces, `Obstacles.pieces`, about the present origin.
         roadmap: `Roadmap`.
         p_1: North of own-ship.
         p_2: East of own-ship.
         goal_1: North of the goal.
         goal_2: East of the goal.
         clearance_m: Distance to keep from pieces.
-        margin_m: By how much more routes pass it.
+        margin_m: Further distance that routes keep.
         memory: Result of the last step.
         aim: Result, shape (2,).
 
@@ -98,7 +98,7 @@ def next_waypoint(  # type: ignore[no-untyped-def]
     if chosen <= 0:
         aim[0], aim[1] = goal_1, goal_2
         return chosen
-    # The nearer, the more it leans outwards.
+    # The nearer to the piece, the more the way leans outwards.
     n, piece = chosen - 1, int(roadmap.points[chosen - 1, OWNER])
     nearest_point(vertex, start[piece], start[piece + 1], p_1, p_2, aim)
     t_1, t_2 = room[n, POINT], room[n, POINT + 1]
@@ -109,14 +109,15 @@ def next_waypoint(  # type: ignore[no-untyped-def]
 
 @kernel(inner=True)
 def choose_way(pieces, roadmap, way, p_1, p_2, goal_1, goal_2, memory):  # type: ignore[no-untyped-def]
-    """Which point of a way to fly to now, as in `next_waypoint`, which has filled OWN_OFF and GOAL_OFF in."""
+    """Choose the point of a way to fly to now, as in `next_waypoint`, which has filled in OWN_OFF and GOAL_OFF."""
     (vertex, start), about, room = pieces, roadmap.vertex, roadmap.room
     for piece in range(len(start) - 1):
         own, far = room[piece, OWN_OFF], room[piece, GOAL_OFF]
-        # The way is that to a goal nearby, which may be nearer to the piece: what is further off is in nobody's sight.
+        # The way is to a rounded goal. The goal itself may be nearer to the piece; with more to keep, nothing has it in
+        # sight.
         wanted = min(way[ROUND * start[piece], OFF], WITHIN * far) if far > 0.0 else 0.0
         room[piece, KEEP] = min(wanted, WITHIN * own)
-        # Too near, one flies along the piece rather than away from it: in a crowd all lanes would become one.
+        # If too near, own-ship flies along the piece rather than away from it: in a crowd all lanes would become one.
         share = min(own / wanted, 1.0) if wanted > 0.0 else 1.0
         for k in range(start[piece], start[piece + 1]):
             c_1, c_2 = vertex[k, 0], vertex[k, 1]
@@ -156,7 +157,7 @@ def choose_way(pieces, roadmap, way, p_1, p_2, goal_1, goal_2, memory):  # type:
 
 @kernel(inner=True)
 def leads_by(way, n, m):  # type: ignore[no-untyped-def]
-    """Whether the way from point n leads by point m."""
+    """Whether the way from point n passes point m."""
     for _ in range(len(way)):
         if n == m or n < 0:
             break

@@ -1,8 +1,8 @@
 """Ways round obstacles, in the kernels: the shortest ones that keep a clearance from all of them.
 
-A shortest way among obstacles is a string pulled taut, which bends at their corners only. So the corners of all convex
-pieces, grown by the clearance, are a map: `measure_ways` works out how far the goal is from each of them. Bays, and
-gaps that are too narrow, are nothing special on such a map.
+A shortest way among obstacles is a taut string, which bends only at their corners. So the corners of all convex pieces,
+grown by the clearance, are a map: `measure_ways` works out how far the goal is from each of them. Bays and gaps that
+are too narrow need no special treatment.
 
 Source: visibility graph (Lozano-Pérez and Wesley, 1979), searched from the goal (Dijkstra, 1959).
 
@@ -17,31 +17,30 @@ from ridlink.avoidance.keep_out import nearest_point
 from ridlink.avoidance.kernel import kernel, norm
 
 ROUND = 5
-"""Points that stand for a grown corner: where tangents of its arc meet, so that no way between them cuts it."""
+"""Points for each grown corner: where tangents of its arc meet, so that no way between them cuts it."""
 
-# Columns of what does not change: where the points of a corner lie for each metre of clearance, as seen from the
-# corner, and the piece that each of them belongs to.
+# Columns of the fixed data of a point: offset from its corner for each metre of clearance, and its piece.
 (TANGENT, OWNER, POINT_COLUMNS) = (0, 2, 3)
 
-# Columns of a way: the point, how far the goal is from there, infinite where it cannot be reached, the point that comes
-# next, NO_POINT where that is the goal, and how far ways keep off the piece of the point.
+# Columns of a way: the point, the distance to the goal from there (infinite if it cannot be reached), the next point
+# (NO_POINT if that is the goal), and the distance that ways keep from the piece of the point.
 (NORTH, EAST, REMAINING, NEXT, OFF, WAY_COLUMNS) = range(6)
 
-# Columns of scratch. Of a piece: how far it is kept off, and a circle that encloses it. Of a point: whether it is done.
+# Columns of scratch. Of a piece: the distance to keep, and a circle that encloses it. Of a point: whether it is done.
 (KEEP, MIDDLE, REACH, SETTLED, KEEP_COLUMNS) = (0, 1, 3, 4, 5)
 
 NO_POINT = -1
 
 TOUCH_M = 0.01
-"""Ways that lead along a grown obstacle do not enter it by so much."""
+"""Tolerance: a way along a grown obstacle may enter it by less than this."""
 
 WITHIN = 0.98
-"""Who is nearer to an obstacle than its clearance, and a goal that is, are granted this share of what there is."""
+"""A vehicle or a goal nearer to an obstacle than the clearance is granted this share of its distance instead."""
 
 
 @kernel(inner=True)
 def enclose(pieces, keep):  # type: ignore[no-untyped-def]
-    """Write a circle about each piece to columns MIDDLE and REACH, from which most are seen to be out of the way."""
+    """Write a circle about each piece to columns MIDDLE and REACH, which shows that most are out of the way."""
     vertex, start = pieces
     for piece in range(len(start) - 1):
         first, last = start[piece], start[piece + 1]
@@ -57,12 +56,12 @@ def enclose(pieces, keep):  # type: ignore[no-untyped-def]
 
 @kernel(inner=True)
 def in_sight(pieces, keep, p_1, p_2, t_1, t_2):  # type: ignore[no-untyped-def]
-    """Whether the straight way from p to t keeps its distance from every piece, as both of its ends do.
+    """Whether the straight way from p to t keeps the distance from every piece; both of its ends must.
 
     Args:
         pieces: Convex pieces, `Obstacles.pieces`.
-        keep: Distance to keep from each, with 0 it is not in the way, and what `enclose` wrote, shape
-            (>= pieces, >= KEEP_COLUMNS).
+        keep: Distance to keep from each piece (0: not in the way), and what `enclose` wrote,
+            shape (>= pieces, >= KEEP_COLUMNS).
         p_1: North of the beginning.
         p_2: East of it.
         t_1: North of the end.
@@ -109,19 +108,19 @@ def is_taut(pieces, piece, way, n, t_1, t_2):  # type: ignore[no-untyped-def]
     e_1, e_2 = t_1 - way[n, NORTH], t_2 - way[n, EAST]
     one = e_1 * (way[before, EAST] - way[n, EAST]) - e_2 * (way[before, NORTH] - way[n, NORTH])
     other = e_1 * (way[after, EAST] - way[n, EAST]) - e_2 * (way[after, NORTH] - way[n, NORTH])
-    # A string along the edge to a neighbour touches it, too, and rounding may say that it lies on either side.
+    # A string along the edge to an adjacent point touches the piece, too, and by rounding may lie on either side.
     least = TOUCH_M * norm(e_1, e_2)
     return one * other >= 0.0 or min(abs(one), abs(other)) <= least
 
 
 @kernel(inner=True)
 def measure_ways(pieces, points, clearance_m, goal_1, goal_2, keep, outward, way):  # type: ignore[no-untyped-def]
-    """Work out how far a goal is from every corner.
+    """Work out the distance of a goal from every corner.
 
     Args:
         pieces: Convex pieces, `Obstacles.pieces`.
-        points: What does not change of their points, shape (points, POINT_COLUMNS).
-        clearance_m: Distance to keep from each piece, less from one that the goal is nearer to.
+        points: Fixed data of their points, shape (points, POINT_COLUMNS).
+        clearance_m: Distance to keep from each piece, less from a piece that the goal is nearer to.
         goal_1: North of the goal.
         goal_2: East of it.
         keep: Scratch, shape (points, KEEP_COLUMNS).
@@ -139,7 +138,7 @@ def measure_ways(pieces, points, clearance_m, goal_1, goal_2, keep, outward, way
         way[n, NORTH] = vertex[n // ROUND, 0] + wide * points[n, TANGENT]
         way[n, EAST] = vertex[n // ROUND, 1] + wide * points[n, TANGENT + 1]
         way[n, REMAINING], way[n, NEXT], way[n, OFF] = math.inf, NO_POINT, wide
-        # A point that is too near to another piece is none, nor is one of a piece that the goal is in.
+        # A point too near to another piece is not used, nor is one of a piece that the goal is in.
         settled = wide <= 0.0
         for piece in range(len(start) - 1):
             if piece != owner and not settled and keep[piece, KEEP] > 0.0:
