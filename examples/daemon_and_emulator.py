@@ -1,6 +1,6 @@
-"""Two emulated vehicles and their two daemons on loopback, in one program: real frames, real sockets, a quarter minute.
+"""Two emulated vehicles and their two daemons in one program, over real sockets on loopback: a quarter minute.
 
-The vehicles start 120 m apart, each with its goal behind the other. Ports are chosen by the kernel.
+The vehicles start 120 m apart, and the goal of each is behind the other. The kernel chooses the ports.
 """
 
 import asyncio

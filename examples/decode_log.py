@@ -1,4 +1,4 @@
-"""Read a telemetry log: write a short one, look into it message by message, see who comes close to whom.
+"""Read a telemetry log: write a short one, read it message by message, and find the closest approach.
 
 python examples/decode_log.py
 """
@@ -19,7 +19,7 @@ HOME_DEG = (47.4, 8.5)
 
 
 def write_log(path: Path) -> None:
-    """Two vehicles fly north and south past each other, 10 m/s each, 12 m apart; one says how well it knows itself."""
+    """Two vehicles fly past each other, north and south, 10 m/s each, 12 m apart; only one sends its position error."""
     north, south = Encoder(1, 1), Encoder(2, 1)
     with TlogWriter(path) as log:
         for tenth in range(100):
@@ -42,7 +42,7 @@ def write_log(path: Path) -> None:
 
 
 def main() -> None:
-    """Print every second how far apart they are, then the closest approach and what each says about itself."""
+    """Print the distance every second, then the closest approach and the position error that each vehicle sent."""
     assembler = ReportAssembler()
     ground_ne_m: dict[int, tuple[float, float]] = {}
     error_m: dict[int, float | None] = {}

@@ -1,6 +1,6 @@
-"""One neighbour, one decision: how large a disc it needs, and which velocity keeps out of it.
+"""One neighbour, one decision: the size of its disc, and the velocity that keeps out of this disc.
 
-Own-ship flies north at 10 m/s; the neighbour comes towards it, a little to one side, heard 0.1 s ago.
+Own-ship flies north at 10 m/s. The neighbour comes towards it, a little to one side, and was heard 0.1 s ago.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ neighbour = Traffic(
     age_s=np.array([0.1]),
     radius_m=discs.radius_m,
     error_sum_m=discs.error_sum_m,
-    reciprocal=np.array([False]),  # it does not say that it avoids, so own-ship takes all of it
+    reciprocal=np.array([False]),  # it does not say that it avoids, so own-ship does all of the avoiding
     memory=np.zeros(1, np.int8),
 )
 decision = new_solver("halfplane").solve(own, neighbour, preferred_ne_mps=WANTED, cruise_mps=10.0)

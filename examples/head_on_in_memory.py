@@ -1,7 +1,7 @@
 """Two engines meet head-on: every byte is real MAVLink, no socket is opened, and time is virtual.
 
-Each vehicle is a point that obeys at once. It tells its engine where it is, as an autopilot would, and tells the other
-one by Remote ID: LOCATION, and RIDLINK_SEPARATION beside it with its error, its size and its intent.
+Each vehicle is a point that obeys setpoints at once. It sends its position to its own engine, as an autopilot would. To
+the other engine it sends Remote ID: LOCATION, and RIDLINK_SEPARATION with its error, its size and its intent.
 """
 
 import math
@@ -20,7 +20,7 @@ STEP_S, CRUISE_MPS, ERROR_M, AIRFRAME_M = 0.1, 10.0, 3.0, 0.6
 
 
 class Vehicle:
-    """A point with an autopilot's voice and an engine."""
+    """A point that speaks as an autopilot does, and its engine."""
 
     def __init__(self, sysid: int, north_m: float) -> None:
         self.position, self.velocity, self.goal = np.array([north_m, 0, 0]), np.zeros(3), np.array([-north_m, 0, 0])

@@ -1,4 +1,4 @@
-"""What ridlink adds to Remote ID: one message, from numbers to bytes and back.
+"""RIDLINK_SEPARATION, the message that ridlink adds to Remote ID: from numbers to bytes and back.
 
 python examples/separation_message.py
 """

@@ -1,7 +1,7 @@
-"""What a pair of drones needs between them, part by part, under each separation definition, and what that holds.
+"""The distance that a pair of drones needs under each separation definition, part by part, and the risk that is left.
 
-Two small multirotors at 10 m/s, 3.5 m of position error per axis (one sigma), Remote ID ten times a second, and five
-other vehicles in the picture.
+Two small multirotors fly at 10 m/s, with 3.5 m of position error per axis (one sigma) and Remote ID ten times a second.
+Five other vehicles are in the picture.
 """
 
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, coded_bound_m
@@ -15,7 +15,7 @@ INTERVAL_S = 0.1
 NEIGHBOURS = 6
 
 bound_m = 3.0 * SIGMA_M  # what RIDLINK_SEPARATION carries: three standard deviations per axis
-code_bound_m = coded_bound_m(bound_m, DEFAULT_CONVENTION)  # what is left of it in standard Remote ID's accuracy code
+code_bound_m = coded_bound_m(bound_m, DEFAULT_CONVENTION)  # what standard Remote ID's accuracy code keeps of it
 either = Reported(AIRFRAME_M, bound_m, code_bound_m, SPEED_MPS)
 touch_m = mac_radius([AIRFRAME_M, AIRFRAME_M])
 
@@ -25,7 +25,7 @@ print()
 print("definition      airframes  errors  flown  radius   risk of an encounter at its edge")
 for definition in Definition:
     discs = separation_discs(definition, either, either, interval_s=INTERVAL_S, eta=DEFAULT_ETA, neighbours=NEIGHBOURS)
-    # What is flown between two messages is used up; the rest of the disc is there for errors.
+    # The distance flown between two messages is used up; the rest of the disc is there for errors.
     slack_m = discs.radius_m - discs.displacement_m - touch_m
     risk = instant_probability(-slack_m, bound_m, bound_m)
     print(
