@@ -1,7 +1,7 @@
 """Static obstacles: polygons in north-east metres, checked once and laid out flat for the kernels.
 
-The half-plane of an obstacle comes from its nearest point, which needs convex pieces; concave polygons are cut into
-triangles ("ear clipping") that are merged again while they stay convex.
+The half-plane of an obstacle comes from its nearest point, which needs convex pieces. Concave polygons are cut into
+triangles ("ear clipping"), which are merged again while they stay convex.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 Polygons = tuple[FloatArray, IntArray]
-"""Vertices of convex polygons, shape (m, 2), and where each polygon begins in them, with the end."""
+"""Vertices of convex polygons, shape (m, 2), and the index at which each polygon begins, with the end."""
 
 MIN_AREA_M2 = 1e-6
 """A smaller polygon is a point or a line and has no inside."""
 
 STRAIGHT_M2 = -1e-9
-"""A corner that turns back by no more than rounding is a straight one."""
+"""A corner that turns back by no more than rounding is straight."""
 
 LOST_SHARE = 1e-6
-"""Pieces that lack more of the area than this, or have more, are not those of the polygon: nothing is flown by them."""
+"""Pieces whose area differs by more than this share are not those of the polygon: nothing is flown by them."""
 
 
 def _cross(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
@@ -65,12 +65,12 @@ def _checked(polygon: ArrayLike, name: str) -> FloatArray:
 
 
 def _meeting_edge(vertices: FloatArray) -> int | None:
-    """Where the first edge begins that meets another one where they do not follow each other, or that leads back along
-    the one before; None if there is none. What touches itself has no inside that could be cut into pieces."""
+    """Index where the first edge begins that meets another one not adjacent to it, or leads back along the one before;
+    None if there is none. A polygon that touches itself has no inside that could be cut into pieces."""
     ends, places = np.roll(vertices, -1, axis=0), np.arange(len(vertices))
     lowest, highest = np.minimum(vertices, ends), np.maximum(vertices, ends)
     for i, (here, end) in enumerate(zip(vertices, ends, strict=True)):
-        # Two edges meet where neither leaves both ends of the other one on the same side.
+        # Two edges meet if neither has both ends of the other on the same side.
         points = np.sign(_cross_all(here, end, vertices))
         split = points * np.roll(points, -1) <= 0.0
         splits = np.sign(_cross_all(vertices, ends, here)) * np.sign(_cross_all(vertices, ends, end)) <= 0.0
@@ -123,7 +123,7 @@ def convex_pieces(vertices: FloatArray) -> list[FloatArray]:
         return [vertices]
     pieces = dict(enumerate(_triangles(vertices)))
     owner = {edge: name for name, piece in pieces.items() for edge in _edges(piece)}
-    # Cuts with the pieces on both sides; whoever has grown is looked at again with all that it touches.
+    # Cuts with the pieces on both sides; a piece that has grown is looked at again with all that it touches.
     cuts = [(owner[b, a], name, b, a) for (a, b), name in owner.items() if owner.get((b, a), name) < name]
     heapify(cuts)
     while cuts:
@@ -147,11 +147,11 @@ def _edges(ring: list[int]) -> Iterator[tuple[int, int]]:
 
 
 def _joined(vertices: FloatArray, first: list[int], second: list[int], a: int, b: int) -> list[int] | None:
-    """Two convex pieces as one ring without the edge from a to b of the first; None if that would not be convex."""
+    """Two convex pieces as one ring without the edge from a to b of the first; None if it would not be convex."""
     i, j = first.index(a), second.index(b)
     rest = (second[j:] + second[:j])[2:]
     before, after = first[i - 1], first[(i + 2) % len(first)]
-    # Only where they meet can it be otherwise.
+    # Only the corners where they meet can be concave.
     for one, corner, other in ((before, a, rest[0]), (rest[-1], b, after)):
         if _cross(vertices[one], vertices[corner], vertices[other]) < STRAIGHT_M2:
             return None
@@ -164,8 +164,8 @@ class Obstacles:
 
     Attributes:
         piece_vertex_ne_m: Vertices of all convex pieces, shape (m, 2).
-        piece_start: Where each piece begins in it, with the end, shape (pieces + 1,).
-        layout: The same object wherever the same obstacles are told about another origin.
+        piece_start: Index at which each piece begins, with the end, shape (pieces + 1,).
+        layout: The same object for the same obstacles about another origin.
     """
 
     piece_vertex_ne_m: FloatArray

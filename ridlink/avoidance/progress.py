@@ -1,4 +1,4 @@
-"""Is own-ship getting anywhere? The turn that ends a perfect stand-off when it is not."""
+"""Whether own-ship makes progress; if not, a turn that ends a perfect stand-off."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ class ProgressWatch:
     """Grows a turn to the right while a vehicle comes no nearer to its goal, and takes it back when it does.
 
     Perfect symmetry can hold traffic in place, or on a circle, for ever. A turn that depends on each vehicle's own
-    history breaks it. Fed and asked; reads no clock.
+    history breaks it. Reads no clock.
 
     Args:
-        window_s: Progress is judged over so long.
-        share: Stalled below this share of the distance that cruise would have covered.
-        growth_rad_per_s: The turn grows so fast while stalled.
-        decay_rad_per_s: It shrinks so fast otherwise: a turn that outlives its cause is a detour.
+        window_s: Progress is judged over this time.
+        share: A vehicle is stalled below this share of the distance that cruise would have covered.
+        growth_rad_per_s: Growth of the turn while stalled.
+        decay_rad_per_s: Decay of the turn otherwise: a turn that outlives its cause is a detour.
         most_rad: Largest turn.
     """
 
@@ -36,7 +36,7 @@ class ProgressWatch:
         Args:
             now_s: The caller's clock; must not go back.
             goal_distance_m: Distance to the goal now.
-            cruise_mps: Speed that own-ship would like.
+            cruise_mps: Speed that own-ship wants.
 
         Raises:
             ValueError: If an argument is not finite.

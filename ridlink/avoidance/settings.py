@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 IDEAL_AGE_ACCELERATION_MPS2 = 10.0
-"""Manoeuvre that an unheard neighbour is granted which obeys at once. An autopilot gets 2.5 m/s^2 out of its vehicle;
-four times that lets half a second unheard count for 1.25 m and a second for 5 m. With 2.5 m/s^2 rotation has more
-collisions in the paper's square when reports are lost in bursts than when none is; with 40 m/s^2 jumps of the discs
-cost a quarter of the time."""
+"""Manoeuvre granted to an unheard neighbour that obeys at once. An autopilot gets 2.5 m/s^2 out of its vehicle. Four
+times that lets half a second unheard count for 1.25 m and a second for 5 m. With 2.5 m/s^2, rotation has more
+collisions in the paper's square when reports are lost in bursts than when none is lost; with 40 m/s^2, jumps of the
+discs cost a quarter of the time."""
 
 
 def _vector(settings: Any) -> NDArray[np.float64]:

@@ -31,7 +31,7 @@ SolverSettings = HalfplaneSettings | GradedSettings | RotationSettings
 
 
 class Solver(Protocol):
-    """Decides one step after the other; which one it is, only its maker need know."""
+    """Interface of the solvers: decides one step after the other."""
 
     def solve(
         self,
@@ -77,7 +77,7 @@ def new_solver(kind: SolverKind | str = SolverKind.HALFPLANE, settings: SolverSe
         settings: Its constants; those for a real vehicle if not given.
 
     Raises:
-        ValueError: If there is no such kind, or the settings are another's.
+        ValueError: If there is no such kind, or the settings are those of another kind.
     """
     kind = SolverKind(kind)
     if kind is SolverKind.HALFPLANE and (settings is None or isinstance(settings, HalfplaneSettings)):
@@ -90,10 +90,10 @@ def new_solver(kind: SolverKind | str = SolverKind.HALFPLANE, settings: SolverSe
 
 
 class _RowSolver(ABC):
-    """Packs checked values into rows, has a kernel decide, and unpacks its answer.
+    """Packs checked values into rows, calls a kernel, and unpacks its answer.
 
-    Holds scratch memory, and ways that were worked out: equal arguments give equal answers about the same origin, and
-    memory of sides is the caller's. Not for use by two threads at a time.
+    Holds scratch memory and the ways worked out so far: about the same origin, equal arguments give equal answers. The
+    memory of encounters is the caller's. Not for use by two threads at a time.
     """
 
     def __init__(self) -> None:
@@ -157,7 +157,7 @@ class _RowSolver(ABC):
         return self._decision(count)
 
     def _make_room(self, count: int, obstacles: Obstacles) -> None:
-        """Scratch for so many neighbours and these obstacles."""
+        """Allocate scratch for so many neighbours and these obstacles."""
         self._most = count
         self._neighbours = rows.new_blocks(count)
         self._reports = np.zeros((count, 10))
@@ -170,11 +170,11 @@ class _RowSolver(ABC):
 
     @abstractmethod
     def _has_room(self, obstacles: Obstacles) -> bool:
-        """Whether the scratch does for these obstacles, at the number of neighbours it was made for."""
+        """Whether the scratch is large enough for these obstacles, at the number of neighbours it was made for."""
 
     @abstractmethod
     def _decide(self, count: int, obstacles: Obstacles) -> None:
-        """Call the kernel; memory of the way round obstacles is brought up to date by who goes round them."""
+        """Call the kernel; a solver that goes round obstacles updates the memory of its way."""
 
     def _decision(self, count: int) -> Decision:
         self._count = count
@@ -198,7 +198,7 @@ class _RowSolver(ABC):
 
 
 class HalfplaneSolver(_RowSolver):
-    """Velocity nearest the preferred one that keeps out of every disc; the least bad one where there is none.
+    """Velocity nearest the preferred one that keeps out of every disc; the least bad one if there is none.
 
     The way to a goal leads round the obstacles.
     """
@@ -210,12 +210,12 @@ class HalfplaneSolver(_RowSolver):
         super().__init__()
 
     def half_planes(self) -> list[tuple[FloatArray, int]]:
-        """What constrained the last decision, to be looked at.
+        """Half-planes that constrained the last decision, for inspection.
 
         Returns:
             Half-planes (n_1, n_2, d), velocities x with n.x >= d being allowed, each with the place of its neighbour,
-            or -1 for an obstacle. A neighbour has one of now and one of later; those that no velocity within the limit
-            fails are left out, and so are those that keep airframes from touching within the next step.
+            or -1 for an obstacle. A neighbour has one of now and one of later. Those that every velocity within the
+            limit meets are left out, and those that keep airframes from touching within the next step.
         """
         candidates, names, lines, *_ = self._scratch
         hard = rows.LANES * rows.blocks_for(self._count)
@@ -245,7 +245,7 @@ class HalfplaneSolver(_RowSolver):
 
 
 class _HeadingSolver(_RowSolver):
-    """What the two solvers that choose among headings do alike.
+    """Common part of the two solvers that choose among headings.
 
     They fly straight to the goal and turn away from an obstacle as soon as it lies before the goal. A choice among
     headings is no help to a vehicle that is told to stand: without a goal, a preferred velocity of zero stays zero.
@@ -277,7 +277,7 @@ class GradedSolver(_HeadingSolver):
 
 
 class RotationSolver(_HeadingSolver):
-    """The paper's: the straight way, turned until it leads into no disc."""
+    """The paper's solver: the straight way, turned until it leads into no disc."""
 
     def __init__(self, settings: RotationSettings | None = None) -> None:
         self.settings = settings or RotationSettings()
@@ -299,15 +299,15 @@ _OWN_KERNELS = {
 
 
 def is_warm(kind: SolverKind | str = SolverKind.HALFPLANE) -> bool:
-    """Whether `warm_up` needs no compiler: every kernel of a solver is in memory or kept on disk."""
+    """Whether `warm_up` needs no compiler: every kernel of a solver is in memory or in the cache on disk."""
     return all(is_compiled(kernel) for kernel in (pack, unpack_memory, *_OWN_KERNELS[SolverKind(kind)]))
 
 
 def warm_up(kind: SolverKind | str = SolverKind.HALFPLANE) -> None:
     """Compile the kernels of a solver, or load them from the cache, once.
 
-    Seconds when cold, a fraction of one from the cache. Call it before the first deadline, not within one. Of several
-    processes that are cold one compiles, and the others wait for it.
+    Takes seconds when cold, a fraction of one from the cache. Call it before the first deadline, not within one. If
+    several processes are cold, one compiles and the others wait for it.
     """
     with nullcontext() if is_warm(kind) else compiling_alone(pack):
         _decide_once(SolverKind(kind))

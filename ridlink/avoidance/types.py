@@ -1,4 +1,4 @@
-"""What the avoidance solver takes and gives: plain arrays of discs and velocities, no Remote ID and no MAVLink.
+"""Input and output of the avoidance solvers: plain arrays of discs and velocities, no Remote ID and no MAVLink.
 
 Axes: north-east, metres and metres per second, one common local origin. The compass turns clockwise in these axes, so
 "to the right" of a vector (n, e) is (-e, n). This module needs numpy only; the compiled kernels are loaded by
@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 Int8Array = NDArray[np.int8]
 
 FARTHEST = 1e9
-"""Metres, or metres a second, beyond which no number is taken: squares of it are still exact enough to compare."""
+"""Largest number that is taken [m or m/s]: its square is still exact enough to compare."""
 
 
 def checked_pair(name: str, value: ArrayLike) -> FloatArray:
@@ -49,7 +49,7 @@ class OwnShip:
         velocity_ne_mps: Own velocity from the autopilot, never from differences of positions, shape (2,).
         command_ne_mps: Last velocity sent to the autopilot, shape (2,); the own velocity where none was sent yet.
         airframe_m: Largest horizontal extent (diameter).
-        speed_limit_mps: No velocity that leaves the solver is faster.
+        speed_limit_mps: Limit of all velocities that leave the solver.
     """
 
     position_ne_m: FloatArray
@@ -66,24 +66,24 @@ class OwnShip:
 
 
 class Memory(IntFlag):
-    """What a solver keeps of the encounter with one neighbour from step to step."""
+    """Memory of the encounter with one neighbour, kept from step to step."""
 
     PASSING_RIGHT = 1
-    """The rule of the road has it pass on the right; at most one of the two sides is set."""
+    """Own-ship passes on the right, by the rule of the road; at most one of the two sides is set."""
     PASSING_LEFT = 2
     APART = 4
-    """It has been clear of the disc and its buffer, so the buffer is now held against it."""
+    """The neighbour has been clear of the disc and its buffer, so the buffer is now held against it."""
 
 
 _MAY_BE_KEPT = np.zeros(256, np.bool_)
-"""By the flags as an int8, negative ones counted from the end; nobody is passed on both sides."""
+"""Which flags are allowed, by their int8 (negative ones count from the end); no neighbour is passed on both sides."""
 _MAY_BE_KEPT[[0, Memory.PASSING_RIGHT, Memory.PASSING_LEFT]] = True
 _MAY_BE_KEPT[Memory.APART : 2 * Memory.APART] = _MAY_BE_KEPT[: Memory.APART]
 
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """Structure of arrays for n neighbours, in the caller's order.
+    """Neighbours as a structure of arrays, n of them in the caller's order.
 
     Args:
         position_ne_m: Positions as reported, at the time of the report, shape (n, 2); the solver extrapolates.
@@ -93,11 +93,11 @@ class Traffic:
         radius_m: Radius of the pair's disc, shape (n,).
         error_sum_m: Part of it that stands for localization errors, shape (n,).
         reciprocal: True where the neighbour announces that it takes its half of the avoidance, shape (n,).
-        memory: What the solver keeps of each encounter, `Decision.memory` of the last step in the same order; 0 for a
-            neighbour it never met, shape (n,), `Memory` flags.
+        memory: Memory of each encounter: `Decision.memory` of the last step in the same order, 0 for a new neighbour,
+            shape (n,), `Memory` flags.
 
     Raises:
-        ValueError: If a shape is another, a figure is not finite, negative or too far away, or a flag is none.
+        ValueError: If a shape is wrong, a number is not finite, negative or too large, or a flag does not exist.
     """
 
     position_ne_m: FloatArray
@@ -163,20 +163,20 @@ class SolverKind(Named):
 class Status(IntEnum):
     """How free the decision was.
 
-    The solvers that choose among headings judge by the velocity obstacles of the radii that they keep: of the whole
-    discs, at any time, under `rotation`; of the smaller radii inside its risks, entered within its look-out, under
-    `graded`, which may choose a pass inside of one although there are others.
+    The solvers that choose among headings judge by velocity obstacles. `rotation` takes those of the whole discs, at
+    any time; `graded` those of its smaller radii, entered within its look-out, and may choose a pass inside one
+    although there are others.
     """
 
     FREE = 0
     """No neighbour and no obstacle stands in the way of the preferred velocity."""
     CONSTRAINED = 1
-    """Every constraint is met by another velocity than the preferred one."""
+    """Another velocity than the preferred one meets every constraint."""
     OVERLAPPED = 2
-    """As CONSTRAINED, while own-ship is inside the disc of a neighbour or the clearance of an obstacle: separating."""
+    """As CONSTRAINED, but own-ship is inside the disc of a neighbour or the clearance of an obstacle, and separates."""
     INFEASIBLE = 3
-    """No velocity meets every constraint, or none that can be flown in time: this one exceeds the worst of them least,
-    obstacles first, or is the path to it that enters discs least (`ridlink.avoidance.evasion`)."""
+    """No velocity meets every constraint, or none that can be flown in time. This one exceeds the worst of them least,
+    obstacles first, or its path enters discs least (`ridlink.avoidance.evasion`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,12 +186,12 @@ class Decision:
     Attributes:
         velocity_ne_mps: Admissible velocity nearest the preferred one, shape (2,).
         command_ne_mps: The same smoothed from the last command: what to send, shape (2,).
-        preferred_ne_mps: What own-ship would fly without traffic, round obstacles and with its turn, shape (2,).
+        preferred_ne_mps: Velocity without traffic, round obstacles and with the turn, shape (2,).
         status: How free the decision was.
-        binding: Indices of the neighbours (at most 3) whose constraints the velocity touches or exceeds; where headings
-            are chosen among, of those that rule out the straight way or are exceeded, the worst first.
-        obstacle_binding: True if the velocity touches the constraint of a static obstacle, or the straight way is ruled
-            out by one.
+        binding: Indices of the neighbours (at most 3) whose constraints the velocity touches or exceeds. With headings:
+            those that rule out the straight way or are exceeded, the worst first.
+        obstacle_binding: True if the velocity touches the constraint of a static obstacle, or one rules out the
+            straight way.
         worst_slack_mps: Distance of the velocity to its tightest constraint, negative if it is exceeded; infinite
             without any.
         nearest_margin_m: Smallest distance to a neighbour now, less the pair radius without buffer; infinite without
@@ -199,8 +199,8 @@ class Decision:
         nearest_index: Neighbour with that margin, -1 without any.
         time_to_violation_s: Time until the reported velocities lead into the pair radius of the first neighbour, 0
             inside, infinite if never.
-        memory: What to hand in with the next step of each encounter, shape (n,), `Memory` flags.
-        route: Memory of the way round an obstacle to hand in with the next step.
+        memory: Memory of each encounter, for the next step, shape (n,), `Memory` flags.
+        route: Memory of the way round an obstacle, for the next step.
     """
 
     velocity_ne_mps: FloatArray

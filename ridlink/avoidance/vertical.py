@@ -1,25 +1,26 @@
-"""The third dimension: leaving the height of a conflict that is hard to solve in the plane.
+"""Vertical avoidance: leaving the height of a conflict that is hard to solve in the plane.
 
-A neighbour is a cylinder: the disc of the pair, and up and down of it the vertical bound of the pair. The horizontal
-velocity is decided first, as without this module. Only where that decision is bad (no admissible velocity, an overlap,
-a large detour), or a neighbour in conflict is leaving already, own-ship leaves the slab of height in which they fly:
+A neighbour is a cylinder: the disc of the pair, extended up and down by the vertical bound of the pair. The horizontal
+velocity is decided first, as without this module. If that decision is bad (no admissible velocity, an overlap, a large
+detour), or if a neighbour in conflict is leaving already, own-ship leaves the slab of height of the conflict. The
+rules:
 
-- whoever will be the higher one in a moment climbs, the lower one descends; at equal heights the greater identity
+- the vehicle that will be higher in a moment climbs, the lower one descends; at equal heights the greater identity
   climbs. Both ends see the same heights, climb rates and identities, so they choose apart;
-- all neighbours in conflict must give the same direction: between one above and one below nobody leaves;
+- all neighbours in conflict must give the same direction: between one above and one below own-ship does not leave;
 - the slab can be left before the disc is entered. A neighbour that announces avoidance is counted on for half of the
-  way, of any other the whole way is ours, against the climb that it reports;
+    way; with any other, own-ship goes the whole way, against the climb that it reports;
 - on that way there is no other cylinder, and no neighbour of unknown height at all;
 - there is room for it in the band of heights.
 
-The direction is held until the encounter is over, and two seconds more. After that own-ship returns to the altitude of
-its goal, as far as no cylinder is entered by it that is not entered already.
+The direction is held until the encounter is over, and two seconds more. Then own-ship returns to the altitude of its
+goal, as far as that enters no cylinder that is not entered already.
 
-What is guaranteed, of reported positions: own-ship does not leave its band by this; from outside it comes no nearer to
-the cylinder of a known neighbour in conflict than braking takes; it does not climb or descend to avoid while a
-neighbour of unknown height is in conflict. What is not: that leaving is possible (in dense traffic it mostly is not,
-and with vertical errors of tens of metres hardly ever in time), and that a neighbour that avoids also climbs. The
-horizontal decision therefore stays in force against everybody who is not yet known to be apart: it holds the disc.
+Guaranteed, of reported positions: own-ship does not leave its band by this; from outside it comes no nearer to the
+cylinder of a known neighbour in conflict than braking takes; it does not climb or descend to avoid while a neighbour of
+unknown height is in conflict. Not guaranteed: that leaving is possible (in dense traffic it mostly is not, and with
+vertical errors of tens of metres hardly ever in time), and that a neighbour that avoids also climbs. So the horizontal
+decision stays in force against every neighbour not yet known to be apart: it holds the disc.
 
 Heights in metres, positive upwards; own-ship is at zero; m/s, seconds.
 """
@@ -43,13 +44,13 @@ class VerticalSettings:
         descent_mps: Fastest descent. PX4 clips at 1.5 m/s.
         acceleration_mps2: Change of the vertical speed. ArduPilot takes 1 m/s^2, PX4 more.
         response_s: Delay before the vehicle moves.
-        conflict_s: A conflict enters the disc within this time.
+        conflict_s: A neighbour is in conflict if its disc is entered within this time.
         look_s: A cylinder is in the way if its disc is entered within this time.
-        foresee_s: Who is higher is told for so long ahead, so that whoever moves already is let be.
-        join_mps: Who sees a neighbour that avoids climb or descend so fast in a conflict goes the other way.
-        equal_m: Heights nearer than this are equal: both ends see them a tenth of a second apart and rounded.
+        foresee_s: Heights are compared this far ahead, so that a vehicle that already climbs or descends may go on.
+        join_mps: If a neighbour in conflict that avoids climbs or descends this fast, own-ship goes the other way.
+        equal_m: Heights nearer than this count as equal: both ends see them a tenth of a second apart and rounded.
         clearance_m: Height flown beyond the bound, so that the gate of the traffic picture opens and stays open.
-        over_s: An encounter must be over for so long.
+        over_s: An encounter must be over for this long.
     """
 
     climb_mps: float = 2.0
@@ -71,13 +72,13 @@ class Cylinder:
 
     Args:
         key: Identity, for the memory of the encounter.
-        above_m: How far it is above own-ship, NaN where unknown.
-        climb_mps: Its climb rate, NaN where unknown.
-        half_height_m: Vertical bound of the pair, infinite where unknown.
+        above_m: Height above own-ship, NaN if unknown.
+        climb_mps: Climb rate, NaN if unknown.
+        half_height_m: Vertical bound of the pair, infinite if unknown.
         entry_s: Time until its disc is entered; 0 inside, infinite if never.
-        receding: It is past, or flies along, outside of its disc.
-        reciprocal: It takes its half.
-        greater: Own-ship has the greater identity; None where they cannot be told apart.
+        receding: Own-ship is past it, or flies along outside its disc.
+        reciprocal: It takes its half of the avoidance.
+        greater: Own-ship has the greater identity; None if they cannot be told apart.
     """
 
     key: Hashable
@@ -91,12 +92,12 @@ class Cylinder:
 
     @property
     def known(self) -> bool:
-        """Its height can be compared with ours."""
+        """Whether its height can be compared with the own one."""
         return math.isfinite(self.above_m) and math.isfinite(self.climb_mps) and math.isfinite(self.half_height_m)
 
     @property
     def level(self) -> bool:
-        """We are in its slab."""
+        """Whether own-ship is in its slab."""
         return abs(self.above_m) < self.half_height_m
 
 
@@ -120,16 +121,16 @@ class VerticalAvoidance:
 
     @property
     def leaving(self) -> int:
-        """1 up, -1 down, 0 while no slab is being left or has been."""
+        """Direction of the slab that is being left or has been: 1 up, -1 down, 0 none."""
         return next((hold.direction for hold in self._held.values()), 0)
 
     @property
     def held(self) -> Collection[Hashable]:
-        """Whose slab is being left, or has been left: hand their cylinders in however far they are."""
+        """Keys of neighbours whose slab is being left or has been: hand in their cylinders, however far they are."""
         return self._held.keys()
 
     def forget(self) -> None:
-        """A new leg begins."""
+        """Forget all encounters: a new leg begins."""
         self._held.clear()
 
     def step(
@@ -148,11 +149,11 @@ class VerticalAvoidance:
         Args:
             cylinders: Those entered within `look_s`, and those held.
             bad: The horizontal decision is infeasible, overlapped, or far from what was wanted.
-            own_climb_mps: As it is reported to others.
-            to_goal_m: Altitude of the goal above own-ship.
+            own_climb_mps: Own climb rate, as it is reported to others.
+            to_goal_m: Height of the goal above own-ship.
             room_m: How far the band of heights reaches up and down from here; negative outside of it.
             last_mps: Climb rate commanded last.
-            elapsed_s: Time since then.
+            elapsed_s: Time since that command.
         """
         settings = self.settings
         self._let_go(cylinders, elapsed_s)
@@ -174,7 +175,7 @@ class VerticalAvoidance:
             wanted = direction * max(GAIN_PER_S * missing, 0.0)
         else:
             wanted = GAIN_PER_S * to_goal_m
-        # Outside of the band these cross zero: a height that drifts out of it is flown back.
+        # Outside the band these limits cross zero: a height that drifts out is flown back.
         wanted = max(min(wanted, GAIN_PER_S * room_m[0]), -GAIN_PER_S * room_m[1])
         wanted = min(max(wanted, -settings.descent_mps), settings.climb_mps)
         if blind and (direction or any(not c.known and c.entry_s <= settings.conflict_s for c in cylinders)):
@@ -199,7 +200,7 @@ class VerticalAvoidance:
         own_climb_mps: float,
         room_m: tuple[float, float],
     ) -> None:
-        """Leave the slab of all conflicts, if all the rules allow it; whoever is held already stays held."""
+        """Leave the slab of all conflicts, if all the rules allow it; a neighbour that is held stays held."""
         wishes = {hold.direction for hold in self._held.values()}
         new = [each for each in conflicts if each.key not in self._held]
         wishes |= {self._direction(each, own_climb_mps) for each in new}
@@ -223,7 +224,7 @@ class VerticalAvoidance:
             self._held.update({each.key: _Hold(direction) for each in new})
 
     def _direction(self, each: Cylinder, own_climb_mps: float) -> int:
-        """The rule that both ends see the same way: 1 we climb, -1 we descend, 0 it gives no answer."""
+        """Direction by the rule that both ends see alike: 1 own-ship climbs, -1 it descends, 0 no answer."""
         settings = self.settings
         later = each.above_m + (each.climb_mps - own_climb_mps) * settings.foresee_s
         if abs(later) > settings.equal_m:
@@ -233,12 +234,12 @@ class VerticalAvoidance:
         return 1 if each.greater else -1
 
     def _way_m(self, each: Cylinder, direction: int) -> float:
-        """How far we ourselves must climb or descend to leave a slab."""
+        """Height that own-ship itself must climb or descend to leave a slab [m]."""
         missing = max(each.half_height_m + direction * each.above_m, 0.0)
         return missing / 2.0 if each.reciprocal else missing
 
     def _in_time(self, each: Cylinder, direction: int) -> bool:
-        """Whether a slab can be left before the disc is entered; inside of the disc there is nothing to wait for."""
+        """Whether a slab can be left before the disc is entered; inside the disc there is nothing to wait for."""
         if each.entry_s <= 0.0:
             return True
         settings = self.settings
@@ -250,7 +251,7 @@ class VerticalAvoidance:
         return settings.response_s + fastest / (2.0 * settings.acceleration_mps2) + needed <= each.entry_s
 
     def _stopped_at_cylinders(self, wanted: float, cylinders: Sequence[Cylinder]) -> float:
-        """A climb rate that enters no cylinder from above or below."""
+        """Climb rate reduced so that it enters no cylinder from above or below."""
         if wanted == 0.0:
             return wanted
         towards = math.copysign(1.0, wanted)

@@ -1,8 +1,8 @@
 """The same decision for whole batches of worlds: every vehicle of a world against all others of it.
 
-One entry point for each solver, so that whoever flies one does not compile the others. Their first arguments are the
-same: W worlds of N vehicles; all vehicles of a world decide from the same picture, at the same instant. Worlds have
-nothing to do with each other, so parts of a batch may be given to several threads.
+There is one entry point for each solver, so that a user of one does not compile the others. Their first arguments are
+the same: W worlds of N vehicles; all vehicles of a world decide from the same picture, at the same instant. Worlds are
+independent, so parts of a batch may be given to several threads.
 
     own           own-ships, rows as in `rows`, shape (W, N, OWN_COLUMNS)
     deciding      True where a decision is wanted, shape (W, N)
@@ -48,12 +48,12 @@ from ridlink.avoidance.rows import (
 )
 
 SMALL_WORLD = 64
-"""Vehicles up to which everybody is passed over for everybody."""
+"""In worlds of up to this many vehicles, each looks at all others."""
 
 
 @kernel(inner=True)
 def draw_picture(heard, present, picture):  # type: ignore[no-untyped-def]
-    """What the others hear of each vehicle of one world, as blocks of neighbours."""
+    """Write what the others hear of each vehicle of one world to blocks of neighbours."""
     place_reports(heard, len(heard), picture)
     for j in range(len(heard)):
         picture[j // LANES, HEARD + j % LANES] = 1.0 if present[j] else 0.0
@@ -71,7 +71,7 @@ def fill_in(numbers, picture, column):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True, inner=True)
 def complete(picture, radius_m, error_sum_m, kept):  # type: ignore[no-untyped-def]
-    """Write what each neighbour is to one vehicle: radius of its disc, part of it for errors, `Memory` flags."""
+    """Write the data of each neighbour for one vehicle: radius of its disc, part of it for errors, `Memory` flags."""
     whole = len(radius_m) // LANES
     for b in range(whole):
         block, first = picture[b], LANES * b
@@ -89,16 +89,16 @@ def gather(own, i, radius_m, error_sum_m, range_m, picture, neighbours, names): 
 
     Args:
         own: Own-ships of the world.
-        i: The one that hears.
+        i: Index of the vehicle that hears.
         radius_m: Radii of its discs, shape (N,).
         error_sum_m: Parts of them, shape (N,).
         range_m: Vehicles further than this are not heard.
         picture: The world, as `draw_picture` left it.
         neighbours: Result, blocks.
-        names: Result: their places in the world.
+        names: Result: places of these vehicles in the world.
 
     Returns:
-        Number of vehicles.
+        Number of vehicles that are heard.
     """
     p_1, p_2, reach = own[i, POSITION], own[i, POSITION + 1], range_m * range_m
     count = 0
@@ -119,7 +119,7 @@ def gather(own, i, radius_m, error_sum_m, range_m, picture, neighbours, names): 
 
 @kernel(inner=True)
 def name_vehicles(names, answer):  # type: ignore[no-untyped-def]
-    """The nearest neighbour and the binding ones by their place in the world."""
+    """Replace the indices of the nearest and binding neighbours by their places in the world."""
     for column in (R_NEAREST, R_BINDING, R_BINDING + 1, R_BINDING + 2):
         if answer[column] >= 0.0:
             answer[column] = names[int(answer[column])]
@@ -140,7 +140,7 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         radius_m: See above.
         error_sum_m: See above.
         range_m: See above.
-        memory: What each vehicle keeps of its encounters, read and written, see `new_memory`.
+        memory: Memory of each vehicle's encounters, read and written, see `new_memory`.
         route: Memory of the way round obstacles, read and written, shape (W, N), int64.
         pieces: Obstacles, the same in every world, as in `avoid_one`; so is `roadmap`.
         roadmap: See `pieces`.
@@ -149,7 +149,7 @@ def avoid_worlds(  # type: ignore[no-untyped-def]
         scratch: Of each world, as in `avoid_one`.
         result: See above.
     """
-    # Whoever has several threads gives each its own worlds, with scratch of their own: that of the first will do.
+    # Each thread is given its own worlds, with scratch of their own, so that of the first world is enough.
     candidates, names, lines, chosen, work = scratch
     view, mine = picture[0], (candidates[0], names[0], lines[0], chosen[0], work[0])
     blocks = len(view)
@@ -243,17 +243,17 @@ def grade_worlds(  # type: ignore[no-untyped-def]
 
 
 def new_memory(worlds: int, vehicles: int) -> np.ndarray:
-    """What new vehicles keep of their encounters: nothing. `Memory` flags, shape (W, N, LANES * blocks), int8."""
+    """Empty memory of encounters: `Memory` flags, shape (W, N, LANES * blocks), int8."""
     return np.zeros((worlds, vehicles, LANES * blocks_for(vehicles)), np.int8)
 
 
 def halfplane_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[Any, ...]:
-    """The scratch arguments of `avoid_worlds`, in its order, for so many worlds of so many vehicles."""
+    """Scratch arguments of `avoid_worlds`, in its order, for so many worlds of so many vehicles."""
     return for_worlds(new_blocks(vehicles), worlds), for_all_worlds(halfplane.new_scratch(vehicles, obstacles), worlds)
 
 
 def heading_scratch(worlds: int, vehicles: int, obstacles: Obstacles) -> tuple[Any, ...]:
-    """The scratch arguments of `rotate_worlds` and `grade_worlds`, in their order."""
+    """Scratch arguments of `rotate_worlds` and `grade_worlds`, in their order."""
     blocks = new_blocks(vehicles)
     crowd = (blocks, blocks, new_names(len(blocks)))
     return for_all_worlds(crowd, worlds), for_all_worlds(headings.new_scratch(vehicles, obstacles), worlds)
