@@ -1,8 +1,8 @@
-"""Half-planes that keep a disc closed for one step, whatever else is asked.
+"""Firm half-planes that keep own-ship out of a disc for one step, whatever else is asked.
 
-Where no velocity meets every half-plane of the horizon, the least-violation rule would trade a touch for a conflict far
+If no velocity meets every half-plane of the horizon, the least-violation rule would trade a touch for a conflict far
 away. Between vehicles that obey at once, avoid each other and know where they are, it need not: each keeps to its half
-of what the two may approach in a step, and standing still always does. So these half-planes have a solution together
+of what the two may approach in a step, and standing still always does. So these half-planes have a common solution
 however dense the crowd, and no step leads into a disc, nor further into one.
 
 Axes: north-east, metres, m/s, seconds; columns as in `rows`.
@@ -31,23 +31,23 @@ from ridlink.avoidance.rows import (
 
 @kernel(forceinline=True, inner=True)
 def is_in_contact(block, lane, reach):  # type: ignore[no-untyped-def]
-    """Whether two that avoid, and know where they are, can be inside of each other's disc a step from now."""
+    """Whether two vehicles that avoid, with exact positions, can be inside each other's disc a step from now."""
     exact = (block[RECIPROCAL + lane] != 0.0) & (block[ERROR_SUM + lane] == 0.0)
     return exact & (block[GAP + lane] < reach)
 
 
 @kernel(inner=True)
 def contact_half_planes(own, neighbours, count, candidates, found, step_s, lines, last):  # type: ignore[no-untyped-def]
-    """Firm half-planes that keep a pair's discs apart for one step if both keep to theirs, in the columns of `lines`
-    before `last`; returns the first of them.
+    """Write firm half-planes that keep a pair's discs apart for one step, if both keep to theirs, to the columns of
+    `lines` before `last`; returns the first of these columns.
 
-    Along the line between the two, own-ship is left half of the gap and the neighbour the other half, both moved along
-    with what the pair flies in common, but never so far that one of the two could not stand still: so everybody
-    standing still meets all of them at once, however many there are. Inside of a disc neither comes nearer.
+    Along the line between the two, own-ship may use half of the gap and the neighbour the other half. Both halves move
+    with what the pair flies in common, but never so far that one of the two could not stand still. So if all stand
+    still they meet all half-planes at once, however many there are. Inside a disc neither comes nearer.
 
     Only discs without a part for errors are held so: one that is wider than the truth may be entered a little, and
-    there is more to lose by standing still. With a neighbour about that avoids nobody there are none: nothing is then
-    worth more than keeping away from it.
+    standing still would lose more. If a neighbour that avoids nobody is about there are none: nothing is then worth
+    more than to keep away from it.
     """
     limit = own[LIMIT]
     p_1, p_2, v_1, v_2 = own[POSITION], own[POSITION + 1], own[VELOCITY], own[VELOCITY + 1]

@@ -1,11 +1,11 @@
 """A solver that keeps its speed: the heading of least time and risk from a fan at full speed.
 
 Every neighbour is a risk that fades with its distance from the pass and with the time until it, instead of a disc that
-is entered or not; the risks of all neighbours add up, which is a union bound. Everybody leans to the right, but only
-while the straight way is in conflict. Nothing is forbidden except obstacles, so there is no fallback; no probability
-is promised either, the constants were measured and not derived (see `GradedSettings`).
+is entered or not. The risks of all neighbours add up, which is a union bound. All vehicles lean to the right, but only
+while the straight way is in conflict. Nothing is forbidden except obstacles, so there is no fallback. No probability is
+promised either: the constants were measured and not derived (see `GradedSettings`).
 
-Positions should be filtered by the caller: the jitter of white position errors costs time and buys nothing.
+The caller should filter positions: the jitter of white position errors costs time and buys nothing.
 
 Axes and symbols: see `headings`. Nothing here allocates.
 """
@@ -59,22 +59,23 @@ RIGHT_DEG = (*range(0, 75, 5), 85, 100, 120, 140, 160, 180)
 LEFT_DEG = (5, 10, 15, 20, 25, 30, 40, 50, 60, 75, 90, 110, 135)
 
 CROWD_OF = 7.0
-"""The radius is right for so many neighbours, and grows with the logarithm of their number."""
+"""The radius is right for this many neighbours, and grows with the logarithm of their number."""
 
 LEAST_TAIL_M = 1.0
-"""Exact positions do not make a risk a step: vehicles are not exact."""
+"""Least tail: exact positions do not make a risk a step, for vehicles are not exact."""
 
 TAIL_END = 4.0
-"""Passes further outside than so many tails are no risk: there it is below 0.04 % of its value at the radius."""
+"""Passes further outside than this many tails are no risk: there it is below 0.04 % of its value at the radius."""
 
 TRACE = 1e-12
-"""Any risk at all."""
+"""A risk above this is a risk."""
 
 HIT_COST, WALL_COST = 1e3, 1e6
-"""A heading that reaches an obstacle before the goal, and one that reaches it at once; no risk comes near either."""
+"""Cost of a heading that reaches an obstacle before the goal, and of one that does so at once; no risk is near
+either."""
 
 DODGE_SHARE = 0.5
-"""A vehicle that stands at its goal, or nearly, dodges at this share of its cruise speed."""
+"""A vehicle at its goal, or nearly, dodges at this share of its cruise speed."""
 
 
 def candidates() -> np.ndarray:
@@ -86,7 +87,7 @@ def candidates() -> np.ndarray:
 
 @kernel
 def fill_radii(neighbours, count, settings, sights):  # type: ignore[no-untyped-def]
-    """Radius and tail of every neighbour: airframes and displacement as they are, of the errors a share."""
+    """Fill in radius and tail of every neighbour: airframes and displacement in full, a share of the errors."""
     crowd = settings[CROWD] * math.log(max(count, settings[CROWD_FROM], 1.0) / CROWD_OF)
     for j in range(count):
         block, k = neighbours[j // LANES], j % LANES
@@ -99,7 +100,7 @@ def fill_radii(neighbours, count, settings, sights):  # type: ignore[no-untyped-
 
 @kernel
 def in_conflict(sights, count, s_1, s_2, settings):  # type: ignore[no-untyped-def]
-    """Whether the straight way passes a neighbour that flies on closely and soon."""
+    """Whether the straight way passes a neighbour, if that flies on, closely and soon."""
     for j in range(count):
         sight = sights[j]
         w_1, w_2 = s_1 - sight[SEEN_VELOCITY], s_2 - sight[SEEN_VELOCITY + 1]
@@ -143,16 +144,16 @@ def risk_of_pass(r_1, r_2, w_1, w_2, radius_m, tail_m, settings):  # type: ignor
         risk = math.exp(-entry / settings[FADE] - off * off / 2.0)
     else:
         risk = math.exp(-entry / settings[FADE]) * (1.0 - off)
-    # Left of the neighbour's bearing it would stay on our right, which is the side it leans to itself.
+    # Left of its bearing, the neighbour would stay on our right, the side to which it leans itself.
     return settings[WRONG_SIDE] * risk if across < 0.0 else risk
 
 
 @kernel
 def risk_of_heading(own, sights, count, v_1, v_2, settings, most):  # type: ignore[no-untyped-def]
-    """Sum of the risks of all neighbours at a velocity; the sum is left off once it is beyond `most`.
+    """Sum of the risks of all neighbours at a velocity; the sum ends once it is beyond `most`.
 
-    For a vehicle that takes its time to obey, a neighbour's risk is the larger one of now and of a response time ahead,
-    with the present velocities until then.
+    For a vehicle that obeys late, a neighbour's risk is the larger one of now and of a response time ahead, with the
+    present velocities until then.
     """
     wait = settings[RESPONSE]
     total = 0.0
@@ -213,14 +214,14 @@ def grade_one(  # type: ignore[no-untyped-def]
     best, chosen = math.inf, 0
     speeds = 2 if conflict and way[SPEED] < DODGE_SHARE * way[PACE] else 1
     if not conflict and is_free(own, sights, count, pieces, walls, way, reach, settings):
-        # Smoothness is no reason to be off the straight way.
+        # Smoothness is no reason to leave the straight way.
         speeds = 0
     for level in range(speeds):
         speed = way[SPEED] if level == 0 else DODGE_SHARE * way[PACE]
         step = speed * ahead
         for k in range(len(fan)):
             v_1, v_2 = speed * (fan[k, 0] * u_1 - fan[k, 1] * u_2), speed * (fan[k, 1] * u_1 + fan[k, 0] * u_2)
-            # Left of the direction that everybody leans to.
+            # Angle to the left of the direction that all vehicles lean to.
             left = lean - fan[k, 2]
             along = step * (c * fan[k, 0] + s * fan[k, 1])
             left_over = math.sqrt(max(away * away - 2.0 * away * along + step * step, 0.0))
@@ -234,7 +235,7 @@ def grade_one(  # type: ignore[no-untyped-def]
                 continue
             wall = time_to_wall(own, pieces, walls, v_1, v_2, reach)
             if wall < WALL_S:
-                # Where every heading is so short, the longest of them.
+                # If every heading is so short, the longest of them is flown.
                 cost += WALL_COST * (2.0 - wall / WALL_S)
             elif wall < math.inf:
                 cost += HIT_COST

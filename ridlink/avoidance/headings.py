@@ -1,12 +1,12 @@
-"""What the two solvers that choose among headings share: how they see neighbours and obstacles, and what they report.
+"""Common part of the two solvers that choose among headings: how they see neighbours and obstacles, what they report.
 
 Such a solver flies one speed and picks its heading from a fan about the direction to the goal. Whether a heading leads
-into a disc is judged by the relative velocity of the reciprocal velocity obstacle (van den Berg et al., 2008): a
-vehicle that is met half way by its neighbour may change by half as much, `w = 2 v' - v_i - v_j`; one that is not, `w =
-v' - v_j`.
+into a disc is judged by the relative velocity of the reciprocal velocity obstacle (van den Berg et al., 2008): if the
+neighbour takes its half of the avoidance, own-ship may change by half as much, `w = 2 v' - v_i - v_j`; if not,
+`w = v' - v_j`.
 
-Axes: north-east, metres, m/s, seconds. In these axes a rotation by a positive angle is a turn to the right, and `a x b
-= a_1 b_2 - a_2 b_1` is positive when b points to the right of a. Nothing here allocates.
+Axes: north-east, metres, m/s, seconds. In these axes a rotation by a positive angle is a turn to the right, and
+`a x b = a_1 b_2 - a_2 b_1` is positive when b points to the right of a. Nothing here allocates.
 """
 
 from __future__ import annotations
@@ -49,21 +49,21 @@ from ridlink.avoidance.rows import (
 )
 from ridlink.avoidance.walls import WALL_COLUMNS, time_to_wall
 
-# Columns of a neighbour as own-ship sees it: where it is, its velocity, what w is counted from, how many times v' is in
-# w, and the radius that the solver keeps from it (which the solver fills in). TAIL is for the graded solver.
+# Columns of a neighbour as own-ship sees it: where it is, its velocity, FROM and TIMES in w = TIMES v' - FROM, and the
+# radius that the solver keeps from it (which the solver fills in). TAIL is for the graded solver.
 SEEN, SEEN_VELOCITY, FROM, TIMES, KEPT, TAIL, SIGHT_COLUMNS = (0, 2, 4, 6, 7, 8, 9)
 
 # Columns of the way: unit vector to the goal, distance to it, speed to fly, speed wanted on the way.
 UNIT, AWAY, SPEED, PACE, WAY_COLUMNS = (0, 2, 3, 4, 5)
 
 FAR_M = 1e6
-"""Distance of the goal where there is a preferred velocity instead of one."""
+"""Distance of the goal if there is a preferred velocity instead."""
 
 REACH_S = 10.0
-"""Without a goal, obstacles count that are so much flight away; with one, those before it."""
+"""Without a goal, obstacles within this flight time count; with one, those before it."""
 
 WALL_S = 2.0
-"""No heading that reaches an obstacle within this time is flown while another one does not."""
+"""A heading that reaches an obstacle within this time is flown only if every other one does."""
 
 
 @kernel
@@ -89,7 +89,7 @@ def find_way(own, arrival_mps2, way):  # type: ignore[no-untyped-def]
             speed = min(speed, math.sqrt(2.0 * arrival_mps2 * length) + APPROACH_OFFSET_MPS)
         way[AWAY], way[SPEED], way[PACE] = length, speed, pace
     if length < EPSILON:
-        # Nowhere to go: any direction is as good, the present one is the smoothest.
+        # Nowhere to go: any direction will do, and the present one is the smoothest.
         to_1, to_2 = own[VELOCITY], own[VELOCITY + 1]
         length = norm(to_1, to_2)
         if length < EPSILON:
@@ -103,7 +103,7 @@ def find_way(own, arrival_mps2, way):  # type: ignore[no-untyped-def]
 
 @kernel
 def see_neighbours(own, neighbours, count, sights, result):  # type: ignore[no-untyped-def]
-    """Where the neighbours are now, and what is nearest; the radii to keep are the solver's to fill in.
+    """Fill in where the neighbours are now, and which is nearest; the solver fills in the radii to keep.
 
     Args:
         own: Own-ship.
@@ -112,7 +112,7 @@ def see_neighbours(own, neighbours, count, sights, result):  # type: ignore[no-u
         sights: Result, shape (>= count, SIGHT_COLUMNS).
         result: Result: nearest neighbour, its margin, time to violation.
     """
-    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
+    # Midpoint of the own velocity and the own command: the point from which changes are shared.
     o_1, o_2 = (own[VELOCITY] + own[COMMAND]) / 2.0, (own[VELOCITY + 1] + own[COMMAND + 1]) / 2.0
     margin, nearest, violation = math.inf, -1, math.inf
     for j in range(count):
@@ -135,7 +135,7 @@ def see_neighbours(own, neighbours, count, sights, result):  # type: ignore[no-u
 
 @kernel
 def slack_to_disc(sight, v_1, v_2, horizon_s):  # type: ignore[no-untyped-def]
-    """Distance [m/s] of a velocity to the velocity obstacle of a neighbour, negative inside of it.
+    """Distance [m/s] of a velocity to the velocity obstacle of a neighbour, negative inside.
 
     Infinite while the two do not approach, or do not come into the disc within the horizon. Inside the disc any
     approach is a violation, by its closing speed.
@@ -221,7 +221,7 @@ def settle_choice(  # type: ignore[no-untyped-def]
         return
     c_1 = own[COMMAND] + smoothing * (v_1 - own[COMMAND])
     c_2 = own[COMMAND + 1] + smoothing * (v_2 - own[COMMAND + 1])
-    # A mean of two velocities that keep out of an obstacle may be one that does not.
+    # The mean of two velocities that keep out of an obstacle may lead into it.
     if time_to_wall(own, pieces, walls, c_1, c_2, reach_m) < WALL_S:
         c_1, c_2 = v_1, v_2
     speed = norm(c_1, c_2)
@@ -265,7 +265,7 @@ def explain_choice(  # type: ignore[no-untyped-def]
 
 
 def new_scratch(count: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
-    """What the two solvers work on, for so many neighbours or fewer: neighbours and walls as seen, the straight way."""
+    """Scratch of the two solvers for up to `count` neighbours: neighbours and walls as seen, the straight way."""
     return (
         np.zeros((count, SIGHT_COLUMNS)),
         np.zeros((obstacles.piece_count, WALL_COLUMNS)),
@@ -274,5 +274,5 @@ def new_scratch(count: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
 
 
 def has_room(scratch: tuple[np.ndarray, ...], obstacles: Obstacles) -> bool:
-    """Whether a scratch does for these obstacles, at the number of neighbours that it was made for."""
+    """Whether a scratch is large enough for these obstacles, at the number of neighbours it was made for."""
     return obstacles.piece_count <= len(scratch[1])

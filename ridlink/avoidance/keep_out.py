@@ -78,15 +78,15 @@ def approach_speed(gap_m, horizon_s, deceleration_mps2, response_s):  # type: ig
 
 @kernel(forceinline=True, inner=True)
 def buffered_clearance(own, settings):  # type: ignore[no-untyped-def]
-    """Distance [m] aimed at from obstacles. As with discs, a clearance that is grazed with a drifting position is
-    lost."""
+    """Distance [m] to keep from obstacles, with a buffer: a clearance grazed with a drifting position is lost."""
     return own[CLEARANCE] * (1.0 + settings[BUFFER_SHARE])
 
 
 @kernel(forceinline=True, inner=True)
 def obstacle_half_planes(own, pieces, settings, lines, hard, normal):  # type: ignore[no-untyped-def]
-    """One hard half-plane for each convex piece that could matter, from column `hard` of `lines` on, and some that
-    forbid nothing up to a multiple of LANES; returns the column after those, and True while too near an obstacle."""
+    """Write one hard half-plane for each convex piece that could matter, from column `hard` of `lines` on, and some
+    that forbid nothing up to a multiple of LANES; returns the column after those, and True while too near an
+    obstacle."""
     vertex, start = pieces
     used = hard
     inside = False
@@ -95,7 +95,7 @@ def obstacle_half_planes(own, pieces, settings, lines, hard, normal):  # type: i
         distance = nearest_point(vertex, start[piece], start[piece + 1], own[POSITION], own[POSITION + 1], normal)
         inside = inside or distance < own[CLEARANCE]
         gap = distance - buffered_clearance(own, settings)
-        # What is left of the gap when the vehicle begins to obey; moving away earns nothing in advance.
+        # The gap that is left when the vehicle begins to obey; moving away earns nothing in advance.
         gap += min(settings[RESPONSE] * (normal[0] * own[VELOCITY] + normal[1] * own[VELOCITY + 1]), 0.0)
         if gap >= 0.0:
             approach = approach_speed(

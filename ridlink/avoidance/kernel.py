@@ -23,18 +23,18 @@ def norm(a, b):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True, inner=True)
 def larger(a, b):  # type: ignore[no-untyped-def]
-    """The larger of two numbers, of which none is NaN.
+    """The larger of two numbers, neither of which is NaN.
 
-    The rules of `max` for NaN and for zeros of two signs forbid the compiler to take the largest of many numbers in any
-    other order than one after the other. This one leaves it free to. It is a call until everything round it has been
-    put in order: with the instruction there from the beginning, a decision took 13 % longer.
+    The rules of `max` for NaN and for zeros of two signs force the compiler to take the largest of many numbers one
+    after the other; here the order is free. It stays a call until everything round it has been put in order: with the
+    instruction there from the beginning, a decision took 13 % longer.
     """
     return _maximum(a, b)
 
 
 @kernel(forceinline=True, inner=True)
 def smaller(a, b):  # type: ignore[no-untyped-def]
-    """The smaller of two numbers, of which none is NaN; see `larger`."""
+    """The smaller of two numbers, neither of which is NaN; see `larger`."""
     return _minimum(a, b)
 
 
@@ -47,7 +47,7 @@ def _minimum(a: float, b: float) -> float:
 
 
 def _in_any_order(plain: Callable[[float, float], float], name: str) -> None:
-    """An instruction of two numbers that takes neither NaN nor the sign of zero into account stands for a function."""
+    """Compile a function as an instruction of two numbers that ignores NaN and the sign of zero."""
 
     @instructions_for(plain)
     def instruction(typing_context, a, b):  # type: ignore[no-untyped-def]

@@ -1,7 +1,7 @@
-"""What is done to all lanes of a block at once, and a bit for each of them; see `rows`.
+"""Operations on all lanes of a block at once, and numbers with a bit for each lane; see `rows`.
 
-The compiler takes several numbers in one instruction where it can be certain of what they are. Here it is told.
-Everything is written twice, as plain Python and as instructions, and both do the same.
+The compiler takes several numbers in one instruction if it can be certain of what they are. Here it is told. Every
+operation is written twice, as plain Python and as instructions, and both do the same.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from ridlink.compiler import instructions_for
 LANE_BITS = LANES.bit_length() - 1
 
 BLOCKS_A_WORD = 64 // LANES
-"""Blocks with a bit for each of their lanes in one number."""
+"""Blocks whose lanes have a bit each in one number."""
 
 
 def _together(builder: ir.IRBuilder, numbers: list[ir.Value]) -> ir.Value:
-    """Numbers of one type, one in each lane."""
+    """Vector of numbers of one type, one in each lane."""
     lanes = ir.Constant(ir.VectorType(numbers[0].type, LANES), ir.Undefined)
     for k, number in enumerate(numbers):
         lanes = builder.insert_element(lanes, number, ir.Constant(ir.IntType(32), k))
@@ -33,20 +33,20 @@ def _together(builder: ir.IRBuilder, numbers: list[ir.Value]) -> ir.Value:
 
 @kernel(forceinline=True, inner=True)
 def block_of(place):  # type: ignore[no-untyped-def]
-    """Block of a neighbour by its place, which is not negative: a division does not know that, and costs more."""
+    """Block of a neighbour, by its place. A place is not negative; a division cannot assume that, and costs more."""
     return place >> LANE_BITS
 
 
 @kernel(forceinline=True, inner=True)
 def lane_of(place):  # type: ignore[no-untyped-def]
-    """Its lane in that block."""
+    """Lane of a neighbour in its block, by its place."""
     return place & (LANES - 1)
 
 
 def copy_lanes(source: np.ndarray, at: int, target: np.ndarray, to: int) -> None:
     """Copy LANES numbers from `source[at:]` to `target[to:]`, both contiguous and of one axis, float64 or int8.
 
-    The compiler cannot know that two arrays do not overlap, and would copy one number after the other.
+    Without it the compiler, which cannot know that the arrays do not overlap, copies one number after the other.
     """
     target[to : to + LANES] = source[at : at + LANES]
 
@@ -74,8 +74,8 @@ def gather_lanes(
 ) -> None:
     """Copy a column of four neighbours, by their places in the blocks of `source`, to the lanes of one block, `target`.
 
-    All four are read before they are written, and that in one piece: what is read in one piece soon after has to wait
-    for several pieces until they have left the processor.
+    All four are read before they are written, and written in one piece. A read in one piece soon after a write in
+    several has to wait until these have left the processor.
     """
     places = place_0, place_1, place_2, place_3
     target[column : column + LANES] = [source[place // LANES, column + place % LANES] for place in places]
@@ -110,7 +110,7 @@ def _gather_lanes(  # type: ignore[no-untyped-def]
 def turn_lanes(
     source: np.ndarray, row: int, column: int, target: np.ndarray, to_0: int, to_1: int, to_2: int, to_3: int
 ) -> None:
-    """Copy four columns of four rows of `source`, to four columns of one block, one lane for each row."""
+    """Transpose four columns of four rows of `source` into four columns of one block, one lane for each row."""
     for k, to in enumerate((to_0, to_1, to_2, to_3)):
         target[to : to + LANES] = source[row : row + LANES, column + k]
 
@@ -142,13 +142,13 @@ def _turn_lanes(typing_context, source, row, column, target, to_0, to_1, to_2, t
 
 
 _PACKED = [[k for k in range(LANES) if bits >> k & 1] + [0] * (LANES - bits.bit_count()) for bits in range(1 << LANES)]
-"""The lanes of which a bit is set, one after the other, and then some; by the bits."""
+"""Lanes whose bit is set, one after the other, then zeros; by the bits."""
 
 
 def pack_lanes(bits: int, first: int, places: np.ndarray, to: int) -> None:
     """Write the places of those lanes of a block whose bit is set to `places[to:]`, int64, one after the other.
 
-    LANES places are written, however many bits there are: a loop over bits ends where nobody can foretell.
+    LANES places are written, however many bits are set: the end of a loop over bits cannot be predicted.
 
     Args:
         bits: A bit for each lane, as `lanes_from` gives them.
@@ -176,17 +176,17 @@ def _pack_lanes(typing_context, bits, first, places, to):  # type: ignore[no-unt
 
 
 def lanes_from(source: np.ndarray, at: int, least: float) -> int:
-    """Which of LANES numbers from `source[at:]` on, contiguous float64, are not less than `least`: a bit for each."""
+    """Bits of those of LANES numbers from `source[at:]` on, contiguous float64, that are not less than `least`."""
     return sum(int(source[at + k] >= least) << k for k in range(LANES))
 
 
 def lanes_with(source: np.ndarray, at: int, number: float) -> int:
-    """Which of LANES numbers from `source[at:]` on, contiguous float64, are that one: a bit for each."""
+    """Bits of those of LANES numbers from `source[at:]` on, contiguous float64, that equal `number`."""
     return sum(int(source[at + k] == number) << k for k in range(LANES))
 
 
 def _compared(plain: Callable[[np.ndarray, int, float], int], comparison: str) -> None:
-    """An instruction that compares LANES numbers with one stands for a function."""
+    """Compile a function as an instruction that compares LANES numbers with one."""
 
     @instructions_for(plain)
     def instruction(typing_context, source, at, number):  # type: ignore[no-untyped-def]
@@ -218,8 +218,8 @@ def _lowest_bit(typing_context, bits):  # type: ignore[no-untyped-def]
 
 
 def exceed(lines: np.ndarray, first: int, last: int, x_1: float, x_2: float) -> float:
-    """Row 3 becomes row 2 less the product of rows 0 and 1 with (x_1, x_2), in columns `first..last-1` of contiguous
-    lines; the largest of these numbers, minus infinity if there are no columns. Their number is a multiple of LANES.
+    """Fill row 3 with row 2 less the product of rows 0 and 1 with (x_1, x_2), in columns `first..last-1` of contiguous
+    lines; returns the largest of these, minus infinity if there are no columns. Their number is a multiple of LANES.
 
     A compiler that does not know that multiple makes three loops of it.
     """

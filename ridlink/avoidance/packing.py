@@ -1,4 +1,4 @@
-"""Reports of neighbours in, blocks of columns out, and what is kept of the encounters back again; see `rows`."""
+"""Reports of neighbours to blocks of columns, and the memory of encounters back again; see `rows`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ridlink.avoidance.sift import SURELY
 
 @kernel(forceinline=True, inner=True)
 def place_report(report, block, lane):  # type: ignore[no-untyped-def]
-    """Put one report into a lane, as `place_reports` does it."""
+    """Put one report into a lane, as `place_reports` does."""
     age = report[6]
     for axis in range(2):
         column = LANES * axis + lane
@@ -74,7 +74,7 @@ def pack(reports, memory, count, blocks):  # type: ignore[no-untyped-def]
         reports: Rows as in `place_reports`, with radius and error sum in columns 8 and 9, shape (>= count, 10).
         memory: `Memory` flags of the encounters, shape (>= count,), int8.
         count: Number of neighbours.
-        blocks: Result; lanes without one are not heard.
+        blocks: Result; lanes without a neighbour are not heard.
     """
     place_reports(reports, count, blocks)
     for j in range(count):
@@ -87,6 +87,6 @@ def pack(reports, memory, count, blocks):  # type: ignore[no-untyped-def]
 
 @kernel
 def unpack_memory(blocks, count, memory):  # type: ignore[no-untyped-def]
-    """`Memory` flags of the first `count` neighbours, into `memory`."""
+    """Write the `Memory` flags of the first `count` neighbours to `memory`."""
     for j in range(count):
         memory[j] = blocks[j // LANES, KEPT + j % LANES]

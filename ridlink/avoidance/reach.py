@@ -1,7 +1,7 @@
-"""Velocities that can be commanded next where commands may change by so much only.
+"""Velocities that can be commanded next if commands may change by a limited amount only.
 
-They fill a circle round the last command. To the programme it is a polygon within that circle, so that everything stays
-linear; the last word, for rounding and for obstacles that could not be met, has the circle itself.
+They fill a circle round the last command. The programme takes a polygon within that circle, so that everything stays
+linear. At the end, because of rounding and of obstacles that could not be met, the circle itself is applied.
 
 Axes: north-east, m/s.
 """
@@ -15,14 +15,14 @@ from ridlink.avoidance.programme import BOUND, N_1, N_2, exceeds
 from ridlink.avoidance.rows import COMMAND
 
 REACH_SIDES = 32
-"""Of the polygon that stands for the circle of velocities that can be reached: half a per cent within it. A multiple of
+"""Sides of the polygon that stands for the circle of velocities in reach: half a per cent within it. A multiple of
 LANES."""
 
 
 @kernel(forceinline=True, inner=True)
 def reach_half_planes(own, change_mps, lines, first):  # type: ignore[no-untyped-def]
-    """Hard half-planes round the velocities that can be commanded next, the sides of a polygon within the circle of
-    those that are no further than `change_mps` from the last command, from column `first` of `lines` on; returns the
+    """Write hard half-planes round the velocities that can be commanded next to `lines`, from column `first` on: the
+    sides of a polygon within the circle of velocities no further than `change_mps` from the last command. Returns the
     column after them."""
     for k in range(REACH_SIDES):
         n_1, n_2 = math.cos(2.0 * math.pi / REACH_SIDES * k), math.sin(2.0 * math.pi / REACH_SIDES * k)
@@ -34,7 +34,7 @@ def reach_half_planes(own, change_mps, lines, first):  # type: ignore[no-untyped
 
 @kernel(forceinline=True, inner=True)
 def keep_within(own, change_mps, limit, x):  # type: ignore[no-untyped-def]
-    """Take a velocity back into the limit, and to what can be reached from the last command; True if it was outside."""
+    """Take a velocity back within the limit and within reach of the last command; True if it was outside."""
     outside = exceeds(x[0], x[1], limit)
     if outside:
         speed = norm(x[0], x[1])

@@ -1,14 +1,14 @@
 """The paper's solver: turn the straight way to the goal until it leads into no disc.
 
 Source: "Remote ID for separation provision and multi-agent navigation", section VI-B. Candidates are the direction to
-the goal turned clockwise in equal steps, all at the same speed; the cheapest one that leads into no disc and no
-obstacle is flown. Discs count without a horizon, and only while the two approach each other: without that gate
+the goal turned clockwise in equal steps, all at the same speed. The cheapest one that leads into no disc and no
+obstacle is flown. Discs count without a horizon, and only while the two approach each other: without that gate,
 diverging traffic constrains for ever and flights freeze. So inside a disc exactly the velocities that do not approach
 are allowed.
 
-The two questions that are asked of every heading are asked of all neighbours of a block at once, without a branch; the
-first block with a neighbour in the way ends the first. So a heading costs the same whatever the neighbours do, and
-most headings are not looked at.
+Both questions about a heading are asked of all neighbours of a block at once, without a branch; the first block with a
+neighbour in the way ends the first question. So a heading costs the same whatever the neighbours do, and most headings
+are not looked at.
 
 Axes and symbols: see `headings`. Nothing here allocates.
 """
@@ -56,19 +56,19 @@ from ridlink.avoidance.walls import see_walls, time_to_wall
 # Columns of the settings vector, in the order of the fields of RotationSettings.
 STEP, LEFT_WEIGHT, COST_WEIGHT, AGE_ACCELERATION, ARRIVAL, SMOOTHING = range(6)
 
-# Columns of a block that are the kernels' own: where the neighbour is as seen from own-ship, zero where it is not
-# heard, so that nothing approaches it; the own velocity at which w is zero; the radius, grown with age, and its square.
+# Columns of a block that these kernels fill in: where the neighbour is as seen from own-ship, zero if it is not heard,
+# so that nothing approaches it; the own velocity at which w is zero; the radius, grown with age, and its square.
 AT, APEX, KEPT, KEPT_SQUARE = GAP, GAP + 2 * LANES, GAP + 4 * LANES, GAP + 5 * LANES
 
 CLEAR_M = 1e3
-"""Excess of a heading that approaches nobody."""
+"""Excess of a heading that approaches no neighbour."""
 
 
 def candidates(step_deg: float, left_weight: float) -> np.ndarray:
     """Candidates as cosine, sine, angle [rad] to the right and cost, the cheapest first, shape (360 / step, 4).
 
-    The cost is the distance to the straight way in speeds, `|v / s - u|`, and a preference for the right: vehicles
-    without one dance.
+    The cost is the distance to the straight way in speeds, `|v / s - u|`, and a preference for the right: without one
+    vehicles dance.
     """
     count = round(360.0 / step_deg)
     turns = np.arange(count)
@@ -79,17 +79,17 @@ def candidates(step_deg: float, left_weight: float) -> np.ndarray:
 
 @kernel(forceinline=True)
 def see_blocks(own, neighbours, count, range_m, age_acceleration_mps2):  # type: ignore[no-untyped-def]
-    """Fill in the kernels' own columns of every block; True if a neighbour's disc is entered already.
+    """Fill in the columns of every block that these kernels use; True if a neighbour's disc is entered already.
 
     Args:
         own: Own-ship.
         neighbours: Blocks of neighbours.
         count: Number of blocks.
         range_m: Neighbours whose reports are from further away are not heard.
-        age_acceleration_mps2: Manoeuvre that an unheard neighbour is granted.
+        age_acceleration_mps2: Manoeuvre granted to an unheard neighbour.
     """
     p_1, p_2, reach = own[POSITION], own[POSITION + 1], range_m * range_m
-    # Midway between what the vehicle does and what it was told: the point from which changes are shared.
+    # Midpoint of the own velocity and the own command: the point from which changes are shared.
     o_1, o_2 = (own[VELOCITY] + own[COMMAND]) / 2.0, (own[VELOCITY + 1] + own[COMMAND + 1]) / 2.0
     deepest = -1.0
     for b in range(count):
@@ -137,7 +137,7 @@ def least_excess(block, v_1, v_2):  # type: ignore[no-untyped-def]
 def choose_heading(  # type: ignore[no-untyped-def]
     own, neighbours, count, range_m, pieces, settings, fan, scratch, result
 ):
-    """Decide for one own-ship, and say no more than the status and the command with it.
+    """Decide for one own-ship, with no more than the status and the command.
 
     Args:
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).
@@ -164,7 +164,7 @@ def choose_heading(  # type: ignore[no-untyped-def]
     chosen, last = -1, 0
     for k in range(len(fan)):
         v_1, v_2 = speed * (fan[k, 0] * u_1 - fan[k, 1] * u_2), speed * (fan[k, 1] * u_1 + fan[k, 0] * u_2)
-        # What was in the way of the last heading is likely to be in that of the next one.
+        # A block in the way of the last heading is likely to be in the way of the next one.
         blocked = count > 0 and leads_into_a_disc(neighbours[last], v_1, v_2)
         b = 0
         while not blocked and b < count:
@@ -187,7 +187,7 @@ def choose_heading(  # type: ignore[no-untyped-def]
             if score > best:
                 wall = time_to_wall(own, pieces, walls, v_1, v_2, reach)
                 if wall < WALL_S:
-                    # Obstacles stay hard: only where every heading is so short, the longest of them.
+                    # Obstacles stay hard: if every heading is so short, the longest of them is flown.
                     score = (wall - WALL_S - 1.0) * 1e6
             if score > best:
                 chosen, best = k, score
@@ -204,7 +204,7 @@ def choose_heading(  # type: ignore[no-untyped-def]
 def rotate_one(  # type: ignore[no-untyped-def]
     own, neighbours, count, pieces, settings, fan, scratch, result
 ):
-    """Decide for one own-ship, and say why.
+    """Decide for one own-ship, and explain the choice.
 
     Args:
         own: Own-ship, goal and limits, shape (OWN_COLUMNS,).

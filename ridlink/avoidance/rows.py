@@ -1,7 +1,7 @@
-"""The numbers that every solver's kernels take and give, by the names of their columns.
+"""Columns of the numbers that every solver's kernels take and give.
 
-One own-ship and its result are rows of numbers, its neighbours are blocks of numbers, so that one function serves a
-single own-ship and whole batches of worlds, and the same batches feed every solver.
+One own-ship and its result are rows of numbers, its neighbours are blocks of numbers. So one function serves a single
+own-ship and whole batches of worlds, and the same batches feed every solver.
 
 A block holds LANES neighbours column after column: number `COLUMN + lane` of a block is COLUMN of the neighbour in that
 lane. What is done to every neighbour alike is done to all lanes of a block in a few instructions. The first number of a
@@ -14,26 +14,26 @@ from __future__ import annotations
 
 import numpy as np
 
-# Columns of own-ship. AIM is the goal, or the preferred velocity where AIM_IS_VELOCITY is not zero.
+# Columns of own-ship. AIM is the goal, or the preferred velocity if AIM_IS_VELOCITY is not zero.
 (
     POSITION, VELOCITY, COMMAND, AIM, AIM_IS_VELOCITY, LIMIT, CRUISE, CLEARANCE, EXTRA_TURN, OWN_COLUMNS,
 ) = (0, 2, 4, 6, 8, 9, 10, 11, 12, 13)  # fmt: skip
 
 LANES = 4
-"""Neighbours in a block: what a register of 256 bits holds, with which the compiler works. Eight are no faster."""
+"""Neighbours in a block: as many as a register of 256 bits holds, which the compiler uses. Eight are no faster."""
 
-# Columns of a block of neighbours. The position is where the neighbour is now, REPORTED where its report had it; the
-# command is its velocity where none was given, SPEED its speed, rounded up. Lanes of which HEARD is zero count for
-# nothing. KEPT is what is kept of the encounter, a sum of `Memory` flags. WIDE, the radius with its buffer, is the
-# kernels' own as are the columns from GAP on: distance less radius, whether the neighbour matters, the side to pass on,
-# half-planes of now and of later (n_1, n_2, bound). What half-planes are made of comes first, then the command.
+# Columns of a block of neighbours. N_POSITION is where the neighbour is now, REPORTED where its report had it.
+# N_COMMAND is its velocity if it sent no command; SPEED is its speed, rounded up. Lanes with HEARD zero do not count.
+# KEPT is the memory of the encounter, a sum of `Memory` flags. The kernels fill in WIDE, the radius with its buffer,
+# and the columns from GAP on: distance less radius, whether the neighbour matters, the passing side, half-planes of now
+# and of later (n_1, n_2, bound). What half-planes are made of comes first, then the command.
 (
     N_POSITION, N_VELOCITY, RECIPROCAL, RADIUS, KEPT, WIDE, N_COMMAND, HEARD, ERROR_SUM, AGE, SPEED, REPORTED, GAP,
     MATTERS, SIDE, NOW, LATER, BLOCK,
 ) = (LANES * column for column in (0, 2, 4, 5, 6, 7, 8, 10, 11, 12, 13, 14, 16, 17, 18, 19, 22, 25))  # fmt: skip
 
-# Columns of the result; BINDING holds three neighbours, -1 where there are fewer, HARD the number of columns
-# of half-planes that obstacles have, where a solver has any, MATTERING the number of neighbours that could matter.
+# Columns of the result. BINDING holds three neighbours, -1 if there are fewer; HARD is the number of columns of
+# half-planes that obstacles have, if a solver has any; MATTERING is the number of neighbours that could matter.
 (
     R_VELOCITY, R_COMMAND, R_PREFERRED, R_STATUS, R_SLACK, R_MARGIN, R_NEAREST, R_TIME, R_BINDING, R_OBSTACLE, R_HARD,
     R_MATTERING, RESULT_COLUMNS,
@@ -54,11 +54,11 @@ PASSING_RIGHT, PASSING_LEFT, IS_APART = 1, 2, 4
 
 
 LINE_BYTES = 64
-"""A line of the cache."""
+"""Bytes in a line of the cache."""
 
 
 def aligned(array: np.ndarray) -> np.ndarray:
-    """A copy that begins with a line of the cache: what is read in one piece would lie half in one, half in another."""
+    """Copy that begins at a line of the cache; otherwise what is read in one piece may lie in two lines."""
     room = np.zeros(array.nbytes + LINE_BYTES, np.uint8)
     begin = -room.ctypes.data % LINE_BYTES
     copy = room[begin : begin + array.nbytes].view(array.dtype).reshape(array.shape)
@@ -72,7 +72,7 @@ def for_worlds(array: np.ndarray, worlds: int) -> np.ndarray:
 
 
 def for_all_worlds(scratch: tuple[np.ndarray, ...], worlds: int) -> tuple[np.ndarray, ...]:
-    """The same for every array of a scratch."""
+    """`for_worlds` for every array of a scratch."""
     return tuple(for_worlds(array, worlds) for array in scratch)
 
 
@@ -82,12 +82,12 @@ def blocks_for(count: int) -> int:
 
 
 def new_blocks(count: int) -> np.ndarray:
-    """Room for so many neighbours, shape (blocks, BLOCK); nobody is heard yet."""
+    """Room for so many neighbours, shape (blocks, BLOCK); none is heard yet."""
     return aligned(np.zeros((blocks_for(count), BLOCK)))
 
 
 def new_names(blocks: int) -> np.ndarray:
-    """Room for the places of all neighbours in so many blocks, int64: they are written LANES at a time."""
+    """Room for the places of all neighbours in so many blocks, int64, which are written LANES at a time."""
     return np.zeros(LANES * (blocks + 1), np.int64)
 
 

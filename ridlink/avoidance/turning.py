@@ -1,7 +1,7 @@
-"""What vehicles that do not obey at once do otherwise: turn sooner, and among several further, while few are heard, and
-keep a larger buffer where they cruise slowly.
+"""Changes for vehicles that do not obey at once; for all others nothing here changes anything.
 
-What is found here changes nothing for vehicles that obey at once.
+Such vehicles turn sooner, and among several further, while few are heard, and keep a larger buffer if they cruise
+slowly.
 """
 
 from __future__ import annotations
@@ -9,19 +9,20 @@ from __future__ import annotations
 from ridlink.avoidance.kernel import kernel
 
 FEW, CROWD = 3, 7
-"""So many heard or fewer are few; less is done among more, and nothing in a crowd: there everybody would make a detour
-of the time that few save."""
+"""Up to FEW neighbours the effect is whole; with more it is less, and with CROWD it is none: there, all would lose in
+detours the time that few save."""
 
 SOONER_HORIZONS = 1.25
-"""How much earlier: a small turn in time is shorter than a large one, and slows nobody down."""
+"""How much earlier: a small turn in good time is shorter than a large one, and slows nobody down."""
 
 WIDER_SHARE, SEVERAL = 0.4, 3
-"""How much further: by so much for SEVERAL, who go round each other on a wider circle than two do, and not for one."""
+"""How much further: by this share for SEVERAL, which go round each other on a wider circle than two do, and not for
+one."""
 
 
 @kernel(forceinline=True, inner=True)
 def earlier_and_wider(heard):  # type: ignore[no-untyped-def]
-    """By how many horizons sooner a slow vehicle turns, and by which share further, where so many are heard."""
+    """How many horizons sooner, and by which share further, a vehicle that obeys late turns, with so many heard."""
     few = min(max(CROWD - heard, 0), CROWD - FEW) / (CROWD - FEW)
     several = min(max(heard - 1, 0), SEVERAL - 1) / (SEVERAL - 1)
     return SOONER_HORIZONS * few, WIDER_SHARE * few * several
@@ -29,12 +30,12 @@ def earlier_and_wider(heard):  # type: ignore[no-untyped-def]
 
 BRISK_MPS, SLOW_MPS = 8.0, 5.0
 SLOW_BUFFER_SHARE = 0.08
-"""By how much larger the buffer is at SLOW_MPS and below, less so up to BRISK_MPS: an error wanders by metres in a
-second, and who is slow gets out of its way more slowly. With it half as many come inside in a crowd at 5 m/s."""
+"""By how much larger the buffer is at SLOW_MPS and below, less so up to BRISK_MPS. An error wanders by metres in a
+second, and a slow vehicle gets out of its way more slowly. With it half as many come inside in a crowd at 5 m/s."""
 
 
 def buffer_growth(cruise_mps: float, response_s: float) -> float:
-    """By which factor the buffer of a vehicle is larger than `HalfplaneSettings.buffer_share` says."""
+    """Factor by which a vehicle's buffer exceeds `HalfplaneSettings.buffer_share`."""
     slow = min(max((BRISK_MPS - cruise_mps) / (BRISK_MPS - SLOW_MPS), 0.0), 1.0)
     return 1.0 + SLOW_BUFFER_SHARE * slow if response_s > 0.0 else 1.0
 

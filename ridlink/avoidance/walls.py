@@ -16,12 +16,12 @@ from ridlink.avoidance.rows import CLEARANCE, POSITION
 GAP, NORMAL, WALL_COLUMNS = (0, 1, 3)
 
 EDGE_M = 1e-6
-"""Far more than rounding moves anything here."""
+"""Tolerance, far more than rounding moves anything here."""
 
 
 @kernel
 def see_walls(own, pieces, walls):  # type: ignore[no-untyped-def]
-    """Gap to every piece of an obstacle grown by the clearance, and its outward normal; True inside of one.
+    """Fill in the gap to every piece of an obstacle, grown by the clearance, and its outward normal; True inside one.
 
     Args:
         own: Own-ship.
@@ -44,8 +44,8 @@ def see_walls(own, pieces, walls):  # type: ignore[no-untyped-def]
 def ray_to_piece(vertex, first, last, clearance_m, p_1, p_2, d_1, d_2):  # type: ignore[no-untyped-def]
     """Distance [m] along a ray at which a convex polygon grown by a clearance is entered from outside, or infinity.
 
-    The grown polygon is covered by its edges moved outwards and by discs about its corners; the first of them that the
-    ray meets is where it enters.
+    The grown polygon is covered by its edges moved outwards and by discs about its corners. It is entered at the first
+    of them that the ray meets.
 
     Args:
         vertex: Vertices, shape (m, 2); the polygon is `first..last-1`.
