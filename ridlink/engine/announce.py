@@ -1,4 +1,4 @@
-"""What the daemon says of itself: HEARTBEAT, RIDLINK_STATUS, COLLISION, STATUSTEXT. Nothing is steered by any of it."""
+"""Messages of the daemon about itself: HEARTBEAT, RIDLINK_STATUS, COLLISION, STATUSTEXT. They steer nothing."""
 
 from __future__ import annotations
 
@@ -94,5 +94,5 @@ def collision(encoder: Encoder, conflict: Conflict, state: State) -> bytes:
 
 
 def warning(encoder: Encoder, text: str) -> bytes:
-    """STATUSTEXT (253) of a warning, cut to what one message holds."""
+    """STATUSTEXT (253) of a warning, cut to the length of one message."""
     return encoder.encode("STATUSTEXT", severity=SEVERITY_WARNING, text=text[:LONGEST_TEXT])

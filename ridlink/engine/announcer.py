@@ -1,4 +1,4 @@
-"""When the daemon says what of itself: the rhythm of everything that is sent beside setpoints."""
+"""Rhythm of the messages that the daemon sends about itself, beside setpoints."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ridlink.periodic import Periodic
 from ridlink.traffic.track import TrackKey
 
 MOST_COLLISIONS = 8
-"""COLLISION messages per second: a link of a few kbit/s must not drown in warnings."""
+"""COLLISION messages per second: warnings must not flood a link of a few kbit/s."""
 COLLISION_PERIOD_S = 1.0 - 1e-6
 
 QUIET_S = 10.0
-"""Between two alerts of one kind."""
+"""Time between two alerts of one kind."""
 
 ALERTS = {
     "newcomer_refused": "Remote ID flood: new senders refused",
@@ -36,11 +36,11 @@ ALERTS = {
     "no_multirotor": "the vehicle is no multirotor: nothing is flown",
     "decision_failed": "a decision failed",
 }
-"""What an operator should hear of when its counter moves."""
+"""Alerts to the operator, by the counter that moves."""
 
 
 class Announcer:
-    """Adds to the output of a step everything but setpoints.
+    """Adds all messages except setpoints to the output of a step.
 
     Attributes:
         decision_time_s: How long the last step took, for RIDLINK_STATUS.
@@ -70,23 +70,23 @@ class Announcer:
         count: Callable[[], Mapping[str, int]],
         now_s: float,
     ) -> None:
-        """Add what is due.
+        """Add the messages that are due.
 
         Args:
-            output: Of this step.
-            encoder: Who speaks.
-            telemetry: To and of whom.
+            output: Output of this step.
+            encoder: Encoder of the own messages.
+            telemetry: Telemetry of the vehicle.
             state: State of the failsafe ladder.
-            rivals: Our claim to steer, which others hear at once.
+            rivals: Own claim to steer, which others hear at once.
             time_boot_ms: Time since start.
-            count: What was counted so far, see `ALERTS`; asked once a second.
+            count: Counts so far, see `ALERTS`; called once a second.
             now_s: Monotonic time.
         """
         vehicle, record, lock = output.to_vehicle, output.decision, telemetry.lock
         if self._heartbeat_due.due(now_s) or rivals.claim != self._claimed or rivals.answer:
             self._claimed, rivals.answer = rivals.claim, False
             vehicle.append(heartbeat(encoder, state is State.ENGAGED, rivals.claim))
-            # The air listens to whoever says which vehicle it is: not before that is known.
+            # The air listens to those that say which vehicle they are: not before that is known.
             if lock is not None or telemetry.pinned is not None:
                 output.to_air.append(vehicle[-1])
         if lock is None:
@@ -101,7 +101,7 @@ class Announcer:
         vehicle.extend(warning(encoder, text) for text in output.warnings)
 
     def _requests(self, encoder: Encoder, telemetry: OwnShipTelemetry, sysid: int, now_s: float) -> list[bytes]:
-        """What to ask of an autopilot that is there and does not say all that is needed."""
+        """Requests to an autopilot that is there and does not say all that is needed."""
         trust = telemetry.trust
         silent = telemetry.position_silent_s(now_s) > 1.0 or trust.receiver_silent_s(now_s) > 5.0
         if silent or trust.estimator_silent(now_s):
@@ -120,7 +120,7 @@ class Announcer:
         return [collision(encoder, conflict, record.state) for conflict in due]
 
     def _alerts(self, counters: Mapping[str, int], now_s: float) -> list[str]:
-        """A line for every cause of `ALERTS` that counted on within the last second, each at most every ten seconds."""
+        """A line for each cause of `ALERTS` whose count grew within the last second, each at most every ten seconds."""
         counted_on = [cause for cause in ALERTS if counters[cause] > self._counted[cause]]
         self._counted.update({cause: counters[cause] for cause in counted_on})
         due = [cause for cause in counted_on if now_s - self._alerted_s.get(cause, -QUIET_S) >= QUIET_S]

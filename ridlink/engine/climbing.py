@@ -1,6 +1,6 @@
-"""Vertical avoidance in the engine: the traffic picture as cylinders, the band of heights, and who is the greater.
+"""Vertical avoidance in the engine: the traffic picture as cylinders, the band of heights, the greater identity.
 
-Heights: metres, positive upwards, about own-ship; the band is reckoned above mean sea level and above home.
+Heights: metres, positive upwards, about own-ship; the band is counted above mean sea level and above home.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.snapshot import Snapshot
 
 PX4_DESCENT_MPS = 1.5
-"""MPC_Z_VEL_MAX_DN: faster setpoints are clipped, so a slab would be left later than reckoned."""
+"""MPC_Z_VEL_MAX_DN: faster setpoints are clipped, so own-ship would leave a slab later than calculated."""
 
 LONGEST_STEP_S = 0.5
-"""After a longer pause the climb rate changes as after this."""
+"""After a longer pause the climb rate changes as after this time."""
 
 ALONGSIDE_MPS = 1.0
-"""Who moves no faster relative to us flies along."""
+"""A neighbour that moves no faster relative to own-ship flies alongside."""
 
 
 class Climber:
@@ -47,11 +47,11 @@ class Climber:
 
     @property
     def leaving(self) -> int:
-        """1 while own-ship has left a slab upwards, -1 downwards, 0 while it has not."""
+        """1 while own-ship has left a slab upwards, -1 downwards, 0 otherwise."""
         return self._avoidance.leaving
 
     def begin_leg(self) -> None:
-        """A new goal, or a new engagement."""
+        """Begin a new leg: a new goal, or a new engagement."""
         self._avoidance.forget()
 
     def climb(
@@ -67,10 +67,10 @@ class Climber:
         """The record with its vertical velocity decided.
 
         Args:
-            record: With a horizontal decision.
+            record: Record with a horizontal decision.
             own: Own state.
             everybody: Neighbours at all heights.
-            decider: Who made the horizontal decision.
+            decider: Decider that made the horizontal decision.
             last_down_mps: Vertical velocity sent last, positive downwards.
             identity: Own system id and identity in Remote ID.
         """
@@ -94,7 +94,7 @@ class Climber:
         return replace(record, commanded_ned_mps=(north, east, -climb_mps))
 
     def _room_m(self, own: OwnState, goal_altitude_m: float) -> tuple[float, float]:
-        """How far the band reaches up and down from here; the goal is always in it."""
+        """How far the band reaches up and down from here [m]; the goal is always in it."""
         config, here = self._config, own.position.altitude_m
         highest = min(goal_altitude_m + config.vertical_band_m, own.home_altitude_m + config.max_height_m)
         lowest = max(goal_altitude_m - config.vertical_band_m, own.home_altitude_m + config.min_height_m)
@@ -112,7 +112,7 @@ class Climber:
         now = everybody.position_ned_m[:, :2] + velocity * everybody.age_s[:, None]
         relative = velocity - np.asarray(own.velocity_ned_mps[:2])
         seen = encounters(now, relative, radius)
-        # As it flies and as it would like to fly: who has been turned away from is not gone.
+        # With the own velocity, and with the one straight to the goal: a neighbour that was avoided is not gone.
         straight = encounters(now, velocity - decider.straight_ne_mps, radius)
         entry = np.minimum(seen.entry_s, straight.entry_s)
         look_s, held = self._avoidance.settings.look_s, self._avoidance.held

@@ -1,4 +1,4 @@
-"""Commands that the daemon takes: MAV_CMD_DO_REPOSITION, and MAV_CMD_DO_PAUSE_CONTINUE with `--guard`."""
+"""Commands that the daemon accepts: MAV_CMD_DO_REPOSITION, and MAV_CMD_DO_PAUSE_CONTINUE with `--guard`."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ MOST_REPLIES = 16
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What becomes of a command.
+    """Answer to a command.
 
     Attributes:
         result: MAV_RESULT.
-        goal: Where to go from now on, an operator's request; None where nothing changes.
-        engages_guard: The guard is engaged again.
+        goal: New goal, an operator's request; None if there is none.
+        engages_guard: True if the guard is engaged again.
     """
 
     result: int = UNSUPPORTED
@@ -41,13 +41,13 @@ class Answer:
 
 
 def answered(message: Message, own: OwnState | None, settings: FailsafeSettings, *, guarding: bool) -> Answer:
-    """What becomes of a COMMAND_INT or COMMAND_LONG to this component.
+    """Answer to a COMMAND_INT or COMMAND_LONG to this component.
 
     Args:
         message: The command.
-        own: Where the vehicle is; None while that is not known.
+        own: Own state; None while it is not known.
         settings: Limits of goals.
-        guarding: A guard flies the autopilot's own plan and takes no goals.
+        guarding: True for a guard, which flies the autopilot's own plan and takes no goals.
     """
     if message.command == DO_PAUSE_CONTINUE and guarding:
         continues = message.param1 == CONTINUE
@@ -59,11 +59,11 @@ def answered(message: Message, own: OwnState | None, settings: FailsafeSettings,
 
 
 def repositioned(message: Message, own: OwnState | None, settings: FailsafeSettings) -> Goal | None:
-    """The goal that a DO_REPOSITION names; None where it is none, or none that may be flown to.
+    """Goal of a DO_REPOSITION; None if it names none, or one that may not be flown to.
 
     Args:
         message: COMMAND_INT, or COMMAND_LONG with its altitude above mean sea level.
-        own: Where the vehicle is, and where relative altitudes begin; None while that is not known.
+        own: Own state, for the distance and for relative altitudes; None while it is not known.
         settings: Limits of goals.
     """
     frame = ABSOLUTE_ALTITUDE_FRAMES[0]
@@ -91,7 +91,7 @@ def repositioned(message: Message, own: OwnState | None, settings: FailsafeSetti
 
 
 def acknowledged(encoder: Encoder, message: Message, result: int, target_system: int, target_component: int) -> bytes:
-    """COMMAND_ACK (77) for whoever sent a command."""
+    """COMMAND_ACK (77) for the sender of a command."""
     return encoder.encode(
         "COMMAND_ACK",
         command=message.command,

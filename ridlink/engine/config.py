@@ -1,4 +1,4 @@
-"""Everything that an engine is told beforehand, checked once."""
+"""Configuration of an engine, checked once."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from ridlink.traffic.snapshot import PictureSettings
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where to go: latitude and longitude in degrees, altitude above mean sea level, None to keep the present one."""
+    """Goal: latitude and longitude in degrees, altitude above mean sea level, None to keep the present one."""
 
     latitude_deg: float
     longitude_deg: float
@@ -47,48 +47,48 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class EngineConfig:
-    """Everything that an engine is told beforehand.
+    """Configuration of an engine.
 
     Args:
-        goal: Where to go.
-        standby: Do not begin by oneself: wait for MAV_CMD_DO_REPOSITION, so that a restart never moves a vehicle.
-        definition: What sizes the discs.
+        goal: Where to fly to.
+        standby: Do not start alone, but wait for MAV_CMD_DO_REPOSITION, so that a restart never moves a vehicle.
+        definition: Definition that sizes the discs.
         eta: Under `Definition.CHANCE`, the probability that no neighbour comes too close, at any one instant.
-        chance_bound: Under `Definition.CHANCE`, how that becomes a distance.
-        accuracy_convention: Under `Definition.ODID_ACCURACY`, what others are taken to mean by their accuracy codes,
-            and own-ship by its own.
-        cruise_mps: Speed wanted, and the highest that avoidance asks for: a vehicle that cannot fly faster would
-            answer a faster command with less than half-planes assume.
+        chance_bound: Under `Definition.CHANCE`, how that probability becomes a distance.
+        accuracy_convention: Under `Definition.ODID_ACCURACY`, what the accuracy codes of others are taken to mean, and
+            the own one.
+        cruise_mps: Speed wanted, and the highest that avoidance asks for: a vehicle that cannot fly faster would answer
+            a faster command with less than half-planes assume.
         airframe_m: Largest horizontal extent of the own airframe, rotors turning.
-        airframe_height_m: Largest vertical extent of it; None: as large as the horizontal one, since hardly anything
-            that flies is taller than wide.
+        airframe_height_m: Largest vertical extent; None: as large as the horizontal one, since hardly anything that
+            flies is taller than wide.
         limits: Limits of the setpoints.
         solver: Which solver decides.
         halfplane: Constants of the half-plane solver.
         graded: Constants of the graded solver.
         rotation: Constants of the rotation solver.
-        failsafe: When doubt becomes action.
+        failsafe: Limits of the failsafe ladder.
         obstacles: Static obstacles, polygons of (latitude, longitude) in degrees.
         vertical_avoidance: Climb or descend, too, where the horizontal decision is bad; see `avoidance.vertical`.
-        vertical_cost: Of the cruise speed; a horizontal decision further from the straight way is bad.
-        vertical_band_m: Vertical avoidance stays so near to the altitude of the goal, ...
+        vertical_cost: Share of the cruise speed; a horizontal decision further from the straight way is bad.
+        vertical_band_m: Vertical avoidance stays this near to the altitude of the goal, ...
         min_height_m: ... above this height over home, ...
         max_height_m: ... and below this one. 120 m is the ceiling of open flights in Europe and of small ones in the
-            United States. A goal outside of them widens the band to itself.
-        vehicle_sysid: Only this autopilot; without it the first one heard.
-        uas_id: Own identity in Remote ID; without it what BASIC_ID on the vehicle link says.
+            United States. A goal outside widens the band to itself.
+        vehicle_sysid: Only this autopilot; without it, the first one heard.
+        uas_id: Own identity in Remote ID; without it, that of BASIC_ID on the vehicle link.
         filter_positions: Smooth reported positions, own and others'.
         guard: Fly nothing while all is clear; take over from the autopilot's own plan for a conflict, and hand it back.
         takeoff_aware: Never interrupt a climb-out, unless a mid-air collision is predicted.
         takeoff_height_m: A climb below this height over home is a climb-out.
         allow_v1: Take MAVLink 1 frames as well, on both links.
         broadcast: Transmit the own Remote ID as well.
-        broadcast_form: For whom that is meant.
-        operator_id: Identity of the operator in it; empty for none.
-        dry_run: What is decided does not leave: nobody is told that we avoid, and another writer is no reason to yield.
+        broadcast_form: Receivers that the broadcast is meant for.
+        operator_id: Identity of the operator in the broadcast; empty for none.
+        dry_run: Decisions are not sent: nobody is told that we avoid, and another writer is no reason to yield.
 
     Raises:
-        ConfigError: If a value cannot be, or two contradict each other; it is named.
+        ConfigError: If a value is invalid, or two contradict each other; it is named.
     """
 
     goal: Goal | None = None
@@ -137,7 +137,7 @@ class EngineConfig:
 
     @property
     def picture_settings(self) -> PictureSettings:
-        """What counts as traffic."""
+        """Settings of the traffic picture."""
         return PictureSettings(
             unknown_error_m=UNKNOWN_ERROR_BOUND_M,
             unusable_error_m=ERROR_CAP_M,
@@ -151,7 +151,7 @@ class EngineConfig:
 
     @property
     def broadcast_settings(self) -> BroadcastSettings:
-        """What the own Remote ID says beside what the autopilot reports."""
+        """Contents of the own Remote ID that the autopilot does not report."""
         return BroadcastSettings(
             airframe_m=self.airframe_m,
             airframe_height_m=self.height_m,
@@ -209,7 +209,7 @@ _CHOICES: dict[str, type[StrEnum]] = {
 
 
 def _chosen(name: str, value: object, choices: type[StrEnum]) -> StrEnum:
-    """A choice, which may be given by its name."""
+    """Member of an enumeration, which may be given by its name."""
     try:
         return choices(str(value))
     except ValueError:

@@ -3,7 +3,7 @@
 Datagrams go in as they come; `step` is called every 100 ms and returns what to send. No clock is read and no socket
 opened here, so the same engine runs in the daemon, in tests in virtual time, and on recordings.
 
-Axes: north, east, down about the own position of the instant; metres, m/s, seconds of the caller's monotonic clock.
+Axes: north, east, down about the present own position; metres, m/s, seconds of the caller's monotonic clock.
 """
 
 from __future__ import annotations
@@ -38,25 +38,25 @@ from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.picture import TrafficPicture
 
 LAST_WORDS = 3
-"""How often the last setpoint is sent, and what a guard hands back: one may be lost."""
+"""How often the last setpoint, and the commands of a guard that hands back, are sent: one may be lost."""
 
 
 class Engine:
-    """Fed with datagrams, asked once a step.
+    """The engine of one own-ship. Feed it with datagrams, and call `step` every 100 ms.
 
     Attributes:
-        config: As given.
+        config: Configuration, as given.
         rung: State of the failsafe ladder, and why.
         goal: Where to go now.
-        telemetry: Own state and autopilot.
+        telemetry: Own state, and state of the autopilot.
         picture: Traffic.
         setpoints: The stream of setpoints.
-        rivals: Other daemons on this vehicle.
+        rivals: Claims of other daemons on this vehicle.
         unheard: Why no autopilot is heard.
-        steering: What makes decisions.
-        encoder: Who speaks: the system id of the vehicle, and the component of obstacle avoidance.
-        guard: Who takes over from the autopilot's own plan; None without `--guard`.
-        warm: Decisions can be made in time; while kernels are being compiled they cannot.
+        steering: Makes the decisions.
+        encoder: Encoder of our messages, with the system id of the vehicle and the component id of obstacle avoidance.
+        guard: Takes over from the autopilot's own plan; None without `--guard`.
+        warm: Whether decisions can be made in time; they cannot while kernels are being compiled.
     """
 
     def __init__(self, config: EngineConfig) -> None:
@@ -93,7 +93,7 @@ class Engine:
 
     @property
     def vehicle_source(self) -> Hashable:
-        """Address of the autopilot that is listened to; None before one was heard."""
+        """Address of the autopilot that is listened to; None before one is heard."""
         return self.telemetry.lock.source if self.telemetry.lock else None
 
     def receive_vehicle(
@@ -104,7 +104,7 @@ class Engine:
         Args:
             datagram: Bytes.
             now_s: Monotonic time.
-            source: Who sent it.
+            source: Address of the sender.
             utc_s: UTC now, for the age of Remote ID reports.
         """
         for frame, message in self._intake.messages(datagram, VEHICLE_IDS):
@@ -126,14 +126,14 @@ class Engine:
 
         Args:
             datagram: Bytes.
-            source: Who sent it.
+            source: Address of the sender.
             now_s: Monotonic time.
             utc_s: UTC now, for the age of reports.
         """
         self._hearing.receive_air(datagram, source, now_s, utc_s)
 
     def _command(self, frame: Frame, message: Message, source: Hashable, now_s: float) -> None:
-        """A command to this component: DO_REPOSITION sets a goal and is an operator's request."""
+        """Take a command to this component: DO_REPOSITION sets a goal and is an operator's request."""
         lock = self.telemetry.lock
         if lock is None or message.target_system != lock.sysid or message.target_component != AVOIDANCE_COMPONENT:
             return
@@ -240,7 +240,7 @@ class Engine:
             output.to_vehicle += message_requests(self.encoder, lock.sysid, HOME_POSITION_US)
 
     def _watch(self, guard: Guard, own: OwnState | None, now_s: float) -> list[bytes]:
-        """Let the guard look; the commands that it wants to give."""
+        """Ask the guard; returns the commands that it wants to send."""
         if self.telemetry.lock is None:
             return []
         wish = guard.step(self._seen_by_guard(own, now_s), now_s)
@@ -258,8 +258,8 @@ class Engine:
     def stop(self, now_s: float) -> list[bytes]:
         """Three zero setpoints for the end, 50 ms apart by their time stamps; none if nothing was being streamed.
 
-        A guard that has taken over, or asked to, hands back what it found, and says so three times as well: nobody will
-        be there to ask again.
+        A guard that has taken over, or asked to, hands back what it found, and its commands are sent three times as
+        well: nobody will be there to repeat them.
         """
         frames: list[bytes] = []
         wanted: Commands = ()
@@ -273,26 +273,26 @@ class Engine:
         return frames + LAST_WORDS * self._commands(wanted)
 
     def note_decision_time(self, seconds: float) -> None:
-        """How long the last step took to compute, for RIDLINK_STATUS; the engine itself reads no clock."""
+        """Note how long the last step took to compute, for RIDLINK_STATUS; the engine itself reads no clock."""
         self._announcer.decision_time_s = seconds
 
     @property
     def fatal(self) -> bool:
-        """Decisions failed again and again: whoever runs the engine should hold and end."""
+        """Whether decisions failed again and again: the caller should hold and end."""
         return self.steering.fatal
 
     @property
     def last_error(self) -> str:
-        """Why the last decision failed that did."""
+        """Error of the last decision that failed."""
         return self.steering.last_error
 
     def hold_next(self) -> None:
-        """The loop stood still: whatever is decided next, hold first."""
+        """Hold in the next step, whatever is decided: the loop stood still."""
         self._hold_next = True
 
     @property
     def counters(self) -> Counter[str]:
-        """Everything that was dropped, clamped, rejected or noticed, by cause."""
+        """Counts of everything that was dropped, clamped, rejected or noticed, by cause."""
         intakes = self._intake, self._air_intake
         parts = (*intakes, self.steering, self._hearing, self.telemetry, self.picture, self.setpoints)
         return sum((part.counters for part in parts), self._counters)
@@ -334,7 +334,7 @@ class Engine:
         )
 
     def _must_yield(self, now_s: float) -> bool:
-        """Somebody else steers this vehicle, and is in the right."""
+        """Whether another writer steers this vehicle and has precedence."""
         if self.rivals.must_yield(now_s):
             return True
         if self.rivals.gives_way(now_s):
@@ -344,7 +344,7 @@ class Engine:
     # --- frames ---------------------------------------------------------------------------------------------------
 
     def time_boot_ms(self, now_s: float) -> int:
-        """Time since the first step; frames have it modulo 2**32."""
+        """Time since the first step [ms]; frames have it modulo 2**32."""
         return int((now_s - (self._started_s or 0.0)) * 1e3)
 
     def _commands(self, wanted: Commands) -> list[bytes]:
@@ -359,5 +359,5 @@ class Engine:
 
 
 def _host(source: Hashable) -> Hashable:
-    """The machine behind an address of a link."""
+    """Host of an address of a link."""
     return source[0] if isinstance(source, tuple) and source else source

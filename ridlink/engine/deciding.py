@@ -1,6 +1,6 @@
-"""From the traffic of one instant to the velocity of one instant: discs, conflicts, solver, altitude.
+"""From present traffic to a velocity: discs, conflicts, solver, altitude.
 
-Axes: north, east, down about the own position of the instant; metres, m/s, seconds of the caller's monotonic clock.
+Axes: north, east, down about the present own position; metres, m/s, seconds of the caller's monotonic clock.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from ridlink.traffic.snapshot import Snapshot
 FloatArray = NDArray[np.float64]
 
 VERTICAL_GAIN_PER_S = 0.5
-"""Climb towards the goal altitude per metre missing: braking from 2 m/s then takes the 1 m/s^2 that autopilots have."""
+"""Climb rate to the goal altitude per metre missing: braking from 2 m/s then takes the 1 m/s^2 autopilots have."""
 
 
 class Decider:
-    """Sees who is in conflict, and chooses the velocity; remembers what belongs to one leg of the flight.
+    """Finds conflicts and chooses the velocity; keeps the memory of one leg of the flight.
 
     Args:
         config: As the engine has it.
 
     Attributes:
-        discs: Those of own-ship against others.
+        discs: Discs of own-ship against others.
         solver: Chooses the horizontal velocity.
-        infeasible: Decisions that had no admissible velocity.
+        infeasible: Number of decisions without an admissible velocity.
         straight_ne_mps: Velocity straight to the goal at the speed that the last decision wanted, shape (2,).
-        cost_mps: How far the velocity of the last decision is from flying straight to the goal.
-        target_altitude_m: Where the last decision wants to be, above mean sea level.
+        cost_mps: Distance of the last decision's velocity from that straight to the goal.
+        target_altitude_m: Altitude that the last decision wants, above mean sea level.
     """
 
     def __init__(self, config: EngineConfig) -> None:
@@ -60,13 +60,13 @@ class Decider:
         self.begin_leg()
 
     def begin_leg(self) -> None:
-        """A new goal, or a new engagement."""
+        """Begin a new leg: a new goal, or a new engagement."""
         self._kept_altitude_m: float | None = None
         self._watch, self._right_of_way = ProgressWatch(), RightOfWay()
         self._route = 0
 
     def traffic(self, own: OwnState, snapshot: Snapshot) -> tuple[Traffic, Encounters]:
-        """Discs and velocities for the solver, and what happens if everybody flies on."""
+        """Discs and velocities for the solver, and the encounters if all fly on."""
         discs = self.discs.against(own, own.speed_mps, snapshot)
         radius = discs.radius_m + snapshot.widening_m
         position, velocity = snapshot.position_ned_m[:, :2], snapshot.velocity_ned_mps[:, :2]
@@ -84,7 +84,7 @@ class Decider:
         return traffic, encounters(now, velocity - np.asarray(own.velocity_ned_mps[:2]), radius)
 
     def seen(self, record: DecisionRecord, snapshot: Snapshot, seen: Encounters) -> DecisionRecord:
-        """The record with the conflicts of this instant."""
+        """The record with the present conflicts."""
         soon = seen.entry_s <= self.config.halfplane.horizon_s
         for track, conflict in zip(snapshot.tracks, soon.tolist(), strict=True):
             track.in_conflict = conflict
@@ -120,11 +120,11 @@ class Decider:
         """The record with the velocity to fly.
 
         Args:
-            record: What is known of this step, and its time.
+            record: What is known of this step, with its time.
             goal: Where to go.
             own: Own state.
             last: Velocity sent last.
-            snapshot: Who counts.
+            snapshot: Neighbours that count.
             traffic: The same for the solver.
             identity: Own system id and identity in Remote ID.
             utc_s: UTC now, the clock of turns in a jam.
@@ -184,7 +184,7 @@ class Decider:
         now_s: float,
         utc_s: float | None,
     ) -> FloatArray | None:
-        """Velocity that makes way for those before us where nobody gets anywhere; None: fly to the goal."""
+        """Velocity that makes way for vehicles before us in a jam; None: fly to the goal."""
         order = places(identity, snapshot.tracks)
         if self.config.solver is not SolverKind.HALFPLANE or order is None:
             return None

@@ -1,4 +1,4 @@
-"""What one step of the engine saw and decided, as a value to log, to announce and to show."""
+"""Result of one step of the engine: a value to log, to announce and to show."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Conflict:
         track: The neighbour.
         entry_s: Time until its disc is entered, 0 inside.
         closest_s: Time of the closest approach.
-        miss_m: Horizontal distance then.
-        height_m: How far it is above us now, 0 where that is not known.
+        miss_m: Horizontal distance at that time.
+        height_m: Height of the neighbour above us now, 0 if unknown.
     """
 
     track: Track
@@ -35,23 +35,23 @@ class Conflict:
 
 @dataclass(frozen=True, slots=True)
 class DecisionRecord:
-    """One step.
+    """What one step saw and decided.
 
     Attributes:
         time_s: The caller's clock.
         state: State of the failsafe ladder.
-        own: Own state; None while it is unknown.
+        own: Own state; None if unknown.
         tracks: Number of tracks.
         conflicts: Neighbours in conflict, the most urgent first.
-        nearest_margin_m: Smallest distance to a neighbour less its disc; infinite without any.
-        time_to_violation_s: Time until the first disc is entered if all fly on; infinite if never.
+        nearest_margin_m: Smallest distance to a neighbour less its disc; infinite without neighbours.
+        time_to_violation_s: Time until the first disc is entered if all fly on; infinite if none is.
         preferred_ned_mps: Velocity wanted without traffic; None without a decision.
         commanded_ned_mps: Velocity that was sent; None if nothing was.
         status: Result of the solver; None without a decision.
         binding: Neighbours whose constraints bind.
         goal_distance_m: Horizontal distance to the goal; None without a decision.
-        recovering: A conflict is there, or was a moment ago.
-        detection: From how far neighbours must be heard and are heard; None before own state is known.
+        recovering: True if there is a conflict, or was one a moment ago.
+        detection: Ranges from which neighbours must be heard and are heard; None before the own state is known.
     """
 
     time_s: float
@@ -77,10 +77,10 @@ class StepOutput:
     Attributes:
         to_vehicle: Frames for the autopilot.
         to_air: Frames for the Remote ID link.
-        broadcasts: The own Remote ID, datagrams for whoever transmits it.
-        replies: Frames for others who spoke on the vehicle link, with their addresses.
-        warnings: What an operator should hear of; on the vehicle link it is a STATUSTEXT.
-        decision: What was decided.
+        broadcasts: The own Remote ID, as datagrams for its transmitter.
+        replies: Frames for other senders on the vehicle link, with their addresses.
+        warnings: Warnings for the operator; on the vehicle link each is a STATUSTEXT.
+        decision: Record of the step.
     """
 
     decision: DecisionRecord

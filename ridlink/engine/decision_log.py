@@ -1,4 +1,4 @@
-"""What was decided, step by step, as lines that are equal where decisions are, and their hash."""
+"""Decisions, step by step, as lines that are equal if the decisions are, and their hash."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def decision_line(output: StepOutput, reason: str) -> bytes:
 
     Args:
         output: The step.
-        reason: Why the failsafe ladder stands where it does.
+        reason: Reason of the state of the failsafe ladder.
     """
     record = output.decision
     return msgspec.json.encode(
@@ -52,11 +52,11 @@ class DecisionHash:
         self.steps = 0
 
     def add(self, line: bytes) -> None:
-        """One more step."""
+        """Add the line of one more step."""
         self._hash.update(line + b"\n")
         self.steps += 1
 
     @property
     def digest(self) -> str:
-        """Of all lines so far, as hexadecimal."""
+        """Hash of all lines so far, in hexadecimal."""
         return self._hash.hexdigest()

@@ -1,4 +1,4 @@
-"""From how far a neighbour must be heard, and from how far the air lets it be heard.
+"""Detection range: how far away a neighbour must be heard, and how far away neighbours are heard.
 
 An encounter can keep its disc only if it begins early enough. With closing speed v_c that takes D = v_c t_R, where t_R
 is the time in which own-ship moves aside by y: it reacts after t_d, moves off sideways with acceleration a, and no
@@ -7,13 +7,13 @@ faster than its speed V:
     t_R = t_d + sqrt(2 y / a)                      for y <= V^2 / (2 a)
     t_R = t_d + V / a + (y - V^2 / (2 a)) / V      otherwise
 
-y is the disc with the buffer of the solver, or half of it where both avoid. At equal speeds somebody who avoids nobody
-must be heard from at least twice the disc, however slowly both fly. Metres, m/s, seconds.
+y is the disc with the buffer of the solver, or half of it if both avoid. At equal speeds, a neighbour that avoids
+nobody must be heard from at least twice the disc, however slowly both fly. Metres, m/s, seconds.
 
-From how far the air lets neighbours be heard, only those tell who come within the range from which a stranger must be
-heard, whatever they say of themselves: a report may name any place, and three from the other side of the earth would
-make every air look wide enough. Who forges neighbours nearer than that can still hide a short range, and has them
-avoided.
+How far away the air lets neighbours be heard is judged only by those that come within the range from which a stranger
+must be heard, whatever they say of themselves. A report may name any place: three from the other side of the earth
+would make every air look wide enough. A forger of neighbours nearer than that can still hide a short range, and has
+them avoided.
 """
 
 from __future__ import annotations
@@ -32,29 +32,29 @@ from ridlink.traffic.track import SLOW_INTERVAL_S, Track, TrackKey
 FloatArray = NDArray[np.float64]
 
 SLOW_SENDER_S = 1.0
-"""More reaction towards a sender at 1 Hz: so long may a change of its course stay unsaid."""
+"""More reaction time towards a sender at 1 Hz: a change of its course may stay unsaid for this long."""
 
 LISTENED_S = 10.0
-"""Who is heard within so short a time of flight was there before; where it is first heard says nothing of the air."""
+"""A neighbour heard within this time of flight was there before; where it is first heard says nothing of the air."""
 
 EVIDENCE = 3
 """Fewer neighbours than this show no range."""
 
 KEPT = 32
 SHARE_WITHIN = 0.75
-"""A vehicle that takes off beside us, or comes from behind a house, is first heard near: the range of the air is what
-the farther quarter shows."""
+"""A vehicle that takes off beside us, or comes from behind a house, is first heard near. So the range of the air is
+what the farther quarter shows."""
 
 MOST_IDENTITIES = 10_000
 ENOUGH_AGAIN = 1.1
-"""The range counts as enough again only with a little to spare."""
+"""The range counts as enough again only with this factor to spare."""
 QUIET_S = 60.0
-"""Between two warnings."""
+"""Time between two warnings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reaction:
-    """How a vehicle answers a velocity setpoint: delay until it moves, and acceleration from then on."""
+    """Answer of a vehicle to a velocity setpoint: delay until it moves, and acceleration from then on."""
 
     delay_s: float
     acceleration_mps2: float
@@ -75,10 +75,10 @@ def reaction_time(aside_m: ArrayLike, speed_mps: float, reaction: Reaction, late
     """Time until own-ship has moved aside [s].
 
     Args:
-        aside_m: How far, shape (...).
-        speed_mps: How fast it may fly sideways.
+        aside_m: Distance to move aside, shape (...).
+        speed_mps: Largest sideways speed.
         reaction: Delay and acceleration.
-        late_s: More delay, for a neighbour that is heard seldom, shape (...).
+        late_s: Additional delay for a neighbour that is heard seldom, shape (...).
     """
     aside, late = np.asarray(aside_m, dtype=np.float64), np.asarray(late_s, dtype=np.float64)
     gaining = speed_mps**2 / (2.0 * reaction.acceleration_mps2)
@@ -100,7 +100,7 @@ def needed_range(
     Args:
         disc_m: Radii of the discs of the pairs, the solver's buffer included, shape (n,).
         neighbour_speed_mps: Speeds of the neighbours, shape (n,).
-        reciprocal: Who takes its half of the avoidance, shape (n,).
+        reciprocal: True for neighbours that take their half of the avoidance, shape (n,).
         speed_mps: Own speed.
         reaction: Own reaction.
         interval_s: Times between the reports of each, shape (n,).
@@ -113,12 +113,13 @@ def needed_range(
 
 @dataclass(frozen=True, slots=True)
 class DetectionRange:
-    """What is needed against what there is.
+    """Needed and given detection range.
 
     Attributes:
-        needed_m: For the most demanding neighbour heard now; with nobody there, for one that says nothing of itself.
-        given_m: What the air gives; None without evidence: nobody came near.
-        short: The air gives less than a neighbour heard now needs.
+        needed_m: Range needed for the most demanding neighbour heard now; if there is none, for one that says nothing
+            of itself.
+        given_m: Range that the air gives; None without evidence: no neighbour came near.
+        short: True if a neighbour heard now needs more than the air gives.
     """
 
     needed_m: float
@@ -127,7 +128,7 @@ class DetectionRange:
 
 
 class DetectionWatch:
-    """Learns from how far neighbours are first heard in flight that come near, and warns where that is not enough."""
+    """Learns how far away neighbours that come near are first heard in flight, and warns if that is not enough."""
 
     def __init__(self) -> None:
         self._flying_since_s: float | None = None
@@ -142,7 +143,7 @@ class DetectionWatch:
         """Look at the tracks, at least every few seconds.
 
         Args:
-            tracks: All of them.
+            tracks: All tracks.
             flying: Own-ship is in the air.
             now_s: Monotonic time.
         """
@@ -164,14 +165,15 @@ class DetectionWatch:
         self._looked_at_s = now_s
 
     def near(self, tracks: Iterable[Track]) -> None:
-        """These are within the range from which a stranger must be heard: from how far they were, is evidence now."""
+        """Take tracks within the range from which a stranger must be heard: where each was first heard is now
+        evidence."""
         for track in tracks:
             if (first_m := self._not_near_yet_m.pop(track.key, None)) is not None:
                 self._first_heard_m.append(first_m)
 
     @property
     def given_m(self) -> float | None:
-        """From how far neighbours are heard that come near; None without evidence."""
+        """How far away neighbours that come near are heard [m]; None without evidence."""
         if len(self._first_heard_m) < EVIDENCE:
             return None
         # As `np.quantile`, which imports masked arrays when it is first called: 20 ms in the middle of a flight.
@@ -179,11 +181,11 @@ class DetectionWatch:
         return float(np.interp(SHARE_WITHIN, shares, sorted(self._first_heard_m)))
 
     def judge(self, needed_m: float, anybody: bool) -> DetectionRange:
-        """What is needed against what there is; with nobody there the last judgement stands.
+        """Needed and given range; without neighbours, the last judgement stands.
 
         Args:
             needed_m: Range needed now.
-            anybody: It is needed for somebody who is there.
+            anybody: True if the range is needed for a neighbour that is there.
         """
         given = self.given_m
         if given is not None and anybody:
@@ -191,7 +193,7 @@ class DetectionWatch:
         return DetectionRange(needed_m, given, self._short)
 
     def warning(self, judged: DetectionRange, now_s: float) -> str:
-        """What to say now, at most 50 characters as STATUSTEXT has them; empty for nothing."""
+        """Warning to send now, at most 50 characters as STATUSTEXT has them; empty for none."""
         if not judged.short or judged.given_m is None or now_s - self._warned_at_s < QUIET_S:
             return ""
         self._warned_at_s = now_s

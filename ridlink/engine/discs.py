@@ -1,8 +1,8 @@
-"""The discs that own-ship keeps, and from how far somebody must be heard so that they can be kept.
+"""Discs that own-ship keeps, and how far away a neighbour must be heard so that they can be kept.
 
-Under `Definition.ODID_ACCURACY` the own error counts as what its accuracy code leaves of it to others, whatever finer
-figure the autopilot gives: so they size their disc of the pair, and so does whoever judges it. Two of one pair keep one
-disc. By the letter, and as one sigma, that is never less than the error itself.
+Under `Definition.ODID_ACCURACY` the own error is what its accuracy code tells others, whatever finer figure the
+autopilot gives. Others, and any referee, size the disc of the pair by that, so both vehicles keep one disc. By the
+letter, and as one sigma, that is never less than the error itself.
 
 Metres, m/s, seconds.
 """
@@ -27,7 +27,7 @@ from ridlink.traffic.snapshot import Snapshot
 FloatArray = NDArray[np.float64]
 
 LONGEST_INTERVAL_S = 1.0
-"""Standard Remote ID; who is heard less often than that coasts, and its disc grows for it."""
+"""Interval of standard Remote ID; a neighbour heard less often coasts, and its disc grows for that."""
 
 
 class OwnDiscs:
@@ -41,19 +41,19 @@ class OwnDiscs:
         self._config = config
 
     def against(self, own: OwnState, own_speed_mps: float, snapshot: Snapshot) -> Discs:
-        """Discs against everybody of a snapshot, n of them, at an own speed [m/s]."""
+        """Discs against all n neighbours of a snapshot, at an own speed [m/s]."""
         others = Reported(snapshot.airframe_m, snapshot.error_bound_m, snapshot.accuracy_bound_m, snapshot.speed_mps)
-        # As measured, not as announced: lost reports are time without one.
+        # As measured, not as announced: lost reports are time without a report.
         interval_s = np.clip(snapshot.interval_s, REPORT_INTERVAL_S, LONGEST_INTERVAL_S)
         return self._discs(own, own_speed_mps, others, interval_s)
 
     def needed_range_m(self, own: OwnState, snapshot: Snapshot, reaction: Reaction) -> float:
-        """From how far the most demanding neighbour of a snapshot must be heard at cruise speed [m]; 0 without any."""
+        """Range [m] from which the most demanding neighbour must be heard at cruise speed; 0 without neighbours."""
         discs = self.against(own, self._config.cruise_mps, snapshot)
         return self._needed_m(discs, snapshot.speed_mps, snapshot.avoiding, snapshot.interval_s, reaction)
 
     def stranger_range_m(self, own: OwnState, reaction: Reaction) -> float:
-        """The same for one that says nothing of itself, avoids nobody and is heard once a second [m]."""
+        """The same for a neighbour that says nothing of itself, avoids nobody and is heard once a second [m]."""
         unknown, once_a_second = np.full(1, math.nan), np.ones(1)
         discs = self._discs(own, self._config.cruise_mps, Reported(), once_a_second)
         return self._needed_m(discs, unknown, np.zeros(1, np.bool_), once_a_second, reaction)

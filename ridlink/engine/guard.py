@@ -35,18 +35,18 @@ STREAM_FIRST_S = 0.5
 """PX4 accepts OFFBOARD after 100 ms of stream; lost datagrams are allowed for."""
 ASK_AGAIN_S = 0.5
 GIVE_UP_S = 5.0
-"""Without the mode; the conflict may still be there, and it is tried again. In the mode, without anybody who steers."""
+"""Without the mode: it is tried again, for the conflict may still be there. In the mode: without any steering."""
 
 CHANGED = "somebody else, or the autopilot itself, changed the mode"
 FOREIGN_MODE = "this mode is not taken over from"
 """Remarks."""
 
 Commands = tuple[tuple[int, tuple[float, ...]], ...]
-"""COMMAND_LONGs to the autopilot, number and parameters."""
+"""COMMAND_LONGs to the autopilot: number and parameters."""
 
 
 class Phase(StrEnum):
-    """Where a guard stands."""
+    """Phase of a guard."""
 
     WATCHING = "watching"
     TAKING_OVER = "taking over"
@@ -57,20 +57,20 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What is seen in this step.
+    """What a guard sees in this step.
 
     Args:
         autopilot: MAV_AUTOPILOT.
-        custom_mode: As the last heartbeat says.
+        custom_mode: Mode in the last heartbeat.
         flying: A multirotor, armed, off the ground.
         interruptible: Not in a climb-out that must not be interrupted.
         conflict: A disc is entered within the horizon if all fly on.
         clear: The way has been free for the hysteresis.
         sysid: System id of the autopilot.
-        mission_item: As MISSION_CURRENT says; None where it says nothing.
-        steering: The avoidance steers, be it to a stop.
-        taken: Somebody else sends setpoints, and the avoidance gave way.
-        heard: The autopilot is heard; what it said last may be long past otherwise.
+        mission_item: Sequence number in MISSION_CURRENT; None if it was not told.
+        steering: The avoidance steers, or stops the vehicle.
+        taken: Another writer sends setpoints, and the avoidance gave way.
+        heard: The autopilot is heard; otherwise, what it said last may be long past.
     """
 
     autopilot: int
@@ -87,7 +87,7 @@ class Seen:
 
     @property
     def vehicle(self) -> tuple[int, int]:
-        """Which one it is."""
+        """Identity of the vehicle."""
         return self.sysid, self.autopilot
 
 
@@ -96,9 +96,9 @@ class Wish:
     """What a guard wants in this step.
 
     Attributes:
-        begin: Make the operator's request of avoidance: a conflict is to be resolved.
-        end: Let go of it.
-        commands: What the autopilot is to be told.
+        begin: Make the operator's request of avoidance, to resolve a conflict.
+        end: Withdraw that request.
+        commands: Commands for the autopilot.
     """
 
     begin: bool = False
@@ -116,19 +116,19 @@ def _parts(autopilot: int, custom_mode: int) -> tuple[int, int]:
 
 
 def mode_command(autopilot: int, custom_mode: int) -> tuple[int, tuple[float, ...]]:
-    """DO_SET_MODE to a custom mode."""
+    """DO_SET_MODE with a custom mode."""
     return DO_SET_MODE, (CUSTOM_MODE_ENABLED, *(float(part) for part in _parts(autopilot, custom_mode)))
 
 
 class Guard:
-    """One guard.
+    """Guard of one vehicle.
 
     Attributes:
-        phase: Where it stands.
-        found_mode: What it will hand back.
-        takeovers: Conflicts that it took over for.
-        refused: Times that a mode was asked for, longer than five seconds and in vain.
-        remark: Why it has ended, or takes over from nothing now; empty for nothing to say.
+        phase: Present phase.
+        found_mode: Mode that it hands back.
+        takeovers: Number of conflicts that it took over for.
+        refused: How often a mode was asked for in vain for longer than five seconds.
+        remark: Why it has ended, or does not take over now; empty if there is nothing to say.
     """
 
     def __init__(self) -> None:
@@ -141,17 +141,17 @@ class Guard:
         self._since_s = self._asked_s = self._steered_s = 0.0
 
     def engage(self) -> bool:
-        """The operator engages it again; whether it had ended."""
+        """Engage again, for the operator; returns whether it had ended."""
         ended = self.phase is Phase.ENDED
         if ended:
             self.phase, self.remark = Phase.WATCHING, ""
         return ended
 
     def step(self, seen: Seen, now_s: float) -> Wish:
-        """What it wants now.
+        """What the guard wants now.
 
         Args:
-            seen: What is seen.
+            seen: What it sees.
             now_s: Monotonic time.
         """
         if self.phase not in (Phase.WATCHING, Phase.ENDED) and seen.vehicle != self._vehicle:
@@ -198,7 +198,7 @@ class Guard:
         return Wish(commands=(mode_command(seen.autopilot, EXTERNAL_MODE[seen.autopilot]),))
 
     def _resolve(self, seen: Seen, now_s: float, external: bool) -> Wish:
-        # Who hands back lets go of the stream anyway, and the plan that is flown again sets targets of its own.
+        # While it hands back it ends the stream anyway, and the plan that is flown again sets targets of its own.
         if not external or (seen.taken and self.phase is Phase.RESOLVING):
             if self.phase is not Phase.HANDING_BACK or not _same(seen.autopilot, seen.custom_mode, self.found_mode):
                 return self._end(CHANGED if not external else OTHER_WRITER, now_s)
@@ -206,7 +206,7 @@ class Guard:
             return Wish(end=True)
         if seen.steering:
             self._steered_s = now_s
-        # What was asked for may still come; whoever is handed back watches on.
+        # What was asked for may still come; after handing back, the guard watches on.
         if not seen.clear and now_s - max(self._steered_s, self._since_s) <= GIVE_UP_S:
             return Wish()
         if self.phase is Phase.RESOLVING:
@@ -217,7 +217,7 @@ class Guard:
         return Wish(commands=self.hand_back(seen))
 
     def hand_back(self, seen: Seen) -> Commands:
-        """Commands that bring back what was found; none unless it was taken, or asked for and perhaps not told yet."""
+        """Commands that restore what was found; none unless the guard took over, or asked to and does not know yet."""
         asked = self.phase is Phase.TAKING_OVER and self._asked_s >= self._since_s
         taken = asked or self.phase in (Phase.RESOLVING, Phase.HANDING_BACK)
         if not taken or seen.vehicle != self._vehicle:
@@ -243,7 +243,7 @@ class Guard:
 
 
 def _same(autopilot: int, one: int, other: int) -> bool:
-    """Whether two custom modes are one; PX4's OFFBOARD has no sub mode, and some report one."""
+    """Whether two custom modes are the same; PX4's OFFBOARD has no sub mode, but some report one."""
     if autopilot == PX4 and _parts(autopilot, other)[0] != PX4_AUTO:
         return _parts(autopilot, one)[0] == _parts(autopilot, other)[0]
     return one == other

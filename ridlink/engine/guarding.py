@@ -1,6 +1,6 @@
 """A guard in its engine: what it sees of own-ship and of the last decision, and where a takeover leads.
 
-The engine asks its guard once a step, before the ladder moves, and carries out what it wants: see `guard`.
+Once a step, before the ladder moves, the engine asks its guard and carries out its wishes: see `guard`.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from ridlink.own_ship import PX4, OwnShipTelemetry
 from ridlink.traffic.own_state import OwnState
 
 AHEAD_M = 1000.0
-"""Further than any conflict lasts."""
+"""Further away than any conflict lasts."""
 
 
 def resting(guard: Guard) -> Rung:
-    """The ladder of somebody who watches: nobody's request is waited for."""
+    """Rung of a guard that watches: it waits for no operator's request."""
     return Rung(reason=f"guard: {guard.phase}" + (f": {guard.remark}" if guard.remark else ""))
 
 
 def ended(autopilot: int, *, asked: bool, dry_run: bool) -> Rung:
-    """The ladder at the end of a daemon that steered: how the vehicle is left.
+    """Rung at the end of a daemon that steered; its reason says how the vehicle is left.
 
     Args:
         autopilot: MAV_AUTOPILOT.
-        asked: The mode that a guard found is asked for; nobody waits until a heartbeat says it.
+        asked: The mode that a guard found was asked for, without waiting for a heartbeat that confirms it.
         dry_run: Nothing was sent.
     """
     if dry_run:
@@ -40,7 +40,7 @@ def ended(autopilot: int, *, asked: bool, dry_run: bool) -> Rung:
 
 
 def goal_ahead(own: OwnState) -> Goal:
-    """Where the autopilot's plan leads, as far as the own velocity tells."""
+    """Goal where the autopilot's plan leads, as far as the own velocity tells."""
     ahead_s = AHEAD_M / max(own.speed_mps, 1.0)
     north, east = (ahead_s * value for value in own.velocity_ned_mps[:2])
     return Goal(*moved(own.position.latitude_deg, own.position.longitude_deg, north, east))
@@ -59,8 +59,8 @@ def seen_by_guard(
     Args:
         config: As the engine has it.
         telemetry: Own state and autopilot.
-        own: Own state now; without one the last decision says nothing about now.
-        rung: Of the last step.
+        own: Own state now; without one, the last decision says nothing about the present.
+        rung: Rung of the last step.
         last: Decision of the last step.
         now_s: Monotonic time.
     """

@@ -1,7 +1,7 @@
-"""What an engine hears over Remote ID, on either link: messages to reports, reports into the picture.
+"""Remote ID that an engine hears, on either link: messages to reports, reports into the picture.
 
-On the vehicle link receivers relay others, and the vehicle speaks of itself; whoever cannot tell the two apart would
-avoid itself. Nothing that is heard can change anything but tracks, and the name under which the own vehicle is known.
+On the vehicle link, receivers relay others, and the vehicle speaks of itself. A vehicle that cannot tell the two apart
+would avoid itself. Nothing that is heard can change anything but tracks, and the names of the own vehicle.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from ridlink.traffic.picture import TrafficPicture
 
 
 class Hearing:
-    """Fed with datagrams of the air and with Remote ID messages of the vehicle link.
+    """Takes datagrams of the air, and Remote ID messages of the vehicle link.
 
     Args:
-        config: What the engine is told.
+        config: Configuration of the engine.
         intake: Takes datagrams and messages apart.
         telemetry: Says which vehicle is the own one.
-        picture: Where reports go.
+        picture: Traffic picture that receives the reports.
 
     Attributes:
-        names: Of the own vehicle.
+        names: Names of the own vehicle.
         reports: LOCATION messages that were taken.
-        counters: What was not taken, by cause.
+        counters: Messages that were not taken, by cause.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Who is who: identities that own-ship and its neighbours know of each other alike."""
+"""Identities that own-ship and its neighbours know of each other alike."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ridlink.avoidance.priority import NOBODY
 from ridlink.traffic.track import Track
 
 Identity = tuple[int, bytes | None]
-"""System id and identity in Remote ID, None where it is not known."""
+"""System id and identity in Remote ID, None if that is not known."""
 
 
 def greater(own: Identity, track: Track) -> bool | None:
-    """Whether the own identity is the greater one: of system ids, or of bytes where a receiver relays the neighbour.
+    """Whether the own identity is the greater one: of system ids, or of bytes if a receiver relays the neighbour.
 
-    None where they cannot be told apart.
+    None if they cannot be told apart.
     """
     own_sysid, own_uas_id = own
     _, sysid, _, id_or_mac, _ = track.key
@@ -33,8 +33,8 @@ def greater(own: Identity, track: Track) -> bool | None:
 def places(own: Identity, tracks: Sequence[Track]) -> tuple[int, NDArray[np.int64]] | None:
     """Numbers that put own-ship and its neighbours into one order, the same for all of them.
 
-    Where everybody is heard directly these are the system ids, otherwise checksums of the identities in Remote ID: the
-    bytes begin with the manufacturer, who should not decide. NOBODY for a neighbour that has not told its own yet.
+    If all are heard directly, these are the system ids, otherwise checksums of the identities in Remote ID: the bytes
+    begin with the manufacturer, which should not decide. NOBODY for a neighbour that has not told its identity yet.
 
     Returns:
         The own number and theirs, shape (n,); None if the own one is not known.

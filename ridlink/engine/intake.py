@@ -1,6 +1,7 @@
-"""From datagrams to messages and reports: everything that an engine reads, and what it leaves unread.
+"""Datagrams to messages and reports: what an engine reads, and what it leaves unread.
 
-Nothing here trusts a sender. A frame is judged by its header first, so that what does not concern us costs no decoding.
+Nothing here trusts a sender. A frame is judged by its header first, so that a message that does not concern us costs no
+decoding.
 """
 
 from __future__ import annotations
@@ -16,24 +17,24 @@ from ridlink.remote_id.messages import MAVLINK_NAMES, Location, RemoteIdMessage
 EKF_STATUS_REPORT = 193
 _EKF_FLAGS = struct.Struct("<H")
 _EKF_FLAGS_AT = 20
-"""Of ArduPilot's own dialect, of which this one message is needed: five floats, then the flags."""
+"""From ArduPilot's own dialect, of which only this message is needed: five floats, then the flags."""
 
 CHECKED = {**CRC_EXTRAS, EKF_STATUS_REPORT: 71}
 
 STATUSTEXT = 253
 VEHICLE_IDS = REMOTE_ID_IDS | {0, 24, 32, 33, 42, 75, 76, 85, EKF_STATUS_REPORT, 230, 242, 245, STATUSTEXT}
-"""What an engine reads of the vehicle link, and the first of them of the air; anything else is not decoded."""
+"""Messages that an engine reads from the vehicle link, REMOTE_ID_IDS also from the air; no others are decoded."""
 LOCATION = MAVLINK_NAMES[Location]
 
 
 class Intake:
-    """Messages of datagrams.
+    """Takes messages out of datagrams.
 
     Args:
         allow_v1: Take MAVLink 1 frames as well.
 
     Attributes:
-        counters: What was not taken, by cause.
+        counters: Frames that were not taken, by cause.
     """
 
     def __init__(self, *, allow_v1: bool = False) -> None:
@@ -41,7 +42,7 @@ class Intake:
         self._allow_v1 = allow_v1
 
     def messages(self, datagram: bytes, wanted: frozenset[int]) -> list[tuple[Frame, Message]]:
-        """What of a datagram concerns us; everything else is counted by cause."""
+        """Messages of a datagram that concern us; all others are counted by cause."""
         taken: list[tuple[Frame, Message]] = []
         for found in parse_datagram(datagram, CHECKED):
             if isinstance(found, BadFrame):
@@ -58,8 +59,8 @@ class Intake:
         return taken
 
     def remote_id(self, message: Message) -> list[RemoteIdMessage]:
-        """What a message says of Remote ID; LOCATION last, of a pack, too: with its RIDLINK_SEPARATION before it, it
-        makes one report instead of two."""
+        """Remote ID messages in a message, LOCATION last, of a pack as well: with its RIDLINK_SEPARATION before it,
+        LOCATION makes one report instead of two."""
         parts = messages_of(message, self.counters)
         if len(parts) > 1:
             parts.sort(key=lambda each: isinstance(each, Location))

@@ -1,7 +1,7 @@
-"""Escalate fast, recover slowly: what follows a conflict.
+"""Recovery after a conflict: escalate fast, recover slowly.
 
-A conflict that has just gone may be back with the next report. It counts as over only after it has been gone for a
-while, and until then the way back to the preferred velocity is taken with part of the acceleration.
+A conflict that has just gone may be back with the next report. It is over only after it has been gone for a while.
+Until then the vehicle returns to the preferred velocity with only a part of the acceleration.
 """
 
 from __future__ import annotations
@@ -12,31 +12,31 @@ from ridlink.setpoint import Velocity
 
 HYSTERESIS_S = 2.0
 SHARE = 0.5
-"""Of the acceleration limit."""
+"""Share of the acceleration limit."""
 
 
 class Recovery:
-    """Fed with whether there is a conflict, asked for the velocity that may be flown."""
+    """Told when there is a conflict, it limits the velocity that may be flown."""
 
     def __init__(self) -> None:
         self._conflict_at_s = -math.inf
 
     def conflict(self, now_s: float) -> None:
-        """There is a conflict now."""
+        """Note that there is a conflict now."""
         self._conflict_at_s = now_s
 
     def recovering(self, now_s: float) -> bool:
-        """A conflict is there, or was within the hysteresis."""
+        """Whether there is a conflict, or was one within the hysteresis."""
         return now_s - self._conflict_at_s < HYSTERESIS_S
 
     def slowed(self, wanted: Velocity, last: Velocity, *, step_s: float, acceleration_mps2: float) -> Velocity:
-        """The velocity on the way from the last one to the wanted one that recovery allows; slowing down is free.
+        """Velocity on the way from the last to the wanted one that recovery allows; to slow down is free.
 
         Args:
             wanted: North, east, down [m/s].
-            last: What was sent last.
+            last: Velocity sent last.
             step_s: Time since then.
-            acceleration_mps2: Limit of setpoints.
+            acceleration_mps2: Limit on the change of setpoints.
         """
         change = math.hypot(wanted[0] - last[0], wanted[1] - last[1])
         room = SHARE * acceleration_mps2 * step_s

@@ -1,4 +1,4 @@
-"""Static obstacles in degrees: laid out once, asked for in metres about any own position."""
+"""Static obstacles in degrees: laid out once, given in metres about any own position."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ FloatArray = NDArray[np.float64]
 
 
 class StaticObstacles:
-    """Polygons that nobody may enter.
+    """Polygons that no vehicle may enter.
 
     Args:
         polygons: Simple polygons, convex or not, either orientation.
 
     Raises:
-        ConfigError: If a polygon is none.
+        ConfigError: If a polygon is invalid.
     """
 
     def __init__(self, polygons: tuple[Polygon, ...]) -> None:
@@ -67,5 +67,5 @@ def _degrees(vertices_ne_m: FloatArray, origin: Geodetic) -> tuple[FloatArray, F
 
 
 def _metres(vertices_deg: tuple[FloatArray, FloatArray], origin: Geodetic) -> FloatArray:
-    # Walls stand at every height: their distance is that at ours.
+    # Walls stand at every height: their distance is the one at our height.
     return np.ascontiguousarray(ned_from_geodetic(*vertices_deg, origin.altitude_m, origin)[:, :2])

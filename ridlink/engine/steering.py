@@ -1,6 +1,6 @@
-"""What a step makes of the traffic: conflicts, and where one may be flown, a velocity. A failure here becomes a stop.
+"""From the traffic of a step to conflicts and, if one may be flown, a velocity. A failure here becomes a stop.
 
-Axes: north, east, down about the own position of the instant; metres, m/s, seconds of the caller's monotonic clock.
+Axes: north, east, down about the present own position; metres, m/s, seconds of the caller's monotonic clock.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from ridlink.traffic.snapshot import Snapshot
 
 FATAL_FAILURES = 3
 FATAL_WITHIN_S = 1.0
-"""So many failed decisions in so short a time are no accident."""
+"""FATAL_FAILURES failed decisions within this time are no accident."""
 
 
 class Steering:
-    """Looks and decides, step by step.
+    """Looks at the traffic and decides, step by step.
 
     Args:
         config: As the engine has it.
@@ -41,8 +41,8 @@ class Steering:
 
     Attributes:
         decider: Chooses the horizontal velocity.
-        fatal: Decisions failed again and again.
-        last_error: Why the last one failed.
+        fatal: Whether decisions failed again and again.
+        last_error: Error of the last one that failed.
         counters: `decision_failed`.
     """
 
@@ -60,7 +60,7 @@ class Steering:
         self._detection: DetectionRange | None = None
 
     def begin_leg(self) -> None:
-        """A new goal, or a new engagement."""
+        """Begin a new leg: a new goal, or a new engagement."""
         self.decider.begin_leg()
         if self._climber is not None:
             self._climber.begin_leg()
@@ -77,13 +77,13 @@ class Steering:
         since_last_s: float,
         utc_s: float | None = None,
     ) -> DecisionRecord:
-        """The record with the traffic of this instant and, where one may be flown, the velocity.
+        """The record with the present traffic and, if one may be flown, the velocity.
 
         Args:
-            record: What is known of this step.
+            record: What is known of this step, with its time.
             own: Own state.
             stream: What may be sent.
-            goal: Where to go.
+            goal: Goal; None if there is none.
             last: Velocity sent last.
             identity: Own system id and identity in Remote ID.
             since_last_s: Time since the last step.
@@ -112,7 +112,7 @@ class Steering:
             return replace(record, commanded_ned_mps=commanded)
 
     def detection_warning(self, record: DecisionRecord) -> str:
-        """What to say about the range of the air now; empty for nothing."""
+        """Warning about the range from which neighbours are heard; empty if there is none."""
         if record.detection is None or self._telemetry.lock is None:
             return ""
         return self._detection_watch.warning(record.detection, record.time_s)
@@ -125,11 +125,11 @@ class Steering:
             self.fatal = True
 
     def _slowed(self, record: DecisionRecord, last: Velocity, since_last_s: float) -> DecisionRecord:
-        """The decision, taken slowly where it only leads back from a conflict that is gone."""
+        """The decision, slowed down if it only leads back from a conflict that is gone."""
         if record.commanded_ned_mps is None:
             return record
         if record.conflicts or record.status is not Status.FREE:
-            # Whoever avoids in time is never in conflict: what bends the way counts as well.
+            # A vehicle that avoids in time is never in conflict: a bent way counts as well.
             self._recovery.conflict(record.time_s)
             return replace(record, recovering=True)
         if not record.recovering:
@@ -143,7 +143,7 @@ class Steering:
         return replace(record, commanded_ned_mps=slowed)
 
     def _detection_range(self, own: OwnState, snapshot: Snapshot, now_s: float) -> DetectionRange | None:
-        """From how far neighbours must be heard and are heard, as of the last full second."""
+        """Ranges from which neighbours must be heard and are heard, updated once a second."""
         if self._detection_due.due(now_s):
             telemetry, lock = self._telemetry, self._telemetry.lock
             self._detection_watch.hear(self._picture.tracks, telemetry.armed and telemetry.ready, now_s)

@@ -22,7 +22,7 @@ def interruptible(
         config: As the engine has it.
         telemetry: Own state and autopilot.
         own: Own state now.
-        last: What the last step saw.
+        last: Record of the last step.
     """
     if not config.takeoff_aware:
         return telemetry.ready
@@ -36,7 +36,7 @@ def interruptible(
 
 
 def mac_predicted(config: EngineConfig, own: OwnState, seen: DecisionRecord) -> bool:
-    """Whether somebody comes as near as both airframes and one standard deviation of both errors, if all fly on."""
+    """Whether a neighbour comes as near as both airframes and one standard deviation of both errors, if all fly on."""
     return any(_miss_is_mac(config, own, conflict) for conflict in seen.conflicts)
 
 

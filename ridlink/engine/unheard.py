@@ -1,4 +1,4 @@
-"""Why no autopilot is taken for the own one although somebody speaks: it looks like silence otherwise."""
+"""Why no autopilot is accepted as the own one although one speaks; otherwise that looks like silence."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from ridlink.engine.intake import Intake
 from ridlink.own_ship import OwnShipTelemetry
 
 ENOUGH = 5
-"""Seconds with words that are not taken: autopilots begin with MAVLink 1, and change when they hear MAVLink 2."""
+"""Seconds with messages that are not taken: autopilots begin with MAVLink 1, and change when they hear MAVLink 2."""
 
 
 class Unheard:
-    """Asked once a second.
+    """Finds out why no autopilot is heard; called once a second.
 
     Args:
-        intake: Of the vehicle link.
+        intake: Intake of the vehicle link.
         telemetry: Which autopilot is listened to.
-        otherwise: What helps against MAVLink 1, beside setting the vehicle to 2.
+        otherwise: Remedy for MAVLink 1, beside setting the vehicle to 2.
     """
 
     def __init__(self, intake: Intake, telemetry: OwnShipTelemetry, otherwise: str = "") -> None:
@@ -24,7 +24,7 @@ class Unheard:
         self._seconds = 0
 
     def why(self) -> str:
-        """Why none is heard; empty where one is, nobody speaks, or it may yet come."""
+        """Why no autopilot is heard; empty if one is, if nobody speaks, or if it may yet come."""
         if self._telemetry.lock is not None:
             return ""
         before = self._counted
