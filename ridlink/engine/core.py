@@ -176,35 +176,16 @@ class Engine:
         self.rung = advance(self.rung, self._conditions(own, now_s, since_last), self.config.failsafe)
         self._hold_next = False
         self.rivals.steer(self.rung.state in STEERING and not self.config.dry_run, utc_s)
-        record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
-        if own is not None:
-            self._counters["goal_below_home"] += self.goal is not None and self.goal.is_below(own.home_altitude_m)
-            record = self.steering.look_and_decide(
-                record,
-                own,
-                stream=self.rung.stream,
-                goal=self.goal,
-                last=self.setpoints.velocity,
-                identity=(self.encoder.sysid, self._hearing.names.uas_id),
-                since_last_s=since_last,
-                utc_s=utc_s,
-            )
-        elif self.rung.stream is Stream.ZERO:
-            record = replace(record, commanded_ned_mps=STOP)
+        record = self._last_record = self._decided(own, now_s, since_last, utc_s)
         if self.rung.state is State.ENGAGED and before not in STEERING:
             self.steering.begin_leg()
-        self._last_record = record
         output = StepOutput(record, to_vehicle=commands)
         if record.commanded_ned_mps is not None:
             output.to_vehicle.append(self._setpoint(record.commanded_ned_mps, now_s))
             output.decision = replace(record, commanded_ned_mps=self.setpoints.velocity)
         else:
             self.setpoints.restart()
-        writer = self.telemetry.other_writer
-        if self.rung.state in STEERING:
-            self._counters["other_writer"] += writer.contested(now_s) or self.rivals.gives_way(now_s)
-            self._counters["setpoints_unheard"] += writer.unheard(now_s)
-        writer.sent(None if self.config.dry_run else output.decision.commanded_ned_mps, now_s)
+        self._watch_writers(output.decision.commanded_ned_mps, now_s)
         output.replies, self._replies = self._replies, []
         if text := self.steering.detection_warning(record):
             output.warnings.append(text)
@@ -221,6 +202,31 @@ class Engine:
         if self._broadcast is not None:
             self._transmit(self._broadcast, output, now_s, utc_s)
         return output
+
+    def _decided(self, own: OwnState | None, now_s: float, since_last_s: float, utc_s: float | None) -> DecisionRecord:
+        """What is seen and, where one may be flown, the velocity; without an own position at most zero."""
+        record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
+        if own is None:
+            return replace(record, commanded_ned_mps=STOP) if self.rung.stream is Stream.ZERO else record
+        self._counters["goal_below_home"] += self.goal is not None and self.goal.is_below(own.home_altitude_m)
+        return self.steering.look_and_decide(
+            record,
+            own,
+            stream=self.rung.stream,
+            goal=self.goal,
+            last=self.setpoints.velocity,
+            identity=(self.encoder.sysid, self._hearing.names.uas_id),
+            since_last_s=since_last_s,
+            utc_s=utc_s,
+        )
+
+    def _watch_writers(self, sent: Velocity | None, now_s: float) -> None:
+        """Count what others write, and that nobody hears what we do; None: nothing is sent in this step."""
+        writer = self.telemetry.other_writer
+        if self.rung.state in STEERING:
+            self._counters["other_writer"] += writer.contested(now_s) or self.rivals.gives_way(now_s)
+            self._counters["setpoints_unheard"] += writer.unheard(now_s)
+        writer.sent(None if self.config.dry_run else sent, now_s)
 
     def _transmit(self, broadcast: Broadcast, output: StepOutput, now_s: float, utc_s: float | None) -> None:
         """Add the own Remote ID, with the velocity that was sent in this step."""

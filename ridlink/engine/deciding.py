@@ -131,8 +131,7 @@ class Decider:
         """
         config, now_s = self.config, record.time_s
         here = own.position
-        if self._kept_altitude_m is None:
-            self._kept_altitude_m = here.altitude_m
+        down = self._down_mps(goal, here.altitude_m)
         target = ned_from_geodetic(goal.latitude_deg, goal.longitude_deg, here.altitude_m, here)[:2]
         distance = float(np.hypot(*target))
         turn = self._watch.update(now_s, distance, config.cruise_mps)
@@ -161,9 +160,6 @@ class Decider:
         self.infeasible += decision.status is Status.INFEASIBLE
         self.straight_ne_mps = target * (float(np.hypot(*decision.preferred_ne_mps)) / max(distance, 1e-9))
         self.cost_mps = float(np.hypot(*(decision.velocity_ne_mps - self.straight_ne_mps)))
-        self.target_altitude_m = self._kept_altitude_m if goal.altitude_m is None else goal.altitude_m
-        most = config.limits.vertical_mps
-        down = min(max(VERTICAL_GAIN_PER_S * (here.altitude_m - self.target_altitude_m), -most), most)
         north, east = decision.command_ne_mps.tolist()
         return replace(
             record,
@@ -173,6 +169,14 @@ class Decider:
             binding=tuple(snapshot.tracks[k] for k in decision.binding),
             goal_distance_m=distance,
         )
+
+    def _down_mps(self, goal: Goal, altitude_m: float) -> float:
+        """Velocity towards the altitude of the goal or, where it has none, that at which the leg began."""
+        if self._kept_altitude_m is None:
+            self._kept_altitude_m = altitude_m
+        self.target_altitude_m = self._kept_altitude_m if goal.altitude_m is None else goal.altitude_m
+        most = self.config.limits.vertical_mps
+        return min(max(VERTICAL_GAIN_PER_S * (altitude_m - self.target_altitude_m), -most), most)
 
     def _makes_way(
         self,
