@@ -133,6 +133,8 @@ def choose(lines, first, excess, chosen, place):  # type: ignore[no-untyped-def]
 def nearest(lines, first, last, limit_mps, preferred, chosen, point):  # type: ignore[no-untyped-def]
     """Find the best point of the disc within half-planes `first..last-1`, or some point if there is none.
 
+    Arguments as in `least_bad`.
+
     Returns:
         Whether there is one, and the largest excess; if there is one, all these half-planes are measured at it.
     """

@@ -1,17 +1,18 @@
-"""Chance constraint: what must be kept between two reported positions so that the true ones are apart with probability.
+"""Chance constraint: the distance between two reported positions that keeps the true ones apart with a probability.
 
 Source: paper, Eq. 15 to 18. Errors are normal and equal on both horizontal axes, for Remote ID carries one horizontal
-error a vehicle: three standard deviations per axis. With standard deviations `s_i`, `s_j` and a true separation `R`
+error per vehicle: three standard deviations per axis. With standard deviations `s_i`, `s_j` and a true separation `R`
 wanted with probability `eta`, three radii hold `P(miss >= R) >= eta`; `ChanceBound` names them. Smaller is better.
 
-Eta is a statement about *one instant*, in which errors are drawn once and the pair then keeps the constraint: about one
-encounter, that is. A flight holds as many encounters with fresh errors as `independent_draws` says, and
-`mission_probability` what is left of eta after all of them. Where an error lasts for the whole flight, a bias, one
-draw decides everything: the probability is eta again, but an unlucky pair then stays unlucky.
+Eta is about *one instant*, in which errors are drawn once and the pair then keeps the constraint: about one encounter,
+that is. A flight holds as many encounters with fresh errors as `independent_draws` says, and `mission_probability` is
+what is left of eta after all of them. If an error lasts for the whole flight, a bias, one draw decides everything: the
+probability is eta again, but an unlucky pair then stays unlucky.
 
 Velocities are taken to be exact. A velocity error of `s_w` per axis moves the miss distance by `s_w t` at the time t of
-closest approach, exactly as a position error of that size does: who knows it adds it to the bound of its vehicle in
-quadrature, `sqrt(bound^2 + (3 s_w t)^2)`. The engine does not: it decides anew ten times a second, on fresh reports.
+closest approach, exactly as a position error of that size does. A caller that knows it adds it in quadrature to the
+bound of its vehicle, `sqrt(bound^2 + (3 s_w t)^2)`. The engine decides anew ten times a second, on fresh reports, and
+does not.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class ChanceBound(Named):
 
 
 def checked_eta(eta: float) -> float:
-    """The same.
+    """Eta, checked.
 
     Raises:
         ValueError: If eta does not lie between 0 and 1, ends excluded.
@@ -58,7 +59,7 @@ def checked_eta(eta: float) -> float:
 
 
 def pair_risk(eta: float, neighbours: ArrayLike = 1) -> FloatArray:
-    """Risk that each of n pairs may have so that none of them fails with probability eta: `(1 - eta) / n`.
+    """Risk that each of n pairs may have, so that with probability eta none of them fails: `(1 - eta) / n`.
 
     Source: the union bound, which holds however the errors of the pairs depend on each other (they do: all share the
     own error). No neighbour counts as one.
@@ -78,15 +79,15 @@ def chance_error_sum(
     neighbours: ArrayLike = 1,
     bound: ChanceBound = ChanceBound.HALFPLANE,
 ) -> FloatArray:
-    """Distance [m] to be kept beyond the one that must truly be kept, for a pair to hold it with probability eta.
+    """Distance [m] to keep in addition to the true separation, so that a pair holds that with probability eta.
 
     Source: paper Eq. 15 to 18, in the three forms of `ChanceBound`.
 
     Args:
         own_error_bound_m: Own three-sigma position error per axis.
-        error_bound_m: That of the others; all arguments broadcast.
+        error_bound_m: Three-sigma position error per axis of the others; all arguments broadcast.
         eta: Probability, at any one instant, that none of the neighbours comes closer.
-        neighbours: How many share the risk.
+        neighbours: Number of neighbours that share the risk.
         bound: Form of the constraint.
 
     Returns:
@@ -97,7 +98,7 @@ def chance_error_sum(
     """
     own = checked_lengths("own_error_bound_m", own_error_bound_m) / 3.0
     other = checked_lengths("error_bound_m", error_bound_m) / 3.0
-    # Few different counts occur in any batch, however large, and quantiles are slow.
+    # Even a large batch has few different counts, and quantiles are slow.
     risks, position = np.unique(pair_risk(eta, neighbours), return_inverse=True)
     shape = np.shape(neighbours)
     match ChanceBound(bound):
@@ -114,15 +115,15 @@ def chance_error_sum(
 
 
 def instant_probability(slack_m: ArrayLike, own_error_bound_m: ArrayLike, error_bound_m: ArrayLike) -> FloatArray:
-    """Probability with which a pair that keeps a distance by its reports truly keeps `slack_m` less of it.
+    """Probability that a pair that keeps a distance by its reports truly keeps that distance less `slack_m`.
 
-    The half-plane constraint read backwards: what any disc guarantees against errors that are normal with a third of
-    their bounds. Without any error it is 1 where there is slack and 0 where it is negative.
+    This is the half-plane constraint read backwards: what any disc guarantees against errors that are normal with a
+    third of their bounds. Without any error it is 1 if the slack is not negative, and 0 otherwise.
 
     Args:
         slack_m: Distance kept beyond the one that matters, error_sum_m of a disc; may be negative.
         own_error_bound_m: Own three-sigma position error per axis.
-        error_bound_m: That of the others.
+        error_bound_m: Three-sigma position error per axis of the others.
 
     Raises:
         ValueError: If a bound is negative or not finite, or the slack is no number.
@@ -141,7 +142,7 @@ def instant_probability(slack_m: ArrayLike, own_error_bound_m: ArrayLike, error_
 
 
 def independent_draws(duration_s: float, correlation_time_s: float) -> float:
-    """How many independent errors a flight meets: `1 + T/T_c`.
+    """Number of independent errors that a flight meets: `1 + T/T_c`.
 
     Args:
         duration_s: Time T in which the pair is in conflict; the whole mission for the most careful figure.
@@ -161,9 +162,9 @@ def independent_draws(duration_s: float, correlation_time_s: float) -> float:
 def mission_probability(eta: float, duration_s: float, correlation_time_s: float) -> float:
     """Probability that no encounter of a mission fails, `eta^(1 + T/T_c)`: one every correlation time.
 
-    Exact for white errors and for a bias, a lower bound for drifting ones at instants `T_c` apart. Who also counts
-    every instant in between, at which the vehicles decided anew and nothing happened, counts more: a Gauss-Markov
-    error stays within the half-plane all the time with about `eta exp(-u phi(u) T/T_c)`, u the quantile of eta.
+    Exact for white errors and for a bias; for drifting errors, a lower bound at instants `T_c` apart. To count also
+    every instant in between, at which the vehicles decided anew and nothing happened, gives more: a Gauss-Markov error
+    stays within the half-plane all the time with about `eta exp(-u phi(u) T/T_c)`, u the quantile of eta.
 
     Raises:
         ValueError: As `independent_draws`, or if eta is not within (0, 1).

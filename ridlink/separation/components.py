@@ -21,15 +21,15 @@ MAC_DISTANCE_M: Mapping[str, Triangular] = MappingProxyType(
         EXACT: Triangular(MIN_AIRFRAME_M, (MIN_AIRFRAME_M + MAX_AIRFRAME_M) / 2.0, MAX_AIRFRAME_M),
     }
 )
-"""Half the sum of two airframes, as section VI has it in words, as Eq. 10 prints it, and as it is for two sizes that
-are uniform between 0.1 and 7.5 m: a sum of two uniform sizes is triangular about its middle."""
+"""Half the sum of two airframes: as section VI has it in words, as Eq. 10 prints it, and as it is for two sizes that
+are uniform between 0.1 and 7.5 m (a sum of two uniform sizes is triangular about its middle)."""
 
 
 def localization_error(sigma_i_m: float, sigma_j_m: float | None = None) -> HalfNormalSum:
     """Localization error of both vehicles [m], Eq. 12.
 
     Args:
-        sigma_i_m: Standard deviation of the one.
+        sigma_i_m: Standard deviation of the one vehicle.
         sigma_j_m: Standard deviation of the other, the same if left out.
     """
     return HalfNormalSum(sigma_i_m, sigma_i_m if sigma_j_m is None else sigma_j_m)
@@ -43,14 +43,14 @@ def cruise_speed(category: Category) -> Normal:
 def fleet_speed() -> TruncatedNormal:
     """Speed of a vehicle of the paper's simulation [m/s]: N(30.7, 5.1^2), drawn again until within 10 and 51.5.
 
-    The paper says category 3; only with its maximum speed as the mean do the mission times come out.
+    The paper says category 3; only with its maximum speed as the mean do the mission times agree.
     """
     category = CATEGORIES[3]
     return TruncatedNormal(category.max_speed_mps, category.speed_sigma_mps, 10.0, CATEGORIES[4].max_speed_mps)
 
 
 def displacement(category: Category, interval_s: float, other: Category | None = None) -> Normal:
-    """What two vehicles fly between two reports, at most relative to each other [m], section IV.
+    """Distance that two vehicles fly between two reports, at most relative to each other [m], section IV.
 
     Args:
         category: Of the one vehicle.

@@ -1,8 +1,8 @@
-"""Separation definitions: what two vehicles report -> radius of the disc that must stay empty, metres.
+"""Separation definitions: reports of two vehicles -> radius of the disc that must stay empty, metres.
 
-Source: paper, section VI-B and Table IV (its figures are diameters of a pair; ours are radii, see `volumes`).
-Unknown is NaN and becomes the standard's upper bound, never zero: 40 m of error, 7.5 m of airframe, 30.7 m/s of speed.
-Values come from strangers, so they are clamped here and nothing raises on them.
+Source: paper, section VI-B and Table IV (its figures are diameters of a pair; ours are radii, see `volumes`). Unknown
+is NaN and becomes the standard's upper bound, never zero: 40 m of error, 7.5 m of airframe, 30.7 m/s of speed. Values
+come from strangers, so they are clamped here, and none of them raises an error.
 """
 
 from __future__ import annotations
@@ -34,26 +34,27 @@ FloatArray = NDArray[np.float64]
 class Definition(Named):
     """Which fields of a report size the disc of a pair.
 
-    Beside each, what a pair that never enters the disc by its reports holds at one instant, where errors are normal
-    with a third of the reported bounds on either axis. A mission of T seconds draws `1 + T/T_c` such instants, T_c
-    being how long errors last; beside each stands also what is left after an hour in conflict with T_c = 10 s, 361
-    draws (`chance.mission_probability`). The solver's own buffer comes on top and is not counted.
+    Beside each stands the probability that a pair that never enters the disc by its reports holds at one instant, if
+    errors are normal with a third of the reported bounds on either axis. A mission of T seconds draws `1 + T/T_c` such
+    instants; T_c is how long errors last. Beside each stands also what is left after an hour in conflict with T_c =
+    10 s, 361 draws (`chance.mission_probability`). The solver's own buffer comes on top and is not counted.
 
     SNMAC: a fixed radius of 15 m. Guarantees nothing about position errors: two vehicles that keep it by their reports
         may collide once the errors add up to more than 15 m less the airframes. With airframes of 3.8 m and 10 m of
-        error on either axis of each that is one encounter in five, and after an hour nothing is left.
+        error on either axis of each, that is one encounter in five, and after an hour nothing is left.
     REMOTE_ID: the worst of everything that standard Remote ID allows, 40 m of error and 7.5 m of airframe each. Keeps
-        airframes apart for any error within 40 m, at the largest price in airspace; of normal errors of 10 m it holds
+        airframes apart for any error within 40 m, at the largest price in airspace. Of normal errors of 10 m it holds
         all but one in a hundred million, and an hour as well.
     ODID_ACCURACY: largest airframe, and the error bound behind the accuracy code that standard Remote ID already
         carries. As good as the code, which is coarse and often filled with an unscaled one-sigma figure.
     CANDIDATE1: largest airframe, reported three-sigma error. Keeps airframes apart while both errors are within their
-        reported bounds (98.9 % of positions each, for errors normal on both axes) and, since they seldom point at each
-        other, at least 99.86 % of the time for any two errors, 99.998 % for two equal ones; 61 % and 99.6 % of hours.
+        reported bounds (98.9 % of positions each, for errors normal on both axes). Since errors seldom point at each
+        other, airframes are apart at least 99.86 % of the time for any two errors, 99.998 % for two equal ones; 61 %
+        and 99.6 % of hours.
     CANDIDATE2: reported airframe, reported three-sigma error. The same statement with the true size of both airframes.
     CHANCE: reported airframe, and the least distance that keeps airframes apart with probability eta, for all
-        neighbours together: see `chance`. Eta is per instant: at 0.999 seven such hours in ten pass, and what a
-        mission needs to hold 0.999 is `chance.eta_of_mission`. An unknown error counts as normal, three sigma of 40 m.
+        neighbours together: see `chance`. Eta is per instant: at 0.999 seven such hours in ten pass; for what a mission
+        needs to hold 0.999 see `chance.eta_of_mission`. An unknown error counts as normal, three sigma of 40 m.
     """
 
     SNMAC = "snmac"
@@ -66,7 +67,7 @@ class Definition(Named):
 
 @dataclass(frozen=True, slots=True)
 class Reported:
-    """What a vehicle, or many, report of themselves that sizes a disc; NaN, or what is left out, is unknown.
+    """What one vehicle or many report that sizes a disc; NaN, or what is left out, is unknown.
 
     All four broadcast against each other.
 
@@ -83,7 +84,7 @@ class Reported:
     speed_mps: ArrayLike = math.nan
 
     def __getitem__(self, index: Any) -> Reported:
-        """Some of them, or the same along other axes: each of the four, indexed as an array."""
+        """Some of the vehicles, or the same along other axes: each of the four, indexed as an array."""
         own = (self.airframe_m, self.error_bound_m, self.accuracy_bound_m, self.speed_mps)
         return Reported(*(np.asarray(values)[index] for values in own))
 
@@ -93,9 +94,9 @@ class Discs:
     """Discs of one vehicle against n others, part by part.
 
     Attributes:
-        airframe_m: What keeps airframes apart, never less than the MAC radius of the pair, shape (...).
-        error_sum_m: What stands for the localization errors of both, eps_i + eps_j, shape (...).
-        displacement_m: What both fly between two reports, shape (...).
+        airframe_m: Part that keeps airframes apart, never less than the MAC radius of the pair, shape (...).
+        error_sum_m: Part for the localization errors of both, eps_i + eps_j, shape (...).
+        displacement_m: Part for the distances that both fly between two reports, shape (...).
     """
 
     airframe_m: FloatArray
@@ -146,12 +147,12 @@ def separation_discs(
 
     Args:
         definition: Which fields count; see `Definition` for what each guarantees.
-        own: Of the one vehicle; of every one of a batch with an axis for the others.
-        others: Of the others, shape (n,).
+        own: Reports of the one vehicle; for a batch, with an axis for the others.
+        others: Reports of the others, shape (n,).
         interval_s: Time between two reports, one for all or shape (n,).
-        eta: Of `CHANCE` only: probability, at any one instant, that no neighbour comes closer than it may.
-        neighbours: Of `CHANCE` only: how many share the risk, usually n.
-        bound: Of `CHANCE` only: form of the constraint.
+        eta: For `CHANCE` only: probability, at any one instant, that no neighbour comes closer than it may.
+        neighbours: For `CHANCE` only: number of neighbours that share the risk, usually n.
+        bound: For `CHANCE` only: form of the constraint.
 
     Returns:
         Discs with the broadcast shape.
@@ -165,7 +166,7 @@ def separation_discs(
     allowed = np.isfinite(interval) & (interval >= 0.0)
     if not np.all(allowed):
         raise ValueError(f"interval_s must be finite and not negative, got {interval[~allowed].flat[0]:g}")
-    # Every definition answers in the same shape, whatever it looks at.
+    # Every definition answers in the same shape, whichever fields it uses.
     sizes = (own.airframe_m, own.error_bound_m, own.accuracy_bound_m, own.speed_mps,
              others.airframe_m, others.error_bound_m, others.accuracy_bound_m, others.speed_mps)  # fmt: skip
     try:

@@ -1,7 +1,7 @@
-"""Distributions of the parts of a separation distance; of what they add up to, see `sums`.
+"""Distributions of the parts of a separation distance; for those of their sums, see `sums`.
 
 Source: paper, Eq. 4, 10 and 11 and section IV. Each has `pdf`, `cdf`, `quantile`, `mean`, `sd` and `sample`, over
-arrays, in the unit of its parameters: metres for distances, metres a second for speeds. What has a closed form uses it.
+arrays, in the unit of its parameters: metres for distances, metres per second for speeds. Closed forms are used.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DENSITY_AT_ZERO = 1.0 / math.sqrt(2.0 * math.pi)
 
 
 class Distribution(Protocol):
-    """What all of them can be asked."""
+    """Interface of all distributions."""
 
     @property
     def mean(self) -> float:
@@ -42,11 +42,11 @@ class Distribution(Protocol):
         """Value that is not exceeded with a probability; `ValueError` unless that is within 0 and 1."""
 
     def sample(self, generator: np.random.Generator, size: int | tuple[int, ...] = ()) -> FloatArray:
-        """Independent draws of a shape."""
+        """Independent draws of a given shape."""
 
 
 def check_parameter(name: str, value: float, *, positive: bool = True) -> None:
-    """Refuse a parameter of a distribution that is not finite or, unless it may be so, not positive.
+    """Refuse a parameter of a distribution that is not finite or, with `positive`, not positive.
 
     Raises:
         ValueError: With its name and value.
@@ -65,7 +65,7 @@ class Triangular:
         high: Upper limit.
 
     Raises:
-        ValueError: If the limits are not finite or in no order, or the mode lies outside of them.
+        ValueError: If the limits are not finite or not in order, or the mode lies outside them.
     """
 
     low: float
@@ -112,7 +112,7 @@ class Triangular:
 
 @dataclass(frozen=True, slots=True)
 class Normal:
-    """Normal distribution; of speeds and of what is flown in a given time.
+    """Normal distribution, for speeds and for the distance flown in a given time.
 
     Args:
         mu: Mean.
@@ -153,7 +153,7 @@ class Normal:
 
 @dataclass(frozen=True, slots=True)
 class TruncatedNormal:
-    """Normal distribution of which draws outside of limits are drawn again.
+    """Normal distribution whose draws outside limits are drawn again.
 
     Args:
         mu: Mean before the truncation.
@@ -162,8 +162,8 @@ class TruncatedNormal:
         high: Upper limit, may be infinite.
 
     Raises:
-        ValueError: If mean or deviation are as `Normal` refuses them, the limits are in no order, or less than a
-            millionth of all draws lies between them.
+        ValueError: If `Normal` would refuse mean or deviation, the limits are not in order, or less than a millionth of
+            all draws lies between them.
     """
 
     mu: float
@@ -235,7 +235,7 @@ class HalfNormal:
     """Magnitude of a normal error of mean zero, `|N(0, sigma^2)|`: the paper's localization error, Eq. 11.
 
     Args:
-        sigma: Standard deviation of that error, of which the magnitude's is 0.603.
+        sigma: Standard deviation of that error; that of its magnitude is 0.603 times as large.
 
     Raises:
         ValueError: If it is not positive and finite.

@@ -1,6 +1,6 @@
 """The error function, the normal distribution and its quantiles over arrays.
 
-numpy has none of them, the standard library has them for single numbers; nothing else of scipy would be needed here.
+numpy has none of them, and the standard library only for single numbers. Nothing else of scipy would be needed here.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def normal_quantile(probability: ArrayLike) -> FloatArray:
 
 
 def checked_probability(probability: ArrayLike) -> FloatArray:
-    """The same as an array.
+    """Probabilities as an array.
 
     Raises:
         ValueError: If a probability is not within 0 and 1.

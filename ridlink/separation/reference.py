@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 MAX_AIRFRAME_M = 7.5
-"""Largest airframe of the paper's database, the stand-in for an unknown one (section III)."""
+"""Largest airframe of the paper's database; stands in for an unknown one (section III)."""
 
 MIN_AIRFRAME_M = 0.1
-"""Smallest airframe of the fleet of Table IV; a smaller report is taken for this."""
+"""Smallest airframe of the fleet of Table IV; a smaller reported size is raised to this."""
 
 AIRFRAME_CAP_M = 30.0
-"""A larger report is no unmanned aircraft of any category: clamped, so that a single packet cannot block a whole
+"""No unmanned aircraft of any category is larger: a larger report is clamped, so that one packet cannot block a whole
 sky."""
 
 UNKNOWN_ERROR_BOUND_M = 40.0
@@ -23,8 +23,7 @@ UNKNOWN_ERROR_BOUND_M = 40.0
 40))."""
 
 ERROR_CAP_M = 185.0
-"""0.1 NM. A report worse than that cannot be used for separation at all; it is clamped and must be flagged by the
-caller."""
+"""0.1 NM. A report with a larger error cannot be used for separation: it is clamped, and the caller must flag it."""
 
 SNMAC_PAIR_RADIUS_M = 15.0
 """Radius that the sNMAC definition puts around a pair: twice the true sum of two largest airframe radii (Table IV)."""
@@ -33,7 +32,7 @@ GPS_SIGMA_M = (1.9, 3.5, 4.85, 10.0)
 """One sigma per axis of the four accuracy standards of Table II; the table prints three."""
 
 GPS_STANDARDS = ("zero age of data", "over all ages of data", "any age of data", "worst case in normal operations")
-"""What those four are called in Table II."""
+"""Names of those four in Table II."""
 
 REPORT_INTERVAL_S = 0.1
 """Time between two Remote ID reports in section VI-B."""

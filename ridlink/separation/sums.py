@@ -1,6 +1,6 @@
-"""Distributions of what the parts of a separation distance add up to: of two errors (Eq. 12), and of any parts.
+"""Distributions of sums of the parts of a separation distance: of two errors (Eq. 12), and of any parts.
 
-Source: paper, Eq. 12 and section IV. Asked as every `Distribution` is, over arrays, in the unit of the parts.
+Source: paper, Eq. 12 and section IV. Each has the interface of `Distribution`, over arrays, in the unit of the parts.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class HalfNormalSum:
     """Sum of two independent half-normal errors, `eps_i + eps_j` of Eq. 12.
 
     Args:
-        sigma_i: Standard deviation of the one.
-        sigma_j: Standard deviation of the other.
+        sigma_i: Standard deviation of the first error.
+        sigma_j: Standard deviation of the second error.
 
     Raises:
-        ValueError: If one of them is not positive and finite.
+        ValueError: If a standard deviation is not positive and finite.
     """
 
     sigma_i: float
@@ -70,7 +70,8 @@ class HalfNormalSum:
     def cdf(self, x: ArrayLike) -> FloatArray:
         """Probability of at most `x`: `erf(x / 2 sigma)^2` for equal sigmas, otherwise one integral.
 
-        It goes over the smaller error, `f(y) F(x - y)`: the other's distribution function is smoother than its density.
+        The integral is over the smaller error, `f(y) F(x - y)`: the distribution function of the other is smoother than
+        its density.
         """
         value = np.maximum(np.asarray(x, dtype=np.float64), 0.0)
         small, large = (HalfNormal(sigma) for sigma in sorted((self.sigma_i, self.sigma_j)))
@@ -95,12 +96,12 @@ class HalfNormalSum:
 class Sum:
     """Sum of independent parts, tabulated once by convolution.
 
-    The radius of a uNMAC is such a sum: half of both airframes, both errors, what both fly between two reports. Nobody
-    has a closed form for it; the table is good to some millionths of probability, to some hundred-thousandths where one
-    part begins with a jump and the others are hundreds of times narrower.
+    The radius of a uNMAC is such a sum: half of both airframes, both errors, the distances that both fly between two
+    reports. It has no known closed form. The table is good to some millionths of probability, or to some
+    hundred-thousandths if one part begins with a jump and the others are hundreds of times narrower.
 
     Args:
-        parts: What is added up.
+        parts: Parts to add up.
 
     Raises:
         ValueError: If there are none.
@@ -129,7 +130,7 @@ class Sum:
         spans = [part.quantile([self.TAIL, 1.0 - self.TAIL]).tolist() for part in self.parts]
         cell = max(high - low for low, high in spans) / self.CELLS
         counts = [math.ceil((high - low) / cell) for low, high in spans]
-        # Cells begin where the widest part does, for its density may begin with a jump, and lie centred on the others.
+        # Cells begin where the widest part does, for its density may begin with a jump; on the others they are centred.
         firsts = [(low + high - cell * count) / 2.0 for (low, high), count in zip(spans, counts, strict=True)]
         length = sum(counts)
         transform = np.ones(length // 2 + 1, dtype=np.complex128)
@@ -160,7 +161,7 @@ class Sum:
 
 
 def _bisected(cdf: Callable[[FloatArray], FloatArray], p: FloatArray, low: float, high: float) -> FloatArray:
-    """Where a distribution function between two ends reaches p."""
+    """Value between two ends at which a distribution function reaches p."""
     below, above = np.full(p.shape, low), np.full(p.shape, high)
     for _ in range(_BISECTIONS):
         middle = (below + above) / 2.0

@@ -1,9 +1,10 @@
 """Collision and near-collision volumes of one pair of vehicles: diameters and radii in metres.
 
 Source: paper, Eq. 5 to 9. Two readings are stated here once. The equations sum *diameters*; every distance between
-centres is compared with the *radius*, half of that (Eq. 8), so `r_uNMAC = (AF_i + AF_j)/2 + eps_i + eps_j + dt (v_i +
-v_j)`. And Eq. 6, known direction of motion, adds the displacement `v dt` once along the motion, not on both sides: the
-diameter grows by half as much as with unknown direction, and the volume is no longer centred on the report.
+centres is compared with the *radius*, half of that (Eq. 8), so
+`r_uNMAC = (AF_i + AF_j)/2 + eps_i + eps_j + dt (v_i + v_j)`. Eq. 6, known direction of motion, adds the displacement
+`v dt` once along the motion, not on both sides: the diameter grows by half as much as with unknown direction, and the
+volume is no longer centred on the report.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 
 def checked_lengths(name: str, values: ArrayLike) -> FloatArray:
-    """The same as an array.
+    """Lengths as an array.
 
     Raises:
         ValueError: If a value is negative or not finite; it is named.
@@ -35,7 +36,7 @@ def _pairs(name: str, values: ArrayLike) -> FloatArray:
 
 
 def mac_radius(airframe_m: ArrayLike) -> FloatArray:
-    """Distance of centres below which two airframes touch [m].
+    """Distance between centres below which two airframes touch [m].
 
     Source: paper Eq. 9 (eq:MAC), half the sum of two diameters.
 
@@ -123,7 +124,7 @@ def unmac_radius(
 ) -> FloatArray:
     """Separation of centres that keeps two uncertainty areas apart [m].
 
-    Source: paper Eq. 8 (eq:separation), half of `unmac_diameter`. Arguments and errors as there.
+    Source: paper Eq. 8 (eq:separation), half of `unmac_diameter`. Arguments and errors as for that.
 
     Returns:
         Radius, shape (...).
