@@ -1,4 +1,4 @@
-"""Own state from the autopilot's telemetry, how far it can be believed, and whether somebody else steers as well."""
+"""Own state from the autopilot's telemetry, how far it can be believed, and whether another writer steers as well."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
-"""A vehicle's own Remote ID, made of what its autopilot reports: an honest transmitter for any MAVLink autopilot.
+"""A vehicle's own Remote ID, made from its autopilot's reports: an honest transmitter for any MAVLink autopilot.
 
-LOCATION and RIDLINK_SEPARATION leave together, with one timestamp, every 100 ms, what hardly changes every 3 s. An
-error that is sent is never smaller than what receiver and estimator say, three standard deviations where they give
-one. Where they are silent, or known to lie (ArduPilot keeps its accuracy figure after it has lost its fix, both
-autopilots go on sending positions), it is at least what an unknown error counts for, and grows with every second.
-Without a position there is none in the LOCATION, and its status says that the Remote ID system has failed.
+LOCATION and RIDLINK_SEPARATION leave together every 100 ms, with one timestamp; what hardly changes leaves every 3 s.
+An error that is sent is never smaller than what receiver and estimator say, three standard deviations where they give
+one. If they are silent, or known to lie (ArduPilot keeps its accuracy figure after it has lost its fix, both autopilots
+go on sending positions), it is at least what an unknown error counts for, and grows with every second. Without a
+position, LOCATION has none, and its status says that the Remote ID system has failed.
 
 Source: ASTM F3411 (periods); https://mavlink.io/en/services/opendroneid.html and the firmware of ArduRemoteID for what
-a transmitter module is fed with: SYSTEM as often as it checks for it, and every message that it misses otherwise.
+a transmitter module needs: SYSTEM as often as it checks for it, and every message that it would miss otherwise.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ INTERVAL_S = 0.1
 STATIC_INTERVAL_S = 3.0
 """Time between two of BASIC_ID and SYSTEM: ASTM F3411 asks for static messages at least every 3 s."""
 MODULE_INTERVAL_S = 1.0
-"""The same for a module: one that misses SYSTEM for 3 s says that the aircraft must not arm."""
+"""The same for a module: if it misses SYSTEM for 3 s it says that the aircraft must not arm."""
 
 WORST_ACCELERATION_MPS2 = 5.0
-"""How a vehicle may have changed its velocity since it last said where it is."""
+"""How fast a vehicle may have changed its velocity since its last position."""
 
 ID_NONE, ID_SERIAL_NUMBER = 0, 1
 """MAV_ODID_ID_TYPE."""
@@ -65,7 +65,7 @@ UA_TYPES = {
     7: _AIRSHIP,
     8: _BALLOON,
 }
-"""MAV_ODID_UA_TYPE by MAV_TYPE; any other one is not declared."""
+"""MAV_ODID_UA_TYPE by MAV_TYPE; any other type is not declared."""
 
 
 class Form(Named):
@@ -82,18 +82,18 @@ class Form(Named):
 
 @dataclass(frozen=True, slots=True)
 class BroadcastSettings:
-    """What an autopilot cannot say of its vehicle.
+    """Facts about a vehicle that its autopilot cannot tell.
 
     Args:
         airframe_m: Largest horizontal extent, rotors turning.
         airframe_height_m: Largest vertical extent.
-        uas_id: Identity; without it what BASIC_ID on the vehicle link says, else none is declared.
+        uas_id: Identity; without it that of BASIC_ID on the vehicle link, else none is declared.
         operator_id: Identity of the operator; empty for none.
-        form: For whom it is meant.
-        relayed_as: `id_or_mac` of a transmitter for which somebody else speaks; None: the vehicle speaks for itself.
+        form: Receivers that the broadcast is meant for.
+        relayed_as: `id_or_mac` of a transmitter on whose behalf another one sends; None: the vehicle speaks for itself.
 
     Raises:
-        ConfigError: If a size or an identity cannot be.
+        ConfigError: If a size or an identity is invalid.
     """
 
     airframe_m: float
@@ -118,10 +118,10 @@ class BroadcastSettings:
 
 
 class Broadcast:
-    """The transmitter of one vehicle: asked every step, says what to send.
+    """Transmitter of one vehicle: called every step, it returns what to send.
 
     Args:
-        settings: What the autopilot cannot say.
+        settings: Facts that the autopilot cannot tell.
     """
 
     def __init__(self, settings: BroadcastSettings) -> None:
@@ -142,16 +142,16 @@ class Broadcast:
         commanded: Velocity | None = None,
         avoiding: bool = False,
     ) -> list[bytes]:
-        """Datagrams to send now; none before it is known whose they are.
+        """Datagrams to send now; none before the vehicle is known.
 
         Args:
-            encoder: Who sends; its system id is the vehicle's.
-            telemetry: What the autopilot says.
+            encoder: Encoder whose system id is the vehicle's.
+            telemetry: Telemetry of the autopilot.
             now_s: Monotonic time.
-            utc_s: Seconds since 1970; None while that is not known.
-            uas_id: Identity that the vehicle gives itself, where the settings have none.
-            id_type: Of what type that is, MAV_ODID_ID_TYPE.
-            commanded: Velocity that its autopilot is given now, north, east, down [m/s].
+            utc_s: Seconds since 1970; None while not known.
+            uas_id: Identity that the vehicle gives itself, used if the settings have none.
+            id_type: Type of that identity, MAV_ODID_ID_TYPE.
+            commanded: Velocity commanded to its autopilot now, north, east, down [m/s].
             avoiding: It takes its half of every avoidance.
         """
         if telemetry.lock is None:
@@ -236,11 +236,11 @@ class Broadcast:
 
 
 def honest_error_m(telemetry: OwnShipTelemetry, own: OwnState) -> float:
-    """Horizontal error that may be told to others, three standard deviations [m]; infinite for "that or more".
+    """Horizontal error to tell others, three standard deviations [m]; infinite for "that or more".
 
     Args:
-        telemetry: What the autopilot says.
-        own: The state that it makes now.
+        telemetry: Telemetry of the autopilot.
+        own: Own state that it gives now.
     """
     error_m = own.error_bound_m
     if own.age_s > INFLATE_AFTER_S:
@@ -276,7 +276,7 @@ def _location(
         height_m=own.position.altitude_m - own.home_altitude_m,
         height_reference=ABOVE_TAKEOFF,
         horizontal_accuracy=code_of_three_sigma(error_m),
-        # 95 % of a normal figure are two standard deviations
+        # 95 % of a normal error are within two standard deviations.
         vertical_accuracy_m=None if vertical_m is None else vertical_m * 2.0 / 3.0,
         speed_accuracy_mps=None if velocity_mps is None else velocity_mps * 2.0 / 3.0,
         timestamp_s=timestamp_s,
@@ -284,7 +284,7 @@ def _location(
 
 
 def _status(telemetry: OwnShipTelemetry, now_s: float) -> int:
-    """On the ground only where the autopilot says so, or is disarmed: what stands there is no traffic to others."""
+    """On the ground only if the autopilot says so, or is disarmed: a vehicle that stands is no traffic to others."""
     if telemetry.heard_s(now_s) > HEARTBEAT_LOST_S:
         return STATUS_UNDECLARED
     if telemetry.landed_state_known(now_s):

@@ -1,7 +1,7 @@
-"""What the autopilot says in words when it is grave: a crash, for one, ArduPilot tells in no other way.
+"""Grave texts of the autopilot: ArduPilot tells a crash, for one, in no other way.
 
-Nothing is decided by it. It stands in the daemon's own log, where whoever reads later why a vehicle came down looks
-first; a recording has all of it.
+Nothing is decided by them. They go into the daemon's own log, where a reader who asks why a vehicle came down looks
+first; a recording has all of them.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ CRITICAL = 2
 """MAV_SEVERITY_CRITICAL; ALERT and EMERGENCY are less."""
 
 AGAIN_S = 60.0
-"""A text is repeated as long as what it is about lasts, as ArduPilot repeats every 30 s why it cannot be armed."""
+"""A text is new again after this time: it is repeated while its cause lasts, as ArduPilot repeats every 30 s why it
+cannot be armed."""
 
 MOST_WAITING, MOST_REMEMBERED = 10, 50
 LENGTH = 50
-"""Characters of one STATUSTEXT; of a longer text the first of its parts is kept."""
+"""Characters of one STATUSTEXT; of a longer text the first part is kept."""
 
 
 class GraveWords:
-    """Fed with STATUSTEXT (253), asked for what is new.
+    """Takes STATUSTEXT (253), and gives what is new.
 
     Args:
         counters: ``vehicle_text_left_out`` is counted there: texts that came faster than they can be told.
@@ -54,5 +55,5 @@ class GraveWords:
         self._waiting.append(f"{text} ..." if message.id and len(text) >= LENGTH else text)
 
     def take(self, now_s: float) -> str:
-        """The text that waits longest, at most one a second; empty for none."""
+        """Text that has waited longest, at most one a second; empty for none."""
         return self._waiting.popleft() if self._waiting and self._due.due(now_s) else ""

@@ -1,26 +1,26 @@
 """Jumps of the own position: a receiver that found other satellites, an estimator that moved its origin.
 
-A position that leaves its prediction by more than errors and motion allow is either wrong now or was wrong before, and
-nobody can say which. For a second it is no base for avoidance, and for ten the jump counts as own error.
+A position that leaves its prediction by more than errors and motion allow is either wrong now or was wrong before;
+nobody can say which. For a second it is no base for avoidance, and for ten seconds the jump counts as own error.
 """
 
 from __future__ import annotations
 
 BOUNDS = 2.0
-"""Times the three-sigma bound: two white errors differ by more than one bound every few seconds, by two never."""
+"""Multiple of the three-sigma bound: two white errors differ by more than one bound every few seconds, by two never."""
 
 LEAST_M = 1.0
-"""Positions come in steps of a centimetre and motion is not steady, however exact a receiver says it is."""
+"""Least bound: positions come in steps of a centimetre and motion is not steady, however exact the receiver is."""
 
 DOUBT_S = 1.0
 DECAY_S = 10.0
 
 
 class JumpWatch:
-    """Fed with how far each position is from where it was expected.
+    """Takes the distance of each position from where it was expected.
 
     Attributes:
-        count: Jumps so far.
+        count: Number of jumps so far.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class JumpWatch:
         Args:
             off_m: Distance from where it was expected.
             bound_m: Three-sigma error of a position.
-            travelled_m: What may have been flown since the last one.
+            travelled_m: Distance that may have been flown since the last position.
             now_s: Monotonic time.
         """
         if off_m <= BOUNDS * max(bound_m, LEAST_M) + travelled_m:
@@ -45,9 +45,9 @@ class JumpWatch:
         return True
 
     def doubtful(self, now_s: float) -> bool:
-        """A jump was seen within the last second."""
+        """Whether a jump was seen within the last second."""
         return self._jump_m > 0.0 and now_s - self._at_s < DOUBT_S
 
     def error_m(self, now_s: float) -> float:
-        """What is left of the last jump as own error [m]."""
+        """Part of the last jump that still counts as own error [m]."""
         return self._jump_m * min(max(1.0 - (now_s - self._at_s) / DECAY_S, 0.0), 1.0)

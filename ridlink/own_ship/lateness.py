@@ -1,19 +1,19 @@
 """How late a message is, by the clock of its sender.
 
-After a pause (a stopped process, a link that was stuck) messages arrive that are seconds old, all at once, and look
-fresh to whoever dates them by their arrival. The difference between the sender's clock and ours is smallest for the
-message that travelled fastest; what it is larger for another one, that one is late.
+After a pause (a stopped process, a link that was stuck) messages arrive all at once. They are seconds old, but look
+fresh if they are dated by their arrival. The difference between our clock and the sender's is smallest for the message
+that travelled fastest. Another message is as late as its difference is larger.
 """
 
 from __future__ import annotations
 
 CREEP = 0.2
-"""The smallest difference is forgotten at this rate: clocks drift, and an emulator may run a little slow. A link that
-from now on takes a second longer is thus believed again after five."""
+"""The smallest difference is forgotten at this rate: clocks drift, and an emulator may run a little slow. So a link
+that from now on takes a second longer is believed again after five."""
 
 
 class Lateness:
-    """Fed with the sender's times in order, says how late each is."""
+    """Takes the sender's times in order, and says how late each is."""
 
     def __init__(self) -> None:
         self._least_s: float | None = None
@@ -36,5 +36,5 @@ class Lateness:
         return max(difference, 0.0)
 
     def forget(self) -> None:
-        """The sender's clock began anew."""
+        """Forget the past: the sender's clock began anew."""
         self._least_s = None

@@ -1,7 +1,7 @@
-"""What the own vehicle is called in Remote ID: as configured, or as it calls itself on its own bus.
+"""Names of the own vehicle in Remote ID: as configured, or as it calls itself on its own bus.
 
-A vehicle may have a serial number, a registration and a session, and tell them in turn. By any of them its echo comes
-back; its name is the serial number where it has one, as that of neighbours is: an identity that flips is none.
+A vehicle may have a serial number, a registration and a session, and tell them in turn. Its echo may come back under
+any of them. Its name is the serial number if it has one, as for neighbours: an identity that flips is none.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from ridlink.remote_id.assembler import ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER
 from ridlink.remote_id.messages import BasicId
 
 MOST_NAMES = 8
-"""Identities that a vehicle may give itself; each at most once."""
+"""Most identities that a vehicle may give itself, each once."""
 
 
 class OwnNames:
-    """Fed with what the own vehicle calls itself.
+    """Collects what the own vehicle calls itself.
 
     Args:
-        telemetry: Says which vehicle that is; what the last one called itself is a neighbour's name now.
-        configured: Its name, whatever it says; None: as it says.
+        telemetry: Says which vehicle that is; names of the last one are names of a neighbour now.
+        configured: Its name, whatever it says itself; None: as it says.
     """
 
     def __init__(self, telemetry: OwnShipTelemetry, configured: bytes | None = None) -> None:
@@ -37,7 +37,7 @@ class OwnNames:
             self._forget()
 
     def hear(self, said: BasicId) -> None:
-        """The vehicle tells one of its identities."""
+        """Take one of the identities that the vehicle tells."""
         self._follow()
         if not said.uas_id or said.id_type == ID_TYPE_NONE:
             return
@@ -49,18 +49,18 @@ class OwnNames:
 
     @property
     def uas_id(self) -> bytes | None:
-        """Its name; None while unknown."""
+        """Name of the vehicle; None while unknown."""
         self._follow()
         return self._uas_id
 
     @property
     def id_type(self) -> int:
-        """Of what type its name is, MAV_ODID_ID_TYPE; one that is configured is a serial number."""
+        """Type of the name, MAV_ODID_ID_TYPE; a configured name is a serial number."""
         self._follow()
         return self._id_type
 
     @property
     def known(self) -> set[bytes]:
-        """All identities under which it is known."""
+        """All identities under which the vehicle is known."""
         self._follow()
         return self._known

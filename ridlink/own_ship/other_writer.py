@@ -1,13 +1,14 @@
 """Another writer: somebody else who sends setpoints to our autopilot.
 
-Autopilots obey whoever sent last and tell nobody. What they do tell, in POSITION_TARGET_LOCAL_NED (85), is the velocity
-that they fly after; a target that is not what we sent was somebody else's. Axes: north, east, down; m/s.
+Autopilots obey the last sender and tell nobody. They do tell, in POSITION_TARGET_LOCAL_NED (85), the velocity that they
+fly after; a target that we did not send came from another writer. Axes: north, east, down; m/s.
 
-Of two writers the later one gives way, for the earlier one is in the middle of its flight; if the other one does not
-give way, we do after a while, since a vehicle that is pulled two ways is steered by nobody.
+Of two writers the later one gives way, for the earlier one is in the middle of its flight. If the other writer does not
+give way, we do after a while: a vehicle that is pulled two ways is steered by nobody.
 
 An ArduPilot that hears no setpoints, because the way there is lost or it wants signatures, stays in GUIDED: it brakes
-and stands, and says so in the same message. What stands from then on, and never between targets of ours, has no writer.
+and stands, and says so in the same message. Targets that stand from then on, and never alternate with ours, have no
+writer.
 """
 
 from __future__ import annotations
@@ -20,41 +21,41 @@ from ridlink.own_ship.rival import PATIENCE_S
 from ridlink.setpoint import Velocity
 
 Target = tuple[float, float, float]
-"""A place or a velocity, in m or m/s."""
+"""A position [m] or a velocity [m/s]."""
 
 POSITION_IGNORED, VELOCITY_IGNORED = 0x07, 0x38
 """Bits of the type mask."""
 
 ECHO_S = 1.0
-"""A target may be what was sent so long ago: the stream at 5 Hz, and a link with delay."""
+"""A target may be what was sent this long ago: the stream at 5 Hz, and a link with delay."""
 
 UNHEARD_S = 3.0
 SAME_MPS = 0.05
-"""An ArduPilot that hears nothing more flies so long after what it heard last (GUID_TIMEOUT): the very same velocity,
-which is nobody else's for being old."""
+"""An ArduPilot that hears nothing more flies on for UNHEARD_S (GUID_TIMEOUT) with the very velocity that it heard last;
+an old velocity of ours is not another writer's."""
 
 TOLERANCE_MPS, TOLERANCE_SHARE = 0.5, 0.25
 """Autopilots clip targets and shape them a little."""
 
 SIGHTINGS, WITHIN_S = 4, 3.0
-"""So many foreign targets in so short a time are somebody. Where two streams alternate just so, one of them is seen
-almost always and the other one hardly ever; targets of ours in between are therefore no excuse."""
+"""SIGHTINGS foreign targets within this time are another writer. Where two streams alternate in step, one is seen
+almost always and the other hardly ever, so targets of ours in between are no excuse."""
 
 TOLD, SELDOM_S = 5, 0.085
-"""Targets told in the rhythm of two streams, or more seldom, may show one of them only, as long as clocks are alike."""
+"""Targets that are told at the rate of two streams, or less often, may show only one of them while clocks are alike."""
 
 HEARD_S = 2.0
-"""A vehicle that stands again so soon after it flew after ours was told to: unheard, it flies on for longer."""
+"""A vehicle that stands again this soon after it flew after ours was told to: unheard, it flies on for longer."""
 
 NEWCOMER_S = 3.0
-"""Whoever first sees another writer within so short a time of its first setpoint came second."""
+"""A daemon that first sees another writer within this time of its first setpoint came second."""
 
 GIVE_UP_S = 10.0
-"""So long setpoints may go unheard, and still count as steering."""
+"""Setpoints may go unheard for this long and still count as steering."""
 
 
 class OtherWriter:
-    """Fed with what we send and with what the autopilot says it flies after."""
+    """Compares what we send with what the autopilot says it flies after."""
 
     def __init__(self) -> None:
         self._sent: deque[tuple[float, Velocity]] = deque(maxlen=32)
@@ -69,7 +70,7 @@ class OtherWriter:
         self._told_s: deque[float] = deque(maxlen=TOLD)
 
     def sent(self, velocity: Velocity | None, now_s: float) -> None:
-        """What was sent in this step, None for nothing."""
+        """Note what was sent in this step, None for nothing."""
         if velocity is None:
             self._streaming_since_s = None
             return
@@ -103,31 +104,31 @@ class OtherWriter:
             self._contested_since_s = now_s
 
     def forget(self) -> None:
-        """Another mode, another autopilot: what was seen counts no more."""
+        """Forget what was seen, after a change of mode or autopilot."""
         self._sightings.clear()
         self._first_seen_s = self._contested_since_s = self._last_foreign = self._obeys_since_s = None
 
     def contested(self, now_s: float) -> bool:
-        """Somebody else steers, as far as the last targets tell."""
+        """Whether another writer steers, as far as the last targets tell."""
         return self._somebody and self._disobeyed(now_s)
 
     def unheard(self, now_s: float) -> bool:
-        """The vehicle stands and flies after nothing of ours, as one that does not hear us."""
+        """Whether the vehicle stands and follows none of our setpoints, as if it did not hear us."""
         return not self._somebody and self._disobeyed(now_s)
 
     @property
     def seldom_told(self) -> bool:
-        """Targets come too seldom to show everybody who writes in our rhythm."""
+        """Whether targets come too seldom to show every writer in our rhythm."""
         told = self._told_s
         return len(told) == TOLD and told[-1] - told[0] > SELDOM_S * (TOLD - 1)
 
     def must_give_up(self, now_s: float) -> bool:
-        """It has not heard us for so long that nobody may call that steering."""
+        """Whether the vehicle has not heard us for so long that this is no steering."""
         since = self._contested_since_s
         return self.unheard(now_s) and since is not None and now_s - since > GIVE_UP_S
 
     def must_yield(self, now_s: float) -> bool:
-        """Somebody else steers, and was there first or does not give way."""
+        """Whether another writer steers, and was there first or does not give way."""
         if not self.contested(now_s) or self._first_seen_s is None or self._contested_since_s is None:
             return False
         since = self._streaming_since_s
@@ -148,19 +149,19 @@ class OtherWriter:
             return False
         lately = [velocity for at_s, velocity in self._sent if now_s - at_s <= ECHO_S]
         if lately:
-            # Between two of ours lies what an autopilot makes of them.
+            # An autopilot may make of ours anything between two of them.
             return any(
                 not min(ours) - _tolerance(min(ours)) <= value <= max(ours) + _tolerance(max(ours))
                 for value, ours in zip(target[:2], zip(*(each[:2] for each in lately), strict=True), strict=True)
             )
-        # Nothing of ours: a target that stands is what a writer left behind that is gone, one that moves has a writer.
+        # Nothing of ours: a target that stands was left by a writer that is gone, one that moves has a writer.
         moves = self._last_foreign is not None and math.dist(target, self._last_foreign) > 1e-3
         self._last_foreign = target
         return moves and math.hypot(*target) > TOLERANCE_MPS
 
 
 def _standing(message: Message) -> Target | None:
-    """Where or how a target lets the vehicle stand; None if it lets it fly."""
+    """Position or velocity of a target that lets the vehicle stand; None if it lets it fly."""
     if message.type_mask & POSITION_IGNORED != POSITION_IGNORED:
         return message.x, message.y, message.z
     velocity = message.vx, message.vy, message.vz

@@ -1,4 +1,4 @@
-"""What an autopilot is asked to send, by MAV_CMD_SET_MESSAGE_INTERVAL: an ArduPilot says nothing of itself unasked."""
+"""Requests for messages by MAV_CMD_SET_MESSAGE_INTERVAL: unasked, an ArduPilot says nothing of itself."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ SET_POSITION_TARGET_LOCAL_NED, COMMAND_LONG = 84, 76
 """Message ids."""
 
 TARGET_US = {85: 70_000}
-"""POSITION_TARGET_LOCAL_NED in a rhythm that is not that of setpoints, so that it shows whoever else sends some."""
+"""Interval of POSITION_TARGET_LOCAL_NED: not the rhythm of setpoints, so that it shows any other writer, too."""
 
 WANTED_MESSAGES_US = {33: 50_000, 24: 200_000, **TARGET_US, 193: 500_000, 245: 500_000}
 """GLOBAL_POSITION_INT, GPS_RAW_INT, POSITION_TARGET_LOCAL_NED, EKF_STATUS_REPORT and EXTENDED_SYS_STATE, which an
-ArduPilot sends only when asked; ESTIMATOR_STATUS it does not have, and says so each time."""
+ArduPilot sends only when asked. ESTIMATOR_STATUS is left out: ArduPilot does not have it, and says so each time."""
 
 UNTOLD_US = {msgid: WANTED_MESSAGES_US[msgid] for msgid in (85, 193, 245)}
-"""Of these what an ArduPilot does not tell, or not all of it, because others asked for its positions: where a ground
+"""Those of them that an ArduPilot does not send, or not all of them, if others asked for its positions: where a ground
 station on the same link has them sent, nothing says whether it is in a take-off, or what it flies after."""
 UNTOLD_PERIOD_S = 5.0
-"""Between two such requests while it does not tell."""
+"""Time between two such requests while they are not sent."""
 
 HOME_POSITION_US = {242: 2_000_000}
 """HOME_POSITION, which an ArduPilot sends once unasked."""
 HOME_PERIOD_S = 5.0
-"""Between two such requests while it is not known."""
+"""Time between two such requests while home is not known."""
 
 
 def command(encoder: Encoder, number: int, parameters: tuple[float, ...], sysid: int) -> bytes:
@@ -38,7 +38,8 @@ def command(encoder: Encoder, number: int, parameters: tuple[float, ...], sysid:
 
 
 def steers(frame: bytes) -> bool:
-    """Whether a frame of ours moves a vehicle or changes its mode: all but words and requests for messages."""
+    """Whether a frame of ours moves a vehicle or changes its mode: all but status messages and requests for
+    messages."""
     msgid = int.from_bytes(frame[7:10], "little")
     if msgid == SET_POSITION_TARGET_LOCAL_NED:
         return True
@@ -46,12 +47,12 @@ def steers(frame: bytes) -> bool:
 
 
 def message_requests(encoder: Encoder, sysid: int, wanted: dict[int, int] | None = None) -> list[bytes]:
-    """What to ask of an autopilot that does not say where it is.
+    """Requests to an autopilot that does not say where it is.
 
     Args:
-        encoder: Who asks.
+        encoder: Encoder of our messages.
         sysid: System id of the autopilot.
-        wanted: Intervals [us] by message id; without them what an own state is made of.
+        wanted: Intervals [us] by message id; without them, those of the messages that an own state is made of.
     """
     intervals_us = WANTED_MESSAGES_US if wanted is None else wanted
     return [

@@ -1,13 +1,13 @@
-"""Own state from the telemetry of one autopilot: where we are, how wrong that may be, and what mode we are in.
+"""Own state from the telemetry of one autopilot: where we are, how wrong that may be, and in which mode.
 
-Positions WGS-84, altitudes above mean sea level (GLOBAL_POSITION_INT) and, where the receiver sends it, above the
+Positions WGS-84, altitudes above mean sea level (GLOBAL_POSITION_INT) and, if the receiver sends it, above the
 ellipsoid; velocities north-east-down in m/s; errors three standard deviations. Times are the caller's monotonic clock.
 
-Both autopilots forward heartbeats of others, and anybody can send to a listening port: what counts is the first
-autopilot heard (system id, component 1, autopilot type, address), until it has been silent for three seconds.
+Both autopilots forward heartbeats of others, and anybody can send to a listening port. So only the first autopilot
+heard (system id, component 1, autopilot type, address) counts, until it has been silent for three seconds.
 
-Freshness is no proof of validity, see `trust`; a position may be fresh and have jumped, see `jump`; and it may have
-come just now and be old, see `lateness`.
+A fresh position proves nothing: it may be invalid, see `trust`; it may have jumped, see `jump`; and it may have just
+come and be old, see `lateness`.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ ARDUPILOT_GUIDED = 4
 PX4_OFFBOARD_MAIN_MODE = 6
 ARMED_FLAG = 128
 MULTIROTORS = frozenset((0, 2, 3, 4, 13, 14, 15, 29, 35, 43))
-"""MAV_TYPE of what can stop and hover: multirotors and helicopters, and generic (0), as a PX4 calls itself whose frame
-sets no type: one with wings does. Numbers of modes are an ArduPilot Copter's as well: what is GUIDED (4) to it, is ACRO
-to a Plane and HOLD to a Rover, and AUTO (3) is TRAINING, flown by a pilot."""
+"""MAV_TYPE of vehicles that can stop and hover: multirotors and helicopters, and generic (0), which a PX4 calls itself
+if its frame sets no type; one with wings does set it. Numbers of modes are those of an ArduPilot Copter: its GUIDED (4)
+is ACRO for a Plane and HOLD for a Rover, and its AUTO (3) is TRAINING, flown by a pilot."""
 LANDED_ON_GROUND, LANDED_TAKEOFF = 1, 3
 """MAV_LANDED_STATE."""
 
@@ -52,7 +52,7 @@ CLOCK_BACK_MS = 1000
 """time_boot_ms back by more is a restart of the autopilot; by less, a datagram that overtook another."""
 CLOCK_ROUND_MS = 1 << 32
 NEARLY_ROUND_MS = CLOCK_ROUND_MS - 60_000
-"""It comes round after 50 days; a difference of nearly so much, within a minute of that, is none."""
+"""The clock wraps after 50 days; a difference of nearly this much, within a minute of that, is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,24 +65,24 @@ class AutopilotLock:
 
 
 class OwnShipTelemetry:
-    """Fed with the messages of the vehicle link, asked for the own state.
+    """Takes the messages of the vehicle link, and gives the own state.
 
     Args:
-        sysid: Only this system id is taken for the vehicle; without it the first autopilot heard.
+        sysid: Only this system id is taken as the vehicle; without it, the first autopilot heard.
         filtered: Smooth the reported positions, see `PositionFilter`.
 
     Attributes:
-        lock: The autopilot that is listened to, None before the first heartbeat.
-        pinned: The only system id that is taken, None for the first one heard.
-        armed: As its last heartbeat says.
-        external_mode: GUIDED or OFFBOARD of a multirotor, as its last heartbeat says.
-        custom_mode: The mode itself, in the numbers of the autopilot.
+        lock: The autopilot that is listened to; None before the first heartbeat.
+        pinned: The only system id that is taken; None for the first one heard.
+        armed: Whether it is armed, by its last heartbeat.
+        external_mode: Whether it is a multirotor in GUIDED or OFFBOARD, by its last heartbeat.
+        custom_mode: Number of the mode, as the autopilot counts.
         mission_item: Sequence number of the item that is flown; None before it is told.
         vehicle_type: MAV_TYPE of its heartbeat.
-        home: Where it took off, as HOME_POSITION says, altitude above mean sea level; None before that is told.
+        home: Take-off position of HOME_POSITION, altitude above mean sea level; None before that is told.
         trust: What receiver and estimator say of themselves.
-        other_writer: Whether somebody else steers as well.
-        words: What it says that is grave.
+        other_writer: Whether another writer steers as well.
+        words: Grave texts of the autopilot.
         counters: `foreign_autopilot`, `own_position_unusable`, `own_position_untrusted`, `own_position_late`,
             `own_position_jump`, `own_position_delayed`, `own_height_implausible`,
             `autopilot_restart`, `no_multirotor`, `vehicle_text_left_out`.
@@ -195,7 +195,7 @@ class OwnShipTelemetry:
         self._obeying_since_s = min(self._obeying_since_s, now_s) if obeys else math.inf
 
     def _in_order(self, time_boot_ms: int) -> bool:
-        """Watch the autopilot's clock, which goes on in `_clock_ms`; False for a message that was overtaken."""
+        """Follow the autopilot's clock, kept in `_clock_ms`; False for a message that was overtaken."""
         before, now_ms = self._clock_ms, time_boot_ms + self._rounds_ms
         if before is not None and before - now_ms > NEARLY_ROUND_MS:
             self._rounds_ms += CLOCK_ROUND_MS
@@ -269,7 +269,7 @@ class OwnShipTelemetry:
             self.counters["own_position_jump"] += 1
 
     def _local(self, message: Message) -> None:
-        """Velocity only: the local origin may move, and our coordinates begin at our own position anyway."""
+        """Take the velocity only: the local origin may move, and our coordinates begin at our own position anyway."""
         if not self._in_order(message.time_boot_ms):
             return
         velocity = (message.vx, message.vy, message.vz)
@@ -283,7 +283,7 @@ class OwnShipTelemetry:
         return now_s - self._heartbeat_at_s
 
     def obeying_s(self, now_s: float) -> float:
-        """Time for which heartbeats have said armed and GUIDED or OFFBOARD [s]; 0 where they do not."""
+        """Time for which heartbeats have said armed and GUIDED or OFFBOARD [s]; 0 if they do not."""
         return max(now_s - self._obeying_since_s, 0.0)
 
     def age_s(self, now_s: float) -> float:
@@ -295,31 +295,31 @@ class OwnShipTelemetry:
         return now_s - self._position_heard_at_s
 
     def jumped(self, now_s: float) -> bool:
-        """The own position jumped within the last second."""
+        """Whether the own position jumped within the last second."""
         return self._jumps.doubtful(now_s)
 
     @property
     def on_ground(self) -> bool:
-        """It stands, as far as the autopilot tells."""
+        """Whether it stands, as far as the autopilot tells."""
         return self._landed_state == LANDED_ON_GROUND
 
     def landed_state_known(self, now_s: float) -> bool:
-        """The autopilot tells whether it stands or flies, and has told lately: it forgets in a restart what to send."""
+        """Whether the autopilot told lately if it stands or flies: after a restart it forgets what to send."""
         return self._landed_state != 0 and now_s - self._landed_told_at_s <= LANDED_STATE_VALID_S
 
     @property
     def ready(self) -> bool:
-        """Neither on the ground nor in an automatic take-off, as far as the autopilot tells."""
+        """Whether it is neither on the ground nor in an automatic take-off, as far as the autopilot tells."""
         return self._landed_state not in (LANDED_ON_GROUND, LANDED_TAKEOFF)
 
     @property
     def is_multirotor(self) -> bool:
-        """It can stop and hover, and its modes have the numbers that are known here."""
+        """Whether it can stop and hover, with the mode numbers that are known here."""
         return self.vehicle_type in MULTIROTORS
 
     @property
     def wants_stream(self) -> bool:
-        """The autopilot accepts its external mode only with a stream of setpoints."""
+        """Whether the autopilot accepts its external mode only with a stream of setpoints."""
         return self.lock is not None and self.lock.autopilot == PX4 and self.is_multirotor
 
     def take_reboot(self) -> bool:
