@@ -7,9 +7,9 @@ The bound of a pair is the sum of
 - what the present climb rates of both take away from the gap within the conflict horizon, and
 - a reserve for a climb that has not begun yet, which grows while the neighbour is not heard.
 
-It is the same seen from either end. Whatever is unknown makes it infinite, and heights above different references (the
-ellipsoid, mean sea level, standard pressure, take-off, ground) are unknown to each other: a neighbour that cannot be
-compared flies at our height. Metres and m/s, positive upwards; unknown is NaN.
+Both vehicles calculate the same bound. Anything unknown makes it infinite. Heights above different references (the
+ellipsoid, mean sea level, standard pressure, take-off, ground) cannot be compared, and a neighbour that cannot be
+compared counts as at our height. Metres and m/s, positive upwards; unknown is NaN.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 RESERVE_M = 10.0
-"""A climb of 2 m/s that begins now, and five seconds to see it and to fly round. The bound of a level pair would
-otherwise be left at the very moment in which it first becomes visible that it will be."""
+"""A climb of 2 m/s that begins now, and five seconds to see it and to fly round. Without it a level pair would leave
+the bound at the very moment in which that can first be seen."""
 
 UNHEARD_CLIMB_MPS = 2.0
-"""And the same climb for as long as the neighbour was not heard."""
+"""The same climb, for as long as the neighbour was not heard."""
 
 
 def vertical_bound(
@@ -38,16 +38,16 @@ def vertical_bound(
     horizon_s: float = 0.0,
     reserve_m: float = RESERVE_M,
 ) -> FloatArray:
-    """Gap in height beyond which a pair need not avoid each other [m], infinite where anything is unknown.
+    """Gap in height beyond which a pair need not avoid each other [m], infinite if anything is unknown.
 
     Args:
-        above_m: How far the neighbour is above own-ship now, NaN where that cannot be said.
+        above_m: Height of the neighbour above own-ship now, NaN if unknown.
         error_m: Vertical errors, own and the neighbour's, three standard deviations.
         height_m: Vertical extents of the airframes, own and the neighbour's.
         climb_mps: Climb rates, own and the neighbour's.
         age_s: Time for which the neighbour was not heard.
-        horizon_s: Climb rates are taken to last for so long; 0 for the bound of this instant.
-        reserve_m: For a climb that has not begun.
+        horizon_s: How long climb rates are taken to last; 0 for the present bound.
+        reserve_m: Reserve for a climb that has not begun.
 
     Returns:
         Bound, in the shape of the arguments broadcast together.
@@ -59,11 +59,11 @@ def vertical_bound(
     closing = np.maximum(-np.sign(above) * np.where(known, climb - own_climb, 0.0), 0.0)
     bound = parts[0] + parts[1] + (parts[2] + parts[3]) / 2.0 + closing * horizon_s
     bound = bound + reserve_m + UNHEARD_CLIMB_MPS * np.asarray(age_s, dtype=np.float64)
-    # An error or a height below zero is none.
+    # An error or a height below zero counts as unknown.
     sound = known & np.isfinite(bound) & np.all(np.broadcast_arrays(*(part >= 0.0 for part in parts)), axis=0)
     return np.asarray(np.where(sound, bound, np.inf))
 
 
 def known_apart(above_m: ArrayLike, bound_m: ArrayLike) -> BoolArray:
-    """Whether a neighbour is known to be further above or below than the bound; False where the height is unknown."""
+    """Whether a neighbour is known to be further above or below than the bound; False if the height is unknown."""
     return np.asarray(np.abs(np.asarray(above_m, dtype=np.float64)) > np.asarray(bound_m, dtype=np.float64))

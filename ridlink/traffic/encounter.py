@@ -1,4 +1,4 @@
-"""Encounters with constant velocities: when a disc is entered, and how near it gets. Arrays over n neighbours.
+"""Encounters at constant velocities: when a disc is entered, and how near the pair gets. Arrays over n neighbours.
 
 Axes: north-east about own-ship, metres, m/s, seconds.
 """
@@ -15,13 +15,13 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Encounters:
-    """What happens if everybody flies on.
+    """Encounters if all vehicles fly on.
 
     Attributes:
         margin_m: Distance now less the radius of the disc, shape (n,).
         entry_s: Time until the disc is entered; 0 inside, infinite if never, shape (n,).
         closest_s: Time of the closest approach, 0 if it is past, shape (n,).
-        miss_m: Distance then, shape (n,).
+        miss_m: Distance at that time, shape (n,).
     """
 
     margin_m: FloatArray

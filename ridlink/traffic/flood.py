@@ -1,4 +1,4 @@
-"""Floods of new identities: let in at a bounded rate per source, so that they cost known traffic nothing."""
+"""Floods of new identities: a bounded rate per source, so that they cost known traffic nothing."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ MOST_SOURCES = 256
 
 
 class NewcomerGate:
-    """A bucket of tokens for each source.
+    """Token bucket for each source.
 
     Args:
-        per_second: New tracks per second of one source; as many may come at once.
+        per_second: New tracks per second of one source; the same number may come at once.
     """
 
     def __init__(self, per_second: float) -> None:
@@ -19,7 +19,7 @@ class NewcomerGate:
         self._left: dict[Hashable, tuple[float, float]] = {}
 
     def admit(self, source: Hashable, now_s: float) -> bool:
-        """Whether one more new track of this source is let in."""
+        """Whether this source may begin one more track."""
         if source not in self._left and len(self._left) >= MOST_SOURCES:
             source = next(iter(self._left))  # so many sources are a flood themselves: they share one bucket
         left, at_s = self._left.get(source, (self._per_second, now_s))

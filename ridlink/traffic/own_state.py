@@ -1,4 +1,4 @@
-"""Where own-ship is and how wrong that may be: what the traffic picture needs to know of us."""
+"""Where own-ship is and how wrong that may be, for the traffic picture."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class OwnState:
     """Own state at one instant.
 
     Attributes:
-        position: Latitude, longitude, altitude above mean sea level, extrapolated to the instant.
-        altitude_ellipsoid_m: The same altitude above the ellipsoid; None where the receiver does not tell.
+        position: Latitude, longitude, altitude above mean sea level, extrapolated to this instant.
+        altitude_ellipsoid_m: The same altitude above the ellipsoid; None if the receiver does not tell.
         velocity_ned_mps: Velocity.
         error_bound_m: Horizontal error, three standard deviations of either axis, grown while the position is old.
-        vertical_error_bound_m: Vertical error, three standard deviations, grown while the position is old; None where
-            the receiver does not tell.
+        vertical_error_bound_m: Vertical error, three standard deviations, grown while the position is old; None if the
+            receiver does not tell.
         home_altitude_m: Altitude above mean sea level from which the autopilot counts its relative altitude.
         age_s: Time since the position came.
     """

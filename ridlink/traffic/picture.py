@@ -1,9 +1,9 @@
 """The traffic picture: reports in, the neighbours that count as arrays out.
 
-Positions leave as north-east-down metres about the own position of the instant, never about a cached origin. What does
-not count is said by a counter: echoes of ourselves, vehicles on the ground, vehicles that are known to be far above or
-below. Nothing here trusts a sender, and nothing grows without bound: new tracks are let in at a bounded rate, and where
-there is no room the least urgent one gives way, but none that has been heard for a while and is in conflict.
+Positions leave as north-east-down metres about the present own position, never about a cached origin. Counters tell
+what does not count: echoes of ourselves, vehicles on the ground, vehicles known to be far above or below. Nothing here
+trusts a sender, and nothing grows without bound. New tracks are let in at a bounded rate. If there is no room the least
+urgent track gives way, but none that has been heard for a while and is in conflict.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from ridlink.traffic.track import SENDER_AGE_S, Relation, Track, TrackKey, Updat
 
 VEHICLES_PER_IDENTITY = 4
 DISPLACED_AFTER_S = 3.0
-"""So many vehicles with one identity are followed side by side; one silent for so long, or less urgent, gives way to
-another."""
+"""VEHICLES_PER_IDENTITY vehicles with one identity are followed side by side. One that is silent for DISPLACED_AFTER_S,
+or less urgent, gives way to another."""
 
 
 ESTABLISHED_S = 2.0
 
 
 def _established(track: Track) -> bool:
-    """Heard for a while and in conflict: no newcomer takes its place, or that of half of the picture at most."""
+    """Whether a track is safe from newcomers: heard for a while and in conflict; for half of the picture at most."""
     return track.in_conflict and track.received_at_s - track.began_at_s >= ESTABLISHED_S
 
 
@@ -45,8 +45,8 @@ class TrafficPicture:
     """All tracks of one own-ship.
 
     Attributes:
-        counters: Reports by what became of them, and why tracks do not count.
-        tracks: By key.
+        counters: Reports by what happened to them, and why tracks do not count.
+        tracks: Tracks by key.
     """
 
     def __init__(self, settings: PictureSettings) -> None:
@@ -75,13 +75,13 @@ class TrafficPicture:
         """Take a report.
 
         Args:
-            link: Where it was heard; the same sender heard on two links makes two tracks.
+            link: Link on which it was heard; the same sender heard on two links makes two tracks.
             report: The report.
-            utc_s: UTC when it was received, of which only the part of the hour counts; without it the sender's own
+            utc_s: UTC when it was received, of which only the part within the hour counts; without it the sender's own
                 timestamp says nothing about its age.
             own_sysid: Own system id.
             own_names: Own identities in Remote ID, without the zeros that fill their field.
-            source: Address that it came from.
+            source: Address of the sender.
         """
         age_s = self._sender_age_s(report, utc_s)
         relations = self._relations((link, *report.key), report, trusted_clock=age_s is not None)
@@ -104,7 +104,7 @@ class TrafficPicture:
     def _relations(
         self, identity: tuple[Any, ...], report: RemoteIdReport, *, trusted_clock: bool
     ) -> dict[Track, Relation]:
-        """The tracks with the identity of a report, and what it is to each."""
+        """Tracks with the identity of a report, and the relation of the report to each."""
         relations: dict[Track, Relation] = {}
         for number in range(VEHICLES_PER_IDENTITY):
             track = self.tracks.get((*identity, number))
@@ -139,7 +139,7 @@ class TrafficPicture:
         age_s: float | None,
         source: Hashable,
     ) -> None:
-        """A new track; beside others with the same identity where there are some."""
+        """Begin a new track, beside any others with the same identity."""
         if report.latitude_deg is None or report.longitude_deg is None:
             self.counters[Update.NO_POSITION] += 1
             return
@@ -173,9 +173,9 @@ class TrafficPicture:
         self._flag(report)
 
     def _number_among(self, others: Collection[Track], newcomer: Track) -> int | None:
-        """Which of the vehicles with its identity a newcomer is; None where there are as many and none gives way.
+        """Number of a newcomer among the vehicles with its identity; None if there is no free one and none gives way.
 
-        One that has fallen silent does, and one that is less urgent: four that are far away must not hide a fifth.
+        One that has fallen silent gives way, and one that is less urgent: four that are far away must not hide a fifth.
         """
         taken = {track.key[-1] for track in others}
         free = next((k for k in range(VEHICLES_PER_IDENTITY) if k not in taken), None)
@@ -194,9 +194,10 @@ class TrafficPicture:
     def _is_echo(
         self, report: RemoteIdReport, track: Track | None, own_sysid: int | None, own_names: Collection[bytes]
     ) -> bool:
-        """Our own report come back: our identity *and* our place. Our identity elsewhere is an intruder, and stays one
-        when it comes near: its next report is nearer to its last one than to us. Whoever has our system id, as fresh
-        autopilots all have the same one, and calls itself otherwise than we do is somebody else, wherever it is."""
+        """Whether a report is our own, come back: our identity *and* our position. Our identity elsewhere is an
+        intruder, and stays one when it comes near: its next report is nearer to its last one than to us. A vehicle that
+        has our system id, as all fresh autopilots have the same one, but another name than ours is somebody else,
+        wherever it is."""
         by_sysid = own_sysid is not None and report.source[0] == own_sysid and report.id_or_mac is None
         by_name = _bare(report.uas_id) in own_names or _bare(report.id_or_mac) in own_names
         differs = bool(own_names) and report.uas_id is not None and not by_name
@@ -221,7 +222,7 @@ class TrafficPicture:
         return False
 
     def _sender_age_s(self, report: RemoteIdReport, utc_s: float | None) -> float | None:
-        """Age of a report by its own timestamp; None where that is missing or does not agree with our UTC."""
+        """Age of a report by its own timestamp; None if that is missing or does not agree with our UTC."""
         if utc_s is None or report.timestamp_s is None:
             return None
         age = hours_apart_s(utc_s, report.timestamp_s)
@@ -233,7 +234,7 @@ class TrafficPicture:
     def _make_room(self, newcomer: Track) -> bool:
         """Drop the least urgent track if it is less urgent than the newcomer."""
         if self._least_urgent is None:
-            # Urgency is cheap to forge, persistence less so: half of the room is for who has shown it.
+            # Urgency is cheap to forge, persistence less so: half of the room is for tracks that have shown it.
             ranked = sorted(self.tracks.values(), key=lambda track: track.urgency_s)
             kept = [track for track in ranked if _established(track)][: self.settings.max_tracks // 2]
             stay = set(kept)
@@ -254,14 +255,14 @@ class TrafficPicture:
     # --- out ------------------------------------------------------------------------------------------------------
 
     def drop_silent(self, now_s: float) -> None:
-        """Drop tracks that were not heard for too long; called every step, own state or not."""
+        """Drop tracks that were not heard for too long; called every step, with or without own state."""
         silent = [key for key, track in self.tracks.items() if track.expired(now_s)]
         for key in silent:
             del self.tracks[key]
         self.counters["track_lost"] += len(silent)
 
     def forget_own_state(self) -> None:
-        """Nobody knows where we are: what is heard is not held against where we were."""
+        """Forget the own state once it is unknown, so that new reports are not compared with an old position."""
         self._own = None
 
     def _urgency_of(self, track: Track, own: OwnState) -> float:

@@ -1,4 +1,4 @@
-"""Smoothing of reported positions, so that white noise in them does not turn into jitter of the discs.
+"""Smoothing of reported positions, so that their white noise does not become jitter of the discs.
 
     x <- x + v dt,   x <- x + K (report - x),   K = max(1/(k+1), 1 - exp(-dt/T))
 
@@ -26,8 +26,8 @@ class PositionFilter:
     Attributes:
         latitude_deg: Filtered position at the time of the last report.
         longitude_deg: The same.
-        resets: How often an innovation was beyond the bound.
-        innovation_m: How far the last report was from its prediction; 0 where there was none.
+        resets: Number of resets by innovations beyond the bound.
+        innovation_m: Distance of the last report from its prediction; 0 if there was none.
     """
 
     __slots__ = (
@@ -46,7 +46,7 @@ class PositionFilter:
         self.innovation_m = 0.0
 
     def extrapolate(self, elapsed_s: float, velocity_ned_mps: tuple[float, float, float]) -> tuple[float, float]:
-        """The position so long after the last report [deg]."""
+        """Position a given time after the last report [deg]."""
         north, east = velocity_ned_mps[0] * elapsed_s, velocity_ned_mps[1] * elapsed_s
         return moved(self.latitude_deg, self.longitude_deg, north, east)
 
@@ -68,7 +68,7 @@ class PositionFilter:
         Args:
             latitude_deg: Reported position.
             longitude_deg: Reported position.
-            velocity_ned_mps: Reported velocity; without one the filter has nothing to predict with and passes on.
+            velocity_ned_mps: Reported velocity; without one the filter cannot predict, and passes the report on.
             bound_m: Reported three-sigma error of the position.
             at_s: Time for which the report holds.
 
@@ -78,7 +78,7 @@ class PositionFilter:
         elapsed = at_s - self._at_s
         self.innovation_m = 0.0
         if self._reports > 0 and elapsed >= 0.0 and velocity_ned_mps is not None:
-            # The mean of both velocities is the displacement of a vehicle that changed it steadily in between.
+            # The mean of both velocities gives the displacement of a vehicle that changed its velocity steadily.
             (north_before, east_before, _), (north_now, east_now, _) = self._velocity, velocity_ned_mps
             mean = (north_before + north_now) / 2.0, (east_before + east_now) / 2.0, 0.0
             predicted = self.extrapolate(elapsed, mean)

@@ -1,5 +1,4 @@
-"""The neighbours that count at one instant, as arrays: where they are about the own position of that instant, and how
-far from there they may be.
+"""The neighbours that count at one instant, as arrays: positions about the own one, and how far off these may be.
 
 Axes: north, east, down; metres, m/s, seconds. Unknown is NaN.
 """
@@ -24,29 +23,30 @@ from ridlink.traffic.track import Track
 FloatArray = NDArray[np.float64]
 
 COAST_ACCELERATION_MPS2 = 5.0
-"""A neighbour that is not heard may have turned or braked as hard as this. The position is taken ahead with its last
-velocity, and the disc grows by what this acceleration makes of the time since: a t^2 / 2."""
+"""A neighbour that is not heard may have turned or braked as hard as this. Its position is extrapolated with its last
+velocity, and its disc grows by a t^2 / 2, with the time t since its report."""
 COAST_CAP_M = 185.0
 """0.1 nautical miles, the most that one neighbour can demand."""
 
 
 @dataclass(frozen=True, slots=True)
 class PictureSettings:
-    """What counts as traffic.
+    """Settings of the traffic picture.
 
     Args:
         unknown_error_m: Three-sigma error of a report that states none.
-        unusable_error_m: A stated error from here on is counted: nobody can be separated by it.
-        absurd_airframe_m: A stated size beyond it is counted: it is taken for no more than this.
+        unusable_error_m: A stated error from here on is counted: it allows no separation.
+        absurd_airframe_m: A stated size beyond this is counted, and taken for no more than this.
         unknown_speed_mps: Speed of a vehicle that states none.
         max_tracks: Tracks kept at most; the least urgent one gives way.
         max_considered: Tracks handed to the solver at most, the most urgent ones: its time grows with their number.
         filtered: Smooth reported positions, see `PositionFilter`.
-        own_height_m: Vertical extent of the own airframe; None: unknown, so that everybody flies at our height.
-        vertical_horizon_s: Climb rates count for so long: a gap in height that closes within it is none.
+        own_height_m: Vertical extent of the own airframe; None: unknown, so that all others count as at our height.
+        vertical_horizon_s: Climb rates count for this long: a gap in height that closes within it is none.
         new_per_second: New tracks per second of one source at most.
-        all_heights: Hand out those who are known to fly far above or below as well, marked as such.
-        echo_margin_m: Own reports come back this far from where we are, beyond errors and a second of flight.
+        all_heights: Give also the vehicles that are known to fly far above or below, marked as such.
+        echo_margin_m: Own reports may come back this far from our position, in addition to errors and a second of
+            flight.
     """
 
     unknown_error_m: float
@@ -65,28 +65,28 @@ class PictureSettings:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Neighbours that count now, n of them, most urgent first where there are too many.
+    """Neighbours that count now, n of them, the most urgent first if there are too many.
 
     Attributes:
         tracks: The tracks themselves.
-        position_ned_m: Positions as reported, about the own position now, shape (n, 3).
-        velocity_ned_mps: Reported velocities, zero where unknown, shape (n, 3).
-        command_ned_mps: Broadcast commanded velocities, NaN where none is given, shape (n, 3).
+        position_ned_m: Positions as reported, about the present own position, shape (n, 3).
+        velocity_ned_mps: Reported velocities, zero if unknown, shape (n, 3).
+        command_ned_mps: Broadcast commanded velocities, NaN if none is given, shape (n, 3).
         age_s: Ages of the positions, shape (n,).
-        speed_mps: Horizontal speeds, NaN where unknown, shape (n,).
+        speed_mps: Horizontal speeds, NaN if unknown, shape (n,).
         interval_s: Measured times between the reports of each, shape (n,).
-        widening_m: How far a vehicle may be from where it is taken to be, beyond its errors: of unknown direction, not
-            heard for a while, or doubtful, shape (n,).
-        error_bound_m: Reported three-sigma errors, NaN where unknown, shape (n,).
-        accuracy_bound_m: The same from the accuracy code, shape (n,).
-        airframe_m: Reported sizes, NaN where unknown, shape (n,).
-        above_m: How far each is above us now, NaN where that cannot be said, shape (n,).
-        climb_mps: Climb rates, NaN where unknown, shape (n,).
-        vertical_bound_m: Gap in height that is none, at this instant and without reserve, infinite where unknown,
-            shape (n,).
+        widening_m: How far a vehicle may be from its assumed position, beyond its errors: if its direction is unknown,
+            if it was not heard for a while, or if it is doubtful, shape (n,).
+        error_bound_m: Reported three-sigma errors, NaN if unknown, shape (n,).
+        accuracy_bound_m: Three-sigma errors of the accuracy codes, shape (n,).
+        airframe_m: Reported sizes, NaN if unknown, shape (n,).
+        above_m: Height of each above us now, NaN if unknown, shape (n,).
+        climb_mps: Climb rates, NaN if unknown, shape (n,).
+        vertical_bound_m: Gap in height within which a pair is level, at this instant and without reserve, infinite if
+            unknown, shape (n,).
         apart: Known to fly far above or below, so that it need not be avoided; only with `all_heights`, shape (n,).
-        avoiding: Who takes its half, shape (n,).
-        memory: What the solver keeps of each encounter, shape (n,).
+        avoiding: True for neighbours that take their half of the avoidance, shape (n,).
+        memory: Solver's memory of each encounter, shape (n,).
     """
 
     tracks: tuple[Track, ...]
@@ -111,11 +111,11 @@ class Snapshot:
         return len(self.tracks)
 
     def at_our_height(self) -> Snapshot:
-        """Those who are not known to fly far above or below."""
+        """Neighbours that are not known to fly far above or below."""
         return self.only(np.flatnonzero(~self.apart)) if self.apart.any() else self
 
     def only(self, chosen: NDArray[np.intp]) -> Snapshot:
-        """Some of them."""
+        """Snapshot of the chosen neighbours."""
         arrays = {item.name: getattr(self, item.name)[chosen] for item in fields(self) if item.name != "tracks"}
         return Snapshot(tracks=tuple(self.tracks[k] for k in chosen), **arrays)
 
@@ -133,10 +133,10 @@ def blind_speed_mps(track: Track, settings: PictureSettings) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """All tracks in the air at one instant, of which `chosen` picks those that count.
+    """All tracks in the air at one instant; `chosen` picks those that count.
 
     Attributes:
-        everybody: As a snapshot, shape (n,) throughout.
+        everybody: All of them as a snapshot, shape (n,) throughout.
         urgency_s: Time until each matters, shape (n,).
     """
 
@@ -144,7 +144,7 @@ class Sight:
     urgency_s: FloatArray
 
     def chosen(self, most: int, counters: Counter[str], *, all_heights: bool) -> Snapshot:
-        """The most urgent ones at our height and, where they are wanted, as many of those far above or below."""
+        """The most urgent ones at our height and, if wanted, as many of those far above or below."""
         apart = self.everybody.apart
         picked = _most_urgent(np.flatnonzero(~apart), self.urgency_s, most)
         counters["not_considered"] += len(apart) - len(picked) - int(apart.sum())
@@ -155,7 +155,7 @@ class Sight:
 
 
 class _Said(NamedTuple):
-    """What all tracks say at one instant, a column each, shape (n,), NaN for unknown; vectors north, east, down."""
+    """Reports of all tracks at one instant, a column each, shape (n,), NaN for unknown; vectors north, east, down."""
 
     velocity_mps: FloatArray
     command_mps: FloatArray
@@ -204,13 +204,13 @@ def _said_by(tracks: Sequence[Track], now_s: float, settings: PictureSettings) -
 
 
 def look(tracks: Sequence[Track], own: OwnState, now_s: float, settings: PictureSettings) -> Sight:
-    """What is there at this instant.
+    """All tracks in the air, as seen from own-ship at this instant.
 
     Args:
         tracks: Tracks that are in the air.
         own: Own state now; its position is the origin.
         now_s: Monotonic time.
-        settings: What counts as traffic.
+        settings: Settings of the traffic picture.
     """
     said = _said_by(tracks, now_s, settings)
     position, above = _positions(own, said)
@@ -244,9 +244,9 @@ def look(tracks: Sequence[Track], own: OwnState, now_s: float, settings: Picture
 
 
 def _positions(own: OwnState, said: _Said) -> tuple[FloatArray, FloatArray]:
-    """Positions about the own one [m], and how far each is above us now, NaN where that cannot be said."""
+    """Positions about the own one [m], and the height of each above us now, NaN if unknown."""
     own_altitude = own.altitude_ellipsoid_m
-    # Unknown altitude, ours or theirs: the same height, so that it counts.
+    # Unknown altitude, ours or theirs: the same height, so that the vehicle counts.
     comparable = np.isfinite(said.altitude_m) & (own_altitude is not None)
     origin_altitude = own.position.altitude_m if own_altitude is None else own_altitude
     altitude = np.where(comparable, said.altitude_m, origin_altitude)
@@ -258,14 +258,14 @@ def _positions(own: OwnState, said: _Said) -> tuple[FloatArray, FloatArray]:
 
 
 def _most_urgent(chosen: NDArray[np.intp], urgency_s: FloatArray, most: int) -> NDArray[np.intp]:
-    """As many of the chosen as may be considered, in their order where that is all of them."""
+    """The most urgent of the chosen, `most` at most; in their order if that is all of them."""
     return chosen if len(chosen) <= most else chosen[np.argsort(urgency_s[chosen], kind="stable")[:most]]
 
 
 def _heights(
     own: OwnState, said: _Said, above: FloatArray, settings: PictureSettings
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """The vertical bound of this instant, and who is known to stay further up or down within the horizon."""
+    """Present vertical bound, and whether each is known to stay further up or down within the horizon."""
     unknowable = (own.vertical_error_bound_m, settings.own_height_m)
     own_error, own_height = (math.nan if value is None else value for value in unknowable)
     bound = partial(

@@ -1,7 +1,7 @@
-"""One neighbour: its last report, what of it may be believed, how old it is, and which reports may be its next.
+"""One neighbour: its last report, how far that may be believed, how old it is, and which reports may follow it.
 
-A track holds what was reported; nothing is extrapolated here. `age_s` is the time since the position was measured, and
-whoever uses the position takes it that far ahead. Units and frames as in `RemoteIdReport`.
+A track holds what was reported; nothing is extrapolated here. `age_s` is the time since the position was measured;
+users of the position extrapolate it by that. Units and frames as in `RemoteIdReport`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ridlink.traffic.doubt import Doubt
 from ridlink.traffic.position_filter import PositionFilter
 
 TrackKey = tuple[Hashable, int, int, bytes | None, int]
-"""Where it was heard, system id, component id, for relayed data `id_or_mac`, and which of the vehicles that use this
+"""Link, system id, component id, for relayed data `id_or_mac`, and the number of the vehicle among those that use this
 identity, from 0."""
 
 SLOW_INTERVAL_S = 0.5
@@ -28,16 +28,16 @@ SLOW_INTERVAL_S = 0.5
 
 COAST_FAST_S = 5.0
 COAST_SLOW_S = 10.0
-"""A track that was not heard for so long is dropped; fifty lost reports in a row, or ten."""
+"""A track that was not heard for this long is dropped: fifty lost reports in a row, or ten."""
 
 SENDER_AGE_S = (-1.0, 5.0)
-"""Plausible ages of a sender's timestamp; anything else is a clock that is wrong."""
+"""Plausible ages of a sender's timestamp; with any other age, its clock is wrong."""
 
 CLOCK_SLACK_S = 2.0
-"""A sender's clock goes as ours does, but for what its datagrams are delayed."""
+"""A sender's clock runs as ours does, except for the delay of its datagrams."""
 
 REACH_FACTOR = 1.5
-"""Over the speed of a vehicle: who is further away than that from its last position is another one."""
+"""Factor on the speed of a vehicle: a report further away from its last position is another vehicle's."""
 
 
 class Update(StrEnum):
@@ -52,11 +52,11 @@ class Update(StrEnum):
 
 
 class Relation(StrEnum):
-    """What a report of the same identity is to a track."""
+    """Relation of a report to a track with the same identity."""
 
     FOLLOWS = "follows"
     OUTDATED = "outdated"
-    """As old as its last one, or older."""
+    """As old as the last report, or older."""
     STRANGE = "strange"
     """Too far away, or too far ahead of its clock: another vehicle with this identity, or a forgery."""
 
@@ -75,18 +75,18 @@ class Track:
         report: Last report that moved or completed it.
         latitude_deg: Position at the time of that report, filtered.
         longitude_deg: The same.
-        measured_at_s: Monotonic time for which the position holds.
-        received_at_s: Monotonic time of the last report that brought something new.
+        measured_at_s: Monotonic time at which the position was measured.
+        received_at_s: Monotonic time of the last report with something new.
         began_at_s: Monotonic time of the first report.
-        first_heard_m: Distance from us at the first report; None if we did not know where we were.
+        first_heard_m: Distance from us at the first report; None if our position was unknown.
         interval_s: Smoothed time between reports.
-        memory: What the solver keeps of the encounter.
-        urgency_s: Time until it matters, as of the last snapshot; the larger, the sooner it is given up.
-        in_conflict: It was predicted to enter our disc, as of the last decision.
+        memory: Solver's memory of the encounter.
+        urgency_s: Time until it matters, as of the last snapshot; the larger, the sooner the track is given up.
+        in_conflict: Whether it was predicted to enter our disc, as of the last decision.
         filter: Position filter.
-        trusted_clock: The timestamps of its sender were seen to agree with our UTC.
-        seen_elsewhere: It bears our identity, and was where we were not.
-        doubt: What it was seen to be wrong by.
+        trusted_clock: Whether the timestamps of its sender agreed with our UTC.
+        seen_elsewhere: Whether it bears our identity and was where we were not.
+        doubt: Doubt about its figures.
     """
 
     key: TrackKey
@@ -108,7 +108,7 @@ class Track:
 
     @property
     def velocity_ned_mps(self) -> tuple[float, float, float]:
-        """Reported velocity; zero where it is unknown."""
+        """Reported velocity; zero if unknown."""
         return self.report.velocity_ned_mps or (0.0, 0.0, 0.0)
 
     def age_s(self, now_s: float) -> float:
@@ -116,13 +116,13 @@ class Track:
         return max(now_s - self.measured_at_s, 0.0)
 
     def expired(self, now_s: float) -> bool:
-        """Not heard for so long that it is given up; later while it is in conflict."""
+        """Whether it was not heard for so long that it is given up; later while it is in conflict."""
         silent = now_s - self.received_at_s
         slow = self.interval_s > SLOW_INTERVAL_S or self.in_conflict
         return silent > (COAST_SLOW_S if slow else COAST_FAST_S)
 
     def metres_to(self, report: RemoteIdReport) -> float:
-        """Distance of a reported position from the last one; infinite where one of them is missing."""
+        """Distance of a reported position from the last one; infinite if one of them is missing."""
         last = self.report
         if last.latitude_deg is None or last.longitude_deg is None:
             return math.inf
@@ -135,14 +135,14 @@ class Track:
     def relation(
         self, report: RemoteIdReport, *, trusted_clock: bool, unknown_error_m: float, unknown_speed_mps: float
     ) -> Relation:
-        """What a report with a position is to this track.
+        """Relation of a report with a position to this track.
 
-        An identity is no proof: two vehicles may have the same one, and anybody can forge it. What cannot be the next
-        word of this vehicle neither moves the track nor makes its true reports look late.
+        An identity is no proof: two vehicles may have the same one, and anybody can forge it. A report that cannot be
+        this vehicle's next one neither moves the track nor makes its true reports look late.
 
         Args:
             report: A report of the same identity.
-            trusted_clock: Its timestamp agrees with our UTC.
+            trusted_clock: True if its timestamp agrees with our UTC.
             unknown_error_m: Error bound of a report that states none.
             unknown_speed_mps: Speed of a vehicle that states none, and of one that may have become faster.
         """
@@ -171,7 +171,7 @@ class Track:
 
         Args:
             report: The report.
-            measured_at_s: Monotonic time for which its position holds.
+            measured_at_s: Monotonic time at which its position was measured.
             unknown_error_m: Error bound of a report that states none.
         """
         last = self.report
@@ -208,7 +208,7 @@ class Track:
 
 
 def bound_m(report: RemoteIdReport, unknown_error_m: float) -> float:
-    """Three-sigma error of a report: as stated, else as its accuracy code allows, else as given."""
+    """Three-sigma error of a report: as stated, else by its accuracy code, else `unknown_error_m`."""
     bound = report.horizontal_error_m if report.horizontal_error_m is not None else report.accuracy_bound_m
     return unknown_error_m if bound is None else bound
 
@@ -216,10 +216,10 @@ def bound_m(report: RemoteIdReport, unknown_error_m: float) -> float:
 def new_track(
     key: TrackKey, report: RemoteIdReport, measured_at_s: float, *, filtered: bool, trusted_clock: bool = False
 ) -> Track:
-    """A track that begins with a report.
+    """Track that begins with a report.
 
     Raises:
-        ValueError: If that has no position.
+        ValueError: If the report has no position.
     """
     if report.latitude_deg is None or report.longitude_deg is None:
         raise ValueError("a track begins with a position")
