@@ -1,20 +1,20 @@
-"""Engage, hold, stop: which kind of setpoint may leave now. A pure function of the last rung and of what is seen.
+"""Engage, hold, stop: which kind of setpoint may leave now. A pure function of the last rung and the conditions.
 
     STANDBY   nothing is steered. PX4 gets zero velocity while it is armed and waits, since it wants a stream before it
-              accepts OFFBOARD; it ignores it outside, and hovers inside, where its position may yet come.
+              accepts OFFBOARD. It ignores that outside OFFBOARD, and hovers inside, where its position may yet come.
     ENGAGED   the vehicle is armed and in GUIDED or OFFBOARD, an operator asked for it, the own state is fresh.
     HOLD      engaged, but own state or loop are in doubt, or it stands on the ground: zero velocity.
     STOPPED   doubt lasted: the stream has ended on purpose, so that the native failsafe of the autopilot acts.
 
-An operator's request is consumed by the first engagement. A change of mode ends it, be it the pilot's or the
-autopilot's own (a landing, a failsafe), and neither the return of the mode nor that of a lost link renews it: only
+The first engagement uses up an operator's request. A change of mode, by the pilot or by the autopilot itself (a
+landing, a failsafe), ends the engagement. Neither the return of the mode nor that of a lost link renews it: only
 another request does.
 
-What the end of the stream means is not the same to both autopilots. ArduPilot flies on for three seconds
-(GUID_TIMEOUT), brakes and hovers. PX4 leaves OFFBOARD after one (COM_OF_LOSS_T) and, without a radio control link,
-returns home. So zero velocity always goes out before the stream ends on purpose: three of them at a clean stop, seconds
-of them on the rung of HOLD. Asking PX4 for its HOLD mode as well would change a mode, which is the operator's: only
-`--guard`, where he opted into that, hands back the mode that it found.
+The end of the stream does not mean the same to both autopilots. ArduPilot flies on for three seconds (GUID_TIMEOUT),
+brakes and hovers. PX4 leaves OFFBOARD after one (COM_OF_LOSS_T) and, without a radio control link, returns home. So
+zero velocity always goes out before the stream ends on purpose: three setpoints at a clean stop, seconds of them on the
+rung of HOLD. To ask PX4 for its HOLD mode as well would change a mode, which is the operator's: only `--guard`, into
+which the operator opted, hands back the mode that it found.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ OTHER_WRITER = "another writer steers this vehicle"
 UNHEARD = "the vehicle does not obey: setpoints may be lost"
 
 HEARTBEAT_LOST_S = 3.0
-"""Three heartbeats of an autopilot that sends one a second: who was silent for so long may be anything by now."""
+"""Three heartbeats of an autopilot that sends one a second: after such a silence its state is unknown."""
 
 
 class State(IntEnum):
@@ -40,7 +40,7 @@ class State(IntEnum):
 
 
 STEERING = (State.ENGAGED, State.HOLD)
-"""In which setpoints move the vehicle, or stop it."""
+"""States in which setpoints move the vehicle, or stop it."""
 
 
 class Stream(StrEnum):
@@ -56,11 +56,11 @@ class FailsafeSettings:
     """When doubt becomes action.
 
     Args:
-        heartbeat_lost_s: An autopilot that was silent for so long is lost.
+        heartbeat_lost_s: An autopilot that was silent for this long is lost.
         hold_after_s: Own state older than this is no base for avoidance: 15 m of flight at 15 m/s.
         stop_after_s: Own state older than this will not come back soon; the autopilot knows better what to do.
-        pause_s: A loop that slept longer first holds: the world has moved on. As the watchdog has it.
-        max_latitude_deg: Closer to a pole local coordinates bend too much.
+        pause_s: After a longer pause of the loop, hold first: the world has moved on. The watchdog uses the same time.
+        max_latitude_deg: Closer to a pole, local coordinates bend too much.
         farthest_goal_m: What is farther away was not meant, as where longitude was written first: no multirotor flies
             for eight hours.
     """
@@ -75,13 +75,13 @@ class FailsafeSettings:
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What is seen in this step.
+    """Conditions of this step.
 
     Args:
         autopilot_heard_s: Time since the last heartbeat of the autopilot; infinite without one.
         own_state_age_s: Time since the last trusted own position; infinite without one.
-        armed: As the last heartbeat says.
-        external_mode: GUIDED or OFFBOARD, as the last heartbeat says.
+        armed: Whether the vehicle is armed, by the last heartbeat.
+        external_mode: Whether it is in GUIDED or OFFBOARD, by the last heartbeat.
         obeying_s: Time for which heartbeats have said both without a break.
         ready: The vehicle is neither on the ground nor in an automatic take-off, where a setpoint aborts the climb.
         wants_stream: The autopilot (PX4) accepts OFFBOARD only with a stream.
@@ -90,12 +90,13 @@ class Conditions:
         since_last_step_s: Time since the last step.
         stalled: The watchdog saw the loop stand still.
         warming: The kernels that decide are still being compiled or loaded.
-        own_jumped: The own position jumped a moment ago: it is wrong, or it was.
-        on_ground: The autopilot says that the vehicle stands: what has landed must not be made to climb or to tip over.
-        other_writer: Somebody else sends setpoints, and was there first or does not give way.
-        unheard: The vehicle has stood for long and flown after no setpoint.
-        has_goal: There is somewhere to go.
-        goal_away_m: How far away that is, where it is known.
+        own_jumped: The own position jumped a moment ago: it is wrong now, or was before.
+        on_ground: The autopilot says that the vehicle stands: one that has landed must not be made to climb or to tip
+            over.
+        other_writer: Another writer sends setpoints, and was there first or does not give way.
+        unheard: The vehicle has stood for a long time, and flown after no setpoint.
+        has_goal: There is a goal.
+        goal_away_m: Distance to the goal, if known.
         deciding_fails: Decisions have failed again and again.
     """
 
@@ -122,11 +123,11 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """Where the ladder stands.
+    """Present rung of the ladder.
 
     Attributes:
         state: State.
-        requested: An operator's request stands.
+        requested: Whether an operator's request stands.
         stream: What may be sent in this step.
         reason: Why, in a few words.
     """
@@ -138,7 +139,7 @@ class Rung:
 
 
 def request(rung: Rung) -> Rung:
-    """An operator asks for avoidance, at the start or by MAV_CMD_DO_REPOSITION; an engaged vehicle stays engaged."""
+    """Rung after an operator's request, at the start or by MAV_CMD_DO_REPOSITION; an engaged vehicle stays engaged."""
     state = State.STANDBY if rung.state is State.STOPPED else rung.state
     return replace(rung, requested=True, state=state)
 
@@ -147,9 +148,9 @@ def advance(rung: Rung, seen: Conditions, settings: FailsafeSettings | None = No
     """The rung of this step.
 
     Args:
-        rung: The one before.
-        seen: What is seen now.
-        settings: When doubt becomes action.
+        rung: Rung of the step before.
+        seen: Present conditions.
+        settings: Limits; the defaults if not given.
     """
     settings = settings or FailsafeSettings()
     if rung.state in STEERING:
@@ -171,7 +172,7 @@ def _engaged(seen: Conditions, settings: FailsafeSettings) -> Rung:
 
 
 def _asleep_s(seen: Conditions, settings: FailsafeSettings) -> float:
-    # What was said while the loop slept waits in the sockets until the next step: that is no silence of the autopilot.
+    # Messages that came while the loop slept wait in the sockets until the next step: the autopilot was not silent.
     return seen.since_last_step_s if seen.since_last_step_s > settings.pause_s else 0.0
 
 
@@ -240,7 +241,7 @@ def _waiting(rung: Rung, seen: Conditions, settings: FailsafeSettings) -> Rung:
     prestream = Stream.ZERO if seen.wants_stream else Stream.NOTHING
     if not seen.external_mode:
         return Rung(State.STANDBY, True, prestream, "waiting for GUIDED or OFFBOARD")
-    # A PX4 in OFFBOARD obeys the stream, which must not outlast its position, nor resume: that brings OFFBOARD back.
+    # A PX4 in OFFBOARD obeys the stream. It must not outlast the own position, nor resume: that brings OFFBOARD back.
     lost_s = min(seen.own_state_age_s, seen.obeying_s) - _asleep_s(seen, settings)
     if seen.wants_stream and not lost_s <= settings.stop_after_s:
         return _stopped(settings)

@@ -1,7 +1,7 @@
-"""Velocity -> SET_POSITION_TARGET_LOCAL_NED: the last functions before the bytes, and the last to say no.
+"""Velocity -> SET_POSITION_TARGET_LOCAL_NED: the last functions before the bytes, with the last checks.
 
-Whatever was decided above, what leaves here is finite, within the limits, no steeper than the slew allows, and in the
-one form that both PX4 and ArduPilot take for "fly this velocity". Axes: north, east, down; m/s.
+Whatever was decided above, a setpoint that leaves here is finite, within the limits, no steeper than the slew allows,
+and in the one form that both PX4 and ArduPilot take for "fly this velocity". Axes: north, east, down; m/s.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ VELOCITY_ONLY_MASK = 0x0DC7
 axis stops the vehicle."""
 
 FRAME_LOCAL_NED = 1
-"""MAV_FRAME_LOCAL_NED. Body frames turn with the nose, and a vehicle that turns it into the wind would fly a curve."""
+"""MAV_FRAME_LOCAL_NED. Body frames turn with the nose: a vehicle that turns into the wind would fly a curve."""
 
 STOP: Velocity = (0.0, 0.0, 0.0)
 
 FLOAT32_MARGIN = 1e-6
-"""The wire rounds to float32; limits are kept by so much, so that they hold after rounding."""
+"""Relative margin to the limits, so that they hold after the wire rounds to float32."""
 
 FASTEST_MPS = 100.0
-"""Nothing that takes velocity setpoints flies faster; a limit beyond it is a slip of the pen."""
+"""No vehicle that takes velocity setpoints flies faster; a higher limit is a typing error."""
 
 LONGEST_SLEW_S = 0.5
-"""After a longer gap the slew is that of this time: a stalled loop must not buy a leap."""
+"""After a longer gap the slew is that of this time: a stalled loop must not allow a leap."""
 
 
 @dataclass(frozen=True, slots=True)
 class VelocityLimits:
-    """What the autopilot may be asked for at most.
+    """Limits of what the autopilot is asked for.
 
     Args:
-        horizontal_mps: Horizontal speed. 15 m/s is what a category 2 multirotor reaches.
+        horizontal_mps: Horizontal speed. A category 2 multirotor reaches 15 m/s.
         vertical_mps: Climb and descent. PX4 descends at 1.5 m/s at most and ArduPilot keeps 2 m/s.
         acceleration_mps2: Change of a setpoint per second. Less than 5 m/s^2 adds a lag to that of the autopilot.
 
@@ -61,14 +61,14 @@ class VelocityLimits:
 
 
 def clamp_velocity(wanted: Velocity, last: Velocity, elapsed_s: float, limits: VelocityLimits) -> Velocity:
-    """The velocity nearest to what was wanted that may be sent, north, east, down [m/s].
+    """Velocity nearest to the wanted one that may be sent, north, east, down [m/s].
 
-    Zero is always allowed at once: stopping does not slew, the autopilot brakes as hard as it can. Horizontal speed is
-    cut in length, so the course is kept.
+    Zero is always allowed at once: to stop is not limited by the slew, the autopilot brakes as hard as it can.
+    Horizontal speed is cut in length, so the course is kept.
 
     Args:
-        wanted: What was decided; not finite means stop.
-        last: What was sent last, itself within the limits.
+        wanted: Velocity that was decided; not finite means stop.
+        last: Velocity sent last, itself within the limits.
         elapsed_s: Time since then.
         limits: Limits.
     """
@@ -79,7 +79,7 @@ def clamp_velocity(wanted: Velocity, last: Velocity, elapsed_s: float, limits: V
     north, east, down = wanted
     speed = math.hypot(north, east)
     if speed > most:
-        # Scaled down first: the square of a huge but finite speed is not finite.
+        # Scale down first: the square of a huge but finite speed is not finite.
         scale = max(abs(north), abs(east))
         north, east = north / scale, east / scale
         length = math.hypot(north, east)
@@ -92,7 +92,7 @@ def clamp_velocity(wanted: Velocity, last: Velocity, elapsed_s: float, limits: V
     room = limits.acceleration_mps2 * (1.0 - FLOAT32_MARGIN) * min(max(elapsed_s, 0.0), LONGEST_SLEW_S)
     if size <= room:
         return north, east, down
-    # Between two velocities within the limits every other one is, too.
+    # Any velocity between two within the limits is within the limits, too.
     part = room / size
     return last[0] + part * change[0], last[1] + part * change[1], last[2] + part * change[2]
 
@@ -103,11 +103,11 @@ def encode_setpoint(
     """One SET_POSITION_TARGET_LOCAL_NED (84) frame, velocity only, frame LOCAL_NED.
 
     Args:
-        encoder: Who sends.
+        encoder: Encoder of our messages.
         velocity: North, east, down [m/s].
-        time_boot_ms: Time since start; the wire has it modulo 2**32, which is 50 days.
+        time_boot_ms: Time since start; the wire carries it modulo 2**32, 50 days.
         target_system: System id of the autopilot.
-        target_component: Its component id.
+        target_component: Component id of the autopilot.
     """
     return encoder.encode(
         "SET_POSITION_TARGET_LOCAL_NED",
@@ -123,11 +123,11 @@ def encode_setpoint(
 
 
 class SetpointStream:
-    """The running stream: remembers what was sent last and when, so that limits on change hold.
+    """The running stream: keeps the last setpoint and its time, so that limits on change hold.
 
     Attributes:
-        velocity: What was sent last; zero before the first setpoint.
-        sent: Number of setpoints.
+        velocity: Velocity sent last; zero before the first setpoint.
+        sent: Number of setpoints sent.
         counters: `setpoint_not_finite`, `setpoint_limited` (something above asked for more than the limits).
     """
 
@@ -139,17 +139,17 @@ class SetpointStream:
         self._time_ms = 0
 
     def restart(self) -> None:
-        """Begin again from zero: nothing was sent for a while."""
+        """Begin again from zero, after nothing was sent for a while."""
         self.velocity = STOP
 
     def next(
         self, encoder: Encoder, wanted: Velocity, time_boot_ms: int, target_system: int, target_component: int
     ) -> bytes:
-        """The next setpoint frame; arguments as of `encode_setpoint`, and `wanted` as decided."""
+        """Frame of the next setpoint; arguments as in `encode_setpoint`, with `wanted` as decided."""
         time_ms = max(time_boot_ms, self._time_ms)
         if not all(math.isfinite(value) for value in wanted):
             self.counters["setpoint_not_finite"] += 1
-        # The time that an observer reads off the frames is the one that the slew counts.
+        # The slew uses the time that an observer reads off the frames.
         sent = clamp_velocity(wanted, self.velocity, (time_ms - self._time_ms) / 1e3, self.limits)
         if max(abs(sent[0] - wanted[0]), abs(sent[1] - wanted[1]), abs(sent[2] - wanted[2])) > 0.01:
             self.counters["setpoint_limited"] += 1
