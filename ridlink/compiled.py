@@ -1,8 +1,8 @@
 """Kernels are compiled strictly, once, and kept on disk.
 
-numba keeps compiled code beside the source and asks only whether the *file of that function* has changed. A kernel
-carries the code of those it calls, so an edit in one module would leave old code alive in another. Here a kernel's
-stamp covers every module that holds kernels of its package.
+numba keeps compiled code beside the source and checks only whether the *file of that function* has changed. A kernel
+contains the code of those it calls, so an edit in one module would leave old code alive in another. Here the stamp of a
+kernel covers every module of its package that holds kernels.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
     """A decorator for the kernels of one package.
 
     Args:
-        sources: The files that hold kernels which call each other, and the constants in them.
-        counted: False for kernels that make no arrays and give none back: the caller holds what they work on, so they
-            need not count references, which costs 10 ns for every view of an array.
+        sources: Files that hold kernels which call each other, and the constants in them.
+        counted: False for kernels that make no arrays and return none. The caller holds the arrays that they work on,
+            so they need not count references, which costs 10 ns for every view of an array.
 
     Returns:
         ``kernel(function, *, nogil=False, forceinline=False, fused=False, inner=False)``: compiles with exact
-        floating-point rules and keeps the result on disk, where there is a place for it. With `fused` a product and a
-        sum may be rounded but once, where the machine can: for answers that do not hang on the last bit. With `nogil`
-        other threads of Python go on meanwhile, which is for kernels that take a while: whoever lets go of the lock may
-        have to wait for it. Loops over worlds are spread over threads or processes by the caller; numba's own way of it
-        takes seconds more to compile. An `inner` kernel is called by other kernels only: it has no way in from Python,
-        which takes as long to compile as many a kernel, and no machine code of its own. With NUMBA_DISABLE_JIT=1 the
-        function stays plain Python.
+        floating-point rules and keeps the result on disk, if there is a place for it. With `fused` a product and a sum
+        may be rounded only once, where the machine can: for answers that do not depend on the last bit. With `nogil`
+        other threads of Python go on meanwhile. That is for kernels that take a while: a thread that releases the lock
+        may have to wait for it. The caller spreads loops over worlds over threads or processes; numba's own way takes
+        seconds more to compile. An `inner` kernel is called by other kernels only: it has no entry from Python, which
+        takes as long to compile as many a kernel, and no machine code of its own. With NUMBA_DISABLE_JIT=1 the function
+        stays plain Python.
     """
     files = tuple(sources)
 
@@ -70,7 +70,7 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
                 dispatcher.__class__ = _InnerKernel
             if not config.DISABLE_JIT:
                 dispatcher.get_call_template = partial(_call_template, dispatcher)
-                # Where it can be kept neither beside the source nor at home, it is compiled for this process.
+                # If it can be kept neither beside the source nor at home, it is compiled for this process only.
                 with suppress(RuntimeError):
                     dispatcher._cache = _KernelCache(plain, files)
             return dispatcher
@@ -81,12 +81,12 @@ def kernel_decorator(sources: Iterable[Path], *, counted: bool = True) -> Decora
 
 
 def _call_template(dispatcher: Any, arguments: Any, named: Any) -> Any:
-    """Have a kernel compiled for these types of arguments: once for a constant and a variable of its type."""
+    """Have a kernel compiled for these types of arguments: once for a constant and a variable of the same type."""
     return type(dispatcher).get_call_template(dispatcher, [types.unliteral(one) for one in arguments], named)
 
 
 class _InnerKernel(CPUDispatcher):  # type: ignore[misc]
-    """A kernel without a way in from Python, which would be a jump to nowhere."""
+    """A kernel without an entry from Python; a call from there would jump to nowhere."""
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Refuse.
@@ -101,7 +101,7 @@ class _InnerKernel(CPUDispatcher):  # type: ignore[misc]
 
 
 class _KernelCache(FunctionCache):  # type: ignore[misc]
-    """Where the compiled code of one kernel is kept."""
+    """Cache of the compiled code of one kernel."""
 
     def __init__(self, plain: Callable[..., Any], sources: tuple[Path, ...]) -> None:
         super().__init__(plain)
@@ -109,12 +109,13 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         self._cache_file._source_stamp = _stamp(self.sources)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The code for these types of arguments, None if there is none.
+        """Code for these types of arguments; None if there is none.
 
-        numba would first make its compiler ready, and with it look for the linear algebra of SciPy: 0.15 s, and twice
-        as much where SciPy is installed. What has been compiled needs no compiler, only who counts its references.
+        numba would first prepare its compiler, and with it look for the linear algebra of SciPy: 0.15 s, and twice as
+        much if SciPy is installed. Code that is compiled needs no compiler, only the runtime that counts its
+        references.
 
-        What power that failed has left half written, or empty, is as good as nothing.
+        A file left half written or empty by a power failure counts as none.
         """
         rtsys.initialize(target_context)
         try:
@@ -128,14 +129,14 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the code, but not the annotated source of the kernel: 0.1 s in all for the kernels of half-planes.
 
-        Where the disk is full, it lasts as long as this process.
+        If the disk is full, the code lasts as long as this process.
         """
         with suppress(OSError):
             super().save_overload(sig, data._replace(type_annotation=""))
 
 
 def can_be_kept() -> bool:
-    """Whether there is a place on disk for what is compiled."""
+    """Whether there is a place on disk for compiled code."""
     try:
         _KernelCache(can_be_kept, ())
     except RuntimeError:
@@ -145,13 +146,13 @@ def can_be_kept() -> bool:
 
 @contextmanager
 def compiling_alone(kernel: Any) -> Iterator[None]:
-    """Wait until no other process compiles into the folder of a kernel: what it has compiled need only be loaded then.
+    """Wait until no other process compiles into a kernel's folder: what it has compiled need then only be loaded.
 
-    Daemons of several vehicles start together, and each would compile the same. Whoever has waited for MOST_WAITED_S
-    waits no longer: the other one may have been stopped.
+    Daemons of several vehicles start together, and each would compile the same. After MOST_WAITED_S the wait ends: the
+    other process may have been stopped.
     """
     with ExitStack() as until:
-        # Where nothing is kept, or folders know no locks, each compiles for itself.
+        # If nothing is kept, or folders have no locks, each process compiles for itself.
         with suppress(AttributeError, OSError):
             folder = kernel._cache.cache_path
             Path(folder).mkdir(parents=True, exist_ok=True)
@@ -164,7 +165,7 @@ def compiling_alone(kernel: Any) -> Iterator[None]:
 
 
 def _is_locked(descriptor: int) -> bool:
-    """Whether a file is ours alone now, until it is closed."""
+    """Lock a file for us until it is closed; whether that worked."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -173,7 +174,7 @@ def _is_locked(descriptor: int) -> bool:
 
 
 def how_often_compiled() -> str:
-    """For whoever has to wait: that it is for once, or why it is not."""
+    """Text for a user who has to wait: that kernels are compiled once, or why it is at every start."""
     if can_be_kept():
         return "once"
     return "at every start, for it can be kept nowhere: NUMBA_CACHE_DIR may name a folder"
@@ -184,7 +185,7 @@ def _stamp(files: tuple[Path, ...]) -> tuple[tuple[int, int], ...]:
 
 
 def is_compiled(dispatcher: Any) -> bool:
-    """Whether calling a kernel needs no compiler: it is in memory, kept on disk for this machine, or plain Python."""
+    """Whether a call of a kernel needs no compiler: it is in memory, kept on disk for this machine, or plain Python."""
     if not hasattr(dispatcher, "signatures") or dispatcher.signatures:
         return True
     index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)

@@ -1,9 +1,9 @@
 """numba's compiler, without what no kernel needs.
 
-Where its time goes, for the kernels of half-planes: two thirds into Python, most of it for writing their instructions,
-the rest for reading the functions and for their types; a third into LLVM, for reading these, putting each function in
-order, optimising kernels with all that they call, and machine code about alike. So what costs is every function and
-every set of types that it is compiled for, more than what it does.
+Where its time goes, for the kernels of half-planes: two thirds in Python, most of it to write their instructions, the
+rest to read the functions and find their types; a third in LLVM, about alike for reading the instructions, for putting
+each function in order, for optimising kernels with all that they call, and for machine code. So every function costs,
+and every set of types that it is compiled for, more than what it does.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from numba.extending import lower_builtin, type_callable
 
 
 class _RememberingContext(Context):  # type: ignore[misc]
-    """What the compiler asks for the types of calls, which answers for the same function and arguments but once.
+    """Typing context that answers only once for the same function and arguments.
 
-    numba tries every rule that there is for a sum each time that it meets one: a fifth of all its time.
+    Each time that it meets a sum, numba tries every rule for one: a fifth of all its time.
     """
 
     def __init__(self, context: Context) -> None:
@@ -48,11 +48,11 @@ class _RememberingContext(Context):  # type: ignore[misc]
 _remembering = cache(_RememberingContext)
 
 _UNUSED = (WithLifting, InlineClosureLikes, InlineInlinables, LiteralUnroll, InlineOverloads, NopythonRewrites)
-"""Passes over every function for what kernels have none of: functions in functions, sums of whole arrays, the like."""
+"""Passes over every function for what no kernel has: functions in functions, sums of whole arrays, the like."""
 
 
 class KernelCompiler(Compiler):  # type: ignore[misc]
-    """Compiles one kernel, and those that it calls first."""
+    """Compiles one kernel, after those that it calls."""
 
     def __init__(self, typing_context: Context, *others: Any) -> None:
         super().__init__(_remembering(typing_context), *others)
@@ -64,7 +64,7 @@ class KernelCompiler(Compiler):  # type: ignore[misc]
         return [manager]
 
     def compile_extra(self, func: Any) -> Any:
-        """Compile a function. Little of what is left behind is garbage; to look for it would take a tenth more."""
+        """Compile a function, without the garbage collector: it finds little, and would take a tenth more time."""
         collects = gc.isenabled()
         gc.disable()
         try:
@@ -78,17 +78,17 @@ class InnerCompiler(KernelCompiler):
     """Compiles a kernel that only becomes part of others."""
 
     def compile_extra(self, func: Any) -> Any:
-        """Compile a function, as far as it must be before it becomes part of another."""
+        """Compile a function only as far as needed before it becomes part of another."""
         self.state.library = _InnerCode(self.state.targetctx.codegen(), func.__qualname__)
         return super().compile_extra(func)
 
 
 class _InnerCode(JITCodeLibrary):  # type: ignore[misc]
-    """Code of an inner kernel: it is optimised, and machine code made of it, as part of others only."""
+    """Code of an inner kernel, which is optimised and made machine code only as part of others."""
 
     @property
     def codegen(self) -> Any:
-        """What is told where the machine code finds what it keeps in Python: there is none."""
+        """Stand-in that ignores where machine code finds what it keeps in Python: there is none."""
         return SimpleNamespace(set_env=lambda name, environment: None)
 
     def _optimize_final_module(self) -> None:
@@ -104,16 +104,17 @@ class _InnerCode(JITCodeLibrary):  # type: ignore[misc]
         return 0
 
     def serialize_using_object_code(self) -> Any:
-        """What is kept on disk."""
+        """Code to keep on disk: the bitcode."""
         return self.serialize_using_bitcode()
 
 
 def instructions_for(plain: Callable[..., Any]) -> Callable[..., Any]:
-    """A decorator for the instructions that kernels have in the place of a plain function.
+    """A decorator for the instructions that kernels use in place of a plain function.
 
-    What it decorates is as for `numba.extending.intrinsic`: from the types of the arguments it gives the signature and
-    what writes the instructions. They stand in the caller itself; by way of `numba.extending.overload` each would be a
-    function of its own, which takes 20 ms to compile for every kind of caller.
+    It decorates a function as for `numba.extending.intrinsic`, which returns, for the types of the arguments, the
+    signature and a function that writes the instructions. The instructions stand in the caller itself. With
+    `numba.extending.overload` each would be a function of its own, which takes 20 ms to compile for every kind of
+    caller.
     """
 
     def register(instructions: Callable[..., Any]) -> Callable[..., Any]:
