@@ -1,13 +1,13 @@
 """Accuracy codes of Open Drone ID and the bounds that they stand for, metres and metres a second.
 
-The codes are inverted: a larger one is better, 0 is unknown, and what lies beyond the best code is reserved. A code
-promises that the accuracy is *smaller* than its bound, so a value that is exactly a bound goes into the next worse
-bucket, and what is worse than the worst bucket is sent as unknown.
+The codes are inverted: a larger code is better, 0 is unknown, and codes beyond the best one are reserved. A code
+promises that the accuracy is *smaller* than its bound. So a value equal to a bound goes into the next worse bucket, and
+a value worse than the worst bucket is sent as unknown.
 
-By the letter (ASTM F3411, ADS-B's NACp behind it) the horizontal accuracy is the radius that holds 95 % of positions,
-whereas the separation discs count three standard deviations of either horizontal axis; autopilots fill the field with
-the one-sigma figure of their receiver, unscaled. `AccuracyConvention` names the three ways to read it; whoever is told
-nothing else reads it by `DEFAULT_CONVENTION`, and all senders here write it by the letter.
+The standard (ASTM F3411, based on ADS-B's NACp) defines the horizontal accuracy as the radius that holds 95 % of
+positions. The separation discs use three standard deviations of either horizontal axis. Autopilots fill the field with
+the one-sigma figure of their receiver, unscaled. `AccuracyConvention` names these three readings. The default is
+`DEFAULT_CONVENTION`, and all senders here write the field as the standard defines it.
 
 Source: MAV_ODID_HOR_ACC, MAV_ODID_VER_ACC, MAV_ODID_SPEED_ACC and MAV_ODID_TIME_ACC of common.xml.
 """
@@ -46,14 +46,14 @@ THREE_SIGMA_PER_95_PERCENT_RADIUS = 3.0 / math.sqrt(-2.0 * math.log(0.05))
 
 
 class AccuracyConvention(Named):
-    """What a horizontal accuracy is taken for.
+    """How a horizontal accuracy is read.
 
-    LETTER: the radius that holds 95 % of positions, as the standard has it. The default: it is what a sender can be
-        held to, what senders of this project write, and it keeps a 30 m code below the 40 m of an unknown one: whoever
-        knows its error to 30 m is not better off for saying nothing.
-    ONE_SIGMA: one standard deviation, which is what PX4 and ArduPilot put there. Right where such vehicles fly with the
-        code that their autopilot fills in: by the letter their errors may be 2.4 times as large as they are taken for.
-        Of who keeps to the letter it asks for 2.4 times what is needed.
+    LETTER: the radius that holds 95 % of positions, as the standard defines it. The default, since it is what a sender
+        can be held to and what senders of this project write. It also keeps a 30 m code below the 40 m of an unknown
+        one, so a sender that knows its error to 30 m gains nothing by hiding it.
+    ONE_SIGMA: one standard deviation, which PX4 and ArduPilot put there. Use it where vehicles fly with the code that
+        their autopilot fills in: under LETTER their errors may be 2.4 times as large as assumed. For senders that
+        follow the standard it demands 2.4 times what is needed.
     AS_IS: three standard deviations already. The paper's reading of "error bound".
     """
 
@@ -129,7 +129,7 @@ def three_sigma_bound_m(code: int, convention: AccuracyConvention | str = DEFAUL
 
     Args:
         code: Horizontal accuracy code.
-        convention: What senders are taken to mean by it.
+        convention: How the code is read.
 
     Returns:
         The bound, ``None`` for 0 and reserved codes.
@@ -152,14 +152,14 @@ def code_of_three_sigma(error_3sigma_m: float | None, convention: AccuracyConven
 
 
 def coded_bound_m(error_3sigma_m: float, convention: AccuracyConvention | str = DEFAULT_CONVENTION) -> float:
-    """What of a three-sigma error [m] is left to those who hear no more of it than its accuracy code.
+    """Three-sigma error [m] that a receiver assumes if it hears only the accuracy code of a three-sigma error.
 
     Args:
-        error_3sigma_m: Three standard deviations of either horizontal axis; the sender gives its code by the letter.
-        convention: What it is taken to mean by that.
+        error_3sigma_m: Three standard deviations of either horizontal axis; the sender encodes them by LETTER.
+        convention: How the receiver reads the code.
 
     Returns:
-        Three standard deviations [m], NaN where the code is "unknown".
+        Three standard deviations [m], NaN if the code is "unknown".
 
     Raises:
         ValueError: If the convention is unknown.

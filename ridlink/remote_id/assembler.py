@@ -1,7 +1,7 @@
-"""Remote ID messages, one after the other, to reports: the join of what one sender splits into several messages.
+"""Joins the Remote ID messages of each sender into reports, since a sender splits its data into several messages.
 
-Nothing here trusts a sender: memory is bounded, the sender heard least recently is forgotten first, and a message can
-only touch the memory of its own ``(system id, component id, id_or_mac)``.
+Senders are not trusted: memory is bounded, the sender heard least recently is forgotten first, and a message can only
+change the memory of its own ``(system id, component id, id_or_mac)``.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separ
 from ridlink.remote_id.report import RemoteIdReport, SourceKey, report_of
 
 SEPARATION_VALID_S = 1.5
-"""A lost RIDLINK_SEPARATION is bridged by the one before: errors and sizes change slowly, and a sender at 1 Hz may
-lose none of its own."""
+"""Age up to which an older RIDLINK_SEPARATION replaces a lost one, since errors and sizes change slowly. It is longer
+than the period of a sender at 1 Hz."""
 
 EQUAL_TIMESTAMP_VALID_S = 10.0
-"""Timestamps repeat every hour; an equal one counts only while a track would live."""
+"""Timestamps repeat every hour, so equal ones count only within this time, for which a track would live."""
 
 ID_TYPE_NONE = 0
 ID_TYPE_SERIAL_NUMBER = 1
@@ -62,9 +62,9 @@ class ReportAssembler:
     def receive(self, source: tuple[int, int], message: RemoteIdMessage, received_at_s: float) -> RemoteIdReport | None:
         """The report that this message makes possible, if any.
 
-        A LOCATION always makes one, joined with the last RIDLINK_SEPARATION of the same sender if that bears the same
-        timestamp or is younger than 1.5 s. A RIDLINK_SEPARATION that belongs to the last LOCATION makes that report
-        again, completed: same position, same time of receipt.
+        A LOCATION always makes a report. The report includes the last RIDLINK_SEPARATION of the same sender, if that
+        has the same timestamp or is younger than 1.5 s. A RIDLINK_SEPARATION that belongs to the last LOCATION makes
+        the report again, completed: same position, same time of receipt.
 
         Args:
             source: System id and component id of the frame.
@@ -108,7 +108,7 @@ class ReportAssembler:
             sender.ua_type = message.ua_type
         if message.id_type == ID_TYPE_NONE or not message.uas_id:
             return
-        # a sender may alternate serial number and registration: an identity that flips is none
+        # a sender may alternate serial number and registration; the identity must not alternate with them
         if message.id_type == ID_TYPE_SERIAL_NUMBER or sender.id_type != ID_TYPE_SERIAL_NUMBER:
             sender.id_type, sender.uas_id = message.id_type, message.uas_id
 
@@ -116,7 +116,7 @@ class ReportAssembler:
     def _belongs(separation: Separation, separation_at_s: float, location: Location, location_at_s: float) -> bool:
         """Both messages describe the same instant."""
         apart_s = abs(separation_at_s - location_at_s)
-        if separation.timestamp_s is None:  # nothing to compare: neighbours in time must do
+        if separation.timestamp_s is None:  # no timestamps to compare, so compare times of receipt
             return location.timestamp_s is None and apart_s < SEPARATION_VALID_S
         return separation.timestamp_s == location.timestamp_s and apart_s < EQUAL_TIMESTAMP_VALID_S
 

@@ -1,17 +1,18 @@
 """The 25-byte messages that Open Drone ID broadcasts (ASTM F3411, ASD-STAN EN 4709-002) to SI and back.
 
 The first byte is the message type (high half) and the protocol version (low half). Versions 0 to 2 have the layouts
-below, in which what an older version reserved is zero, and zero reads as unknown; a version that is not known yet is
-read as the newest one and counted under ``MESSAGE.protocol_version``. Reserved bytes are ignored, reserved codes kept
-as numbers.
+below. Fields that an older version reserved are zero, which reads as unknown. An unknown newer version is read as the
+newest known one and counted under ``MESSAGE.protocol_version``. Reserved bytes are ignored, reserved codes are kept as
+numbers.
 
-Reading and writing follow the rules of ``convert``: a sentinel becomes ``None``, and so does a field that is out of its
-range, alone and counted. Values go to the nearest unit; accuracies, errors, sizes and areas go to the safe side. A
-value that does not fit saturates or goes out as unknown; a code or text that does not fit its bits is a `PayloadError`.
+Reading and writing follow the rules of ``convert``. A sentinel becomes ``None``; so does a field out of its range,
+which is also counted and affects no other field. Values are rounded to the nearest unit; accuracies, errors, sizes and
+areas are rounded to the safe side. A value that does not fit saturates or is sent as unknown. A code or text that does
+not fit its bits raises a `PayloadError`.
 
 RIDLINK_SEPARATION has no message type of its own (see ``separation``). Message packs are in ``astm_pack``.
 
-Source: ASTM F3411-22a; held byte for byte against opendroneid-core-c.
+Source: ASTM F3411-22a; compared byte for byte with opendroneid-core-c.
 """
 
 from __future__ import annotations
@@ -65,10 +66,10 @@ def decode_message(
     Args:
         data: 25 bytes.
         rejects: Counts fields that were not taken, and versions that are not known.
-        id_or_mac: Who was heard to say it, for the message.
+        id_or_mac: The transmitter that was heard, for the field of the message.
 
     Raises:
-        PayloadError: If there are not 25 bytes, or of no known type, or with a page that cannot be.
+        PayloadError: If the length is not 25 bytes, the type is unknown, or the page number is impossible.
     """
     refusal = refusal_of(data)
     if refusal is not None:
@@ -87,8 +88,8 @@ def encode_message(message: RemoteIdMessage, *, hour_start_s: int | None = None)
 
     Args:
         message: The message.
-        hour_start_s: Start of the present full hour [s since 2019-01-01 UTC], without which the time of a `Separation`
-            goes out as unknown: it counts from the full hour, the 25 bytes from 2019.
+        hour_start_s: Start of the present full hour [s since 2019-01-01 UTC]. A `Separation` counts its time from the
+            full hour, the 25 bytes count from 2019; without this argument the time is sent as unknown.
 
     Raises:
         PayloadError: If a code, count or text does not fit.

@@ -1,4 +1,4 @@
-"""Fields that several of the 25-byte messages have: the first byte, bits and texts that must fit, and altitudes.
+"""Fields that several of the 25-byte messages share: the first byte, bits and texts that must fit, and altitudes.
 
 Source: ASTM F3411-22a.
 """
@@ -62,7 +62,7 @@ def fitting_text(message: RemoteIdMessage, field: str, length: int) -> bytes:
 
 
 def filled_up(message: RemoteIdMessage, field: str, length: int) -> bytes:
-    """A byte string with zeros up to its length; a longer one as it is, for the encoder of frames to refuse.
+    """A byte string filled up with zeros; one that is too long is returned unchanged, and the frame encoder refuses it.
 
     Raises:
         PayloadError: If it is text.
@@ -85,7 +85,7 @@ def read_altitude(units: int) -> float | None:
 
 
 def write_altitude(value_m: float | None, whole: Callable[[float], int] = nearest) -> int:
-    """Half metres above -1000 m, as `whole` rounds them; 0 for what is unknown or out of range."""
+    """Altitude in half metres above -1000 m, rounded by `whole`; 0 if it is unknown or out of range."""
     if value_m is None or not LOWEST_ALTITUDE_M < value_m <= LOWEST_ALTITUDE_M + MAX_UINT16 * ALTITUDE_STEP_M:
         return 0
     return max(1, whole((value_m - LOWEST_ALTITUDE_M) / ALTITUDE_STEP_M))

@@ -4,8 +4,8 @@
     byte 1    size of a single message: 25
     byte 2    how many: 1 to 9
 
-Nothing here raises for what a stranger sent. A member that is damaged or unknown costs only itself, and a pack that
-ends early gives the members that are whole.
+Reading never raises, whatever was received. A damaged or unknown member affects no other member, and a pack that ends
+early yields its complete members.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MAX_PACK_LENGTH = HEADER_LENGTH + MAX_MEMBERS * MESSAGE_LENGTH
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """25 bytes that `ridlink.remote_id.astm.decode_message` takes, and their place in the pack; alone it is 0."""
+    """25 bytes for `ridlink.remote_id.astm.decode_message`, and their index in the pack; 0 for a single message."""
 
     index: int
     data: bytes
@@ -33,7 +33,7 @@ class Member:
 
 @dataclass(frozen=True, slots=True)
 class BadMember:
-    """A member, or a pack from this member on, that was not taken, and why."""
+    """A member, or the rest of a pack from this member on, that was not taken, and the reason."""
 
     index: int
     refusal: Refusal
@@ -45,9 +45,9 @@ def is_pack(data: bytes) -> bool:
 
 
 def split_broadcast(data: bytes) -> list[Member | BadMember]:
-    """The messages of one broadcast, which is a message pack or a message alone, in order; never raises.
+    """The messages of one broadcast (a message pack or a single message), in order; never raises.
 
-    Bytes behind the last message belong to somebody else and are ignored.
+    Bytes behind the last message do not belong to it and are ignored.
     """
     if not is_pack(data):
         return [_member(0, data[:MESSAGE_LENGTH])]

@@ -1,8 +1,8 @@
-"""Between the two wires of Remote ID: 25-byte broadcasts and MAVLink.
+"""Conversion between the two wire forms of Remote ID: 25-byte broadcasts and MAVLink.
 
-A MAVLink message says one thing, except OPEN_DRONE_ID_MESSAGE_PACK, which wraps a pack of 25-byte messages; a stock
-receiver relays our RIDLINK_SEPARATION as the OPEN_DRONE_ID_AUTHENTICATION that it was on the radio. `messages_of` reads
-all of them, and what it returns goes through the `ReportAssembler` one after the other.
+A MAVLink message holds one Remote ID message, except OPEN_DRONE_ID_MESSAGE_PACK, which wraps a pack of 25-byte
+messages. A stock receiver relays our RIDLINK_SEPARATION as OPEN_DRONE_ID_AUTHENTICATION, the form that it has on the
+radio. `messages_of` reads all of these; feed the messages that it returns to the `ReportAssembler` one by one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ REMOTE_ID_IDS = frozenset(MESSAGES_BY_NAME[name].msgid for name in (*MAVLINK_NAM
 
 
 def messages_of(message: Message, rejects: FieldRejects | None = None) -> list[RemoteIdMessage]:
-    """What a MAVLink message says about Remote ID, in SI units: nothing, one message, or the members of a pack.
+    """The Remote ID messages in a MAVLink message, in SI units: none, one, or the members of a pack.
 
     Args:
         message: Decoded MAVLink message.
@@ -47,7 +47,7 @@ def messages_of(message: Message, rejects: FieldRejects | None = None) -> list[R
 
 
 def sender_of(pack: Message) -> bytes | None:
-    """``id_or_mac`` of an OPEN_DRONE_ID_MESSAGE_PACK, ``None`` where it is the sender's own."""
+    """``id_or_mac`` of an OPEN_DRONE_ID_MESSAGE_PACK, ``None`` if the pack is the sender's own."""
     return read_id_or_mac(pack.fields["id_or_mac"])
 
 
@@ -93,8 +93,9 @@ def read_members(
 ) -> list[RemoteIdMessage]:
     """The messages of the members of one pack, in SI units.
 
-    On the radio RIDLINK_SEPARATION has the time in whole seconds. Beside its LOCATION in one pack it takes that one's,
-    if both can be the same instant or its own is unknown, so that the two are joined as they would be over MAVLink.
+    On the radio RIDLINK_SEPARATION has its time in whole seconds. If it is in one pack with its LOCATION, it takes the
+    time of the LOCATION, provided that both can be the same instant or its own time is unknown. So the two are joined
+    as they would be over MAVLink.
     """
     counted: FieldRejects = Counter() if rejects is None else rejects
     messages = [decode_message(member.data, counted, id_or_mac=id_or_mac) for member in members]
@@ -112,9 +113,9 @@ def read_members(
 
 
 def whole_seconds_of(location_s: float) -> tuple[int, int]:
-    """Whole seconds after the full hour in which a LOCATION of 25 bytes may have been made, twice the same or two.
+    """The two whole seconds after the full hour in which a 25-byte LOCATION may have been made; they may be equal.
 
-    Its time is rounded to a tenth, up or down: 12.96 s, which lie in second 12, are 13.0 s there.
+    Its time is rounded to a tenth, up or down: 12.96 s, which is in second 12, becomes 13.0 s.
     """
     earliest_s, latest_s = location_s - TIMESTAMP_STEP_S / 2.0, location_s + TIMESTAMP_STEP_S / 2.0
     return math.floor(earliest_s % SECONDS_PER_HOUR), math.floor(latest_s % SECONDS_PER_HOUR)

@@ -1,16 +1,15 @@
 """Remote ID messages of MAVLink to SI and back; wire sentinels stop here.
 
-Reading: a sentinel becomes ``None``. A field that is out of its range or not finite becomes ``None`` as well, alone,
-and is counted under ``MESSAGE.field``: one bad field costs neither the message nor the other fields. Values at the end
-of a saturating range ("that or more") are taken as they stand.
+Reading: a sentinel becomes ``None``. A field that is out of its range or not finite also becomes ``None`` and is
+counted under ``MESSAGE.field``; the message and its other fields are still read. Values at the end of a saturating
+range ("that or more") are read unchanged.
 
-Writing: nearest value, but errors, accuracies, sizes and intervals round up, so that an uncertainty is never
-understated. What does not fit saturates, an infinite speed or error as well; a place, direction, altitude, time or
-commanded velocity that cannot be goes out as unknown, and so does NaN. Since 0 means unknown, an exactly known position
-goes out as 1 cm.
+Writing: values are rounded to the nearest unit. Errors, accuracies, sizes and intervals are rounded up, so that an
+uncertainty is never understated. A value that does not fit saturates, also an infinite speed or error. An impossible
+position, direction, altitude, time or commanded velocity is sent as unknown, and so is NaN. Since 0 means unknown, the
+error of an exactly known position is sent as 1 cm.
 
-Trailing zeros vanish in MAVLink 2, hence a field that is absent reads as 0, and 0 as unknown wherever the table of the
-message says so.
+MAVLink 2 cuts off trailing zeros. So an absent field reads as 0, and 0 as unknown if the table of the message says so.
 """
 
 from __future__ import annotations
@@ -38,12 +37,12 @@ MESSAGE_PACK = "OPEN_DRONE_ID_MESSAGE_PACK"
 
 
 def from_mavlink(message: Message, rejects: FieldRejects | None = None) -> RemoteIdMessage | None:
-    """The Remote ID message in SI units, ``None`` where the message is none of the seven.
+    """The Remote ID message in SI units, ``None`` if the MAVLink message is none of the seven.
 
     Args:
-        message: Decoded MAVLink message.
-        rejects: Counts fields that were not taken. A message pack, which may hold several messages, is none of the
-            seven and counts as a whole: `ridlink.remote_id.bridge.messages_of` reads it.
+        message: Decoded MAVLink message. A message pack may hold several messages and is none of the seven:
+            `ridlink.remote_id.bridge.messages_of` reads it.
+        rejects: Counts fields that were not taken, and message packs.
     """
     reader = _READERS.get(message.name)
     if reader is None:

@@ -1,6 +1,6 @@
 """BASIC_ID, SELF_ID, OPERATOR_ID and AUTHENTICATION of Open Drone ID on both wires, MAVLink and 25 bytes.
 
-Byte strings of fixed length lose their padding on the way in and get it back on the way out.
+Byte strings of fixed length lose their padding when they are read and get it back when they are written.
 
 Source: ASTM F3411-22a; MAVLink common.xml.
 """
@@ -38,7 +38,7 @@ def basic_id_from_fields(fields: dict[str, Any], _: FieldRejects) -> BasicId:
 
 
 def basic_id_to_fields(message: BasicId) -> dict[str, Any]:
-    """The fields of its MAVLink form, but for whom it is meant and ``id_or_mac``."""
+    """The fields of its MAVLink form, without target ids and ``id_or_mac``."""
     return {
         "id_type": message.id_type,
         "ua_type": message.ua_type,
@@ -54,7 +54,7 @@ def self_id_from_fields(fields: dict[str, Any], _: FieldRejects) -> SelfId:
 
 
 def self_id_to_fields(message: SelfId) -> dict[str, Any]:
-    """The fields of its MAVLink form, but for whom it is meant and ``id_or_mac``."""
+    """The fields of its MAVLink form, without target ids and ``id_or_mac``."""
     return {
         "description_type": message.description_type,
         "description": filled_up(message, "description", TEXT_LENGTH),
@@ -69,7 +69,7 @@ def operator_id_from_fields(fields: dict[str, Any], _: FieldRejects) -> Operator
 
 
 def operator_id_to_fields(message: OperatorId) -> dict[str, Any]:
-    """The fields of its MAVLink form, but for whom it is meant and ``id_or_mac``."""
+    """The fields of its MAVLink form, without target ids and ``id_or_mac``."""
     return {
         "operator_id_type": message.operator_id_type,
         "operator_id": filled_up(message, "operator_id", ID_LENGTH),
@@ -93,7 +93,7 @@ def authentication_from_fields(fields: dict[str, Any], _: FieldRejects) -> Authe
 
 
 def authentication_to_fields(message: Authentication) -> dict[str, Any]:
-    """The fields of its MAVLink form, but for whom it is meant and ``id_or_mac``."""
+    """The fields of its MAVLink form, without target ids and ``id_or_mac``."""
     return {
         "authentication_type": message.authentication_type,
         "data_page": message.data_page,

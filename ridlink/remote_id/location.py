@@ -1,7 +1,7 @@
 """OPEN_DRONE_ID_LOCATION on both wires, MAVLink and 25 bytes, to SI and back.
 
-The rules are those of `ridlink.remote_id.convert`. What differs is how a value lies on the wire: the 25 bytes have a
-flag for directions from 180 degrees on and one for speeds in coarse steps.
+The rules are those of `ridlink.remote_id.convert`. The two wire forms encode values differently: the 25 bytes have a
+flag for directions from 180 degrees on, and a flag for speeds in coarse steps.
 
 Source: ASTM F3411-22a; MAVLink common.xml.
 """
@@ -47,18 +47,18 @@ MAX_TIMESTAMP = 36000
 TIMESTAMP_STEP_S = 0.1
 
 MAX_CLIMB_MPS = 62.0
-"""Of both wires, up and down."""
+"""Limit of both wire forms, upwards and downwards."""
 
 
 def _climb_that_fits(value_mps: float | None) -> float | None:
-    """A vertical speed within what either wire can say; None for unknown."""
+    """A vertical speed within the range of both wire forms; None for unknown."""
     if value_mps is None or math.isnan(value_mps):
         return None
     return min(max(value_mps, -MAX_CLIMB_MPS), MAX_CLIMB_MPS)
 
 
 def _codes(message: Location) -> tuple[int, int, int, int]:
-    """Accuracy codes of position, altitude, pressure altitude and speed, where 0 derived from their bounds."""
+    """Accuracy codes of position, altitude, pressure altitude and speed; a code of 0 is derived from its bound."""
     return (
         message.horizontal_accuracy or accuracy.horizontal_code(message.horizontal_accuracy_m),
         message.vertical_accuracy or accuracy.vertical_code(message.vertical_accuracy_m),
@@ -138,7 +138,7 @@ def _speed_vertical_field(value_mps: float | None) -> int:
 
 
 def to_fields(message: Location) -> dict[str, Any]:
-    """The fields of its MAVLink form, but for whom it is meant and ``id_or_mac``."""
+    """The fields of its MAVLink form, without target ids and ``id_or_mac``."""
     latitude, longitude = write_position(message.latitude_deg, message.longitude_deg)
     horizontal, vertical, barometer, speed = _codes(message)
     return {
@@ -217,7 +217,7 @@ def from_bytes(data: bytes, rejects: FieldRejects, id_or_mac: bytes | None) -> L
 
 
 def _direction_bits(value_deg: float | None) -> tuple[int, int]:
-    """The flag for 180 degrees more, and the rest."""
+    """The flag that adds 180 degrees, and the remaining degrees."""
     direction = UNKNOWN_DIRECTION_DEG
     if value_deg is not None and math.isfinite(value_deg):
         direction = nearest(value_deg % 360.0) % 360
@@ -225,7 +225,7 @@ def _direction_bits(value_deg: float | None) -> tuple[int, int]:
 
 
 def _speed_bits(value_mps: float | None) -> tuple[int, int]:
-    """The flag for coarse steps, and how many."""
+    """The flag for coarse steps, and the number of steps."""
     if value_mps is None or not value_mps >= 0.0:
         return 1, UNKNOWN_SPEED
     if value_mps <= FAST_SPEED_FROM_MPS:

@@ -1,14 +1,14 @@
 """The Open Drone ID messages and RIDLINK_SEPARATION in SI units, the same for their MAVLink and 25-byte forms.
 
-``None`` means unknown. Angles in degrees clockwise from true north, altitudes in metres, speeds in metres a second
-(``speed_vertical_mps`` is positive upwards, as in ASTM F3411), times in seconds after the full UTC hour, of SYSTEM and
-AUTHENTICATION in seconds since 2019-01-01 UTC. Accuracy codes stay integers (reserved ones included);
-``*_accuracy_m`` and ``*_accuracy_mps`` are the bounds that the codes stand for. ``id_or_mac`` is
-``None`` for the sender's own data. What they are on the wires is said in a module for each (``location``, ``system``,
-``separation``, ``identities``), and chosen by ``convert`` and ``astm``.
+``None`` means unknown. Angles are in degrees clockwise from true north, altitudes in metres, speeds in metres a second
+(``speed_vertical_mps`` is positive upwards, as in ASTM F3411). Times are in seconds after the full UTC hour; in SYSTEM
+and AUTHENTICATION they are in seconds since 2019-01-01 UTC. Accuracy codes stay integers (reserved ones included);
+``*_accuracy_m`` and ``*_accuracy_mps`` are the bounds that the codes stand for. ``id_or_mac`` is ``None`` for the
+sender's own data. The modules ``location``, ``system``, ``separation`` and ``identities`` define the wire forms;
+``convert`` and ``astm`` call them.
 
-They are structs and not dataclasses, for they are made thousands of times a second: a frozen dataclass of twenty fields
-takes five microseconds to make, a struct one.
+The messages are structs, not dataclasses, since they are created thousands of times a second: a frozen dataclass of
+twenty fields takes five microseconds, a struct one.
 """
 
 from __future__ import annotations
@@ -133,12 +133,12 @@ class Separation(Struct, frozen=True, gc=False):
 
     @property
     def avoiding(self) -> bool:
-        """The sender takes its reciprocal half of every avoidance."""
+        """The sender does its reciprocal half of every avoidance manoeuvre."""
         return bool(self.flags & _AVOIDING)
 
     @property
     def commanded_ned_mps(self) -> tuple[float, float, float] | None:
-        """The velocity that the sender is told to fly [m/s]; None unless all of it is known and finite."""
+        """The velocity that the sender is commanded to fly [m/s]; None unless all components are known and finite."""
         north, east, down = self.commanded_vx_mps, self.commanded_vy_mps, self.commanded_vz_mps
         if north is None or east is None or down is None:
             return None

@@ -1,7 +1,7 @@
-"""Quantities that both wires of Remote ID, MAVLink and the 25-byte broadcasts, read and write alike.
+"""Quantities that have the same encoding in both wire forms of Remote ID, MAVLink and the 25-byte broadcasts.
 
-Positions are 1e-7 degrees with 0/0 for unknown, absolute times whole seconds since 2019, and what is uncertain or has
-an extent rounds up, so that neither is ever understated. What several messages have on one wire only stands in
+Positions are in 1e-7 degrees with 0/0 for unknown, absolute times in whole seconds since 2019. Errors and extents are
+rounded up, so that they are never understated. Fields that several messages share in one wire form only are in
 ``mavlink_fields`` and ``astm_fields``.
 """
 
@@ -17,10 +17,10 @@ FieldRejects = Counter[str]
 
 SECONDS_PER_HOUR = 3600.0
 EPOCH_2019_S = 1546300800.0
-"""2019-01-01 00:00 UTC, from which absolute times count, in seconds since 1970."""
+"""2019-01-01 00:00 UTC, the zero of absolute times, in seconds since 1970."""
 
 ID_LENGTH = 20
-"""Of identities, and of ``id_or_mac``."""
+"""Bytes of an identity, and of ``id_or_mac``."""
 
 TEXT_LENGTH = 23
 AUTHENTICATION_PAGE_LENGTH = 23
@@ -33,19 +33,19 @@ _NO_ID = bytes(ID_LENGTH)
 
 
 def read_id_or_mac(raw: bytes) -> bytes | None:
-    """Whose data it is: the transmitter that was heard, None for the sender's own."""
+    """The transmitter whose data it is, None for the sender's own data."""
     return None if raw == _NO_ID else raw
 
 
 def write_id_or_mac(id_or_mac: bytes | None) -> bytes:
-    """The same in its full length."""
+    """``id_or_mac`` in its full length."""
     return _NO_ID if id_or_mac is None else id_or_mac.ljust(ID_LENGTH, b"\x00")
 
 
 def read_position(
     latitude_dege7: int, longitude_dege7: int, names: tuple[str, str], rejects: FieldRejects
 ) -> tuple[float | None, float | None]:
-    """Latitude and longitude [deg]; 0/0 is unknown, what is out of range is counted under its name."""
+    """Latitude and longitude [deg]; 0/0 is unknown, a value out of range is counted under its name."""
     if latitude_dege7 == 0 and longitude_dege7 == 0:
         return None, None
     latitude: float | None = deg_from_dege7(latitude_dege7)
@@ -82,12 +82,12 @@ def write_seconds_since_2019(value_s: float | None) -> int:
 
 
 def write_up(value: float | None, unit: float, limit: int = MAX_UINT16) -> int:
-    """Whole units, rounded up and saturated; 0 for what is unknown, negative or NaN."""
+    """Whole units, rounded up and saturated; 0 for an unknown, negative or NaN value."""
     if value is None or not value > 0.0:
         return 0
     return limit if value >= limit * unit else max(1, ceil_units(value, unit))
 
 
 def write_error(value: float | None, unit: float = 0.01, limit: int = MAX_UINT16) -> int:
-    """An uncertainty as `write_up` has it, but exactly known is one unit: 0 would say unknown."""
+    """An uncertainty, encoded by `write_up`, but an error of zero becomes one unit, since 0 means unknown."""
     return 1 if value == 0.0 else write_up(value, unit, limit)

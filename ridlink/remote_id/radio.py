@@ -1,9 +1,10 @@
-"""Open Drone ID out of radio frames: 802.11 beacons, Wi-Fi NAN action frames, Bluetooth advertisements.
+"""Finds Open Drone ID in radio frames: 802.11 beacons, Wi-Fi NAN action frames, Bluetooth advertisements.
 
-Each reader takes one captured frame of one link layer and returns what was broadcast in it: nothing, for most frames
-of a capture are not ours; a `Heard`; or why a frame that is ours, or may be, was not taken. The payload of a `Heard` is
-a message pack or a single message, for `ridlink.remote_id.astm_pack.split_broadcast`. Nothing here raises, whatever the
-bytes. A vendor element of another maker (DJI's own drone id, for one) is not Open Drone ID and is passed over.
+Each reader takes one captured frame of one link layer and returns the broadcasts in it. The list is empty for most
+frames of a capture, which are not Open Drone ID. Otherwise it has `Heard` items, or an `Unheard` if a frame is or may
+be Open Drone ID but was not taken. The payload of a `Heard` is a message pack or a single message, for
+`ridlink.remote_id.astm_pack.split_broadcast`. The readers never raise, whatever the bytes. Vendor elements of other
+makers (for example DJI's own drone id) are not Open Drone ID and are skipped.
 
 Source: ASTM F3411-22a (broadcast over Bluetooth, NAN and beacons); Wi-Fi Aware (service descriptor attribute);
 Bluetooth Core (link layer); radiotap.org; https://www.tcpdump.org/linktypes.html for the headers of sniffers.
@@ -19,7 +20,7 @@ MAC_LENGTH = 6
 
 
 class Transport(StrEnum):
-    """How a broadcast came."""
+    """The radio technology that carried a broadcast."""
 
     WIFI_BEACON = "wifi-beacon"
     WIFI_NAN = "wifi-nan"
@@ -36,7 +37,7 @@ class Unheard(StrEnum):
 
 
 class Heard(NamedTuple):
-    """One broadcast: how it came, the transmitter's MAC as it is written, the message counter, the content."""
+    """One broadcast: transport, the transmitter's MAC in the order it is written, message counter, content."""
 
     transport: Transport
     mac: bytes
@@ -79,7 +80,7 @@ HAS_MATCHING_FILTER, HAS_RESPONSE_FILTER, HAS_SERVICE_INFO, HAS_BINDING_BITMAP =
 
 
 def read_radiotap(data: bytes) -> list[Heard | Unheard]:
-    """Broadcasts in a 802.11 frame behind a radiotap header, which knows whether the checksum was right."""
+    """Broadcasts in a 802.11 frame behind a radiotap header, which says whether the checksum was right."""
     if len(data) < RADIOTAP_HEADER_LENGTH or data[0] != 0:
         return []
     length = int.from_bytes(data[2:4], "little")
@@ -102,7 +103,7 @@ def read_radiotap(data: bytes) -> list[Heard | Unheard]:
 
 
 def read_80211(frame: bytes) -> list[Heard | Unheard]:
-    """Broadcasts in a 802.11 frame that begins with its frame control field; a checksum at its end is no matter."""
+    """Broadcasts in a 802.11 frame that begins with its frame control field; a checksum at its end is ignored."""
     if len(frame) < MANAGEMENT_HEADER_LENGTH:
         return []
     mac = frame[TRANSMITTER]
@@ -138,7 +139,7 @@ def _in_nan(attributes: bytes, mac: bytes) -> Iterator[Heard | Unheard]:
 
 
 def _service_info(descriptor: bytes) -> bytes | None:
-    """The service info of a service descriptor attribute; ``None`` where it has none, as in a subscription."""
+    """The service info of a service descriptor attribute; ``None`` if it has none, as in a subscription."""
     if len(descriptor) < SERVICE_HEADER_LENGTH:
         return b""
     control, at = descriptor[SERVICE_HEADER_LENGTH - 1], SERVICE_HEADER_LENGTH
@@ -202,7 +203,7 @@ def read_ble(data: bytes, *, coded: bool = False) -> list[Heard | Unheard]:
 
     Args:
         data: The packet; its CRC at the end is not checked here.
-        coded: It came on the coded PHY (long range), where one byte more precedes the PDU.
+        coded: Whether it was received on the coded PHY (long range), where one more byte precedes the PDU.
     """
     if not data.startswith(ADVERTISING_ACCESS_ADDRESS):
         return []
@@ -221,7 +222,7 @@ def read_ble(data: bytes, *, coded: bool = False) -> list[Heard | Unheard]:
 
 
 def _extended_address(header: bytes) -> bytes:
-    """Address of the advertiser; empty where the header leaves it out, as in the continuation of a chain."""
+    """Address of the advertiser; empty if the header omits it, as in the continuation of a chain."""
     if not header or not header[0] & EXT_ADVERTISER:
         return b""
     return header[1 : 1 + MAC_LENGTH]
@@ -238,5 +239,5 @@ def _in_advertisement(content: bytes, address: bytes, transport: Transport) -> I
 
 
 def _heard(transport: Transport, mac: bytes, content: bytes) -> Heard | Unheard:
-    """A broadcast: a message counter and what it counts, of which a cut one keeps the messages that are whole."""
+    """A broadcast: a message counter, then the messages. A truncated broadcast keeps its complete messages."""
     return Heard(transport, mac, content[0], content[1:]) if content else Unheard.TRUNCATED

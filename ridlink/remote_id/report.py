@@ -1,8 +1,8 @@
 """`RemoteIdReport`: everything that one update of one vehicle says, in SI units, ``None`` for unknown.
 
-A report is a LOCATION, joined with the RIDLINK_SEPARATION of the same instant where the sender has one, and with what
-BASIC_ID told about the same sender before. Positions are WGS-84, velocities north-east-down, errors three standard
-deviations, sizes diameters. Source: paper section II-A.
+A report is a LOCATION, joined with the RIDLINK_SEPARATION of the same instant if the sender sends one, and with the
+last BASIC_ID of the same sender. Positions are WGS-84, velocities north-east-down, errors three standard deviations,
+sizes diameters. Source: paper section II-A.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class RemoteIdReport(Struct, frozen=True, gc=False):
 
     Attributes:
         source: System id and component id of the frame.
-        id_or_mac: Transmitter behind relayed data; ``None`` for the sender's own.
+        id_or_mac: Transmitter of relayed data; ``None`` for the sender's own data.
         uas_id: Identity from the last BASIC_ID of this sender.
         ua_type: MAV_ODID_UA_TYPE, 0 unknown.
         status: MAV_ODID_STATUS: 0 undeclared, 1 ground, 2 airborne, 3 emergency, 4 remote ID failure.
@@ -33,22 +33,23 @@ class RemoteIdReport(Struct, frozen=True, gc=False):
         altitude_geodetic_m: Above the WGS-84 ellipsoid.
         altitude_barometric_m: Pressure altitude, against 1013.25 hPa.
         height_m: Above take-off (``height_reference`` 0) or ground (1).
-        velocity_ned_mps: ``None`` if the speed is unknown, or the direction of a moving vehicle is; a hovering vehicle
-            has no direction and velocity zero. The down component is 0 where the vertical speed is unknown.
-        climb_mps: Vertical speed, positive upwards; ``None`` where it is unknown.
-        speed_horizontal_mps: Known also where only the direction is missing.
+        velocity_ned_mps: ``None`` if the speed is unknown, or if the vehicle moves and its direction is unknown. A
+            hovering vehicle has no direction and velocity zero. The down component is 0 if the vertical speed is
+            unknown.
+        climb_mps: Vertical speed, positive upwards; ``None`` if unknown.
+        speed_horizontal_mps: Known even if only the direction is missing.
         horizontal_error_m: Three standard deviations of either horizontal axis, as the sender states it.
-        horizontal_accuracy_m: Bound of the standard's accuracy code, as it stands there.
-        accuracy_bound_m: Three standard deviations that it is taken for, by a convention.
+        horizontal_accuracy_m: Bound of the standard's accuracy code, unchanged.
+        accuracy_bound_m: The same code read as three standard deviations, by a convention.
         vertical_error_m, velocity_error_mps: Three standard deviations, as the sender states them.
         airframe_size_m: Largest horizontal extent, a diameter.
         airframe_height_m: Largest vertical extent.
         update_interval_s: Time to the next update, as the sender states it.
         commanded_ned_mps: Velocity that the sender now commands to its autopilot.
-        avoiding: The sender takes its half of every avoidance.
-        extended: A RIDLINK_SEPARATION is part of this report.
+        avoiding: Whether the sender does its half of every avoidance manoeuvre.
+        extended: Whether a RIDLINK_SEPARATION is part of this report.
         timestamp_s: The sender's UTC, seconds after the full hour.
-        received_at_s: The receiver's clock, when the LOCATION came.
+        received_at_s: Time of receipt of the LOCATION, on the receiver's clock.
     """
 
     source: tuple[int, int]
@@ -86,12 +87,12 @@ class RemoteIdReport(Struct, frozen=True, gc=False):
 
     @property
     def on_ground(self) -> bool:
-        """It says that it stands on the ground: no traffic."""
+        """The vehicle says that it is on the ground, so it is no traffic."""
         return self.status == STATUS_ON_GROUND
 
 
 def velocity_of(location: Location) -> tuple[float, float, float] | None:
-    """Velocity [m/s], north, east, down, of a LOCATION; ``None`` where it is not known."""
+    """Velocity [m/s], north, east, down, of a LOCATION; ``None`` if it is not known."""
     speed = location.speed_horizontal_mps
     if speed is None:
         return None
@@ -119,8 +120,8 @@ def report_of(
     Args:
         source: System id and component id of the frame.
         location: The LOCATION.
-        separation: What the same sender says about errors, size and intent.
-        received_at_s: When the LOCATION came.
+        separation: Errors, size and intent of the same sender.
+        received_at_s: Time of receipt of the LOCATION.
         uas_id: Identity from BASIC_ID.
         ua_type: Type from BASIC_ID.
         convention: How to read the horizontal accuracy code.

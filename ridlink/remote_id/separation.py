@@ -1,7 +1,7 @@
-"""RIDLINK_SEPARATION on both wires, to SI and back: a MAVLink message, and an Authentication message of 25 bytes.
+"""RIDLINK_SEPARATION in both wire forms, to SI and back: a MAVLink message, and an Authentication message of 25 bytes.
 
-The broadcasts of ASTM F3411 have no message type for it. There it goes as an Authentication message of the private type
-0xA, which a stock receiver relays unread, and whoever knows the layout takes it out again.
+The broadcasts of ASTM F3411 have no message type for it. There it is sent as an Authentication message of the private
+type 0xA. A stock receiver relays this message unread, and a receiver that knows the layout decodes it.
 
 Source: ``message_spec/README.md`` has the layouts.
 """
@@ -88,7 +88,7 @@ def _read_length(value_cm: int) -> float | None:
 
 
 def to_fields(message: Separation) -> dict[str, Any]:
-    """The fields of its MAVLink form, but for whom it is meant and ``id_or_mac``."""
+    """The fields of its MAVLink form, without target ids and ``id_or_mac``."""
     vx, vy, vz, flags = _commanded(message, 100, MAX_INT16)
     return {
         "timestamp": write_timestamp(message.timestamp_s),
@@ -109,7 +109,7 @@ def to_fields(message: Separation) -> dict[str, Any]:
 
 
 def separation_of(message: Authentication) -> Separation | None:
-    """The RIDLINK_SEPARATION that an Authentication message carries, ``None`` where it carries something else.
+    """The RIDLINK_SEPARATION in an Authentication message, ``None`` if the message contains something else.
 
     Its time is that of the Authentication message, in whole seconds after the full hour.
     """
@@ -139,7 +139,7 @@ def separation_of(message: Authentication) -> Separation | None:
 
 
 def authentication_of(message: Separation, hour_start_s: int | None) -> Authentication:
-    """The Authentication message that a RIDLINK_SEPARATION is where messages have 25 bytes.
+    """The Authentication message that carries a RIDLINK_SEPARATION in the 25-byte form.
 
     Args:
         message: The RIDLINK_SEPARATION.

@@ -63,7 +63,7 @@ def from_fields(fields: dict[str, Any], rejects: FieldRejects) -> System:
 
 
 def to_fields(message: System) -> dict[str, Any]:
-    """The fields of its MAVLink form, but for whom it is meant and ``id_or_mac``."""
+    """The fields of its MAVLink form, without target ids and ``id_or_mac``."""
     latitude, longitude = write_position(message.operator_latitude_deg, message.operator_longitude_deg)
     return {
         "operator_location_type": message.operator_location_type,

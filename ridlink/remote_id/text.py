@@ -1,4 +1,4 @@
-"""Bytes that strangers chose, made fit for a terminal, a log or a page."""
+"""Makes untrusted bytes and names safe for a terminal, a log or a page."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ _ESCAPED = {code: f"\\x{code:02x}" for code in range(256) if not 0x20 <= code <=
 
 
 def display_text(raw: bytes) -> str:
-    """Printable ASCII as it is, every other byte as ``\\xNN``; the zeros that fill a fixed length up are left out."""
+    """Printable ASCII unchanged, every other byte as ``\\xNN``; the zeros that pad a fixed length are left out."""
     return raw.rstrip(b"\x00").decode("latin-1").translate(_ESCAPED)
 
 
 def display_name(name: str) -> str:
-    """A file name or other text of the user's own alphabet, with what a terminal would act on as ``\\xNN``.
+    """A file name or other text of the user's own alphabet, with control characters as ``\\xNN``.
 
-    So are bytes of a name that are no text, which Python keeps as lone surrogates.
+    Bytes of a name that are no text, which Python keeps as lone surrogates, are also written as ``\\xNN``.
     """
     return "".join(character if character.isprintable() else _escaped(ord(character)) for character in name)
 
