@@ -1,8 +1,8 @@
 """Frames to messages of the generated dialect, and back.
 
 The tables below are derived from the metadata that mavgen writes into ``dialect``; no field is described twice. Values
-are what the XML says: integers of the wire, floats (NaN and infinity are legal), ``bytes`` of full length for arrays of
-``uint8_t`` and ``char``, tuples for other arrays. Units are the XML's; SI begins in ``ridlink.remote_id``.
+are those of the XML: wire integers, floats (NaN and infinity are legal), ``bytes`` of full length for arrays of
+``uint8_t`` and ``char``, tuples for other arrays. Units are those of the XML; ``ridlink.remote_id`` converts to SI.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _BYTES_TYPES = ("uint8_t", "char")
 
 @dataclass(frozen=True, slots=True)
 class MessageSpec:
-    """How one message lies on the wire. ``fields`` are in wire order; ``array_lengths`` is 0 for a scalar."""
+    """Wire layout of one message. ``fields`` are in wire order; ``array_lengths`` is 0 for a scalar."""
 
     msgid: int
     name: str
@@ -33,9 +33,9 @@ class MessageSpec:
     units: dict[str, str]
     layout: struct.Struct
     plain: bool
-    """No field is an array of numbers: the unpacked tuple is the fields."""
+    """Whether no field is an array of numbers: then the unpacked tuple has one value per field."""
     zeros: dict[str, Any] = field(repr=False)
-    """The message with nothing in it, in wire order."""
+    """All fields with the value zero, in wire order."""
     arrays: tuple[tuple[str, bool, int], ...] = field(repr=False)
     """Array fields: name, whether its values are bytes, length."""
 
@@ -89,9 +89,9 @@ CRC_EXTRAS: dict[int, int] = {msgid: spec.crc_extra for msgid, spec in MESSAGES.
 
 
 class Message:
-    """A decoded message: its fields as attributes, ``name`` and ``msgid`` beside them.
+    """A decoded message: its fields as attributes, and ``name`` and ``msgid``.
 
-    A field that is itself called ``name`` (as in NAMED_VALUE_FLOAT) is reached as ``message.fields["name"]``.
+    A field that is itself called ``name`` (as in NAMED_VALUE_FLOAT) is read as ``message.fields["name"]``.
     """
 
     __slots__ = ("fields", "msgid", "name")
@@ -102,7 +102,7 @@ class Message:
         self.fields = fields
 
     def __getattr__(self, field: str) -> Any:
-        if field in Message.__slots__:  # not set yet, as while unpickling
+        if field in Message.__slots__:  # not set yet, for example while unpickling
             raise AttributeError(field)
         try:
             return self.fields[field]
@@ -119,7 +119,7 @@ class Message:
 
 
 def decode_payload(spec: MessageSpec, payload: bytes) -> dict[str, Any]:
-    """Fields of a payload in wire order; bytes that MAVLink 2 cut off are zero, bytes beyond ours are ignored."""
+    """Fields of a payload in wire order; bytes that MAVLink 2 cut off are zero, extra bytes at the end are ignored."""
     size = spec.layout.size
     if len(payload) < size:
         payload = payload.ljust(size, b"\x00")
@@ -229,7 +229,7 @@ def message_spec(name: str) -> MessageSpec:
 
 
 class Encoder:
-    """Messages of one component to MAVLink 2 frames, with its running sequence number.
+    """Encodes the messages of one component as MAVLink 2 frames, with its running sequence number.
 
     Raises:
         ValueError: If an id is not in 0..255.

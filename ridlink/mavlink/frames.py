@@ -1,15 +1,15 @@
 """Bytes to MAVLink frames and back: versions 1 and 2, checksums, signed frames, resynchronisation.
 
-Nothing here opens a socket or keeps state between datagrams. A datagram is parsed on its own (``parse_datagram``), so
-ten bytes that claim a long payload cannot swallow the next datagram; a byte stream (file, TCP, serial) goes through a
+Nothing here opens a socket or keeps state between datagrams. ``parse_datagram`` parses each datagram on its own, so ten
+bytes that claim a long payload cannot swallow the next datagram. For a byte stream (file, TCP, serial) use a
 ``FrameParser``, which holds back at most one unfinished frame.
 
-After a frame that fails, scanning goes on one byte later: what stood behind a damaged length byte is found again. A
-message id that the dialect does not know has no checksum seed, so its frame is taken, as ``checked=False``, only where
-another magic byte or the end follows; in a stream, which may be damaged, only if no frame that checks ends in the same
-place either, for that one was sent, and what seems to contain it begins within a damaged one. The work per byte is
-bounded (for each magic byte one checksum over at most 265 bytes, in a stream two), so the time grows with the length of
-the input whatever the bytes are.
+After a bad frame, scanning continues one byte later, so frames behind a damaged length byte are found. A message id
+that the dialect does not know has no checksum seed. Its frame is taken, as ``checked=False``, only if another magic
+byte or the end follows. In a stream, which may be damaged, there is a second condition: no frame with a right checksum
+may end in the same place. Such a frame was really sent, and the unknown one only seems to contain it, starting within a
+damaged frame. The work per byte is bounded (for each magic byte one checksum over at most 265 bytes, in a stream two),
+so the time grows linearly with the length of the input, whatever the bytes are.
 
 Source: https://mavlink.io/en/guide/serialization.html
 """
@@ -34,14 +34,14 @@ MAX_FRAME_LENGTH = HEADER_LENGTH_V2 + 255 + 2 + SIGNATURE_LENGTH
 _OVERHEAD_V1, _OVERHEAD_V2 = HEADER_LENGTH_V1 + 2, HEADER_LENGTH_V2 + 2
 MAX_FRAMES_PER_DATAGRAM = 64
 MAX_FALSE_STARTS = 1024
-"""Of a datagram: twice what chance puts into the largest one. Made of starts alone it would otherwise be judged for
-longer than there is time between two setpoints."""
+"""Limit for one datagram: twice what random bytes put into the largest one. Without it, parsing a datagram of magic
+bytes would take longer than the time between two setpoints."""
 
 _MAGIC = re.compile(b"[\xfd\xfe]")
 
 
 class Cause(StrEnum):
-    """Why bytes were not taken as a frame."""
+    """Reason why bytes were not taken as a frame."""
 
     GARBAGE = "garbage"
     BAD_CHECKSUM = "bad_checksum"
@@ -51,7 +51,7 @@ class Cause(StrEnum):
 
 
 class Frame(NamedTuple):
-    """One frame as it came over the wire; ``checked`` says that its checksum was verified."""
+    """One frame as received; ``checked`` says whether its checksum was verified."""
 
     version: int
     incompat_flags: int
@@ -68,7 +68,7 @@ class Frame(NamedTuple):
 
 
 class BadFrame(NamedTuple):
-    """Bytes that were not taken: where, why, and how many. Neighbouring bytes refused for one cause are one entry."""
+    """Bytes that were not taken: offset, cause and length. Neighbouring bytes refused for one cause are one entry."""
 
     offset: int
     cause: Cause
@@ -76,7 +76,7 @@ class BadFrame(NamedTuple):
 
 
 def _frame_at(data: bytes, at: int, offset: int, crc_extras: Mapping[int, int], final: bool) -> Frame | Cause:
-    """The frame that starts at the magic byte ``data[at]``, or why there is none; ``TRUNCATED`` asks for more bytes."""
+    """The frame that starts at the magic byte ``data[at]``, or why there is none; ``TRUNCATED`` needs more bytes."""
     length = len(data)
     if data[at] == MAGIC_V2:
         if length - at < HEADER_LENGTH_V2:
@@ -104,7 +104,7 @@ def _frame_at(data: bytes, at: int, offset: int, crc_extras: Mapping[int, int], 
         if checksum(data[at + 1 : payload_end], extra) != data[payload_end] | data[payload_end + 1] << 8:
             return Cause.BAD_CHECKSUM
     elif length == end:
-        if not final:  # in a stream the byte that confirms it is still to come
+        if not final:  # in a stream the byte that confirms the frame has not arrived yet
             return Cause.TRUNCATED
     elif data[end] != MAGIC_V2 and data[end] != MAGIC_V1:
         return Cause.UNKNOWN_UNCONFIRMED
@@ -125,7 +125,7 @@ def _frame_at(data: bytes, at: int, offset: int, crc_extras: Mapping[int, int], 
 
 
 def _ends_with_another(raw: bytes, crc_extras: Mapping[int, int]) -> bool:
-    """A frame that checks stands within these bytes and ends with them."""
+    """Whether a frame with a right checksum lies within these bytes and ends with them."""
     for magic in _MAGIC.finditer(raw, 1, len(raw) - 1):
         start = magic.start()
         overhead = len(raw) - start - raw[start + 1]
@@ -146,9 +146,10 @@ def _scan(
     limit: int | None = None,
     patience: int | None = None,
 ) -> tuple[list[Frame | BadFrame], int]:
-    """Everything found in ``data`` in order, and how many bytes were judged.
+    """All frames and rejects in ``data`` in order, and how many bytes were examined.
 
-    After ``limit`` frames the rest is ignored; after ``patience`` starts that were none it is refused with the last.
+    After ``limit`` frames the rest is ignored; after ``patience`` false starts the rest is refused with the last of
+    them.
     """
     found: list[Frame | BadFrame] = []
     frames = false_starts = at = refused_from = inner_end = 0
@@ -197,17 +198,17 @@ def parse_datagram(
     Args:
         data: The datagram.
         crc_extras: CRC_EXTRA by message id, as ``ridlink.mavlink.codec.CRC_EXTRAS``.
-        limit: Frames taken at most; what follows is ignored. ``None`` takes all, for whoever has the time.
+        limit: Frames taken at most; what follows is ignored. ``None`` takes all.
     """
     found, _ = _scan(data, crc_extras, offset=0, final=True, stream=False, limit=limit, patience=MAX_FALSE_STARTS)
     return found
 
 
 class FrameParser:
-    """Frames out of a byte stream that arrives in pieces; however it is cut, the same frames come out.
+    """Finds the frames in a byte stream that arrives in pieces; the frames do not depend on how it is cut.
 
-    A run of refused bytes that is cut comes out as one entry for each piece. A damaged length byte near the end of the
-    stream makes the parser wait for bytes that never come; ``flush`` judges what is left.
+    A run of refused bytes gives one entry for each piece that it is cut into. A damaged length byte near the end of the
+    stream makes the parser wait for bytes that never come; ``flush`` parses what is left.
     """
 
     def __init__(self, crc_extras: Mapping[int, int]) -> None:
@@ -225,7 +226,7 @@ class FrameParser:
         return self._take(data, final=False)
 
     def flush(self) -> list[Frame | BadFrame]:
-        """Frames and rejects of what was held back; the stream has ended."""
+        """Frames and rejects in the bytes held back; call it when the stream has ended."""
         return self._take(b"", final=True)
 
     def _take(self, data: bytes, *, final: bool) -> list[Frame | BadFrame]:

@@ -1,4 +1,4 @@
-"""How a ground station makes itself known: who only listens says this once a second, and is spoken to.
+"""The HEARTBEAT of a ground station. A program that only listens sends it once a second, so that others send to it.
 
 Source: https://mavlink.io/en/services/heartbeat.html
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from ridlink.mavlink.codec import Encoder
 
 SYSTEM_ID, COMPONENT_ID = 255, 190
-"""Of ground stations by custom (MAV_COMP_ID_MISSIONPLANNER); on the emulated air it hears everything."""
+"""Customary ids of ground stations (MAV_COMP_ID_MISSIONPLANNER); on the emulated air they hear everything."""
 
 HEARTBEAT_EVERY_S = 1.0
 MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE, MAVLINK_VERSION = 6, 8, 4, 3
@@ -23,7 +23,7 @@ def heartbeat(encoder: Encoder) -> bytes:
     """The HEARTBEAT of a ground station, one frame.
 
     Args:
-        encoder: Of `ground_station`.
+        encoder: As from `ground_station`.
     """
     return encoder.encode(
         "HEARTBEAT",

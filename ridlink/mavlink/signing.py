@@ -1,11 +1,11 @@
-"""Message signatures of MAVLink 2: who may sign, who is believed, and when.
+"""Message signatures of MAVLink 2: signs frames, and decides which received frames are authentic.
 
 A signed frame ends in 13 bytes: link id, a timestamp of 48 bits in units of 10 us since 2015-01-01, and the first six
-bytes of SHA-256 over the key, the frame and those seven. A receiver keeps the last timestamp of every stream (system,
-component, link) and takes none that is not later.
+bytes of SHA-256 over the key, the frame, and the link id and timestamp. A receiver keeps the last timestamp of every
+stream (system, component, link) and accepts only later ones.
 
-Nothing is learnt from a frame before its signature has been found right: a forger can neither move a clock nor lock a
-stream out. What a right signature may do to our clock is bounded by `MOST_AHEAD`.
+A frame changes no state before its signature has been verified, so a forger can neither move a clock nor block a
+stream. `MOST_AHEAD` limits how far a valid signature may move our clock.
 
 Source: https://mavlink.io/en/guide/message_signing.html
 """
@@ -25,27 +25,27 @@ from ridlink.mavlink.frames import HEADER_LENGTH_V2, INCOMPAT_SIGNED, MAGIC_V2, 
 KEY_LENGTH = 32
 UNITS_PER_S = 100_000
 EPOCH_UTC_S = 1_420_070_400
-"""2015-01-01 00:00 UTC, where timestamps begin."""
+"""2015-01-01 00:00 UTC, the zero of timestamps."""
 
 LATEST_CLOCK = 2**48 - 2**40
-"""In the year 2103: no clock that says it is later is believed, which leaves four months of frames within 48 bits."""
+"""In the year 2103. A later clock is not believed, which leaves four months of frames within 48 bits."""
 
 MOST_BEHIND = 60 * UNITS_PER_S
-"""How much older than ours the first timestamp of a stream may be: a minute, as the specification has it."""
+"""How much older than ours the first timestamp of a stream may be: a minute, as in the specification."""
 
 MOST_AHEAD = 600 * UNITS_PER_S
-"""How much newer than ours a timestamp may be. The specification has no bound, so that whoever holds the key for one
-frame could stop the link for good; ten minutes are more than clocks differ."""
+"""How much newer than ours a timestamp may be. The specification has no bound, so one signed frame with a far future
+timestamp could stop the link for good. Clocks differ by less than ten minutes."""
 
 MOST_STREAMS = 64
-"""Streams remembered; only holders of the key make new ones. The one heard longest ago goes."""
+"""Streams remembered; only holders of the key can add one. The stream heard longest ago is forgotten first."""
 
 Stream = tuple[int, int, int]
 """System id, component id, link id."""
 
 
 class SignatureCause(StrEnum):
-    """Why a frame was not believed."""
+    """Reason why a frame was not believed."""
 
     UNSIGNED = "unsigned"
     WRONG = "signature_wrong"
@@ -74,19 +74,19 @@ def signature_of(key: bytes, signed: bytes) -> bytes:
 
 
 class Signing:
-    """Signs what we send and judges what we receive, with one key and one clock.
+    """Signs sent frames and verifies received frames, with one key and one clock.
 
     Args:
         key: Secret key, 32 bytes.
-        link_id: Of our own signatures, 0 to 255; every link that one component speaks on has its own.
-        timestamp: Where the clock starts at least, as kept from the last run.
+        link_id: Link id of our own signatures, 0 to 255; each link of a component needs its own.
+        timestamp: Earliest value at which the clock starts, as kept from the last run.
         streams: Last timestamps by stream, as kept from the last run.
 
     Raises:
         ValueError: If the key or the link id has the wrong size.
 
     Attributes:
-        timestamp: The latest that was sent or believed.
+        timestamp: The latest timestamp that was sent or believed.
         streams: Last timestamp believed by stream.
     """
 
@@ -103,12 +103,12 @@ class Signing:
         self._link_id = link_id
 
     def sign(self, frame: bytes, crc_extra: int, utc_s: float) -> bytes:
-        """The same MAVLink 2 frame with a signature, later than every one before.
+        """The same MAVLink 2 frame with a signature whose timestamp is later than all before.
 
         Args:
             frame: An unsigned MAVLink 2 frame.
             crc_extra: Checksum seed of its message.
-            utc_s: Seconds since 1970-01-01 UTC; a clock that goes back does not take the timestamps with it.
+            utc_s: Seconds since 1970-01-01 UTC; timestamps do not go back if this clock does.
 
         Raises:
             FrameError: If the frame is version 1, or signed already.
@@ -124,7 +124,7 @@ class Signing:
         return signed + signature_of(self._key, signed)
 
     def refusal(self, frame: Frame, utc_s: float) -> SignatureCause | None:
-        """Why a frame is not to be believed; None if it is, and then its timestamp is the last of its stream.
+        """Why a frame is not believed. None if it is believed; then its timestamp becomes the last of its stream.
 
         Args:
             frame: A frame as parsed.
