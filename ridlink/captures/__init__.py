@@ -1,15 +1,17 @@
-"""Captures: recorded messages, read in constant memory and whatever their damage, written record by record.
+"""Captures: recorded messages, read in constant memory even if they are damaged, and written record by record.
 
-records     what every reader yields, and how damage is counted
+records     the record type that every reader yields, and the counters of damage
 tlog, raw, hexlines, pcap, pcapng
-            the formats; packet_window: the view through which the last two are read
-packets     what the packets of a pcap or pcapng hold: MAVLink in UDP and TCP, Open Drone ID in radio frames
+            the formats; packet_window: the buffer through which pcap and pcapng are read
+packets     the contents of pcap and pcapng: MAVLink in UDP and TCP, Open Drone ID in radio frames; tcp: the streams
 broadcasts  messages of 25 bytes as records
-reader      captures by path: which format a file has
+reader      opens a capture by path and detects its format
 follow      captures that still grow
 messages    records to typed messages
-lines       messages as lines, for programs (JSON) and for eyes
-statistics  what a capture holds, in counts; of large files taken by export/counting
+lines       messages as lines: JSON for programs, aligned rows for people
+statistics  counts of the messages in a capture; for large files, export/counting fills them
+recorder    writes the datagrams of a link to a tlog, in a thread
+columns     captures as numpy tables, by the compiled loops in fast; export: other formats
 """
 
 from ridlink.captures.messages import MessageRecord, decode_records, read_messages

@@ -1,4 +1,4 @@
-"""Broadcasts as records: each 25-byte message as itself, and as the frame that a receiver would make of it."""
+"""Broadcasts as records: each 25-byte message, and the MAVLink frame that a receiver would make of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.quantities import ID_LENGTH
 
 RECEIVER_COMPONENT = 236
-"""MAV_COMP_ID_ODID_TXRX_1: who puts on a vehicle's bus what it hears."""
+"""MAV_COMP_ID_ODID_TXRX_1: the component that relays what it hears to the vehicle's bus."""
 
 
 class Relay:
@@ -38,16 +38,16 @@ class Relay:
         counter: int | None = None,
         place: int | None = None,
     ) -> Iterator[TracedRecord]:
-        """Records of one broadcast, which is a message pack or a message alone.
+        """Records of one broadcast, which is a message pack or a single message.
 
         Args:
             payload: The broadcast.
-            time_us: When it was heard.
-            offset: Byte of the file where it stands.
-            transport: How it came.
-            mac: Who sent it.
+            time_us: Time of reception.
+            offset: Its byte offset in the file.
+            transport: Radio technology that carried it.
+            mac: Address of the transmitter.
             counter: Its message counter.
-            place: What rejects are said to stand at; ``offset`` where it is not given.
+            place: Position to report for rejects; ``offset`` if not given.
         """
         for item in split_broadcast(payload):
             if isinstance(item, BadMember):
@@ -59,10 +59,10 @@ class Relay:
     def _frame(self, data: bytes, id_or_mac: bytes | None) -> Frame:
         name, fields = to_mavlink(decode_message(data, id_or_mac=id_or_mac))
         frame = parse_datagram(self._encoder.encode(name, **fields), CRC_EXTRAS, limit=1)[0]
-        assert isinstance(frame, Frame)  # we have just made it
+        assert isinstance(frame, Frame)  # it was encoded just above
         return frame
 
 
 def id_of(mac: bytes) -> bytes | None:
-    """The ``id_or_mac`` of what a transmitter said, ``None`` where it is not known."""
+    """The ``id_or_mac`` for messages of a transmitter, ``None`` if the transmitter is unknown."""
     return mac.ljust(ID_LENGTH, b"\x00") if mac else None

@@ -1,11 +1,11 @@
 """Captures as columns: one structured array for each message, a hundred times as fast as message by message.
 
 Columns have the names and units of the XML (`units` says which), after ``t_us, sysid, compid, seq, offset``:
-microseconds since 1970 (-1 where there is no time), who sent it, its sequence number, and the byte of the file where
-its record starts. A field that is itself called ``seq`` is the column ``seq_field``. Messages that the dialect does not
-have are in ``UNKNOWN``, with ``msgid``, ``length`` and the raw ``payload``.
+microseconds since 1970 (-1 if there is no time), sender, sequence number, and the byte offset of the record in the
+file. A field that is itself called ``seq`` is the column ``seq_field``. Messages that are not in the dialect are in
+``UNKNOWN``, with ``msgid``, ``length`` and the raw ``payload``.
 
-What is taken and what is refused is the same as in `ridlink.captures.open_capture`.
+The same records are taken and refused as in `ridlink.captures.open_capture`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ HEADROOM = 1.05
 
 
 class Columns(dict[str, np.ndarray]):
-    """Structured arrays by message name, in the order of message ids; and what else was met.
+    """Structured arrays by message name, in the order of message ids; plus counts of damage and of senders.
 
     Attributes:
         rejects: Damage by cause.
@@ -47,7 +47,7 @@ class Columns(dict[str, np.ndarray]):
 
 
 def units(name: str) -> dict[str, str]:
-    """Units of the fields of a message, as the XML has them.
+    """Units of the fields of a message, as in the XML.
 
     Raises:
         UnknownMessageError: If the dialect has no such message.
@@ -59,19 +59,19 @@ def decode(path: str | os.PathLike[str], types: Iterable[str] | None = None, *, 
     """All messages of a capture.
 
     All of them are in memory at once: 24 bytes and the full payload for each, which is 1.2 times the size of a tlog of
-    Remote ID (620 MB for 9 million messages in 510 MB), and 170 MB for the interpreter and the compiler. `iter_blocks`
-    takes 200 MB whatever the size.
+    Remote ID (620 MB for 9 million messages in 510 MB), plus 170 MB for the interpreter and the compiler. `iter_blocks`
+    takes 200 MB for any size.
 
     Args:
         path: File, or ``-`` for standard input.
-        types: Names of messages to take; all where ``None``.
+        types: Names of messages to take; ``None`` for all.
         kind: Format, as `ridlink.captures.open_capture` takes it.
 
     Returns:
-        Structured arrays by message name. Messages that do not occur have none.
+        Structured arrays by message name, only for messages that occur.
 
     Raises:
-        CaptureError: If it is no capture that is read.
+        CaptureError: If it is not a supported capture.
         OSError: If it cannot be read.
         UnknownMessageError: If the dialect has no such message.
     """
@@ -86,7 +86,7 @@ def decode(path: str | os.PathLike[str], types: Iterable[str] | None = None, *, 
             row = rows.get(slot, 0)
             buffer = buffers.get(slot)
             if buffer is None or row + count > len(buffer):
-                # room for the rest of the file at the rate so far: pages that are never touched cost nothing
+                # room for the rest of the file, estimated from the rate so far: untouched pages cost nothing
                 share = HEADROOM * reader.size / block.end if reader.size else GROWTH
                 room = max(int((row + count) * max(share, 1.0)), int(GROWTH * row)) + 16
                 larger = empty_words(slot, room)
@@ -107,14 +107,14 @@ def iter_blocks(
 
     Args:
         path: File, or ``-`` for standard input.
-        types: Names of messages to take; all where ``None``.
+        types: Names of messages to take; ``None`` for all.
         kind: Format, as `ridlink.captures.open_capture` takes it.
 
     Yields:
         Structured arrays by message name, of half a megabyte of the file at a time.
 
     Raises:
-        CaptureError: If it is no capture that is read.
+        CaptureError: If it is not a supported capture.
         OSError: If it cannot be read.
         UnknownMessageError: If the dialect has no such message.
     """
@@ -128,7 +128,7 @@ def iter_blocks(
 
 
 def zeros(name: str, count: int) -> np.ndarray:
-    """Records of a message with nothing in them, to be filled in and given to `encode`.
+    """Records of a message with all fields zero, to be filled in and passed to `encode`.
 
     Raises:
         UnknownMessageError: If the dialect has no such message.
@@ -142,7 +142,7 @@ def encode(name: str, rows: np.ndarray, *, timed: bool = False) -> bytes:
 
     Args:
         name: The message.
-        rows: Records as `decode` and `zeros` give them; ``seq, sysid, compid`` are taken as they are.
+        rows: Records as `decode` and `zeros` give them; ``seq, sysid, compid`` are used unchanged.
         timed: Put ``t_us`` in front of each frame: records of a tlog.
 
     Raises:
@@ -153,7 +153,7 @@ def encode(name: str, rows: np.ndarray, *, timed: bool = False) -> bytes:
     layout = tables.layouts()[tables.slot_of()[name]]
     if rows.dtype.names != layout.dtype.names:
         raise ValueError(f"these are not records of {name}")
-    packed = np.ascontiguousarray(rows, layout.dtype)  # what numpy has joined lies differently
+    packed = np.ascontiguousarray(rows, layout.dtype)  # arrays that numpy concatenated may have another memory layout
     words = (
         packed.view(np.uint8).reshape(len(packed), -1) if len(packed) else np.empty((0, layout.dtype.itemsize), "u1")
     )

@@ -1,6 +1,6 @@
-"""Captures that still grow, read as ``tail -F`` does: what is there, then what is appended, until told to stop.
+"""Captures that still grow, read as ``tail -F`` does: the present content, then everything appended, until stopped.
 
-A file that is cut back or replaced by another one ends its capture and starts the next.
+If the file is truncated or replaced by another one, its capture ends and the next one starts.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ ENOUGH_TO_TELL = 2 * MAX_FRAME_LENGTH
 
 
 class Stopped(Exception):
-    """Nobody wants more; what is incomplete at the end of the file is no damage."""
+    """Reading was stopped; an incomplete record at the end of the file is no damage."""
 
 
 class Follower:
-    """Follows one file; iterate over the captures that it becomes, one unless it is cut back or replaced.
+    """Follows one file; iterate over its captures: one, or more if the file is truncated or replaced.
 
     Args:
         path: The file.
-        kind: ``tlog``, ``mavlink``, ``hex``, or ``auto`` to tell it by content and suffix.
-        notice: Gets one line when the file is cut back or replaced.
+        kind: ``tlog``, ``mavlink``, ``hex``, or ``auto`` to detect it by content and suffix.
+        notice: Called with one line when the file is truncated or replaced.
         before_read: Called before each read.
     """
 
@@ -56,26 +56,26 @@ class Follower:
         self._stopped = True
 
     def __iter__(self) -> Iterator[FollowedCapture]:
-        """Captures, each to be read to its end before the next is asked for.
+        """Captures. Read each to its end before you request the next.
 
         Raises:
-            CaptureError: If it is no capture, or of a kind that is not followed.
+            CaptureError: If it is no capture, or a kind that cannot be followed.
             OSError: If it cannot be read.
-            Stopped: If told to stop.
+            Stopped: If `stop` was called.
         """
         while True:
             stream = _GrowingFile(self._path, self._pause)
             try:
                 kind = self._kind_of(stream)
                 if kind is not None:
-                    # it has what is used of a stream
+                    # it has the methods that are used of a stream
                     yield FollowedCapture(self.name, stream, kind, before_read=self._look_up)  # type: ignore[arg-type]
             finally:
                 stream.close()
             self._notice(f"{self.name} {stream.ending}; reading from its beginning")
 
     def _kind_of(self, stream: _GrowingFile) -> CaptureKind | None:
-        """The kind, when there is enough of the file to tell it; ``None`` where another file has taken its place."""
+        """The kind, once the file is long enough to detect it; ``None`` if another file has taken its place."""
         if self._kind != "auto":
             return CaptureKind(self._kind)
         while not stream.has_ended():
@@ -110,7 +110,7 @@ class Follower:
 
 
 class FollowedCapture(Capture):
-    """A capture that may end without a record: the file was emptied before there was one."""
+    """A capture that may end without a record, if the file was truncated before there was one."""
 
     def __iter__(self) -> Iterator[Record]:
         """Records, as they come."""
@@ -121,7 +121,7 @@ class FollowedCapture(Capture):
 
 
 class _GrowingFile:
-    """A file whose end is waited at; it ends only where the file was cut back or replaced, and ``ending`` says so."""
+    """A file that waits at its end for more. It ends only if the file was truncated or replaced; ``ending`` says so."""
 
     def __init__(self, path: str, pause: Callable[[], None]) -> None:
         self._path = path
@@ -136,7 +136,7 @@ class _GrowingFile:
         return os.fstat(self._file.fileno()).st_size
 
     def read1(self, length: int) -> bytes:
-        """What there is, waited for; ``b""`` at the end of a file that was cut back or replaced."""
+        """The next bytes, waiting if necessary; ``b""`` at the end of a file that was truncated or replaced."""
         while True:
             chunk: bytes = self._file.read(length)
             if chunk or self.ending:
@@ -145,14 +145,14 @@ class _GrowingFile:
                 self._pause()
 
     def has_ended(self) -> bool:
-        """The file was cut back or replaced; what was appended before may still be read."""
+        """Whether the file was truncated or replaced; bytes appended before may still be read."""
         ours = os.fstat(self._file.fileno())
         if ours.st_size < self._file.tell():
             self.ending = "was cut back"
             return True
         try:
             named = os.stat(self._path)
-        except FileNotFoundError:  # between the renaming of a log and the making of the next
+        except FileNotFoundError:  # between the renaming of a log and the creation of the next
             return False
         if (named.st_dev, named.st_ino) != (ours.st_dev, ours.st_ino):
             self.ending = "was replaced"

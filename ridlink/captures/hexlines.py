@@ -1,6 +1,6 @@
-"""Lines of hexadecimal: each one message of 25 bytes, one message pack, or one MAVLink frame, and no times.
+"""Lines of hexadecimal, without times: each is one message of 25 bytes, one message pack, or one MAVLink frame.
 
-Spaces, colons, dashes, ``0x`` and comments (from ``#``) are allowed, empty lines too. Rejects stand at lines.
+Spaces, colons, dashes, ``0x`` and comments (from ``#``) are allowed, empty lines too. Rejects are reported by line.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def read_hex(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
 
 
 def looks_like_hex(head: bytes) -> bool:
-    """Among the first lines of a text there is a message, a pack or a frame in hexadecimal."""
+    """Whether the first lines of a text contain a message, a pack or a frame in hexadecimal."""
     if not head.isascii() or b"\x00" in head:
         return False
     for line in head.split(b"\n", _DETECTED_LINES)[:_DETECTED_LINES]:
@@ -67,7 +67,7 @@ def looks_like_hex(head: bytes) -> bool:
 
 
 def _data_of(line: bytes) -> bytes | None:
-    """Bytes of a line, none where it is empty or a comment; ``None`` where it is no hexadecimal."""
+    """Bytes of a line, empty for an empty line or a comment; ``None`` if it is not hexadecimal."""
     digits = _FILLING.sub(b"", line.partition(b"#")[0])
     try:
         return bytes.fromhex(digits.decode("ascii"))
@@ -76,7 +76,7 @@ def _data_of(line: bytes) -> bytes | None:
 
 
 def _lines(chunks: Iterable[bytes]) -> Iterator[tuple[int, bytes | None]]:
-    """Lines with the byte where they start; ``None`` for one that is too long."""
+    """Lines with their byte offsets; ``None`` for a line that is too long."""
     pending, offset, too_long = b"", 0, False
     for chunk in chunks:
         *complete, rest = chunk.split(b"\n")

@@ -1,8 +1,8 @@
-"""Messages as lines: one JSON object each for programs, one aligned row each for eyes.
+"""Messages as lines: one JSON object each for programs, or one aligned row each for people.
 
-Remote ID and RIDLINK_SEPARATION have SI names, ``null`` for unknown and codes as integers; every other message keeps
-names and units of the XML. Strings are printable ASCII, other bytes ``\\xNN``: whatever a sender put into them, it is
-inert in a terminal. What is not finite is ``null``, for JSON has no NaN.
+Remote ID and RIDLINK_SEPARATION have SI names, ``null`` for unknown and codes as integers. Every other message keeps
+the names and units of the XML. Strings are printable ASCII, with other bytes as ``\\xNN``, so that nothing that a
+sender put into them acts on a terminal. Values that are not finite are ``null``, since JSON has no NaN.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from ridlink.remote_id.messages import MAVLINK_NAMES, RemoteIdMessage
 from ridlink.remote_id.text import display_text
 
 TIME_WIDTH, SOURCE_WIDTH, NUMBER_WIDTH, NAME_WIDTH = 27, 7, 3, 27
-"""Characters that the first cells of a row have at least."""
+"""Minimum widths of the first cells of a row, in characters."""
 
 DIGITS = 10
-"""Of a number in a row."""
+"""Significant digits of a number in a row."""
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _encode = msgspec.json.Encoder().encode
@@ -74,21 +74,21 @@ def xml_fields(message: Message) -> dict[str, Any]:
 
 
 def fields_of(record: MessageRecord) -> dict[str, Any]:
-    """Fields of a record, in SI where it is about Remote ID; none where the dialect does not know it."""
+    """Fields of a record, in SI if it is Remote ID; none if the message is not in the dialect."""
     if record.remote_id is not None:
         return si_fields(record.remote_id)
     return xml_fields(record.message) if record.message is not None else {}
 
 
 def exact_seconds(time_us: int | None) -> str:
-    """Seconds with all six digits, or ``null``: a JSON number that no float has touched."""
+    """Seconds with all six decimals, or ``null``: an exact JSON number that never was a float."""
     return "null" if time_us is None else f"{time_us // 1_000_000}.{time_us % 1_000_000:06d}"
 
 
 def json_line(record: MessageRecord) -> bytes:
     """One line of JSON, with its line feed.
 
-    A message of 25 bytes says how it came and has them in ``hex``; one that came in a MAVLink frame, its source.
+    A 25-byte message has its transport and, in ``hex``, its bytes; a message from a MAVLink frame has its source.
     """
     head = f'{{"t":{exact_seconds(record.time_us)},{_came(record)}"type":"{record.name}",'
     if record.is_broadcast:
@@ -101,7 +101,7 @@ def json_line(record: MessageRecord) -> bytes:
 
 
 def _came(record: MessageRecord) -> str:
-    """How a message came, as the beginning of a JSON object."""
+    """How a message was received, as JSON keys: source, transport and transmitter, if there are any."""
     frame, origin = record.frame, record.origin
     source = "" if record.is_broadcast else f'"src":"{frame.sysid}/{frame.compid}","seq":{frame.seq},'
     if origin is None:
@@ -119,7 +119,7 @@ def _hex(record: MessageRecord) -> bytes:
 
 
 def clock_time(time_us: int | None) -> str:
-    """UTC to the microsecond as ISO 8601, ``-`` for none; seconds where the calendar ends."""
+    """UTC to the microsecond as ISO 8601; ``-`` for none; plain seconds beyond the end of the calendar."""
     if time_us is None:
         return "-"
     try:
@@ -132,7 +132,7 @@ def clock_time(time_us: int | None) -> str:
 def table_line(record: MessageRecord) -> bytes:
     """One aligned row: time, source, sequence number, message, fields.
 
-    Of a broadcast the source is the transmitter, and the number its message counter.
+    For a broadcast, the source is the transmitter and the number is its message counter.
     """
     frame, origin = record.frame, record.origin
     name = record.name
@@ -150,7 +150,7 @@ def table_line(record: MessageRecord) -> bytes:
 
 
 def cell(value: Any) -> str:
-    """A value as rows show it, ``-`` for unknown."""
+    """A value as text for a row; ``-`` for unknown."""
     if value is None or value != value:
         return "-"
     if isinstance(value, float):

@@ -1,6 +1,6 @@
-"""Messages of a capture, typed: MAVLink as the XML has it, Remote ID in SI.
+"""Typed messages of a capture: MAVLink as in the XML, Remote ID in SI.
 
-An OPEN_DRONE_ID_MESSAGE_PACK is a message, and so is each of its members, which follow it.
+An OPEN_DRONE_ID_MESSAGE_PACK is one message; each of its members follows it as a message of its own.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from ridlink.remote_id.messages import RemoteIdMessage
 from ridlink.remote_id.quantities import FieldRejects
 
 UNKNOWN = "UNKNOWN"
-"""Name of messages that the dialect does not have."""
+"""Name of messages that are not in the dialect."""
 
 
 class MessageRecord(NamedTuple):
     """One message of a capture.
 
-    ``message`` is ``None`` where the dialect does not know the id, ``remote_id`` where the message is not about Remote
-    ID. ``time_us`` is microseconds since 1970 (UTC) or ``None``. ``origin`` says how it came, where that is more than
-    a frame in a file; of a member of a message pack ``frame`` is that of the pack. ``refused`` are the fields that were
-    out of range, as ``MESSAGE.field``, and of a message pack the members that were not taken.
+    ``message`` is ``None`` if the id is not in the dialect, ``remote_id`` if the message is not about Remote ID.
+    ``time_us`` is microseconds since 1970 (UTC) or ``None``. ``origin`` is set if the message was more than a frame in
+    a file, for example a broadcast. For a member of a message pack, ``frame`` is the frame of the pack. ``refused``
+    lists fields that were out of range, as ``MESSAGE.field``, and, for a message pack, members that were not taken.
     """
 
     time_us: int | None
@@ -45,12 +45,12 @@ class MessageRecord(NamedTuple):
 
     @property
     def is_broadcast(self) -> bool:
-        """It came as 25 bytes and in no MAVLink frame; ``frame`` is what a receiver would make of it."""
+        """Whether it came as 25 bytes, not in a MAVLink frame; ``frame`` is then what a receiver would make of it."""
         return self.origin is not None and self.origin.data is not None and not self.is_member
 
     @property
     def is_member(self) -> bool:
-        """It came in an OPEN_DRONE_ID_MESSAGE_PACK, whose own record is the one before."""
+        """Whether it came in an OPEN_DRONE_ID_MESSAGE_PACK, whose own record precedes it."""
         return self.message is not None and self.message.msgid != self.frame.msgid
 
     @property
@@ -88,7 +88,7 @@ def decode_records(records: Iterable[Record]) -> Iterator[MessageRecord]:
 
 
 def _members(pack: Record, message: Message, members: list[Member], origin: Origin | None) -> Iterator[MessageRecord]:
-    """The members of an OPEN_DRONE_ID_MESSAGE_PACK, each as if it had come alone."""
+    """The members of an OPEN_DRONE_ID_MESSAGE_PACK, each as if it had been received alone."""
     transport = origin.transport if origin is not None else None
     refused: FieldRejects = Counter()
     for member in members:
@@ -102,7 +102,7 @@ def _members(pack: Record, message: Message, members: list[Member], origin: Orig
 
 
 def _taken(refused: FieldRejects) -> tuple[str, ...]:
-    """What one message was refused, which is then forgotten."""
+    """The refused fields of one message; clears the counter."""
     if not refused:
         return ()
     names = tuple(refused.elements())
@@ -118,7 +118,7 @@ def read_messages(path: str | os.PathLike[str], kind: str = "auto") -> Iterator[
         kind: ``tlog``, ``mavlink``, ``pcap``, ``hex`` or ``auto``.
 
     Raises:
-        CaptureError: If it is no capture that is read.
+        CaptureError: If it is not a supported capture.
         OSError: If it cannot be read.
     """
     with open_capture(path, kind) as capture:

@@ -1,7 +1,6 @@
-"""Packets of a file that is read from front to back, and the window through which its formats are read.
+"""Packets of a file that is read from front to back, and the buffer through which pcap and pcapng are read.
 
-No length that stands in the file is believed before it is checked, and no more is held than what it takes to judge the
-next packet.
+No length in the file is used before it is checked, and only as many bytes are held as the next packet needs.
 
 Source: https://datatracker.ietf.org/doc/draft-ietf-opsawg-pcap/ and .../draft-ietf-opsawg-pcapng/
 """
@@ -20,7 +19,7 @@ MICROSECONDS = 1_000_000
 
 
 class Packet(NamedTuple):
-    """One packet: microseconds since 1970 or ``None``, link type, bytes, byte of the file where its record starts."""
+    """One packet: microseconds since 1970 or ``None``, link type, bytes, byte offset of its record in the file."""
 
     time_us: int | None
     link_type: int
@@ -29,15 +28,15 @@ class Packet(NamedTuple):
 
 
 class Window:
-    """A view on a stream that moves forwards only and holds no more than it is asked for, and a chunk.
+    """A view of a stream that only moves forward. It holds no more than was requested, plus a chunk.
 
     Args:
         chunks: The stream from its first byte.
-        rejects: Counts what is damaged.
+        rejects: Counts damage.
 
     Attributes:
-        data, at: What is held, and where in it the view begins.
-        ended: All of the stream has been taken.
+        data, at: The bytes held, and the index in them where the view begins.
+        ended: Whether all of the stream has been read.
     """
 
     def __init__(self, chunks: Iterable[bytes], rejects: Rejects) -> None:
@@ -50,16 +49,16 @@ class Window:
 
     @property
     def left(self) -> int:
-        """Bytes at hand."""
+        """Bytes available."""
         return len(self.data) - self.at
 
     @property
     def offset(self) -> int:
-        """Byte of the stream where the view begins."""
+        """Byte offset in the stream where the view begins."""
         return self._base + self.at
 
     def reach(self, length: int) -> bool:
-        """Have so many bytes at hand; ``False`` where the stream ends before."""
+        """Make this many bytes available; ``False`` if the stream ends before."""
         if self.left >= length:
             return True
         parts = [self.data[self.at :]]
@@ -75,7 +74,7 @@ class Window:
         return had >= length
 
     def peek(self, start: int, end: int) -> bytes:
-        """Bytes at hand, counted from where the view begins."""
+        """Available bytes, counted from where the view begins."""
         return self.data[self.at + start : self.at + end]
 
     def skip(self, length: int) -> None:
@@ -83,11 +82,11 @@ class Window:
         self.at += length
 
     def refuse(self, length: int) -> None:
-        """Move on over damage, and count it."""
+        """Skip damage, and count it."""
         self._rejects.add(BAD_HEADER, self.offset, length)
         self.skip(length)
 
     def refuse_rest(self) -> None:
-        """Count what a file that ends too early leaves."""
+        """Count the incomplete rest of a file that ends too early."""
         if self.left:
             self._rejects.add(Cause.TRUNCATED, self.offset, self.left)

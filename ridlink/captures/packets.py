@@ -1,8 +1,8 @@
-"""Packets of a network or of the air as records: MAVLink in UDP and TCP, Open Drone ID in radio frames.
+"""Network and radio packets as records: MAVLink in UDP and TCP, Open Drone ID in radio frames.
 
-Whatever else a capture holds is passed over; what is ours, or says it is, and cannot be taken is counted. Fragments of
-IP are counted and not put together: nothing that speaks MAVLink sends datagrams that large. A datagram is parsed alone,
-and what comes over TCP as the stream that it is (`tcp`).
+Other packets are skipped. Packets that are or claim to be MAVLink or Open Drone ID, but cannot be taken, are counted.
+IP fragments are counted and not reassembled, since MAVLink senders never send datagrams that large. Each datagram is
+parsed on its own; TCP is parsed as a stream (`tcp`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Cause, Frame
 from ridlink.remote_id import radio
 
 MAGICS = (*PCAP_MAGICS, PCAPNG_MAGIC)
-"""What a file of packets begins with."""
+"""First bytes of a pcap or pcapng file."""
 
 UDP_TRANSPORT = "udp"
 IP_FRAGMENT = "ip_fragment"
@@ -35,19 +35,19 @@ IPV4 = 0x0800
 IPV4_HEADER_LENGTH = 20
 IPV4_WITHOUT_OPTIONS = 0x45
 IPV4_PART = 0x3FFF
-"""Of the field with flags and offset: what is 0 in whatever is no fragment."""
+"""Bits of the field with flags and offset that are 0 if a packet is no fragment."""
 
 _PLAIN: dict[int, tuple[struct.Struct, int]] = {
     link_type: (struct.Struct(f"{link}BxH2xHxB14xH2x"), struct.calcsize(link))
     for link_type, link in ((1, ">12xH"), (113, ">14xH"), (276, ">H18x"))
 }
-"""By link type: what there is of the headers of link, IP and UDP in `_plain_payload`, and where that of IP starts."""
+"""By link type: the layout of link, IP and UDP headers for `_plain_payload`, and where the IP header starts."""
 
 NETWORKS: dict[int, str] = {
     0: "loopback", 1: "ethernet", 12: "ip", 14: "ip", 101: "ip", 108: "loopback", 113: "sll", 228: "ip", 229: "ip",
     276: "sll2",
 }  # fmt: skip
-"""Link types (https://www.tcpdump.org/linktypes.html) of networks, and what they are to dpkt."""
+"""Link types (https://www.tcpdump.org/linktypes.html) of networks, and their names in dpkt."""
 
 RADIOS: dict[int, Callable[[bytes], list[radio.Heard | radio.Unheard]]] = {
     105: radio.read_80211,
@@ -56,11 +56,11 @@ RADIOS: dict[int, Callable[[bytes], list[radio.Heard | radio.Unheard]]] = {
     256: radio.read_ble_with_phdr,
     272: radio.read_nordic_ble,
 }
-"""Link types of the air: 802.11, 802.11 with radiotap, Bluetooth LE, with a pseudo header, from Nordic's sniffer."""
+"""Link types of radio: 802.11, 802.11 with radiotap, Bluetooth LE, the same with a pseudo header, Nordic's sniffer."""
 
 
 class Datagram(NamedTuple):
-    """What a packet carried over UDP: microseconds since 1970 or ``None``, byte of the file where its record starts."""
+    """UDP payload of a packet: microseconds since 1970 or ``None``, byte offset of its record in the file."""
 
     time_us: int | None
     offset: int
@@ -72,10 +72,10 @@ def read_pcap(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
 
     Args:
         chunks: The file from its first byte.
-        rejects: Counts what is damaged, and packets that are ours and cannot be taken.
+        rejects: Counts damage, and MAVLink or Open Drone ID packets that cannot be taken.
 
     Raises:
-        CaptureError: If there are packets and none of them is of a link type that is read.
+        CaptureError: If there are packets, but none of a supported link type.
     """
     for item in read_contents(chunks, rejects):
         if isinstance(item, Datagram):
@@ -85,7 +85,7 @@ def read_pcap(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
 
 
 def read_contents(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Datagram | TracedRecord]:
-    """What a pcap or pcapng file holds, with datagrams as they are: they are for `records_of`.
+    """Contents of a pcap or pcapng file: records, and unparsed datagrams, which `records_of` parses.
 
     Args:
         chunks, rejects: As for `read_pcap`.
@@ -110,7 +110,7 @@ def read_contents(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Datagra
         else:
             foreign.add(packet.link_type)
             rejects.add_one(f"link_type_{packet.link_type}", packet.offset)
-            if len(foreign) > len(NETWORKS) + len(RADIOS):  # no more names than that, for a hostile file has many
+            if len(foreign) > len(NETWORKS) + len(RADIOS):  # a hostile file may name many
                 foreign.pop()
     yield from streams.finish()
     if foreign and not understood:
@@ -119,11 +119,11 @@ def read_contents(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Datagra
 
 
 def read_packets(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Packet]:
-    """Packets of a pcap or pcapng file, however it is cut into chunks and whatever the bytes are.
+    """Packets of a pcap or pcapng file, for any chunk sizes and any bytes.
 
     Args:
         chunks: The file from its first byte.
-        rejects: Counts what is damaged.
+        rejects: Counts damage.
     """
     window = Window(chunks, rejects)
     window.reach(FILE_HEADER_LENGTH)
@@ -148,7 +148,7 @@ def _heard(packet: Packet, relay: Relay, rejects: Rejects) -> Iterator[TracedRec
 
 
 def records_of(datagram: Datagram, rejects: Rejects) -> Iterator[TracedRecord]:
-    """Frames of a datagram; what else is in it is counted, unless it is some other protocol."""
+    """Frames of a datagram; other bytes in it are counted, unless the datagram is some other protocol."""
     time_us, offset, payload = datagram
     found = list(parse_alone(payload))
     if payload[0] not in (MAGIC_V1, MAGIC_V2) and not any(isinstance(item, Frame) and item.checked for item in found):
@@ -162,7 +162,7 @@ def records_of(datagram: Datagram, rejects: Rejects) -> Iterator[TracedRecord]:
 
 @cache
 def _dpkt() -> Any:
-    """The library, when the first packet of a network comes: importing it takes a tenth of a second."""
+    """The library, imported at the first network packet, since importing it takes a tenth of a second."""
     import dpkt
 
     return dpkt
@@ -181,7 +181,7 @@ def _layer_of(packet: Packet) -> Any:
 
 
 def _carried(packet: Packet, rejects: Rejects) -> bytes | Segment | None:
-    """What a packet carries over UDP, if it does so whole, or over TCP."""
+    """Complete UDP payload or TCP segment of a packet."""
     plain = _plain_payload(packet)
     if plain is not None:
         return plain
@@ -190,7 +190,7 @@ def _carried(packet: Packet, rejects: Rejects) -> bytes | Segment | None:
         layer, ends = _layer_of(packet), (b"", b"")
         while isinstance(layer, dpkt.Packet):
             if isinstance(layer, dpkt.udp.UDP):
-                end = max(layer.ulen - UDP_HEADER_LENGTH, 0) if layer.ulen else None  # 0 is a jumbogram
+                end = max(layer.ulen - UDP_HEADER_LENGTH, 0) if layer.ulen else None  # 0 means a jumbogram
                 return bytes(layer.data)[:end]
             if isinstance(layer, dpkt.tcp.TCP):
                 direction = (*ends, layer.sport, layer.dport)
@@ -201,13 +201,13 @@ def _carried(packet: Packet, rejects: Rejects) -> bytes | Segment | None:
                 rejects.add_one(IP_FRAGMENT, packet.offset)
                 return None
             layer = layer.data
-    except Exception:  # its decoders of other protocols raise whatever Python does for bytes they did not expect
+    except Exception:  # dpkt's decoders of other protocols raise any Python exception for unexpected bytes
         return None
     return None
 
 
 def _plain_payload(packet: Packet) -> bytes | None:
-    """The same of what nearly all packets are, without the library: IPv4 without options, straight on its link."""
+    """The UDP payload of the most frequent packets, without dpkt: IPv4 without options, directly on its link."""
     data = packet.data
     plain = _PLAIN.get(packet.link_type)
     if plain is None or len(data) < plain[0].size:
@@ -223,7 +223,7 @@ def _plain_payload(packet: Packet) -> bytes | None:
 
 
 def _is_fragment(layer: Any) -> bool:
-    """A part of a datagram of UDP."""
+    """Whether it is a fragment of a UDP datagram."""
     dpkt = _dpkt()
     if isinstance(layer, dpkt.ip.IP):
         return bool(layer.p == UDP_PROTOCOL and (layer.mf or layer.offset))

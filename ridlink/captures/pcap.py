@@ -1,8 +1,8 @@
-"""The classic pcap format: packets with their times and link type, in constant memory and whatever the damage.
+"""The classic pcap format: packets with their times and link type, in constant memory and despite any damage.
 
-A header must be plausible, and where the next one is not, the true end of the record is looked for within it. After
-damage the next header is looked for at every byte, and must be followed by another one or the end. A cut tail is
-``truncated``. A file header in the place of a record's, as ``cat`` leaves it, says how to read on.
+A record header must be plausible. If the next header is not, the true end of the record is searched within the record.
+After damage, a header is searched at every byte, and must be followed by another one or by the end. An incomplete tail
+is ``truncated``. A file header in the place of a record header (after ``cat`` of several files) applies from there on.
 
 Source: https://datatracker.ietf.org/doc/draft-ietf-opsawg-pcap/
 """
@@ -28,17 +28,18 @@ FILE_HEADER_LENGTH = 24
 _FILE_HEADER = re.compile(
     b"|".join(re.escape(magic + struct.pack(order + "HHQ", 2, 4, 0)) for magic, (order, _) in PCAP_MAGICS.items())
 )
-"""Magic, version 2.4, and two fields that nobody fills: there a record has the length of its packet, which is not 0."""
+"""Magic, version 2.4, and two fields that are always 0. A record header has the length of its packet there, which is
+not 0."""
 PACKET_HEADER_LENGTH = 16
 LINK_TYPE_MASK = 0x03FFFFFF
-"""Above it stands whether packets end with a checksum; nothing that is read here is hurt by one."""
+"""The bits above say whether packets end with a checksum; the readers here tolerate one."""
 
 
 class PcapReader:
     """The classic format: one header, then one record after the other.
 
     Args:
-        window: Begins with a file header, of which magic and length are known to be right.
+        window: Begins with a file header, whose magic and length have been checked.
     """
 
     def __init__(self, window: Window) -> None:
@@ -46,13 +47,13 @@ class PcapReader:
         self._begin()
 
     def _begin(self) -> None:
-        """Take a file header."""
+        """Read a file header."""
         window = self._window
         order, per_second = PCAP_MAGICS[window.peek(0, 4)]
         self._header = struct.Struct(order + "IIII")
         self._per_second = per_second
         self._link_type = struct.unpack(order + "I", window.peek(20, 24))[0] & LINK_TYPE_MASK
-        # what a header looks like at first sight: fraction and captured length are small, and the length is not 0
+        # quick test for a header: fraction and captured length are small, and the length is not 0
         high = rb"[\x00-\x0f]" if per_second == MICROSECONDS else rb"[\x00-\x3b]"
         fraction, length = (high + rb"\x00", rb"[\x00-\x04]\x00")
         if per_second == NANOSECONDS:
@@ -87,7 +88,7 @@ class PcapReader:
         window.refuse_rest()
 
     def _record_length(self, start: int) -> int | None:
-        """Length of the record that starts so far on, ``None`` where its header is not plausible."""
+        """Length of the record that starts at this distance, ``None`` if its header is not plausible."""
         header = self._window.peek(start, start + PACKET_HEADER_LENGTH)
         if len(header) < PACKET_HEADER_LENGTH:
             return None
@@ -97,18 +98,18 @@ class PcapReader:
         return PACKET_HEADER_LENGTH + int(captured)
 
     def _is_file(self, start: int) -> bool:
-        """Another file begins so far on."""
+        """Whether another file begins at this distance."""
         window = self._window
         return (
             window.reach(start + FILE_HEADER_LENGTH) and _FILE_HEADER.match(window.data, window.at + start) is not None
         )
 
     def _goes_on(self, start: int) -> bool:
-        """What stands so far on is a record, or another file."""
+        """Whether a record or another file begins at this distance."""
         return self._record_length(start) is not None or self._is_file(start)
 
     def _ends_within(self, length: int) -> bool:
-        """The record does not end where it says: what follows is no header, but within it there is one."""
+        """Whether the record ends before its stated length: no header follows, but there is one within it."""
         window = self._window
         window.reach(length + PACKET_HEADER_LENGTH)
         follows = window.left - length
@@ -117,14 +118,14 @@ class PcapReader:
         return self._find_record(PACKET_HEADER_LENGTH, length) is not None
 
     def _is_of_another_time(self, length: int) -> bool:
-        """Its time is far from that of the one before, and within it there is a record whose time is not.
+        """Whether its time is far from that of the record before, and within it there is a record whose time is near.
 
-        Where four bytes are missing the fraction stands in the place of the seconds, and both lengths are plausible.
+        If four bytes are missing, the fraction is read as the seconds, and both lengths are plausible.
         """
         return not self._is_near(0, self._last_s) and self._find_record(1, length) is not None
 
     def _find_record(self, start: int, end: int) -> int | None:
-        """Where between two places another file starts, or the next record that one of both or the end follows."""
+        """First position in a range where another file starts, or a record that a record, a file or the end follows."""
         window = self._window
         while True:
             seen = self._first_sight.search(window.data, window.at + start, window.at + end + PACKET_HEADER_LENGTH)
@@ -158,7 +159,7 @@ class PcapReader:
         return reference_s is None or abs(seconds - reference_s) <= PLAUSIBLE_STEP_S
 
     def _resynchronise(self) -> None:
-        """Go on where the next record starts, one byte from here at the earliest; to the end if there is none."""
+        """Continue at the next record, one byte from here at the earliest; at the end if there is none."""
         window, start = self._window, 1
         while True:
             judged = max(start, window.left - PACKET_HEADER_LENGTH + 1)
@@ -166,7 +167,7 @@ class PcapReader:
             if found is not None:
                 window.refuse(found)
                 return
-            if not window.reach(judged + PACKET_HEADER_LENGTH):  # it may have grown while places were judged
+            if not window.reach(judged + PACKET_HEADER_LENGTH):  # the window may have grown during the search
                 window.refuse(window.left)
                 return
             window.refuse(judged)

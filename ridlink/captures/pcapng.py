@@ -1,7 +1,7 @@
-"""The pcapng format: packets with their times and link types, in constant memory and whatever the damage.
+"""The pcapng format: packets with their times and link types, in constant memory and despite any damage.
 
-A block is taken where its length stands before and after it. After damage the next such block is looked for at every
-byte. A cut tail is ``truncated``.
+A block is taken if the lengths before and after it agree. After damage, the next such block is searched at every byte.
+An incomplete tail is ``truncated``.
 
 Source: https://datatracker.ietf.org/doc/draft-ietf-opsawg-pcapng/
 """
@@ -31,7 +31,7 @@ OPTION_RESOLUTION, OPTION_OFFSET = 9, 14
 
 
 class _Interface(NamedTuple):
-    """What an interface description says about its packets."""
+    """Facts of an interface description that apply to its packets."""
 
     link_type: int
     snap_length: int
@@ -40,7 +40,7 @@ class _Interface(NamedTuple):
 
 
 class PcapngReader:
-    """The block format: sections with interfaces and packets, each block between its length and its length."""
+    """The block format: sections with interfaces and packets. Each block has its length before and after it."""
 
     def __init__(self, window: Window, rejects: Rejects) -> None:
         self._window = window
@@ -73,7 +73,7 @@ class PcapngReader:
         window.refuse_rest()
 
     def _block_length(self, start: int) -> int | None:
-        """Length of the block that starts so far on; ``None`` where there is no whole block."""
+        """Length of the block that starts at this distance; ``None`` if there is no whole block."""
         window = self._window
         window.reach(start + MIN_BLOCK_LENGTH)
         head = window.peek(start, start + MIN_BLOCK_LENGTH)
@@ -86,22 +86,22 @@ class PcapngReader:
         return length if repeated == length else None
 
     def _claim(self, head: bytes) -> tuple[str, int]:
-        """Byte order, and what a block says its length is; 0 where it cannot be."""
+        """Byte order, and the length that a block states; 0 if it is impossible."""
         order = BYTE_ORDERS.get(head[8:12], "") if head.startswith(PCAPNG_MAGIC) else self._order
         length: int = struct.unpack_from(order + "I", head, 4)[0]
         plausible = order and length % 4 == 0 and MIN_BLOCK_LENGTH <= length <= MAX_BLOCK_LENGTH
         return order, length if plausible else 0
 
     def _is_cut(self) -> bool:
-        """The file ends before the block that starts here says it does."""
+        """Whether the file ends before the stated end of the block that starts here."""
         length = self._claim(self._window.peek(0, MIN_BLOCK_LENGTH))[1]
         return length > self._window.left and self._window.ended
 
     def _resynchronise(self, *, cut: bool) -> bool:
-        """Go on where the next whole block starts, and say whether there is one.
+        """Continue at the next whole block; False if there is none.
 
         Args:
-            cut: All of the file is at hand, and stays so if there is none.
+            cut: Whether all of the file is available; if there is no block, it stays available.
         """
         window, start = self._window, 1
         while True:
@@ -123,7 +123,7 @@ class PcapngReader:
             start = 0
 
     def _take(self, block: bytes, offset: int) -> Packet | None:
-        """Take a block; the packet, if it holds one."""
+        """Read a block; return its packet, if it has one."""
         if block.startswith(PCAPNG_MAGIC):
             self._set_order(BYTE_ORDERS[block[8:12]])
             self._interfaces = []
@@ -144,7 +144,7 @@ class PcapngReader:
                 snap_length = self._interfaces[0].snap_length if self._interfaces else 0
                 captured = min(original, snap_length or original, len(body) - 4)
                 return self._packet(0, None, body[4:], captured, offset)
-        except struct.error:  # shorter than its kind must be
+        except struct.error:  # shorter than its type requires
             self._rejects.add_one(BAD_HEADER, offset)
         return None
 

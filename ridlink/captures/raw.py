@@ -1,4 +1,4 @@
-"""A raw MAVLink stream, as it comes out of a serial port or a TCP connection: frames, and no times."""
+"""A raw MAVLink stream, as received from a serial port or a TCP connection: frames without times."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ridlink.mavlink.frames import BadFrame, Cause, Frame, FrameParser, parse_da
 
 
 def read_raw(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
-    """Records of a raw stream in constant memory, however it is cut into chunks and whatever the bytes are.
+    """Records of a raw stream in constant memory, for any chunk sizes and any bytes.
 
     Args:
         chunks: The stream from its first byte.
@@ -31,9 +31,9 @@ def _taken(found: list[Frame | BadFrame], rejects: Rejects) -> Iterator[Record]:
 
 
 def parse_alone(data: bytes) -> Iterator[Frame | BadFrame]:
-    """Frames and rejects of bytes that came alone, as a datagram or a line.
+    """Frames and rejects of one datagram or line.
 
-    What stands between a frame that was refused and the next good one is part of it.
+    Bytes between a refused frame and the next good one count as part of the refused frame.
     """
     refused = False
     for item in parse_datagram(data, CRC_EXTRAS, limit=None):

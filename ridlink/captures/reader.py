@@ -1,7 +1,7 @@
-"""Captures by path: which format a file has, and an iterator of its records.
+"""Opens a capture by path: detects its format, and iterates over its records.
 
-The format is told by the content, and by the suffix only where the content says nothing: a pcap file has a magic
-number, lines of hexadecimal are text, in a tlog eight bytes stand between one frame and the next, in a raw stream none.
+The content decides the format; the suffix counts only if the content is not clear. A pcap file has a magic number, and
+lines of hexadecimal are text. A tlog has eight bytes between two frames, a raw stream has none.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ENOUGH_FRAMES = 16
 STDIN = "-"
 
 LARGE_BYTES = 2_000_000
-"""From here on compiled loops are faster than they are loaded."""
+"""From this size on, compiled loops save more time than it takes to load them."""
 
 _FOREIGN = {
     b"ULog": "a PX4 ULog",
@@ -43,7 +43,7 @@ _FOREIGN = {
 
 
 class CaptureKind(Named):
-    """Formats that are read."""
+    """Supported formats."""
 
     TLOG = "tlog"
     MAVLINK = "mavlink"
@@ -75,8 +75,8 @@ class Capture:
     Attributes:
         name: The path, or ``standard input``.
         kind: Its format.
-        rejects: Damage met so far.
-        size: Length of the file in bytes, ``None`` where it cannot be known.
+        rejects: Damage found so far.
+        size: Length of the file in bytes, ``None`` if unknown.
         position: Bytes read so far.
     """
 
@@ -106,13 +106,13 @@ class Capture:
         """Records in the order of the file.
 
         Raises:
-            CaptureError: At the end, if there was none, or nothing that is read.
+            CaptureError: At the end, if there was no record, or none of a supported kind.
             OSError: If the file cannot be read any further.
         """
         return self.read_with(_READERS[self.kind])
 
     def read_with(self, reader: Callable[[Iterable[bytes], Rejects], Iterator[_Item]]) -> Iterator[_Item]:
-        """What another reader of this format finds; errors as of iteration."""
+        """The items of another reader of this format; raises the same errors as iteration."""
         is_empty = True
         try:
             for item in reader(itertools.chain(self._head, self._chunks()), self.rejects):
@@ -143,7 +143,7 @@ class Capture:
         self.close()
 
     def _read(self) -> bytes:
-        """What there is, at most one chunk; ``b""`` at the end. A pipe that gave something is not waited for."""
+        """Available bytes, at most one chunk, without waiting for more of a pipe than some; ``b""`` at the end."""
         if self._before_read is not None:
             self._before_read()
         try:
@@ -159,13 +159,13 @@ class Capture:
             yield chunk
 
     def _read_head(self) -> bytes:
-        """Enough of the beginning to tell the format; of a live pipe no more than that."""
+        """Enough of the beginning to detect the format; no more than that from a live pipe."""
         head = b""
         judged = 0
         while len(head) < HEAD_LENGTH and (chunk := self._read()):
             head += chunk
             if len(head) > SHORT_HEAD_LENGTH and len(head) - judged < judged // 16:
-                continue  # what comes byte by byte is not judged anew with each
+                continue  # detection does not run again for every single byte
             judged = len(head)
             if head.startswith(MAGICS) or looks_like_hex(head) or len(_checked_frames(head)) >= ENOUGH_FRAMES:
                 break
@@ -173,7 +173,7 @@ class Capture:
 
 
 def is_large(path: str) -> bool:
-    """Whether a path is a file that compiled loops read sooner than one record after another."""
+    """Whether a path is a file so large that compiled loops are faster than reading record by record."""
     return path != STDIN and Path(path).is_file() and Path(path).stat().st_size >= LARGE_BYTES
 
 
@@ -184,11 +184,11 @@ def open_capture(
 
     Args:
         path: File, or ``-`` for standard input.
-        kind: ``tlog``, ``mavlink``, ``pcap``, ``hex``, or ``auto`` to tell it by content and suffix.
+        kind: ``tlog``, ``mavlink``, ``pcap``, ``hex``, or ``auto`` to detect it by content and suffix.
         before_read: Called before each read of the file, which may block on a pipe.
 
     Raises:
-        CaptureError: If it is empty or no capture that is read.
+        CaptureError: If it is empty or not a supported capture.
         OSError: If it cannot be read.
         ValueError: If the kind is unknown.
     """
@@ -208,11 +208,11 @@ def detect_kind(head: bytes, name: str) -> CaptureKind:
     """Format of a capture that begins with these bytes.
 
     Args:
-        head: The beginning, some 64 KiB where there are so many.
-        name: Path; its suffix decides where the bytes do not, and it stands in the error.
+        head: The beginning of the file, some 64 KiB if it is that long.
+        name: Path. Its suffix decides if the bytes do not; the error names it.
 
     Raises:
-        CaptureError: If it is none that is read.
+        CaptureError: If the format is not supported.
     """
     if not head:
         raise CaptureError(f"{name} is empty")

@@ -1,7 +1,7 @@
-"""Datagrams of a link into a tlog, by a thread of its own, so that no disk can delay whoever receives them.
+"""Writes the datagrams of a link to a tlog in a thread of its own, so that a slow disk cannot delay the receiver.
 
-What is a frame is written, the rest is counted. What the disk cannot take within the queue is dropped and counted; a
-disk that refuses ends the recording, not the flight.
+Frames are written, other bytes are counted. If the disk is too slow and the queue is full, datagrams are dropped and
+counted. A disk error ends the recording, not the flight.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES
 from ridlink.mavlink.frames import Frame, parse_datagram
 
 QUEUE_LENGTH = 4096
-"""Datagrams: about a second of the heaviest traffic that a daemon is made for, half a megabyte."""
+"""Datagrams: about a second of the heaviest traffic that a daemon is designed for, half a megabyte."""
 
 IDLE_S = 0.5
-"""After so long without a datagram what was collected goes onto the disk."""
+"""After this time without a datagram, collected records are written to the disk."""
 
 
 def steady_clock() -> Callable[[], int]:
-    """A clock of microseconds since 1970 that is set once and then never steps, whatever happens to the system's."""
+    """A clock of microseconds since 1970 that is set once and then never steps, even if the system clock does."""
     started_us = (time.time_ns() - time.monotonic_ns()) // 1000
     return lambda: started_us + time.monotonic_ns() // 1000
 
@@ -35,19 +35,20 @@ def steady_clock() -> Callable[[], int]:
 class Recorder:
     """Takes datagrams and writes their frames.
 
-    Nothing raises out of `receive`, for a link would count and forget it: the error that ended the recording is kept.
+    `receive` never raises, since the link would only count the error: the error that ended the recording is kept
+    instead.
 
     Args:
         path: The log.
         overwrite: Replace a log that exists; otherwise it is an error.
-        clock: Microseconds since 1970 of a datagram received now; without it a steady one.
+        clock: Returns the present time in microseconds since 1970; by default a steady clock.
 
     Attributes:
         types: Messages written, by name.
         sources: Messages written, by ``system/component``.
         rejects: What was not a frame; offsets count the bytes received.
         dropped: Datagrams that the disk was too slow for.
-        error: What ended the recording, such as a full disk; None while it goes on.
+        error: The error that ended the recording, such as a full disk; None while it continues.
 
     Raises:
         OSError: If the file cannot be made, or exists.
@@ -79,7 +80,7 @@ class Recorder:
         return self._writer.bytes_written
 
     def receive(self, data: bytes, _: object = None) -> None:
-        """Take one datagram; the second argument is for the callback of a link."""
+        """Queue one datagram; the second argument is only there to match the callback of a link."""
         if self.error is not None:
             return
         try:
@@ -88,10 +89,10 @@ class Recorder:
             self.dropped += 1
 
     def close(self, longest_s: float | None = None) -> None:
-        """Write what is queued, and end; a disk that takes longer than that is left behind.
+        """Write what is queued, and end; do not wait longer for the disk than allowed.
 
         Args:
-            longest_s: Without it, as long as it takes.
+            longest_s: Longest wait; by default as long as it takes.
         """
         try:
             self._queue.put(None, timeout=longest_s)
@@ -111,9 +112,9 @@ class Recorder:
                     break
                 self._write(*item)
             self._writer.close()
-        except OSError as error:  # the writer has closed its file behind the last complete record
+        except OSError as error:  # the writer has closed its file after the last complete record
             self.error = error
-            while self._queue.get() is not None:  # make room for whoever waits to say the end
+            while self._queue.get() is not None:  # make room for a thread that waits to put the end mark
                 continue
 
     def _write(self, time_us: int, data: bytes) -> None:

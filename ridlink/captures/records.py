@@ -1,4 +1,4 @@
-"""What every reader of captures yields, and how it counts what it could not read."""
+"""The record type that every reader of captures yields, and the counters of damage."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import NamedTuple, Self
 from ridlink.mavlink.frames import Frame
 
 BAD_TIMESTAMP = "bad_timestamp"
-"""Cause: an intact frame whose time is days away from its neighbours'; it is read without a time."""
+"""Cause: an intact frame whose time is days away from that of its neighbours; it is read without a time."""
 
 
 class Record(NamedTuple):
     """One frame of a capture.
 
-    ``time_us`` is microseconds since 1970 (UTC), ``None`` where the capture has no times; ``offset`` is the byte of the
-    file where the record starts (its timestamp, in a tlog).
+    ``time_us`` is microseconds since 1970 (UTC), ``None`` if the capture has no times; ``offset`` is the byte offset of
+    the record in the file (in a tlog, of its timestamp).
     """
 
     time_us: int | None
@@ -27,14 +27,14 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """How a message came, where that is more than a frame in a file.
+    """How a message was received, if it was more than a frame in a file.
 
     Attributes:
-        transport: ``udp``, ``tcp``, or a `ridlink.remote_id.radio.Transport`; ``None`` where the capture does not say.
-        mac: Transmitter of a broadcast; empty where the capture does not say.
+        transport: ``udp``, ``tcp``, or a `ridlink.remote_id.radio.Transport`; ``None`` if the capture does not say.
+        mac: Transmitter of a broadcast; empty if the capture does not say.
         counter: Message counter of a broadcast.
-        index: Place of the message in its message pack; 0 for one alone.
-        data: The 25 bytes, where the message came as such.
+        index: Index of the message in its message pack; 0 for a single message.
+        data: The 25 bytes, if the message was received in this form.
     """
 
     transport: str | None = None
@@ -45,10 +45,10 @@ class Origin:
 
 
 class TracedRecord(Record):
-    """A record that knows its `Origin`.
+    """A record with its `Origin`.
 
-    Of a message of 25 bytes ``frame`` is what a Remote ID receiver would put on the bus of its vehicle: component 236,
-    system 0, ``id_or_mac`` filled with the transmitter.
+    For a 25-byte message, ``frame`` is the frame that a Remote ID receiver would put on the bus of its vehicle:
+    component 236, system 0, with the transmitter in ``id_or_mac``.
     """
 
     origin: Origin
@@ -60,12 +60,12 @@ class TracedRecord(Record):
 
 
 class Rejects:
-    """Damage by cause: how often, and where first.
+    """Damage by cause: number, and first position.
 
     Attributes:
         counts: Rejects by cause; bytes refused for one cause without a break are one reject.
-        first_offset: Where a cause was met first: byte, or whatever ``unit`` says, of the file.
-        unit: What places of the file are counted in.
+        first_offset: Position of the first reject of each cause, in ``unit``.
+        unit: Unit of positions in the file; bytes by default.
     """
 
     __slots__ = ("_last_cause", "_last_end", "counts", "first_offset", "unit")
@@ -88,18 +88,18 @@ class Rejects:
         self._last_cause, self._last_end = cause, offset + length
 
     def add_one(self, cause: str, offset: int) -> None:
-        """Count one packet, line or message that was not taken, whatever was refused just before it."""
+        """Count one packet, line or message that was not taken, as a reject of its own."""
         self._last_end = -1
         self.add(cause, offset)
         self._last_end = -1
 
     def put_in_order(self) -> None:
-        """Have causes in the order in which they were met, for whoever did not judge all from front to back."""
+        """Sort the causes by first position, for readers that do not read from front to back."""
         self.first_offset = dict(sorted(self.first_offset.items(), key=itemgetter(1)))
         self.counts = Counter({cause: self.counts[cause] for cause in self.first_offset})
 
     def __len__(self) -> int:
-        """Rejects in all."""
+        """Total of rejects."""
         return self.counts.total()
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""What captures hold, in counts: messages by type and by sender, time span, sequence gaps, damage."""
+"""Counts of the contents of captures: messages by type and by sender, time span, sequence gaps, damage."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ridlink.words import counted
 
 SEQUENCE_NUMBERS = 256
 LEAP = SEQUENCE_NUMBERS // 4
-"""From so many missing on the numbers are taken to have leapt from one count to another."""
+"""From this many missing numbers on, the sequence is taken to have jumped from one counter to another."""
 
 
 @dataclass(slots=True)
 class SourceCount:
-    """Messages of one system id and component id, and what is missing between their sequence numbers."""
+    """Messages of one system id and component id, and the gaps in their sequence numbers."""
 
     messages: int = 0
     gaps: int = 0
@@ -30,9 +30,9 @@ class SourceCount:
 
     @property
     def is_of_several_links(self) -> bool:
-        """Whether several counts run side by side, as each link of a vehicle has its own: gaps say nothing of losses.
+        """Whether several sequence counters are mixed, since each link of a vehicle has its own: gaps are then no loss.
 
-        Their numbers leap to and fro, by a whole circle in two changes; no link loses so many at a time so often.
+        Mixed numbers jump back and forth, by a whole cycle in two jumps; no single link loses so many so often.
         """
         return self.lost > self.messages and 4 * self.leaps > self.gaps
 
@@ -42,7 +42,7 @@ class SourceCount:
         return ("-", "-") if self.is_of_several_links else (f"{self.gaps:,}", f"{self.lost:,}")
 
     def see(self, seq: int) -> None:
-        """Take the next sequence number; a repeated one is a duplicate, not 255 lost messages."""
+        """Count the next sequence number; a repeated one is a duplicate, not 255 lost messages."""
         self.messages += 1
         if self.last_seq is not None and seq != self.last_seq:
             missing = (seq - self.last_seq - 1) % SEQUENCE_NUMBERS
@@ -52,7 +52,7 @@ class SourceCount:
         self.last_seq = seq
 
     def add(self, messages: int, gaps: int, lost: int, leaps: int, last_seq: int) -> None:
-        """Take many messages at once, what is missing before the first of them included."""
+        """Count many messages at once, including the gap before the first of them."""
         self.messages += messages
         self.gaps += gaps
         self.lost += lost
@@ -69,10 +69,10 @@ class Statistics:
         ids: Message id of each name; ``UNKNOWN`` has none.
         unknown: Messages that the dialect does not know, by id.
         sources: Messages by system id and component id.
-        transmitters: Broadcasts by who sent them and how.
+        transmitters: Broadcasts by transmitter and transport.
         first_us, last_us: Earliest and latest time.
-        captures: What was read, with its damage.
-        unread: Files that were no captures.
+        captures: Captures that were read, with their damage.
+        unread: Files that are no captures.
         fields: Remote ID fields of these messages that were out of range.
     """
 
@@ -115,7 +115,7 @@ class Statistics:
 
     @property
     def messages(self) -> int:
-        """Messages in all."""
+        """Total of messages."""
         return self.types.total()
 
     @property
@@ -131,7 +131,7 @@ class Statistics:
         return sum(len(capture.rejects) for capture in self.captures)
 
     def as_dict(self) -> dict[str, Any]:
-        """The same for `msgspec.json`; times are seconds, exact to the microsecond."""
+        """The counts for `msgspec.json`; times are seconds, exact to the microsecond."""
         return {
             "messages": self.messages,
             "first_t": msgspec.Raw(exact_seconds(self.first_us).encode()),
@@ -155,14 +155,14 @@ class Statistics:
         }  # fmt: skip
 
     def _transmitters_as_dict(self) -> dict[str, Any]:
-        """Broadcasts by transmitter and transport; nothing where there are none."""
+        """Broadcasts by transmitter and transport; empty if there are none."""
         found: dict[str, dict[str, int]] = {}
         for (mac, transport), count in sorted(self.transmitters.items()):
             found.setdefault(mac, {})[transport] = count
         return {"transmitters": found} if found else {}
 
     def as_text(self) -> str:
-        """The same as aligned tables."""
+        """The counts as aligned tables."""
         duration_s = self.duration_s
         span = "no times" if duration_s is None else (
             f"{clock_time(self.first_us)} to {clock_time(self.last_us)}, {duration_s:.3f} s"
@@ -223,7 +223,7 @@ class Statistics:
 
 
 def _table(header: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
-    """Columns as wide as they must be, the first aligned left and the others right."""
+    """Columns of minimum width, the first aligned left and the others right."""
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(header))]
     return "\n".join(

@@ -1,7 +1,7 @@
-"""MAVLink in TCP: the bytes of each direction of a connection as the stream that they are, and its frames.
+"""MAVLink over TCP: finds the frames in the byte stream of each direction of a connection.
 
-Packets are taken in the order of the capture. What comes twice is taken once; what is missing, or comes later than what
-follows it, is a gap, and is counted. Whether a direction speaks MAVLink is judged by how it begins.
+Packets are taken in the order of the capture. Repeated bytes are taken once. Missing or late bytes are a gap, which is
+counted. The beginning of a direction decides whether it is MAVLink.
 
 Source: https://www.rfc-editor.org/rfc/rfc9293
 """
@@ -21,13 +21,13 @@ TCP_TRANSPORT = "tcp"
 TCP_GAP = "tcp_gap"
 
 JUDGED_BYTES = 1024
-"""What begins with so much of no frame that checks is some other protocol."""
+"""A stream without a valid frame in its first bytes, this many, is some other protocol."""
 
 MOST_STREAMS = 1024
-"""Kept at once; the one that has been silent for longest goes first."""
+"""Streams kept at once; the one that has been silent longest is removed first."""
 
 REACH = 1 << 24
-"""A sequence number this far behind belongs to another connection, of which the beginning was not captured."""
+"""A sequence number this far behind belongs to another connection, whose beginning was not captured."""
 
 NUMBERS = 1 << 32
 
@@ -36,12 +36,12 @@ Direction = tuple[bytes, bytes, int, int]
 
 
 class Segment(NamedTuple):
-    """What a packet carried over TCP.
+    """TCP segment of a packet.
 
     Attributes:
-        direction: From where to where.
-        sequence: As in its header.
-        begins: Whether the connection begins with it; its first byte has the next number then.
+        direction: Addresses and ports of sender and receiver.
+        sequence: Sequence number of its header.
+        begins: Whether it opens the connection (SYN); its first byte then has the next number.
         payload: Its bytes.
     """
 
@@ -52,7 +52,7 @@ class Segment(NamedTuple):
 
 
 class _Stream:
-    """One direction; `expected` is the number of the byte to come."""
+    """One direction; `expected` is the sequence number of the next byte."""
 
     __slots__ = ("expected", "is_foreign", "is_ours", "parser", "place", "seen", "unjudged")
 
@@ -64,7 +64,7 @@ class _Stream:
         self.place: tuple[int | None, int] = (None, 0)
 
     def judge(self, found: list[Frame | BadFrame]) -> list[Frame | BadFrame]:
-        """What is found, once this is known to be MAVLink; before its first frame stands the rest of a cut one."""
+        """The items found, once the stream is known to be MAVLink, without the incomplete frame at its beginning."""
         if self.is_ours:
             return found
         self.unjudged += found
@@ -81,7 +81,7 @@ class TcpStreams:
     """All connections of a capture.
 
     Args:
-        rejects: Counts gaps, and what is no frame, of the streams that are MAVLink.
+        rejects: Counts gaps and bytes that are no frame, in MAVLink streams only.
     """
 
     def __init__(self, rejects: Rejects) -> None:
@@ -93,7 +93,7 @@ class TcpStreams:
 
         Args:
             segment: The next one of the capture.
-            time_us: When it came, in microseconds since 1970.
+            time_us: Time of its packet, microseconds since 1970.
             offset: Byte of the file where its packet starts.
         """
         first = (segment.sequence + segment.begins) % NUMBERS
@@ -120,13 +120,13 @@ class TcpStreams:
         yield from self._taken(stream, stream.parser.feed(payload))
 
     def finish(self) -> Iterator[TracedRecord]:
-        """What was held back because it might be the start of a frame, at the end of the capture."""
+        """Frames in the bytes held back; call it at the end of the capture."""
         for stream in self._streams.values():
             yield from self._cut(stream)
         self._streams.clear()
 
     def _cut(self, stream: _Stream) -> Iterator[TracedRecord]:
-        """A stream ends, or goes on somewhere else."""
+        """Parse the bytes held back: the stream ends, or has a gap."""
         yield from self._taken(stream, stream.parser.flush())
 
     def _taken(self, stream: _Stream, found: list[Frame | BadFrame]) -> Iterator[TracedRecord]:

@@ -1,11 +1,11 @@
 """The .tlog format of ground stations: eight bytes of big-endian microseconds since 1970, then one frame, and so on.
 
-Reading survives damage. While records follow each other without a gap a frame that checks is taken; after damage a
-record is looked for at every byte, and must have a plausible time in front of a frame that checks, so that a frame
-inside the payload of another (a tunnel) is no record. A time is plausible within three days of the last one, or of the
-next one: logs of different days may stand in one file.
+Reading survives damage. While records follow each other without a gap, every frame with a right checksum is taken.
+After damage, a record is searched at every byte. It must have a plausible time in front of a frame with a right
+checksum, so that a frame inside the payload of another (a tunnel) is no record. A time is plausible within three days
+of the last or of the next one, since one file may contain logs of different days.
 
-Writing leaves complete records only, in the order of time.
+Writing produces complete records only, in the order of time.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ TIME_LENGTH = 8
 CHECKSUM_LENGTH = 2
 MAX_TIME_US = 2**64 - 1
 NO_TIME_US = MAX_TIME_US
-"""What a logger without a clock writes: all bits set, which the fast path has for no time as well."""
+"""Time written by a logger without a clock: all bits set. The fast path also uses it for no time."""
 
 PLAUSIBLE_STEP_US = 3 * 24 * 3600 * 1_000_000
 EARLIEST_TIME_US = 946_684_800_000_000  # 2000-01-01
@@ -47,11 +47,11 @@ _MAGIC = re.compile(b"[\xfd\xfe]")
 
 
 def read_tlog(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
-    """Records of a tlog in constant memory, however it is cut into chunks and whatever the bytes are.
+    """Records of a tlog in constant memory, for any chunk sizes and any bytes.
 
     Args:
         chunks: The file from its first byte.
-        rejects: Counts what is damaged; a cut tail is ``truncated``.
+        rejects: Counts damage; an incomplete tail is ``truncated``.
     """
     source = iter(chunks)
     data, base, at = b"", 0, 0
@@ -81,7 +81,7 @@ def read_tlog(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
         if isinstance(found, Frame):
             if plausible:
                 reference_us = time_us
-            else:  # it stands where it should and checks: only its time is damaged
+            else:  # position and checksum are right: only its time is damaged
                 rejects.add(BAD_TIMESTAMP, base + at, TIME_LENGTH)
             yield Record(time_us if plausible and time_us != NO_TIME_US else None, found, base + at)
             at += TIME_LENGTH + len(found.raw)
@@ -96,7 +96,7 @@ def read_tlog(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
 
 
 def _is_settled(data: bytes, at: int, reference_us: int | None) -> bool:
-    """The record that starts here is taken whatever follows, so that the last one of a live log is not held back."""
+    """Whether the record that starts here is taken whatever follows: the last record of a live log is not held back."""
     time_us = int.from_bytes(data[at : at + TIME_LENGTH], "big")
     if reference_us is None:
         plausible = EARLIEST_TIME_US <= time_us <= LATEST_TIME_US
@@ -111,7 +111,7 @@ def _is_near(time_us: int, reference_us: int | None) -> bool:
 
 
 def _frame_after_time(data: bytes, start: int) -> Frame | Cause:
-    """The frame that starts at ``start``, or why there is none; of an unknown id it is unchecked and unconfirmed."""
+    """The frame that starts at ``start``, or why there is none; a frame of unknown id is unchecked and unconfirmed."""
     if len(data) < start + HEADER_LENGTH_V1:
         return Cause.TRUNCATED
     if data[start] == MAGIC_V2:
@@ -129,7 +129,8 @@ def _frame_after_time(data: bytes, start: int) -> Frame | Cause:
 
 
 def _fits_what_follows(time_us: int, following: bytes, reference_us: int | None) -> bool:
-    """A time far from the last one stands if the next record agrees with it; the first, if it is of this century."""
+    """Whether a time far from the last one is plausible: the next record agrees, or it is the first, of this
+    century."""
     if len(following) == TIME_LENGTH and _is_near(time_us, int.from_bytes(following, "big")):
         return True
     if reference_us is not None:
@@ -138,7 +139,7 @@ def _fits_what_follows(time_us: int, following: bytes, reference_us: int | None)
 
 
 def _record_may_start(data: bytes, at: int, reference_us: int | None) -> bool:
-    """A plausible time and a magic byte stand here, or the end of the file."""
+    """Whether a plausible time and a magic byte follow here, or the end of the file."""
     if at == len(data):
         return True
     if at + TIME_LENGTH >= len(data) or data[at + TIME_LENGTH] not in (MAGIC_V1, MAGIC_V2):
@@ -150,9 +151,9 @@ def _record_may_start(data: bytes, at: int, reference_us: int | None) -> bool:
 class TlogWriter:
     """Writes a tlog record by record.
 
-    Records are collected and written out together, after a second of log time or 32 KiB, whichever comes first; a
-    process that dies loses no more than that, and `flush` writes at once. Where the file system refuses (disk full) the
-    file is cut back to its last complete record before the error is raised.
+    Records are collected and written together, after a second of log time or 32 KiB, whichever comes first. A process
+    that dies loses no more than that; `flush` writes at once. If the file system refuses (disk full), the file is cut
+    back to its last complete record before the error is raised.
 
     Args:
         path: The file.
@@ -179,12 +180,12 @@ class TlogWriter:
         """Add one record.
 
         Args:
-            time_us: Microseconds since 1970; a time before the last record's is written as that one, for readers
+            time_us: Microseconds since 1970; a time before that of the last record is replaced by it, since readers
                 expect order.
-            frame: The frame as it came over the wire.
+            frame: The frame as received.
 
         Raises:
-            OSError: If the file system refuses; the writer is closed then.
+            OSError: If the file system refuses; the writer is then closed.
             ValueError: If the writer is closed, or the time does not fit.
         """
         if self._file.closed:
@@ -199,10 +200,10 @@ class TlogWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Write out what is collected.
+        """Write the collected records.
 
         Raises:
-            OSError: If the file system refuses; the writer is closed then.
+            OSError: If the file system refuses; the writer is then closed.
         """
         if not self._pending:
             return
@@ -219,7 +220,7 @@ class TlogWriter:
         self._pending, self._pending_bytes, self._flushed_us = [], 0, self._last_us
 
     def _cut_back(self, written: int) -> None:
-        """Close, leaving the complete records among the first ``written`` bytes of what is collected."""
+        """Close, keeping the complete records among the first ``written`` bytes of the collected ones."""
         complete = 0
         lost = len(self._pending)
         for record in self._pending:
@@ -238,7 +239,7 @@ class TlogWriter:
             self._file.close()
 
     def close(self) -> None:
-        """Write out what is collected and close; may be called twice.
+        """Write the collected records and close; may be called twice.
 
         Raises:
             OSError: If the file system refuses.

@@ -1,1 +1,1 @@
-"""Captures into other formats."""
+"""Exports captures to other formats."""

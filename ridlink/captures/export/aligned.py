@@ -13,11 +13,11 @@ from ridlink.captures.lines import DIGITS, NAME_WIDTH, NUMBER_WIDTH, SOURCE_WIDT
 from ridlink.captures.messages import UNKNOWN
 
 CALENDAR_END_US = 253_402_300_800_000_000
-"""Ten thousand years."""
+"""Year 10000, in microseconds since 1970."""
 
 TEN_SECONDS_US = 10_000_000
 TO_TEN_SECONDS = len("2026-05-01T12:30:0")
-"""Characters of a time that stay the same for so long."""
+"""Characters of a time that stay the same for ten seconds."""
 
 _LEAST = -4
 _DECADES = np.array([float(f"1e{exponent}") for exponent in range(_LEAST, DIGITS)])
@@ -27,7 +27,7 @@ _NEAR_A_TIE = 1e-5
 
 
 class AlignedRows(Rows):
-    """One row for eyes a message."""
+    """One aligned row per message, for people."""
 
     NOTHING = "-"
     END = "\n"
@@ -70,7 +70,7 @@ class AlignedRows(Rows):
     def float_cells(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ten significant digits with their number of decimals, and where they are certain.
 
-        They are not where rounding is a near thing, and numbers with an exponent are left out.
+        Digits are not certain where the value is near a rounding tie; numbers with an exponent are left out.
         """
         size = np.abs(values)
         decades = np.searchsorted(_DECADES, size, side="right")

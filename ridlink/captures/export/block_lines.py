@@ -1,4 +1,4 @@
-"""Lines from columns: what `ridlink.captures.lines` writes, byte by byte, many times as fast."""
+"""Lines from columns: the same bytes as `ridlink.captures.lines` writes, many times as fast."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FORMS: dict[str, tuple[type[Rows], Callable[[MessageRecord], bytes]]] = {
     "jsonl": (JsonRows, json_line),
     "table": (AlignedRows, table_line),
 }
-"""What writes the lines of a message at once, and what writes one."""
+"""By format: the class that writes many lines at once, and the function that writes one line."""
 
 
 class BlockLines:

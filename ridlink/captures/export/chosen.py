@@ -35,7 +35,7 @@ def chosen_rows(block: Block, selection: Selection) -> Iterator[tuple[Layout, np
 
 
 def chosen_frames(block: Block, selection: Selection) -> np.ndarray | None:
-    """Which frames are of the sender and time that are selected; ``None`` for all."""
+    """Mask of the frames whose sender and time are selected; ``None`` for all."""
     if selection.source_system is None and selection.since_us is None and selection.until_us is None:
         return None
     keep = np.ones(block.count, np.bool_)

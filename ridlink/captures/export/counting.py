@@ -1,6 +1,6 @@
-"""What blocks of a capture hold, in counts: what `Statistics.count` takes of each message, many times as fast.
+"""Counts the contents of blocks: the same counts as `Statistics.count`, many times as fast.
 
-What is met first comes first among equals, so that the tables have the same order too. Members of message packs are
+Equal counts are sorted by first occurrence, so that the tables have the same order, too. Members of message packs are
 decoded one by one.
 """
 

@@ -1,7 +1,7 @@
 """Messages of captures as plain fields, in the order of the file and under the names of JSON lines.
 
-What is built of several messages (one row for each update of an aircraft, tracks on a map) takes them from here,
-whatever the capture is: files of MAVLink come through the fast path, everything else through the readers of records.
+Exports that combine several messages (one row for each update of an aircraft, tracks on a map) read them here, for
+every format of capture: MAVLink files use the fast path, all others the readers of records.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ class Fields(NamedTuple):
     """One message.
 
     Attributes:
-        time_us: Microseconds since 1970, ``None`` where it has no time.
-        transport: What carried it, ``None`` where the capture does not say.
-        source: Who sent it: ``system/component``, or the address of a radio.
-        seq: Its sequence number, of a broadcast its counter.
+        time_us: Microseconds since 1970, ``None`` if it has no time.
+        transport: Its transport, ``None`` if the capture does not say.
+        source: Its sender: ``system/component``, or the address of a radio.
+        seq: Its sequence number; for a broadcast, its message counter.
         offset: Byte, packet or line of the file.
         name: Message name.
-        fields: Its fields, in SI where it is about Remote ID, ``None`` for unknown.
-        is_25_bytes: It came as 25 bytes, alone or in a pack: times are tenths there, of a SEPARATION whole seconds.
+        fields: Its fields, in SI if it is Remote ID, ``None`` for unknown.
+        is_25_bytes: Whether it came as 25 bytes, alone or in a pack: times are then tenths, or whole seconds in
+            SEPARATION.
     """
 
     time_us: int | None
@@ -46,7 +47,7 @@ class Fields(NamedTuple):
 
 
 def fields_of_block(block: Block, selection: Selection) -> Iterator[Fields]:
-    """Messages of a block that the dialect knows, in the order of the file."""
+    """Messages of a block that are in the dialect, in the order of the file."""
     found = np.empty(block.count, object)
     for layout, entries, rows in chosen_rows(block, selection):
         if layout.spec is None:
@@ -71,7 +72,7 @@ def fields_of_block(block: Block, selection: Selection) -> Iterator[Fields]:
 
 
 def fields_of_records(records: Iterable[MessageRecord]) -> Iterator[Fields]:
-    """The same of records; those that the dialect does not know are left out."""
+    """Messages of records; those that are not in the dialect are left out."""
     for record in records:
         if record.message is None:
             continue

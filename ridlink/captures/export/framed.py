@@ -1,4 +1,4 @@
-"""Lines that carry the bytes of their frame, from which `ridlink encode` makes the same file again."""
+"""Lines that contain the bytes of their frame, from which `ridlink encode` restores the same file."""
 
 from __future__ import annotations
 

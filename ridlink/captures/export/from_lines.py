@@ -1,11 +1,11 @@
 r"""JSON lines back to frames: the inverse of `ridlink.captures.lines`.
 
-A line that carries the bytes of its frame (``decode --frames``) gives exactly those. Of any other the frame is made
-anew from its fields: MAVLink 2, unsigned, trailing zeros cut off, sequence number and source as in the line. That is
-the frame that was decoded, if it was of that form and all of its values had a place in the line. What has none:
-signatures and the version; payloads of messages that the dialect does not have; ``target_system`` and
-``target_component`` of Open Drone ID; values out of their range, which read as unknown; NaN and infinity, which are
-``null``; and of a text in which the sender itself wrote ``\xNN``, that these were four characters.
+A line with the bytes of its frame (``decode --frames``) gives exactly those. For any other line, the frame is encoded
+from its fields: MAVLink 2, unsigned, trailing zeros cut off, sequence number and source as in the line. This is the
+decoded frame, if it had that form and the line has all of its values. A line does not have: signatures and the version;
+payloads of messages that are not in the dialect; ``target_system`` and ``target_component`` of Open Drone ID; values
+out of their range, which read as unknown; NaN and infinity, which are ``null``; and the fact that a sender itself wrote
+``\xNN`` as four characters.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ MAX_TIME_US = 2**64 - 1
 
 
 class TimedFrame(NamedTuple):
-    """A frame and its time, ``None`` where the line has none; ``data`` are the 25 bytes of a broadcast."""
+    """A frame and its time, ``None`` if the line has none; ``data`` are the 25 bytes of a broadcast."""
 
     time_us: int | None
     frame: bytes
@@ -54,10 +54,10 @@ _decode = msgspec.json.Decoder(_Line).decode
 
 
 def frame_of_line(line: bytes) -> TimedFrame | None:
-    """The frame of one line; ``None`` of a member of a message pack, which is in the frame of the pack.
+    """The frame of one line; ``None`` for a member of a message pack, which is in the frame of the pack.
 
     Raises:
-        WireError: If the line is none that `decode` writes, or its values do not fit.
+        WireError: If `decode` does not write such lines, or a value does not fit.
     """
     try:
         row = _decode(line)
@@ -147,7 +147,7 @@ def _si_form(kind: type[RemoteIdMessage]) -> tuple[dict[str, Callable[[Any], Any
 
 
 def from_text(text: str) -> bytes:
-    """Bytes of a displayed text; only what is displayed as ``\\xNN`` is taken back.
+    """Bytes of a displayed text; only escapes of the form ``\\xNN`` are decoded.
 
     Raises:
         WireError: If it is no displayed text.

@@ -1,11 +1,12 @@
 """Tracks and points for maps: GeoJSON (RFC 7946) and KML.
 
-Aircraft come from joined Remote ID, one track for each identity. A vehicle whose system id tells no position by
-Remote ID comes from its GLOBAL_POSITION_INT, one track for each ``system/component``; if that is wanted, so do the
-others, and have two tracks. Positions without latitude and longitude are left out. Altitudes are WGS-84 where the
-sender gives them, else what it has: pressure altitude, or (of GLOBAL_POSITION_INT) above mean sea level.
+Aircraft are taken from joined Remote ID, one track for each identity. A vehicle whose system id sends no position by
+Remote ID is taken from its GLOBAL_POSITION_INT, one track for each ``system/component``. On request the telemetry of
+all other vehicles is included, too; these then have two tracks. Positions without latitude and longitude are left out.
+Altitudes are WGS-84 if the sender gives them, else pressure altitude, or (for GLOBAL_POSITION_INT) above mean sea
+level.
 
-Points are written as they come, tracks at the end.
+Points are written in the order of the input, tracks at the end.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from ridlink.captures.lines import clock_time, exact_seconds
 
 VEHICLE_POSITION = "GLOBAL_POSITION_INT"
 MAPPED_NAMES = (*JOINED_NAMES, VEHICLE_POSITION)
-"""The messages that maps are made of."""
+"""The messages that maps need."""
 
 _POINT_PROPERTIES = ("ua_type", "status", "speed_horizontal_mps", "speed_vertical_mps", "direction_deg", "height_m",
                      "horizontal_error_m", "horizontal_accuracy_m", "transports")  # fmt: skip
@@ -31,7 +32,7 @@ _encode = msgspec.json.Encoder().encode
 
 
 def positions(messages: Iterable[Fields], *, telemetry: bool = False) -> Iterator[Position]:
-    """Positions of aircraft in the order of time, then those of vehicles that tell none by Remote ID.
+    """Positions of aircraft in the order of time, then those of vehicles that send none by Remote ID.
 
     Args:
         messages: In the order of the file.
@@ -57,7 +58,7 @@ def positions(messages: Iterable[Fields], *, telemetry: bool = False) -> Iterato
 
 
 def _is_of_its_sender(location: Fields) -> bool:
-    """Over MAVLink an aircraft tells its own position without an address, and a receiver that of others with one."""
+    """Whether a position is the sender's own: over MAVLink it then has no address; receivers relay others with one."""
     fields = location.fields
     return "/" in location.source and fields["id_or_mac"] is None and fields["latitude_deg"] is not None
 

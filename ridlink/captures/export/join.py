@@ -1,12 +1,12 @@
-"""One row for each update of each aircraft: LOCATION, with the SEPARATION of the same instant, and what BASIC_ID and
-SYSTEM last said about the same sender. Where messages have 25 bytes, a SEPARATION has the instant in whole seconds.
+"""One row for each update of each aircraft: LOCATION, with the SEPARATION of the same instant, and the last BASIC_ID
+and SYSTEM of the same sender. In the 25-byte form, a SEPARATION has its time in whole seconds.
 
-An aircraft that is heard over several transports (MAVLink, Wi-Fi, Bluetooth) says the same several times: the same
-identity, position and time of the sender make one row, which names all transports. A position without a time that the
-same sender tells less than a second of log time after one with a time, as an autopilot does beside its transmitter, is
-no row. Rows come in the order of time, two seconds of log time late, for a duplicate or a SEPARATION may still be on
-its way, or seven where nobody knows yet whose they are: identities are told once in three seconds. Memory is bounded,
-whatever senders do.
+An aircraft that is heard over several transports (MAVLink, Wi-Fi, Bluetooth) sends the same data several times:
+messages with the same identity, position and sender time make one row, which names all transports. A position without a
+time makes no row if it follows one with a time from the same sender within a second of log time, as from an autopilot
+beside its transmitter. Rows are in the order of time. They are two seconds of log time late, since a duplicate or a
+SEPARATION may follow, or seven if the identity is not known yet, since identities are sent once in three seconds.
+Memory is bounded, whatever senders do.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ BASIC_ID, LOCATION, SYSTEM, SEPARATION, AUTHENTICATION = JOINED_NAMES = (
     "OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_LOCATION", "OPEN_DRONE_ID_SYSTEM", "RIDLINK_SEPARATION",
     "OPEN_DRONE_ID_AUTHENTICATION",
 )  # fmt: skip
-"""The messages that are joined; as the last, stock receivers relay the one before."""
+"""The messages that are joined; stock receivers relay SEPARATION as AUTHENTICATION."""
 
 MAVLINK = "mavlink"
-"""Transport of what came in MAVLink frames, where the capture does not say more."""
+"""Transport of messages in MAVLink frames, if the capture does not say more."""
 
 HOLD_US = 2_000_000
 UNIDENTIFIED_HOLD_US = 7_000_000
 UNTIMED_US = 1_000_000
-"""A position without a time, so soon in a log after one with a time of the same sender, is no update of its own."""
+"""Within this time after a position with a time, a position without a time from the same sender is no update."""
 
 VALID_US = int(EQUAL_TIMESTAMP_VALID_S * 1e6)
 MAX_SENDERS = 2_000
@@ -61,12 +61,12 @@ COLUMNS: dict[str, str] = {
     "area_radius_m": "number", "area_ceiling_m": "number", "area_floor_m": "number", "category_eu": "integer",
     "class_eu": "integer", "system_timestamp_s": "number", "id_or_mac": "text",
 }  # fmt: skip
-"""Columns of a joined row and what they hold; ``t`` is microseconds since 1970."""
+"""Columns of a joined row and their contents; ``t`` is microseconds since 1970."""
 
 
 @dataclass(slots=True)
 class _Sender:
-    """What one sender over one transport last said."""
+    """The last messages of one sender over one transport."""
 
     key: tuple[str, str, str | None]
     id_type: int = ID_TYPE_NONE
@@ -90,7 +90,7 @@ class _Update:
 
 
 class Joiner:
-    """Takes messages in the order of the file and gives rows."""
+    """Receives messages in the order of the file and returns rows."""
 
     def __init__(self) -> None:
         self._senders: OrderedDict[tuple[str, str, str | None], _Sender] = OrderedDict()
@@ -98,7 +98,7 @@ class Joiner:
         self._held: deque[_Update] = deque()
 
     def receive(self, message: Fields) -> Iterator[dict[str, Any]]:
-        """Take one message; rows that are complete now."""
+        """Receive one message; returns the rows that are complete now."""
         message = _recognised(message)
         fields = message.fields
         now_us = message.time_us or 0
@@ -121,7 +121,7 @@ class Joiner:
             yield _finished(self._held.popleft())
 
     def flush(self) -> Iterator[dict[str, Any]]:
-        """The rows that are left; the capture has ended."""
+        """The remaining rows; call it at the end of the capture."""
         while self._held:
             yield _finished(self._held.popleft())
 
@@ -142,7 +142,7 @@ class Joiner:
             sender.ua_type = fields["ua_type"]
         if fields["id_type"] == ID_TYPE_NONE or not fields["uas_id"]:
             return
-        # one who alternates serial number and registration is one aircraft
+        # a sender that alternates serial number and registration is one aircraft
         if fields["id_type"] == ID_TYPE_SERIAL_NUMBER or sender.id_type != ID_TYPE_SERIAL_NUMBER:
             sender.id_type, sender.uas_id = fields["id_type"], fields["uas_id"]
 
@@ -191,7 +191,7 @@ def _recognised(message: Fields) -> Fields:
 
 
 def _belongs(separation: Fields, update: _Update) -> bool:
-    """Both describe the same instant, as far as their times tell."""
+    """Whether both describe the same instant, as far as their times say."""
     separation_s, location_s = separation.fields["timestamp_s"], update.row["timestamp_s"]
     if separation.is_25_bytes:
         is_same = separation_s is None or (location_s is not None and separation_s in whole_seconds_of(location_s))
@@ -222,7 +222,7 @@ def _is_same(update: _Update, fields: dict[str, Any], sender: _Sender, now_us: i
 
 
 def _add(update: _Update, separation: Fields | None) -> None:
-    """Complete a row with what belongs to it; what 25 bytes could hold does not replace more."""
+    """Complete a row with its SEPARATION; values of the coarser 25-byte form do not replace better ones."""
     if separation is None or not _belongs(separation, update):
         return
     if separation.is_25_bytes and update.has_exact_separation:

@@ -1,7 +1,7 @@
-"""MCAP files for Foxglove and PlotJuggler, everything in JSON.
+"""MCAP files for Foxglove and PlotJuggler, with all messages in JSON.
 
-Each position of an aircraft is a ``foxglove.LocationFix`` under ``/remote_id/NAME/fix``, which a map panel shows as it
-is; every message is under ``/mavlink/SYSTEM/COMPONENT/NAME``. Topics keep letters, digits, ``-`` and ``_`` of a name.
+Each position of an aircraft is a ``foxglove.LocationFix`` under ``/remote_id/NAME/fix``, which a map panel can show;
+every message is under ``/mavlink/SYSTEM/COMPONENT/NAME``. Topics keep letters, digits, ``-`` and ``_`` of a name.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _encode = msgspec.json.Encoder().encode
 
 
 def write_mcap(messages: Iterable[Fields], out: BinaryIO) -> int:
-    """All messages, and the fixes that they make; how many messages.
+    """Writes all messages, and the fixes made from them; returns the number of messages.
 
     Raises:
         MissingExtraError: If mcap is not installed.
@@ -99,7 +99,7 @@ class _File:
         self._last_us = 0
 
     def write(self, topic: str, schema: str, definition: dict[str, Any], time_us: int | None, message: Any) -> None:
-        """Add one message; one without a time gets the one before."""
+        """Add one message; a message without a time gets the previous time."""
         channel = self._channels.get(topic)
         if channel is None:
             if schema not in self._schemas:

@@ -1,7 +1,7 @@
-"""Lines of one message at once: literals with cells between them, put together by a kernel.
+"""All lines of one message type at once: literals with cells between them, joined by a compiled kernel.
 
-What lines look like is left to the forms. Numbers are written by the kernel where that is certain to be the same, and
-by what writes one line elsewhere; the kernel copies these.
+Subclasses define the format of a line. The kernel writes a number if its text is certain to be the same as that of the
+slow path; otherwise the slow path writes it, and the kernel copies it.
 """
 
 from __future__ import annotations

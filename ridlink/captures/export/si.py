@@ -1,7 +1,7 @@
-"""Structured arrays to the columns that are written out: Remote ID in SI units, everything else as the XML has it.
+"""Structured arrays to columns for export: Remote ID in SI units, everything else as in the XML.
 
-Names, order and values are those of `ridlink.captures.lines`, and what is unknown there is unknown here: the rules of
-`ridlink.remote_id.convert`, for whole arrays. Tests hold the two against each other.
+Names, order, values and unknowns are those of `ridlink.captures.lines`: the rules of `ridlink.remote_id.convert`, for
+whole arrays. Tests compare the two.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Column:
 
     Attributes:
         values: Numbers, or arrays of numbers, one for each message; of texts, a list of ``str`` or ``None``.
-        known: Which numbers are known; all where it is ``None``.
+        known: Mask of the known numbers; ``None`` if all are.
     """
 
     values: np.ndarray | list[str | None]
@@ -122,7 +122,7 @@ def _each_bytes(values: np.ndarray) -> list[bytes]:
 
 
 def _texts(values: np.ndarray) -> list[str | None]:
-    """Printable texts; senders repeat themselves, so each is made once."""
+    """Printable texts; each distinct text is made once, since senders repeat themselves."""
     raw = _each_bytes(values)
     shown = {value: display_text(value) for value in set(raw)}
     return [shown[value] for value in raw]

@@ -1,7 +1,7 @@
 """Tables for other programs: CSV and Parquet, one file a message or one file of joined rows.
 
-A cell of CSV that a sender could make begin with ``= + - @`` gets an apostrophe in front: opened in a spreadsheet it is
-a text and no formula. Texts are printable ASCII already, and file names are names of the dialect.
+If a sender could make a CSV cell begin with ``= + - @``, the cell gets an apostrophe in front, so that a spreadsheet
+reads it as text and not as a formula. Texts are printable ASCII already, and file names are names of the dialect.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ridlink.errors import MissingExtraError
 
 ROWS_PER_GROUP = 16_384
 JOINED_ROWS_PER_GROUP = 4096
-"""Fewer, for these wait as dictionaries."""
+"""Fewer than usual, since these rows wait as dictionaries."""
 
 FORMULA_STARTS = ("=", "+", "-", "@")
 
@@ -37,7 +37,7 @@ FEET_PER_M = 1.0 / 0.3048
 
 
 def tables_of_block(block: Block, selection: Selection) -> Iterator[tuple[str, dict[str, Column]]]:
-    """What is selected of a block, as columns by message: ``t, transport, src, seq, offset``, then the fields.
+    """Selected messages of a block, as columns by message: ``t, transport, src, seq, offset``, then the fields.
 
     ``t`` is microseconds since 1970. A field that is itself called ``seq`` is the column ``seq_field``.
     """
@@ -106,7 +106,7 @@ def _column(values: list[Any], kind: np.dtype[Any] | None) -> Column:
 
 
 def neutral(text: str | None) -> str | None:
-    """A text that no spreadsheet takes for a formula."""
+    """The text, changed so that no spreadsheet reads it as a formula."""
     return f"'{text}" if text is not None and text.startswith(FORMULA_STARTS) else text
 
 

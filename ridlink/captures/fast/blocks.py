@@ -1,6 +1,6 @@
 """Captures in blocks: a file is read a block at a time, and each block becomes an index of its frames.
 
-Every block lies in the same buffer, so what is wanted of it is gathered before the next one is asked for.
+All blocks share one buffer, so copy what you need of a block before you request the next one.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from ridlink.errors import CaptureError
 BLOCK_LENGTH = 512 * 1024
 RECORDS_PER_BLOCK = 8192
 SCANNED = (CaptureKind.TLOG, CaptureKind.MAVLINK)
-"""Formats whose files are scanned as they lie."""
+"""Formats whose files are scanned directly."""
 KINDS = (*SCANNED, CaptureKind.PCAP)
-"""Formats that gain by being read in blocks."""
+"""Formats that are faster to read in blocks."""
 
 _CARRIED = scanning.LOOKAHEAD + loading.MARGIN
 _START = loading.MARGIN + _CARRIED

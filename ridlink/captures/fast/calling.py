@@ -1,4 +1,5 @@
-"""How Python calls the kernels: with plain values where there is no compiler, and with a word where it has to run."""
+"""How Python calls the kernels: with plain values if there is no compiler, and with a notice before the compiler
+runs."""
 
 from __future__ import annotations
 

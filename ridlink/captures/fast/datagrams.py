@@ -1,7 +1,7 @@
-"""What packets hold as blocks: the frames of many datagrams at once.
+"""Contents of packets as blocks: the frames of many datagrams at once.
 
-All of them are scanned as if they were one stream. A datagram that frames fill from its first byte to its last holds
-just these, for a stream takes no frame that a datagram would not; any other is judged by `ridlink.captures.packets`.
+All datagrams are scanned as one stream. If frames fill a datagram from its first byte to its last, these are its
+frames, since a stream takes no frame that a datagram would not. `ridlink.captures.packets` parses every other datagram.
 """
 
 from __future__ import annotations

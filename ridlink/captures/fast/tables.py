@@ -1,6 +1,6 @@
-"""What the kernels look up: checksum tables, and where the messages of the dialect lie in columns.
+"""Tables for the kernels: checksum tables, and the layout of the messages of the dialect in columns.
 
-Everything is derived when it is first asked for: from the polynomial, and from the metadata of the generated dialect.
+All are computed on first use, from the polynomial and from the metadata of the generated dialect.
 """
 
 from __future__ import annotations
