@@ -19,8 +19,6 @@ ADSB_COMPONENT = 156
 NEAREST = 10
 """Contacts shown at most, as other tools that feed ground stations do."""
 
-INTERVAL_S = 1.0
-
 _TYPE_ADSB, _AUTOPILOT_INVALID, _ACTIVE = 27, 8, 4
 _GEOMETRIC, _EMITTER_UAV = 1, 14
 _VALID = 1 | 2 | 4 | 8 | 16 | 128

@@ -44,11 +44,6 @@ from ridlink.avoidance.rows import (
 )
 from ridlink.avoidance.turning import buffer_growth_in_kernels
 
-APART_FACTOR = HOLD_FACTOR
-"""Once a neighbour has been this many radii away, buffer included, the buffer is held against it. One that begins
-nearer, as in a fleet that starts side by side, may come up to the disc itself until then: to push such neighbours out
-of a buffer first kept these fleets from moving at all."""
-
 HORIZON_RADII = 1.5
 """The conflict horizon is at least the time in which own-ship flies this many radii of the disc."""
 
@@ -66,6 +61,9 @@ LITTLE = 1e-6
 """The same margin in m/s, for vehicles that do not move."""
 
 HOLD_SQUARE, LEAN_SQUARE = (SURELY * HOLD_FACTOR) ** 2, (SURELY * LEAN_RADII) ** 2
+"""Once a neighbour has been HOLD_FACTOR radii away, buffer included, the buffer is held against it. One that begins
+nearer, as in a fleet that starts side by side, may come up to the disc itself until then: to push such neighbours out
+of a buffer first kept these fleets from moving at all."""
 
 
 @kernel(forceinline=True, fused=True, inner=True)

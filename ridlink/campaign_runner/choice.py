@@ -24,8 +24,6 @@ from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import CATEGORIES, REPORT_INTERVAL_S
 from ridlink.technologies import TECHNOLOGIES
 
-PAPER_DEFINITIONS = (Definition.SNMAC, Definition.REMOTE_ID, Definition.CANDIDATE1, Definition.CANDIDATE2)
-
 GRADED: dict[str, Callable[[], GradedSettings]] = {
     "graded": GradedSettings.g2, "g2": GradedSettings.g2, "g3": GradedSettings.g3,
     "k": GradedSettings.k, "k2": GradedSettings.k2,

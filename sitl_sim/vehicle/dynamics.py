@@ -24,7 +24,6 @@ from sitl_sim.vehicle.airframe import model_for_speed
 from sitl_sim.vehicle.models import GRAVITY_MPS2, TICK_S, Ideal, Model, ShapedTarget, VelocityFeedback
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _HISTORY_TICKS = 16
 """Delay line; the longest delay is two ticks less, 0.28 s."""

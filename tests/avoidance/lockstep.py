@@ -188,10 +188,8 @@ class Outcome:
     least_gap_m: np.ndarray
     least_margin_m: np.ndarray
     least_obstacle_m: np.ndarray
-    least_clearance_m: np.ndarray
     infeasible_share: float
     reversals: float
-    solo_s: np.ndarray | None = None
     path: np.ndarray | None = field(default=None, repr=False)
 
     @property
@@ -282,7 +280,6 @@ def fly(
     least_gap = np.full(worlds, np.inf)
     least_margin = np.full(worlds, np.inf)
     least_obstacle = np.full(worlds, np.inf)
-    least_clearance = np.full(worlds, np.inf)
     bound = 3.0 * sigma_m if error_bound_m is None else error_bound_m
     turn = np.zeros(shape)
     window = round(WATCH.window_s / 0.1)
@@ -371,8 +368,6 @@ def fly(
         if plan.polygons and step % PHASES == 0:
             away = signed_distance(obstacles, position)
             least_obstacle = np.minimum(least_obstacle, np.where(active, away, np.inf).min(axis=1))
-            spare = signed_distance(obstacles, reported) - own[..., rows.CLEARANCE]
-            least_clearance = np.minimum(least_clearance, np.where(active, spare, np.inf).min(axis=1))
         there = active & (np.linalg.norm(goal - reported, axis=-1) < ARRIVED_M) & ~hit
         arrival = np.where(there, now, arrival)
         active = active & ~there & ~hit
@@ -382,7 +377,7 @@ def fly(
         if not active.any():
             break
     return Outcome(
-        arrival, collided, least_gap, least_margin, least_obstacle, least_clearance, infeasible / max(decisions, 1),
+        arrival, collided, least_gap, least_margin, least_obstacle, infeasible / max(decisions, 1),
         reversals / (worlds * count), path=np.array(path) if keep_path else None,
     )  # fmt: skip
 

@@ -54,7 +54,7 @@ from ridlink.avoidance.rows import (
     START_TURN,
     VELOCITY,
 )
-from ridlink.avoidance.sift import APART_FACTOR, HORIZON_RADII
+from ridlink.avoidance.sift import HORIZON_RADII
 from tests.avoidance.way_in import way_in
 
 buffered_clearance, preferred_velocity, slowness, approach_speed, nearest_point, earlier_and_wider = map(
@@ -504,7 +504,7 @@ def avoid_one(
         if not math.isnan(neighbours[j, N_COMMAND]) and not math.isnan(neighbours[j, N_COMMAND + 1]):
             c_1, c_2 = neighbours[j, N_COMMAND], neighbours[j, N_COMMAND + 1]
         before = int(memory[j])
-        apart = (before & APART) != 0 or distance >= APART_FACTOR * radius
+        apart = (before & APART) != 0 or distance >= HOLD_FACTOR * radius
         # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.
         edge = radius if apart else neighbours[j, RADIUS]
         side = passing_side(

@@ -10,7 +10,8 @@ from ridlink.avoidance import GradedSettings, RotationSettings, SolverKind
 from ridlink.campaign.chance import ErrorModel
 from ridlink.campaign.plan import Plan, graded_plan, paper_plan
 from ridlink.campaign.scene import Scene, circle, drawn_scene, square
-from ridlink.campaign_runner.choice import PAPER_DEFINITIONS, Choice, Conditions
+from ridlink.campaign_runner.choice import Choice, Conditions
+from ridlink.cli.campaign_options import PAPER_DEFINITIONS
 from ridlink.errors import ConfigError
 from ridlink.scenario import built_in
 from ridlink.separation import Definition
@@ -37,7 +38,7 @@ def test_the_papers_preset():
 def test_the_command_flies_the_papers_preset():
     """In the words of the options it is made a second time, from parts that other campaigns share."""
     choice = Choice(
-        ("circle8", "square24"), PAPER_DEFINITIONS, (ErrorModel.WHITE_RADIAL,), ("rotation",),
+        ("circle8", "square24"), tuple(map(Definition, PAPER_DEFINITIONS)), (ErrorModel.WHITE_RADIAL,), ("rotation",),
         conditions=Conditions(paper=True),
     )  # fmt: skip
     plans = choice.plans()
