@@ -67,7 +67,7 @@ def aligned(array: np.ndarray) -> np.ndarray:
 
 
 def for_worlds(array: np.ndarray, worlds: int) -> np.ndarray:
-    """The same scratch for each of so many worlds, with a leading axis."""
+    """A copy of the scratch for each of so many worlds, on a leading axis."""
     return aligned(np.stack([array] * worlds))
 
 
@@ -77,7 +77,7 @@ def for_all_worlds(scratch: tuple[np.ndarray, ...], worlds: int) -> tuple[np.nda
 
 
 def blocks_for(count: int) -> int:
-    """Blocks that hold so many neighbours."""
+    """Number of blocks that hold so many neighbours."""
     return -(-count // LANES)
 
 

@@ -74,7 +74,7 @@ def repositioned(message: Message, own: OwnState | None, settings: FailsafeSetti
         latitude, longitude, altitude = message.x / 1e7, message.y / 1e7, message.z
     else:
         latitude, longitude, altitude = message.param5, message.param6, message.param7
-    if latitude == 0.0 and longitude == 0.0:  # nobody filled it in, as everywhere else on the wire
+    if latitude == 0.0 and longitude == 0.0:  # not filled in, as everywhere else on the wire
         return None
     height: float | None = None if math.isnan(altitude) else altitude
     if frame in RELATIVE_ALTITUDE_FRAMES:

@@ -204,7 +204,7 @@ class Engine:
         return output
 
     def _decided(self, own: OwnState | None, now_s: float, since_last_s: float, utc_s: float | None) -> DecisionRecord:
-        """What is seen and, where one may be flown, the velocity; without an own position at most zero."""
+        """The record with what is seen and, if one may be flown, the velocity; without an own position zero at most."""
         record = DecisionRecord(now_s, self.rung.state, own, len(self.picture))
         if own is None:
             return replace(record, commanded_ned_mps=STOP) if self.rung.stream is Stream.ZERO else record
@@ -221,7 +221,7 @@ class Engine:
         )
 
     def _watch_writers(self, sent: Velocity | None, now_s: float) -> None:
-        """Count what others write, and that nobody hears what we do; None: nothing is sent in this step."""
+        """Count steps in which others steer, or the vehicle does not hear us; `sent` is None if nothing is sent."""
         writer = self.telemetry.other_writer
         if self.rung.state in STEERING:
             self._counters["other_writer"] += writer.contested(now_s) or self.rivals.gives_way(now_s)

@@ -1,17 +1,17 @@
 """`--guard`: watch while the autopilot flies its own plan, take over for a conflict, hand back what was found.
 
-    WATCHING      nothing is sent but words. Only autonomous modes are taken over from, never a pilot's.
+    WATCHING      only status messages are sent. Takes over from autonomous modes only, never from a pilot's.
     TAKING_OVER   a conflict is predicted: PX4 gets its stream first, then the mode is asked for until a heartbeat says
-                  it. Where the link is lost meanwhile, the next heartbeat tells whether it was heard.
-    RESOLVING     in GUIDED or OFFBOARD; until the way has been free for the hysteresis, or nobody has steered for five
+                  it. If the link is lost meanwhile, the next heartbeat tells whether the request was heard.
+    RESOLVING     in GUIDED or OFFBOARD; until the way has been free for the hysteresis, or nothing has steered for five
                   seconds: a lost own state or link ends the avoidance, and an ArduPilot would hover there for ever.
     HANDING_BACK  the mission item and the mode that were found are asked for until a heartbeat says so.
-    ENDED         somebody else changed the mode meanwhile, or steers as well, or another vehicle speaks on the link. It
-                  is theirs until the operator engages the guard again, by MAV_CMD_DO_PAUSE_CONTINUE with 1 sent to this
-                  component.
+    ENDED         somebody else changed the mode meanwhile, or steers as well, or another vehicle speaks on the link.
+                  The vehicle is theirs until the operator engages the guard again, by MAV_CMD_DO_PAUSE_CONTINUE with 1
+                  sent to this component.
 
-No acknowledgement counts: PX4 acknowledges twice, and only the second one may be the refusal. A guard is fed with what
-is seen and names what is to be asked for; it sends nothing itself.
+No acknowledgement counts: PX4 acknowledges twice, and only the second one may be the refusal. A guard is told what is
+seen, and returns the commands to send; it sends nothing itself.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ class Guard:
             self.refused += 1
             self._go(Phase.WATCHING, now_s)
             return Wish(end=True)
-        self._found_item = seen.mission_item  # its plan is flown on until the mode is there
+        self._found_item = seen.mission_item  # the plan goes on until the mode is there
         stream_first_s = STREAM_FIRST_S if seen.autopilot == PX4 else 0.0
         if now_s - self._since_s < stream_first_s - 1e-6 or not self._ask(now_s):
             return Wish()

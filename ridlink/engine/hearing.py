@@ -71,7 +71,7 @@ class Hearing:
     ) -> None:
         lock = self._telemetry.lock
         sysid = lock.sysid if lock else self._config.vehicle_sysid
-        if sysid is None:  # who cannot tell its own reports from others' would avoid itself
+        if sysid is None:  # until own reports can be told from others', we would avoid ourselves
             self.counters["heard_before_the_vehicle"] += 1
             return
         report = self._assemblers[link].receive((frame.sysid, frame.compid), part, now_s)

@@ -69,7 +69,7 @@ UA_TYPES = {
 
 
 class Form(Named):
-    """For whom it is meant.
+    """Receivers that a broadcast is meant for.
 
     AIR: receivers that speak MAVLink, with RIDLINK_SEPARATION as it is.
     MODULE: a transmitter module, which puts it into 25-byte messages: RIDLINK_SEPARATION as the AUTHENTICATION that it
@@ -126,7 +126,7 @@ class Broadcast:
 
     def __init__(self, settings: BroadcastSettings) -> None:
         self.settings = settings
-        self._dynamic_due = Periodic(INTERVAL_S, early_s=INTERVAL_S / 2.0)  # steps are as late as they are woken
+        self._dynamic_due = Periodic(INTERVAL_S, early_s=INTERVAL_S / 2.0)  # steps may be woken late
         module = settings.form is Form.MODULE
         self._static_due = Periodic(MODULE_INTERVAL_S if module else STATIC_INTERVAL_S)
 

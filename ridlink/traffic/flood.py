@@ -21,7 +21,7 @@ class NewcomerGate:
     def admit(self, source: Hashable, now_s: float) -> bool:
         """Whether this source may begin one more track."""
         if source not in self._left and len(self._left) >= MOST_SOURCES:
-            source = next(iter(self._left))  # so many sources are a flood themselves: they share one bucket
+            source = next(iter(self._left))  # more sources are a flood themselves: they share one bucket
         left, at_s = self._left.get(source, (self._per_second, now_s))
         left = min(left + max(now_s - at_s, 0.0) * self._per_second, self._per_second)
         admitted = left >= 1.0

@@ -91,7 +91,7 @@ class TrafficPicture:
             track = min(following, key=lambda each: each.metres_to(report))
         if self._is_echo(report, track, own_sysid, own_names):
             self.counters["own_echo"] += 1
-            if track is not None and not track.seen_elsewhere:  # from before its name was told
+            if track is not None and not track.seen_elsewhere:  # begun before our name was known
                 del self.tracks[track.key]
         elif track is not None:
             self._update(track, report, report.received_at_s - (age_s or 0.0))
@@ -155,7 +155,7 @@ class TrafficPicture:
             filtered=self.settings.filtered,
             trusted_clock=age_s is not None,
         )
-        if others:  # which of them is the true one nobody can say
+        if others:  # nobody can say which of them is the true one
             track.doubt.add(bound_m(report, self.settings.unknown_error_m), report.received_at_s)
         if self._own is not None:
             here = (self._own.position.latitude_deg, self._own.position.longitude_deg)
@@ -213,7 +213,7 @@ class TrafficPicture:
         bound = min(bound, self.settings.unusable_error_m)
         gate_m = own.error_bound_m + bound + 2.0 * own.speed_mps + self.settings.echo_margin_m
         if distance <= gate_m:
-            if track is not None and (track.first_heard_m or 0.0) > gate_m:  # whoever came here is not called as we are
+            if track is not None and (track.first_heard_m or 0.0) > gate_m:  # it came here from afar, so it is not us
                 track.seen_elsewhere = True
             return track is None or not track.seen_elsewhere or track.metres_to(report) >= distance
         if track is not None:
@@ -288,7 +288,7 @@ class TrafficPicture:
         airborne = [track for track in self.tracks.values() if not track.report.on_ground]
         self.counters["on_ground"] += len(self.tracks) - len(airborne)
         sight = look(airborne, own, now_s, self.settings)
-        for track in self.tracks.values():  # whoever does not count must not hold the room of those who do
+        for track in self.tracks.values():  # tracks that do not count must not hold the room of others
             track.urgency_s, track.in_conflict = math.inf, False
         matters_s = np.where(sight.everybody.apart & (not self.settings.all_heights), math.inf, sight.urgency_s)
         for track, value in zip(airborne, matters_s.tolist(), strict=True):
