@@ -31,6 +31,8 @@ class Parameter:
 
 
 _PX4 = (
+    ("COM_DISARM_LAND", 2.0, REAL32, -1.0, 20.0),
+    ("COM_DISARM_PRFLT", 10.0, REAL32, -1.0, 30.0),
     ("COM_DL_LOSS_T", 10, INT32, 5, 300),
     ("COM_OBL_RC_ACT", 0, INT32, 0, 5),
     ("COM_OF_LOSS_T", 1.0, REAL32, 0.1, 60.0),
@@ -48,6 +50,7 @@ _PX4 = (
 _ARDUPILOT = (
     ("ANGLE_MAX", 3000, INT32, 1000, 8000),
     ("ARMING_CHECK", 1, INT32, 0, 2_097_151),
+    ("DISARM_DELAY", 10, INT32, 0, 127),
     ("FS_GCS_ENABLE", 0, INT32, 0, 7),
     ("FS_GCS_TIMEOUT", 5.0, REAL32, 2.0, 120.0),
     ("GUID_OPTIONS", 0, INT32, 0, 255),

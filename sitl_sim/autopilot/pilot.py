@@ -36,6 +36,7 @@ from sitl_sim.autopilot.navigation import Navigation, Vector
 from sitl_sim.autopilot.results import Severity
 from sitl_sim.autopilot.setpoints import Here, RefusedSetpoint, Setpoint, decode_setpoint, guidance_of
 from sitl_sim.autopilot.speeds import Speeds
+from sitl_sim.autopilot.standing import Standing
 from sitl_sim.autopilot.steering import OBEYING_S, Steering
 from sitl_sim.world import VehicleState, World
 
@@ -97,6 +98,7 @@ class Pilot:
         self.speeds = Speeds(flavour, parameters)
         self.mission = MissionFlight(board, self.speeds, self.nose)
         self.failsafes = Failsafes(flavour, parameters, navigation.time_s)
+        self._standing = Standing(board)
         self.navigation = navigation
         self.armed = start is not Start.GROUND
         self.failsafe = False
@@ -163,6 +165,7 @@ class Pilot:
         self._time_s, self._now_s, self.navigation = navigation.time_s, now_s, navigation
         self.estimate.update(navigation, dt_s)
         self._follow_world()
+        self._watch_standing()
         failsafe = self.failsafes.watch(navigation, self.mode, now_s)
         if not self._board.spec.cooperative:
             self._fly_own_mission()
@@ -211,10 +214,26 @@ class Pilot:
             self.enter(Mode.LAND, None)
         if self._was_in_air and not in_air:
             self.guidance = Velocity()
-            if self.mode in (Mode.LAND, Mode.RETURN, Mode.MISSION):
+            if self.mode is Mode.MISSION or (self.mode in _NEVER_ARMED and not self._board.is_px4):
                 self.arm(False)
+            if self.mode in (*_NEVER_ARMED, Mode.MISSION):
                 self.mission.landed()
         self._was_in_air = in_air
+
+    def _watch_standing(self) -> None:
+        """Disarm who has stood armed for long, unless that is a mission with more to fly, or a stick in its middle."""
+        px4 = self._board.is_px4
+        in_mission = self.mode is Mode.MISSION and not self.mission.is_complete
+        is_over = self._standing.is_over(
+            armed=self.armed,
+            in_air=self.navigation.in_air,
+            is_kept=in_mission if px4 else self.steering.is_throttle_held(self._now_s),
+            time_s=self._time_s,
+        )
+        if is_over and self._board.spec.cooperative:
+            if px4:
+                self._board.say(Severity.INFO, self._standing.px4_words)
+            self.arm(False)
 
     def _fly_mission(self, now_s: float) -> None:
         grounded = self.navigation.state is VehicleState.GROUNDED

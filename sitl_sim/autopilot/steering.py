@@ -59,7 +59,10 @@ class Steering:
         """Somebody holds the throttle stick, in the middle or not."""
         self._throttle_centred_s = now_s if centred else -math.inf
 
+    def is_throttle_held(self, now_s: float) -> bool:
+        """Whether somebody holds the throttle stick in the middle."""
+        return now_s - self._throttle_centred_s <= THROTTLE_VALID_S
+
     def by_stick(self, now_s: float) -> Velocity:
         """What an ArduPilot in a mode for a pilot flies."""
-        centred = now_s - self._throttle_centred_s <= THROTTLE_VALID_S
-        return Velocity() if centred else Velocity((0.0, 0.0, STICK_DOWN_MPS))
+        return Velocity() if self.is_throttle_held(now_s) else Velocity((0.0, 0.0, STICK_DOWN_MPS))

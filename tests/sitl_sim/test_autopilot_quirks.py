@@ -22,6 +22,7 @@ from tests.sitl_sim.flight import (
     GROUND_STATION,
     GUIDED,
     HOME,
+    LAND,
     NAN,
     PX4_ALTITUDE,
     PX4_HOLD,
@@ -30,10 +31,13 @@ from tests.sitl_sim.flight import (
     PX4_RETURN,
     SET_MODE,
     START_NED_M,
+    TAKEOFF,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     Flight,
+    airborne,
     both,
+    offboard,
     one_vehicle,
 )
 
@@ -250,6 +254,95 @@ def test_what_px4_does_in_silence_is_a_parameter(action: int, mode: int) -> None
     assert flight.mode == mode
     flight.fly(0.2, 2.0, 0.0, 0.0)
     assert flight.mode == PX4_OFFBOARD
+
+
+def standing(flavour: str, *, flown: bool, **parameters: float) -> Flight:
+    """Armed on the ground, be it that it has come down there by setpoints."""
+    flight = Flight(flavour, scenario=one_vehicle(start_ned_m=(-200.0, 0.0, -3.0)))
+    for name, value in parameters.items():
+        set_parameter(flight, name, value)
+    flight.advance(0.1)
+    assert offboard(flight) == ACCEPTED and flight.command(ARM, 1) == ACCEPTED
+    if flown:
+        if flavour == "ardupilot":
+            flight.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 3.0)
+            flight.advance(5.0)
+        flight.fly(3.0, 0.0, 0.0, -1.0)
+        assert flight.height_m > 1.0
+        come_down(flight, 0.0, 0.0, 1.0)
+    return flight
+
+
+def come_down(flight: Flight, *velocity: float) -> None:
+    """Until it stands."""
+    for _ in range(200):
+        if not flight.world.in_air[0]:
+            return
+        flight.fly(0.1, *velocity)
+    raise AssertionError("it flies on")
+
+
+DISARMS = [
+    ("px4", False, {}, 10.0, "Disarmed by auto preflight disarming"),
+    ("px4", True, {}, 2.0, "Disarmed by landing"),
+    ("px4", False, {"COM_DISARM_PRFLT": 4.0}, 4.0, "Disarmed by auto preflight disarming"),
+    ("px4", True, {"COM_DISARM_LAND": 4.0}, 4.0, "Disarmed by landing"),
+    ("ardupilot", False, {}, 10.0, "Disarming motors"),
+    ("ardupilot", True, {}, 10.0, "Disarming motors"),
+    ("ardupilot", True, {"DISARM_DELAY": 4.0}, 4.0, "Disarming motors"),
+]
+
+
+@pytest.mark.parametrize(("flavour", "flown", "parameters", "after_s", "said"), DISARMS)
+def test_who_stands_armed_disarms_after_a_while(
+    flavour: str, flown: bool, parameters: dict[str, float], after_s: float, said: str
+) -> None:
+    flight = standing(flavour, flown=flown, **parameters)
+    for _ in range(round(10.0 * (after_s - 0.5))):
+        flight.fly(0.1, 0.0, 0.0, 1.0)
+    assert flight.armed and said not in flight.texts
+    flight.fly(1.0, 0.0, 0.0, 1.0)
+    assert not flight.armed and flight.texts[-1] == said
+    assert flight.command(ARM, 1) == ACCEPTED  # and it begins anew
+    flight.advance(0.3)
+    assert flight.armed
+
+
+@pytest.mark.parametrize(
+    ("flavour", "flown", "parameters"),
+    [
+        ("px4", False, {"COM_DISARM_PRFLT": -1.0}),
+        ("px4", True, {"COM_DISARM_LAND": -1.0}),
+        ("ardupilot", True, {"DISARM_DELAY": 0.0}),
+    ],
+)
+def test_who_is_told_to_stays_armed(flavour: str, flown: bool, parameters: dict[str, float]) -> None:
+    flight = standing(flavour, flown=flown, **parameters)
+    flight.fly(30.0, 0.0, 0.0, 1.0)
+    assert flight.armed
+
+
+def test_an_ardupilot_whose_throttle_stick_is_held_stays_armed() -> None:
+    flight = standing("ardupilot", flown=False)
+    for _ in range(30):
+        flight.send("MANUAL_CONTROL", target=1, z=500)
+        flight.advance(1.0)
+    assert flight.armed
+    flight.advance(11.5)
+    assert flight.armed  # the stick counts for 3 s more
+    flight.advance(1.0)
+    assert not flight.armed
+
+
+def test_a_px4_that_has_landed_tells_so_before_it_disarms() -> None:
+    flight = airborne("px4", start_ned_m=(-200.0, 0.0, -3.0))
+    set_parameter(flight, "COM_DISARM_LAND", 5.0)
+    flight.command(LAND)
+    come_down(flight)
+    flight.advance(4.0)
+    assert flight.armed and flight.mode == PX4_LAND and flight.last("EXTENDED_SYS_STATE").landed_state == 1
+    flight.advance(1.5)
+    assert not flight.armed
 
 
 def test_losing_the_position_in_the_air_lands_ardupilot_for_good() -> None:

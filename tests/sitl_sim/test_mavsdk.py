@@ -27,7 +27,7 @@ def test_mavsdk_does_with_either_autopilot_all_that_it_can() -> None:
         assert seen["home_deg"] == pytest.approx([47.39864, 8.545594], abs=1e-4)
         assert seen["height_m"] > 1.5 and seen["speed_mps"] > 1.8 and seen["in_air"]
         assert seen["east_m"] == pytest.approx(3.0, abs=0.7) and seen["goto_m"] == pytest.approx(-3.0, abs=0.8)
-        count = 13 if server.config.autopilot == "ardupilot" else 14
+        count = 14 if server.config.autopilot == "ardupilot" else 16
         assert seen["parameters"] == [45.5, 4321, count]
         assert seen["mission"] == {"read_back": [0.0, 1.0, 2.0, 3.0, 4.0], "progress": [5, 5]}
         assert not server.autopilots[0].pilot.armed

@@ -49,7 +49,7 @@ def test_mavutil_fetches_parameters_obeys_its_masks_and_writes_missions() -> Non
     async def act(server: FleetServer) -> None:
         flavour = server.config.autopilot
         seen = await run_client("plan", flavour, f"127.0.0.1:{server.ports.vehicles[0]}")
-        assert seen["parameters"] == (13 if flavour == "ardupilot" else 14) and seen["set"] == 45.0
+        assert seen["parameters"] == (14 if flavour == "ardupilot" else 16) and seen["set"] == 45.0
         assert seen["moved"] == [[0x0DC7, 2, 0], [0x05C7, 2, 0], [0x0FC7, 2, 0]]
         assert seen["mission"] == [0, [16, 16, 178, 21], 0]
 
