@@ -180,6 +180,8 @@ def _run(loaded: Callable[[], None] | None) -> NoReturn:
     except RidlinkError as error:
         _fail(str(error), EXIT_USAGE)
     except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # while a class was made, by Python 3.11
+            sys.exit(130)
         if os.environ.get("RIDLINK_DEBUG"):
             raise
         _fail(f"internal error: {type(error).__name__}: {error} (RIDLINK_DEBUG=1 shows where)", EXIT_INTERNAL)

@@ -245,6 +245,12 @@ class TestExitCodes:
     def test_an_interrupt_is_128_and_its_signal(self, run: Run, interrupt: BaseException) -> None:
         assert run(interrupt) == 130
 
+    def test_an_interrupt_while_a_class_is_made_is_an_interrupt(self, run: Run) -> None:
+        """Python 3.11 makes a RuntimeError of it where a field of the class is told its name."""
+        internal = RuntimeError("Error calling __set_name__")
+        internal.__cause__ = KeyboardInterrupt()
+        assert run(internal) == 130
+
     @pytest.mark.parametrize("loading", ["signal", "ridlink.cli", "click", "ridlink.cli.decode", "ridlink.captures"])
     def test_an_interrupt_while_modules_are_loaded_ends_without_a_word(self, loading: str) -> None:
         done = interrupted_while(loading, "decode", "f.tlog")
