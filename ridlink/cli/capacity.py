@@ -37,7 +37,7 @@ CATEGORIES = ("1", "2", "3", "4")
     help="Of Table III: how fast they fly.",
 )  # fmt: skip
 @click.option(
-    "--density", "density_per_km2", type=Within(0.0, 1e5, min_open=True), default=1.0, show_default=True,
+    "--density", "density_per_km2", type=Within(1e-9, 1e5), default=1.0, show_default=True,
     metavar="N", help="Drones in a square kilometre at one height, for which conflicts are counted.",
 )  # fmt: skip
 @click.option(

@@ -54,6 +54,7 @@ def test_of_few_worlds_there_is_no_interval_and_the_output_says_why() -> None:
         (["--definition", "none"], "'none' is not known"),
         (["--density", "0"], "0.0 is not in the range"),
         (["--density", "nan"], "'nan' is not"),
+        (["--density", "1e-320"], "1e-320 is not in the range"),
         (["--sigma", "-1"], "-1.0 is not in the range"),
         (["--interval", "0"], "0.0 is not in the range"),
         (["--definition", "remote-id", "--density", "500"], "a square kilometre has no room for 500 vehicles 90.6 m"),
