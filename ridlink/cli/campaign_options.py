@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ridlink.cli.options import accuracy_convention
+from ridlink.cli.options import GNSS_MODELS, TECHNOLOGIES, Within, accuracy_convention
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -17,12 +16,10 @@ if TYPE_CHECKING:
 BASELINE = "none"
 DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance", BASELINE)
 PAPER_DEFINITIONS = ("snmac", "remote-id", "candidate1", "candidate2")
-GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
 SOLVERS = ("halfplane", "graded", "rotation", "g2", "g3", "k", "k2")
 DYNAMICS = ("ideal", "px4", "ardupilot")
 LARGEST = 2**63 - 1
 """Of seeds and numbers of runs, which shards keep as integers of 64 bits."""
-TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink", "flarm", "lora")
 
 
 class Names(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
@@ -62,16 +59,6 @@ class Points(Names):
             Names(DEFINITIONS).convert(definition, param, ctx)
             Names(SOLVERS).convert(solver, param, ctx)
         return super().convert(value, param, ctx)
-
-
-class Within(click.FloatRange):
-    """A float in a range; "nan" and "inf" are no figures."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        number: float = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value!r} is not a finite number.", param, ctx)
-        return number
 
 
 class Figures(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only

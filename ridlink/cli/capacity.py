@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ridlink.cli.campaign_options import BASELINE, DEFINITIONS, Figures, Names, Within
-from ridlink.cli.options import accuracy_convention
+from ridlink.cli.campaign_options import BASELINE, DEFINITIONS, Figures, Names
+from ridlink.cli.options import Within, accuracy_convention
 from ridlink.words import counted
 
 if TYPE_CHECKING:

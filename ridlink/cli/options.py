@@ -39,6 +39,9 @@ def capture_kind(what: str) -> Callable[[Any], Any]:
     )
 
 
+GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
+TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink", "flarm", "lora")
+
 ACCURACY_CONVENTIONS = ("letter", "one-sigma", "as-is")
 ACCURACY_CONVENTION = (
     "Of odid-accuracy: what senders mean by their accuracy codes: letter (95 % of positions, as the standard has it), "
@@ -51,6 +54,16 @@ accuracy_convention = click.option(
     metavar="NAME", help=ACCURACY_CONVENTION,
 )  # fmt: skip
 """The same for every command that judges by a definition."""
+
+
+class Within(click.FloatRange):
+    """A float in a range; "nan" and "inf" are no figures."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
 
 
 def above_zero(_: click.Context, __: click.Parameter, value: float | None) -> float | None:

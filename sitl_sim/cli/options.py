@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from ridlink.cli.options import GNSS_MODELS, TECHNOLOGIES, Within
 
 if TYPE_CHECKING:
     from sitl_sim.autopilot import Start
@@ -17,21 +18,8 @@ AUTOPILOTS = ("px4", "ardupilot", "ideal")
 ACCURACY_CLASSES = {"zero-age": 1.9, "all-ages": 3.5, "any-age": 4.85, "worst-case": 10.0}
 """GPS standards of Table II by their short names: one sigma per axis [m]."""
 
-GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
-TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink", "flarm", "lora")
 
-
-class Finite(click.FloatRange):
-    """A float in a range; "nan" and "inf" are no figures."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        number: float = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value!r} is not a finite number.", param, ctx)
-        return number
-
-
-class Sigma(Finite):
+class Sigma(Within):
     """Metres, or the name of one of the accuracy classes of the paper's Table II."""
 
     name = "M|CLASS"
@@ -71,25 +59,25 @@ _OPTIONS = (
                  help="Of errors, radio and fleet. In real time, flights of one seed differ a little."),
     click.option("--autopilot", type=click.Choice(AUTOPILOTS), default="px4", show_default=True,
                  help="Whose response and whose MAVLink."),
-    click.option("--speed", "speed_mps", type=Finite(0.0, 60.0, min_open=True), default=10.0, show_default=True,
+    click.option("--speed", "speed_mps", type=Within(0.0, 60.0, min_open=True), default=10.0, show_default=True,
                  metavar="M/S", help="Cruise speed of vehicles of which the scenario says nothing."),
     click.option("--gnss", type=click.Choice(GNSS_MODELS), default="gauss-markov", show_default=True,
                  help="How sigma becomes a position error."),
     click.option("--sigma", "sigma_m", type=Sigma(0.0, 1000.0), default=3.5, show_default=True, metavar="M|CLASS",
                  help="Standard deviation per axis, for vehicles of which the scenario says nothing; 0 = exact; or "
                  f"one of the paper's classes: {', '.join(ACCURACY_CLASSES)}."),
-    click.option("--gnss-common", type=Finite(0.0, 1.0), default=0.0, show_default=True, metavar="SHARE",
+    click.option("--gnss-common", type=Within(0.0, 1.0), default=0.0, show_default=True, metavar="SHARE",
                  help="Share of the variance of position errors that all vehicles have in common."),
-    click.option("--gnss-time", "gnss_time_s", type=Finite(0.0, 1e6, min_open=True), default=10.0, show_default=True,
+    click.option("--gnss-time", "gnss_time_s", type=Within(0.0, 1e6, min_open=True), default=10.0, show_default=True,
                  metavar="S", help="Correlation time of gauss-markov."),
     click.option("--airframe", metavar="TYPE|FILE.toml",
                  help="Type of the vehicles of which the scenario says nothing.  [default: the one that was measured]"),
-    click.option("--interval", "interval_s", type=Finite(0.02, 10.0), metavar="S",
+    click.option("--interval", "interval_s", type=Within(0.02, 10.0), metavar="S",
                  help="Time between two Remote ID updates.  [default: the scenario's, 0.1]"),
     click.option("--technology", type=click.Choice(TECHNOLOGIES), default="ideal", show_default=True,
                  help="Way of broadcasting: shortest interval, range, delay and loss."),
-    click.option("--loss", type=Finite(0.0, 1.0), metavar="SHARE", help="Share lost.  [default: the technology's]"),
-    click.option("--range", "range_m", type=Finite(0.0, 1e6, min_open=True), metavar="M",
+    click.option("--loss", type=Within(0.0, 1.0), metavar="SHARE", help="Share lost.  [default: the technology's]"),
+    click.option("--range", "range_m", type=Within(0.0, 1e6, min_open=True), metavar="M",
                  help="Radio range.  [default: the technology's; ideal: 400]"),
     click.option("--home", type=Home(), help="Where the scenario's origin lies.  [default: 47.397742,8.545594,488]"),
 )  # fmt: skip

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ridlink.cli.options import Within
 from ridlink.cli.printing import PAGING_S, Printer
 from ridlink.cli.signals import end_by_interrupts, stopped_by_signals
 from ridlink.words import counted
-from sitl_sim.cli.options import Finite, fleet_config, fleet_options
+from sitl_sim.cli.options import fleet_config, fleet_options
 
 if TYPE_CHECKING:
     from sitl_sim.server import FleetServer
@@ -26,7 +27,7 @@ REFUSED_ON_AIR = ("malformed", "no_position", "refused", "overflow")
 @click.option(
     "--duration",
     "duration_s",
-    type=Finite(0.0, min_open=True),
+    type=Within(0.0, min_open=True),
     metavar="S",
     help="Stop after this time.  [default: Ctrl-C, SIGTERM, or when the terminal goes]",
 )
@@ -66,7 +67,7 @@ REFUSED_ON_AIR = ("malformed", "no_position", "refused", "overflow")
 @click.option("--gcs", metavar="URL", help="Show the ten vehicles nearest to vehicle 1 there, as in udpout:HOST:14550.")
 @click.option(
     "--speedup",
-    type=Finite(0.0, 100.0, min_open=True),
+    type=Within(0.0, 100.0, min_open=True),
     default=1.0,
     show_default=True,
     metavar="X",
