@@ -18,15 +18,12 @@ from numpy.typing import NDArray
 from ridlink.checked_toml import LARGEST
 from ridlink.errors import ConfigError
 from ridlink.scenario import Scenario, Wind
+from ridlink.scenario.built_in import CIRCLE_RADIUS_M, SQUARE_OBSTACLE_SIDE_M, SQUARE_SIDE_M
 from ridlink.separation.reference import MAX_AIRFRAME_M
 
 FloatArray = NDArray[np.float64]
 
 Polygon = tuple[tuple[float, float], ...]
-
-CIRCLE_RADIUS_M = 100.0
-SQUARE_SIDE_M = 600.0
-SQUARE_OBSTACLE_SIDE_M = 80.0
 
 MOST_DRAWN = 1000
 """Vehicles of the largest fleet that is drawn."""

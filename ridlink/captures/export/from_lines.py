@@ -20,6 +20,7 @@ from msgspec.structs import fields as struct_fields
 
 from ridlink.captures.broadcasts import RECEIVER_COMPONENT
 from ridlink.captures.messages import UNKNOWN
+from ridlink.captures.tlog import MAX_TIME_US
 from ridlink.errors import PayloadError, WireError
 from ridlink.mavlink.codec import CRC_EXTRAS, MessageSpec, encode_payload, message_spec
 from ridlink.mavlink.frames import Frame, encode_frame, parse_datagram
@@ -29,7 +30,6 @@ from ridlink.remote_id.messages import MAVLINK_NAMES, RemoteIdMessage
 _ESCAPE = re.compile(rb"\\x([0-9a-f]{2})")
 _TIME = re.compile(rb"(\d{1,14})(?:\.(\d{1,6}))?")
 _SI_TYPES = {name: kind for kind, name in MAVLINK_NAMES.items()}
-MAX_TIME_US = 2**64 - 1
 
 
 class TimedFrame(NamedTuple):
