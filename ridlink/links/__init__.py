@@ -1,4 +1,4 @@
-"""Links: UDP, TCP, serial and in-memory ends that carry datagrams or frames, opened by connection string."""
+"""Links over UDP, TCP, serial devices and memory. They carry datagrams or frames; a connection string opens one."""
 
 from __future__ import annotations
 

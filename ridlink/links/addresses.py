@@ -1,4 +1,4 @@
-"""Addresses of sockets: which one a name has here, and how a peer's is kept."""
+"""Addresses of sockets: how a name is resolved, and how the address of a peer is stored."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from ridlink.links.link import Address
 from ridlink.links.url import LinkUrl
 
 Resolved = tuple[int, int, Any]
-"""Family, protocol and address, as the kernel takes them."""
+"""Family, protocol and address, as the kernel expects them."""
 
 
 async def resolve(url: LinkUrl, kind: socket.SocketKind) -> Resolved:
-    """The one address that a host is taken by.
+    """The address that is used for a host.
 
-    A name may have addresses of both families, localhost for one; autopilots and ground stations speak IPv4.
+    A name may have addresses of both families, for example localhost; IPv4 wins, since autopilots and ground stations
+    use it.
 
     Raises:
-        LinkError: If it has none.
+        LinkError: If the host has no address.
     """
     try:
         found = await asyncio.get_running_loop().getaddrinfo(url.host, url.port, type=kind)
@@ -31,7 +32,6 @@ async def resolve(url: LinkUrl, kind: socket.SocketKind) -> Resolved:
 
 
 def host_and_port(address: tuple[Any, ...]) -> Address:
-    """An address of a socket as it is kept and handed back: that of a link keeps its scope, without which nobody there
-    can be answered (RFC 4007, section 11)."""
+    """A socket address as stored; a link-local one keeps its scope, which a reply needs (RFC 4007, section 11)."""
     host, port, *more = address
     return f"{host}%{more[1]}" if more and more[1] else host, port

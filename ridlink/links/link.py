@@ -1,7 +1,7 @@
-"""The link contract: bytes go out whole, bytes come in whole, and nothing that the network does raises.
+"""The link contract: bytes are sent and received as whole datagrams or frames, and network errors never raise.
 
-A datagram link hands over datagrams; a stream link hands over one frame at a time. Addresses are opaque to callers:
-they are compared, and handed back to `Link.send`.
+A datagram link delivers datagrams; a stream link delivers one frame at a time. Addresses are opaque to callers, which
+only compare them and pass them to `Link.send`.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class Link(ABC):
     """One end of a connection.
 
     Attributes:
-        local_address: Where this end is, with the port that the kernel chose.
-        counters: What went wrong, by cause.
+        local_address: Address of this end, with the port that the kernel chose.
+        counters: Number of failures, by cause.
     """
 
     local_address: Address
@@ -38,18 +38,19 @@ class Link(ABC):
 
         Args:
             data: Bytes.
-            address: Peer; without it the peer of the link, or whoever spoke last to a listening one.
+            address: Peer; by default the peer of the link, or, for a listening link, the peer that sent last.
 
         Returns:
-            False if nothing was sent: nobody to send to, or the network refused. It is counted, and never raises.
+            False if nothing was sent, since there is no peer or the network refused. This is counted and never raises.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Release the port; what comes later is dropped. May be called twice."""
+        """Release the port; data that arrive later are dropped. May be called twice."""
 
     def _deliver(self, data: bytes, address: Address) -> None:
-        """Hand bytes to the owner; what the owner raises is counted, for one bad datagram must not end the link."""
+        """Deliver bytes to the owner. Exceptions of the owner are counted, since one bad datagram must not end the
+        link."""
         try:
             self._on_datagram(data, address)
         except Exception as error:
@@ -58,7 +59,8 @@ class Link(ABC):
 
 
 def whole_frames(parser: FrameParser, data: bytes, counters: Counter[str]) -> Iterator[bytes]:
-    """The frames of a stream that are complete with some more bytes of it; what is none is counted by cause."""
+    """Feed bytes to a stream's parser; the frames that are complete now. Bytes that are no frame are counted by
+    cause."""
     for found in parser.feed(data):
         if isinstance(found, Frame):
             yield found.raw

@@ -14,7 +14,7 @@ class MemoryLink(Link):
         self._other: MemoryLink | None = None
 
     def send(self, data: bytes, address: Address | None = None) -> bool:
-        """Deliver to the other end; False if it is closed or another address is asked for."""
+        """Deliver to the other end; False if it is closed or the address is another one."""
         other = self._other
         if other is None or address not in (None, other.local_address):
             self.counters["no_peer"] += 1
@@ -23,14 +23,14 @@ class MemoryLink(Link):
         return True
 
     def close(self) -> None:
-        """Part the two ends."""
+        """Disconnect the two ends."""
         if self._other is not None:
             self._other._other = None
             self._other = None
 
 
 def memory_link_pair(on_first: OnDatagram, on_second: OnDatagram) -> tuple[MemoryLink, MemoryLink]:
-    """Two ends: what one sends, the callback of the other gets."""
+    """Two connected ends: data sent by one go to the callback of the other."""
     first, second = MemoryLink(("memory", 1), on_first), MemoryLink(("memory", 2), on_second)
     first._other, second._other = second, first
     return first, second

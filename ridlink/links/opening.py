@@ -1,4 +1,4 @@
-"""A connection string becomes the link that it names."""
+"""Opens the link that a connection string names."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ async def open_link(url: LinkUrl | str, on_datagram: OnDatagram) -> Link:
     """Open a link.
 
     Args:
-        url: Where to, as `parse_link_url` takes it.
-        on_datagram: Called with the bytes and the sender of each datagram, or each frame of a stream.
+        url: Connection string, as for `parse_link_url`.
+        on_datagram: Called with the bytes and the sender of each datagram, or of each frame of a stream.
 
     Raises:
         ConfigError: If the connection string is wrong.

@@ -1,7 +1,7 @@
-"""Serial links: an autopilot's telemetry port, a Remote ID receiver or transmitter; a byte stream cut into frames.
+"""Serial links to an autopilot's telemetry port, a Remote ID receiver or a transmitter: a byte stream cut into frames.
 
-A device that goes away, as one that is unplugged, is opened again when it is back. What the device does not take at
-once is dropped and counted, as on UDP; only a frame of which a part has left is sent to its end.
+A device that disappears, for example because it is unplugged, is opened again when it is back. As on UDP, bytes that
+the device does not take at once are dropped and counted; only a frame that was sent in part is completed.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from serial import Serial
 
 READ_BYTES = 4096
-"""Taken per wake-up: what a terminal's buffer of the kernel holds."""
+"""Bytes read per wake-up: the size of the kernel's terminal buffer."""
 
 LONGEST_QUEUE_S = 0.25
-"""What the device has not transmitted by then would come too late: more is not handed to it."""
+"""Longest transmission queue of the device: frames beyond it would come too late and are dropped."""
 
 BITS_PER_BYTE = 10
-"""On the wire: a start bit, eight bits, a stop bit."""
+"""Bits on the wire: a start bit, eight data bits, a stop bit."""
 
 RECONNECT_S = 1.0
 
@@ -63,7 +63,7 @@ class SerialLink(Link):
             return
         except OSError:
             data = b""
-        if not data:  # readable, and nothing to read: nobody is at the other end of this descriptor any more
+        if not data:  # readable, but no data: the other end of this descriptor is gone
             self._lose()
             return
         for frame in whole_frames(self._parser, data, self.counters):
@@ -126,7 +126,7 @@ class SerialLink(Link):
             self._loop.remove_writer(self._device.fileno())
 
     def close(self) -> None:
-        """Release the device; what it holds of what was sent still leaves."""
+        """Release the device; bytes in its queue are still transmitted."""
         self._closed = True
         if self._retry is not None:
             self._retry.cancel()
@@ -134,7 +134,7 @@ class SerialLink(Link):
 
 
 def _waiting_s(device: int, more: int, baud: int) -> float:
-    """How long the device needs for what it holds and so many bytes more."""
+    """Time that the device needs for its queue and this many more bytes [s]."""
     waiting = array.array("i", [0])
     fcntl.ioctl(device, termios.TIOCOUTQ, waiting)
     return (waiting[0] + more) * BITS_PER_BYTE / baud
@@ -150,12 +150,12 @@ def _opened(url: LinkUrl) -> Serial:
 
     try:
         return Serial(url.host, url.port, timeout=0.0, exclusive=True)
-    except ValueError as error:  # of the baud rate
+    except ValueError as error:  # for the baud rate
         raise OSError(errno.EINVAL, str(error)) from error
-    except termios.error as error:  # no OSError: it was unplugged while it was set up
+    except termios.error as error:  # not an OSError: the device was unplugged during setup
         raise OSError(*error.args) from error
     except OSError as error:
-        if isinstance(error.__context__, termios.error):  # of which pyserial keeps the words alone
+        if isinstance(error.__context__, termios.error):  # pyserial keeps only the text of it
             raise OSError(*error.__context__.args) from error
         raise
 
@@ -165,7 +165,7 @@ async def open_serial_link(url: LinkUrl, on_datagram: OnDatagram) -> SerialLink:
 
     Raises:
         MissingExtraError: Without pyserial.
-        LinkError: If there is no such device, or it cannot be used.
+        LinkError: If the device does not exist or cannot be used.
     """
     try:
         import serial  # noqa: F401

@@ -1,7 +1,8 @@
-"""A link whose frames are signed: what leaves is signed, and what comes is heard only if its signature is right.
+"""A link with signed frames: sent frames are signed, and received frames are delivered only if their signature is
+right.
 
-The signature is checked before anybody reads a frame; a forger moves no clock and costs one hash. Where signatures are
-not required, unsigned frames pass and wrongly signed ones do not. The clock of the signatures outlives the process, see
+The signature is checked before a frame is read, so a forger cannot move the clock and costs one hash. If signatures are
+not required, unsigned frames pass, but wrongly signed ones do not. The clock of the signatures is kept in a file, see
 `signing_clock`.
 """
 
@@ -21,10 +22,10 @@ from ridlink.mavlink.signing import SignatureCause
 
 
 class SignedLink(Link):
-    """A link round another one; made by `open_signed_link`.
+    """A link that wraps another one; made by `open_signed_link`.
 
     Attributes:
-        clock: Of its signatures.
+        clock: Clock of its signatures.
     """
 
     def __init__(self, on_datagram: OnDatagram, clock: SigningClock, utc: Callable[[], float], required: bool) -> None:
@@ -60,7 +61,7 @@ class SignedLink(Link):
             self._deliver(b"".join(good), address)
 
     def send(self, data: bytes, address: Address | None = None) -> bool:
-        """Sign every frame and send them; see `Link.send`. What cannot be signed is counted and stays here."""
+        """Sign every frame and send them; see `Link.send`. Frames that cannot be signed are counted and not sent."""
         if self._inner is None or self._closed:
             return False
         utc_s, signed = self._utc(), []
@@ -73,7 +74,7 @@ class SignedLink(Link):
         return bool(signed) and self._inner.send(b"".join(signed), address)
 
     def close(self) -> None:
-        """Release the port and keep the clock as it stands."""
+        """Release the port and save the clock."""
         self._closed = True
         if self._inner is not None:
             self._inner.close()
@@ -87,7 +88,7 @@ async def open_signed_link(
 
     Args:
         url: Where to.
-        on_datagram: As for `open_link`; it sees what is believed.
+        on_datagram: As for `open_link`; it gets only frames that are believed.
         options: How it is signed.
         utc: Seconds since 1970.
 
@@ -95,7 +96,7 @@ async def open_signed_link(
         ConfigError: If the key or its clock cannot be used.
         MissingExtraError: As `open_link`.
         LinkError: If the port, peer or device cannot be used.
-        OSError: If the key cannot be read, or the clock not be kept.
+        OSError: If the key cannot be read, or the clock cannot be saved.
     """
     clock = SigningClock(options, utc)
     link = SignedLink(on_datagram, clock, utc, options.required)

@@ -1,10 +1,10 @@
-"""The clock of a link's signatures, in a file that outlives the process.
+"""The clock of a link's signatures, kept in a file so that it survives a restart.
 
-Restarted without a battery-backed clock, a program would else sign with times that its peers have seen already, and
-believe what was recorded before. The file lies beside the key, is written anew every few seconds and moved into place
-whole. It runs ahead by more than the time between two writes, and is written at once where that was not enough (a clock
-that is set, a peer whose clock is ahead), so that no timestamp is used twice after a crash either. It belongs to one
-program at a time: each would put its own streams over the other's.
+Without this file, a program that restarts without a battery-backed clock would sign with times that its peers have
+already seen, and believe replayed frames. The file is beside the key. It is written every few seconds and replaced as a
+whole. Its time runs ahead by more than the time between two writes. If that is not enough (a clock is set, or a peer's
+clock is ahead), it is written at once. So no timestamp is used twice, even after a crash. Only one program at a time
+may use the file: two would overwrite each other's streams.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from ridlink.mavlink.signing import LATEST_CLOCK, UNITS_PER_S, Signing, signing_
 
 SAVED_EVERY_S = 5.0
 AHEAD = 6 * UNITS_PER_S
-"""What the file says is later than what was sent by this."""
+"""The file's time is later than the last sent timestamp by this much."""
 
 ROOM = UNITS_PER_S // 10
-"""The same as long as nothing was sent or believed that is later than the file said before: ten thousand frames, for
-which a program that is started again and again must not run ahead of all others."""
+"""The smaller lead that is used until a timestamp later than the one found in the file was sent or believed: room for
+ten thousand frames. So a program that restarts again and again does not run ahead of all others."""
 
 
 class _State(msgspec.Struct):
@@ -38,22 +38,22 @@ class _State(msgspec.Struct):
 
 
 class SigningClock:
-    """A clock that is this program's until it is released, and the signatures that are made and judged by it.
+    """A clock that this program owns until it is released, and the signatures that use it.
 
     Args:
-        options: Where key and clock are.
+        options: Files of key and clock.
         utc: Seconds since 1970.
 
     Attributes:
-        signing: Signs and judges; after either, `keep_up` is due.
+        signing: Signs and verifies; call `keep_up` after either.
 
     Raises:
         ConfigError: If the key or the clock cannot be used, or another program has the clock.
-        OSError: If the key cannot be read, or the clock not be kept: a fault now, not after the flight.
+        OSError: If the key cannot be read, or the clock cannot be saved: this shows now, not after the flight.
     """
 
     def __init__(self, options: SigningOptions, utc: Callable[[], float]) -> None:
-        read_key(options.key_file)  # before anything is written beside it
+        read_key(options.key_file)  # before any file is written beside it
         self._file, self._utc = options.state, utc
         self._claim: int | None = claim_clock(options.state)
         self._saving = threading.Lock()
@@ -69,27 +69,27 @@ class SigningClock:
             raise
 
     def run(self, counters: Counter[str]) -> None:
-        """Keep the clock from now on, every few seconds.
+        """Save the clock from now on, every few seconds.
 
         Args:
-            counters: Where a write that fails is counted, as `signing_clock_not_kept`.
+            counters: Counts failed writes, as `signing_clock_not_kept`.
         """
         self._counters = counters
         self._keep_later()
 
     def keep_up(self) -> None:
-        """Keep the clock now if it has overtaken what the file says."""
+        """Save the clock now if it has overtaken the time in the file."""
         if self.signing.timestamp > self._kept:
             self._keep()
 
     def close(self) -> None:
-        """Keep the clock as it stands, and release it; may be called twice."""
+        """Save the clock and release it; may be called twice."""
         if self._claim is not None:
             self._save(self._asked + 1, self._state(last=True))
             self.release()
 
     def release(self) -> None:
-        """Leave the file as it is, as a crash would, and the clock to others; may be called twice."""
+        """Release the clock without saving it, as after a crash; may be called twice."""
         if self._timer is not None:
             self._timer.cancel()
         if self._claim is not None:
@@ -97,7 +97,7 @@ class SigningClock:
         self._claim = None
 
     def _keep(self) -> None:
-        """Keep the clock, in a thread: a slow disk must not keep the loop."""
+        """Save the clock in a thread, since a slow disk must not block the loop."""
         self._asked += 1
         asyncio.get_running_loop().run_in_executor(None, self._save, self._asked, self._state())
         self._keep_later()
@@ -117,7 +117,7 @@ class SigningClock:
 
     def _save(self, number: int, content: bytes) -> None:
         with self._saving:
-            if number < self._saved:  # a thread that was overtaken
+            if number < self._saved:  # a newer thread was faster
                 return
             self._saved = number
             try:
@@ -127,10 +127,11 @@ class SigningClock:
 
 
 def open_signing(options: SigningOptions) -> Signing:
-    """Key and clock as they were left.
+    """Key and clock as last saved.
 
     Raises:
-        ConfigError: If the key is none, others can read it, or the state is damaged: then nobody knows what was sent.
+        ConfigError: If the key is invalid, others can read it, or the state is damaged, so that the last timestamp is
+            unknown.
         OSError: If the key cannot be read.
     """
     key = read_key(options.key_file)
@@ -152,11 +153,11 @@ def open_signing(options: SigningOptions) -> Signing:
 
 
 def claim_clock(state: Path) -> int:
-    """Keep other programs from a clock until the handle is closed, or this one ends in whatever way.
+    """Lock a clock against other programs until the handle is closed or this program ends in any way.
 
     Raises:
         ConfigError: If another program, or another link of this one, has it.
-        OSError: If it cannot be kept.
+        OSError: If the lock file cannot be opened or locked.
     """
     handle = os.open(state.with_name(state.name + ".lock"), os.O_RDWR | os.O_CREAT, 0o600)
     try:
@@ -172,7 +173,7 @@ def claim_clock(state: Path) -> int:
 
 
 def save_signing(path: Path, content: bytes) -> None:
-    """Put the state into its place, whole or not at all.
+    """Write the state, completely or not at all.
 
     Raises:
         OSError: If that is not possible.

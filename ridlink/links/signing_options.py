@@ -1,4 +1,4 @@
-"""How a link is signed, as a configuration says, and the key that it names."""
+"""How a configuration says that a link is signed, and the key that it names."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class SigningOptions:
     """How a link is signed.
 
     Args:
-        key_file: 32 bytes, or 64 hexadecimal digits, in a file that only its owner can read.
+        key_file: File with 32 bytes, or 64 hexadecimal digits, that only its owner can read.
         required: Refuse what is not signed.
-        link_id: Of our own signatures; every link that one component speaks on has its own.
-        state_file: Where the clock is kept; None: beside the key, with `.state` after its name.
+        link_id: Link id of our own signatures; each link of a component needs its own.
+        state_file: File of the clock; None: beside the key, with `.state` after its name.
     """
 
     key_file: Path
@@ -36,10 +36,10 @@ class SigningOptions:
         signing_link_id: int | None = None,
         signing_state: str | None = None,
     ) -> SigningOptions | None:
-        """As the keys of a configuration say; None: not signed at all.
+        """Options from the keys of a configuration; None if the link is not signed.
 
         Raises:
-            ConfigError: If they do not go together.
+            ConfigError: If the keys contradict each other.
         """
         if signing_key is None:
             if require_signature or signing_state is not None or signing_link_id is not None:
@@ -53,7 +53,7 @@ class SigningOptions:
 
     @property
     def state(self) -> Path:
-        """Where the clock is kept."""
+        """File of the clock."""
         return self.key_file.with_name(self.key_file.name + ".state") if self.state_file is None else self.state_file
 
 
@@ -61,11 +61,11 @@ def read_key(path: Path) -> bytes:
     """The key in a file.
 
     Raises:
-        ConfigError: If others can read it, or it is no key.
+        ConfigError: If others can read the file, or it is no key.
         OSError: If it cannot be read.
     """
     with path.open("rb") as file:
-        status = os.fstat(file.fileno())  # of what is read, not of what the name led to a moment ago
+        status = os.fstat(file.fileno())  # status of the open file, not of what the name pointed to earlier
         if not stat.S_ISREG(status.st_mode) or stat.S_IMODE(status.st_mode) not in (0o600, 0o400):
             raise ConfigError(f"{path}: a signing key must be a file of mode 0600; chmod 600 {path}")
         if status.st_uid not in (os.geteuid(), 0):

@@ -1,4 +1,4 @@
-"""TCP links: a byte stream per peer, cut into frames, each handed over as if it were a datagram."""
+"""TCP links: a byte stream per peer, cut into frames, which are delivered like datagrams."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import FrameParser
 
 SEND_BUFFER_BYTES = 64 * 1024
-"""A peer that does not read loses what is beyond: seconds of setpoints, which would be stale anyway."""
+"""A peer that does not read loses what exceeds this buffer: seconds of setpoints, which would be stale anyway."""
 
 MAX_PEERS = 8
 RECONNECT_S = 1.0
 OPEN_TIMEOUT_S = 5.0
 
 VANISHED_S = 15
-"""Silence of a peer's machine after which it is gone, as one without power or network is, which says no farewell. Else
-a client would wait for it for good, and a server keep its place."""
+"""Silence of a peer's machine after which it counts as gone: a machine that lost power or network does not close the
+connection. Without this limit, a client would wait forever and a server would keep the peer's place."""
 
 PROBES = 3
 NOTICES = ((socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
@@ -30,8 +30,8 @@ NOTICES = ((socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
            (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, VANISHED_S // PROBES),
            (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, PROBES - 1),
            (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 1000 * VANISHED_S))  # fmt: skip
-"""Options that make the kernel notice: probes where nothing is said, and a limit to how long what was said may wait for
-its acknowledgement, for then the kernel does not probe."""
+"""Socket options that make the kernel notice a lost peer: probes while the connection is idle, and a limit for
+unacknowledged data, since the kernel does not probe while there are any."""
 
 
 class _Peer(asyncio.Protocol):
@@ -47,7 +47,7 @@ class _Peer(asyncio.Protocol):
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
         peer = transport.get_extra_info("peername")
-        if peer is None:  # it has gone already
+        if peer is None:  # it has disconnected already
             transport.abort()
             return
         self.address = host_and_port(peer)
@@ -64,7 +64,7 @@ class _Peer(asyncio.Protocol):
 
 
 class TcpLink(Link):
-    """A TCP server or client; made by `open_tcp_link`. A client whose peer goes away comes back every second."""
+    """A TCP server or client; made by `open_tcp_link`. A client that lost its peer tries to connect every second."""
 
     def __init__(self, url: LinkUrl, on_datagram: OnDatagram) -> None:
         super().__init__(on_datagram)

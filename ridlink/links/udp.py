@@ -1,8 +1,8 @@
-"""UDP links: one socket, drained in batches, deaf to what ICMP says.
+"""UDP links: one socket, read in batches; ICMP errors do not end it.
 
-asyncio's own datagram transport wakes up once a datagram and queues what cannot be sent. Here one wake-up takes all
-that has arrived, up to a batch, and a datagram that the kernel does not take at once is dropped and counted: an old
-setpoint is worth nothing.
+asyncio's own datagram transport wakes up once per datagram and queues datagrams that cannot be sent. Here one wake-up
+reads all that has arrived, up to a batch. A datagram that the kernel does not take at once is dropped and counted,
+since an old setpoint is worth nothing.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from ridlink.links.link import Address, Link, OnDatagram
 from ridlink.links.url import LinkUrl, Scheme
 
 RECEIVE_BUFFER_BYTES = 4 * 2**20
-"""Asked of the kernel: four seconds of a thousand aircraft at 10 Hz. The kernel caps it at net.core.rmem_max."""
+"""Buffer requested from the kernel: four seconds of a thousand aircraft at 10 Hz. The kernel caps it at
+net.core.rmem_max."""
 
 BATCH = 128
 BATCH_S = 0.01
-"""Datagrams taken per wake-up, and time after which no more are: a flood, or a few datagrams that take long to read,
-must not keep the loop from its deadline."""
+"""Limits of one wake-up, in datagrams and in time: a flood, or a few datagrams that take long to read, must not make
+the loop miss its deadline."""
 
 LARGEST_DATAGRAM = 65535
 
 PASSING = {errno.ECONNREFUSED, errno.EMSGSIZE, errno.ENOBUFS, errno.EHOSTUNREACH, errno.EPERM, errno.EACCES}
-"""What the network says of one datagram. Anything else is about the socket, whose interface is down or whose address is
-gone: it is made anew."""
+"""Errors that concern one datagram. Any other error concerns the socket, whose interface is down or whose address is
+gone: the socket is then created again."""
 
 FIRST_RETRY_S, LONGEST_RETRY_S = 0.1, 1.0
 
@@ -61,7 +62,7 @@ class UdpLink(Link):
         self._loop.add_reader(sock.fileno(), self._read)
 
     def _make_anew(self) -> None:
-        """Give the socket up, and make another one as soon as that goes."""
+        """Close the socket, and create another one as soon as possible."""
         self._retry = None
         if self._closed:
             return
@@ -86,13 +87,13 @@ class UdpLink(Link):
                 data, address = self._socket.recvfrom(LARGEST_DATAGRAM)
             except (BlockingIOError, InterruptedError):
                 return
-            except OSError as error:  # ICMP answers to what was sent earlier arrive here
+            except OSError as error:  # ICMP errors for earlier datagrams arrive here
                 self._count(error)
                 if self._retry is not None:
                     return
                 continue
             peer = host_and_port(address)
-            if not self._connected and peer[1]:  # port 0 says that no answer is wanted
+            if not self._connected and peer[1]:  # port 0 means that no answer is wanted
                 self._peer = peer
             self._deliver(data, peer)
             closed_meanwhile = self._socket.fileno() < 0
@@ -112,7 +113,7 @@ class UdpLink(Link):
         if target is None or not target[1]:
             self.counters["no_peer"] += 1
             return False
-        # The ICMP answer to an earlier datagram is reported by the next call, which sends nothing: once more, then.
+        # The next call reports the ICMP error of an earlier datagram and sends nothing, so send once more.
         for _ in range(2):
             try:
                 if self._connected:
@@ -143,7 +144,7 @@ async def open_udp_link(url: LinkUrl, on_datagram: OnDatagram) -> UdpLink:
     """Bind (``udpin``) or connect (``udpout``) a socket.
 
     Raises:
-        LinkError: If the port is in use, or the address is none of ours or unknown.
+        LinkError: If the port is in use, or the address is unknown or not of this machine.
     """
     loop = asyncio.get_running_loop()
     family, protocol, address = await resolve(url, socket.SOCK_DGRAM)
@@ -156,9 +157,9 @@ async def open_udp_link(url: LinkUrl, on_datagram: OnDatagram) -> UdpLink:
             sock.setblocking(False)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
             if listens:
-                sock.bind(bound[0] if bound else address)  # a port that the kernel chose stays ours
+                sock.bind(bound[0] if bound else address)  # keep the port that the kernel chose before
             else:
-                sock.connect(address)  # the kernel drops what does not come from the peer
+                sock.connect(address)  # the kernel drops datagrams from others than the peer
         except OSError:
             sock.close()
             raise

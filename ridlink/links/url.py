@@ -1,12 +1,12 @@
-"""Connection strings: ``udpin:HOST:PORT`` and its relatives, with the right spelling in every error.
+"""Connection strings, such as ``udpin:HOST:PORT``; every error shows the right spelling.
 
-    udpin:127.0.0.1:14540      listen, and answer whoever spoke last
+    udpin:127.0.0.1:14540      listen, and answer the peer that sent last
     udpout:127.0.0.1:14650     speak to a peer from a port of the kernel's choice
     tcpin:127.0.0.1:5760       wait for peers
     tcpout:127.0.0.1:5760      connect to a peer
     serial:/dev/ttyACM0:57600  a device and its baud rate
 
-``//`` after the first colon is allowed, a missing host means 127.0.0.1, and IPv6 addresses stand in brackets.
+``//`` after the first colon is allowed, a missing host means 127.0.0.1, and IPv6 addresses are written in brackets.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from typing import NoReturn
 from ridlink.errors import ConfigError
 
 DEFAULT_HOST = "127.0.0.1"
-"""Nobody is reachable from other machines unless asked to be."""
+"""A link is not reachable from other machines unless requested."""
 
 
 class Scheme(StrEnum):
-    """How a link is made."""
+    """Kind of link."""
 
     UDPIN = "udpin"
     UDPOUT = "udpout"
@@ -50,10 +50,10 @@ _EXAMPLES = {
 
 @dataclass(frozen=True, slots=True)
 class LinkUrl:
-    """Where a link leads.
+    """A parsed connection string.
 
     Args:
-        scheme: How it is made.
+        scheme: Kind of link.
         host: Address or name; the device for ``serial``.
         port: Port; 0 lets the kernel choose (listening only); the baud rate for ``serial``.
     """
@@ -64,19 +64,19 @@ class LinkUrl:
 
     @property
     def listens(self) -> bool:
-        """Peers come to this end."""
+        """Whether peers connect to this end."""
         return self.scheme in (Scheme.UDPIN, Scheme.TCPIN)
 
     def at(self, address: tuple[str, int]) -> LinkUrl:
-        """The same link at the address that it was given."""
+        """The same link at the address that the system gave it."""
         return replace(self, host=address[0], port=address[1])
 
     def leads_to(self, other: LinkUrl) -> bool:
-        """The other one listens on this machine where this one speaks to: who opens both speaks to itself."""
+        """Whether the other link listens where this one sends to, so that a program with both would talk to itself."""
         if (self.scheme, other.scheme) not in ((Scheme.UDPOUT, Scheme.UDPIN), (Scheme.TCPOUT, Scheme.TCPIN)):
             return False
         mine, theirs = (_LOCAL.get(host.lower(), host) for host in (self.host, other.host))
-        # To speak to every address is to speak to this machine, and to listen on every one is to hear that.
+        # Sending to the wildcard address sends to this machine, and a listener on the wildcard address receives it.
         return self.port == other.port and (mine == theirs or {mine, theirs} <= _HERE)
 
     def __str__(self) -> str:
@@ -89,10 +89,10 @@ def _refuse(text: str, reason: str, right: str) -> NoReturn:
 
 
 def refuse_to_speak_to_oneself(links: Mapping[str, LinkUrl | None]) -> None:
-    """A port that one link listens on is nobody else's whom another one could speak to, and a device has one user.
+    """Refuse links of one program that would talk to each other, or that use the same device.
 
     Args:
-        links: By the names that the user has for them; None where there is none.
+        links: Links by the names that the user knows; None if there is none.
 
     Raises:
         ConfigError: If one of them leads to another, or two are one device.
@@ -112,10 +112,10 @@ def refuse_to_speak_to_oneself(links: Mapping[str, LinkUrl | None]) -> None:
 
 
 def parse_link_url(text: str) -> LinkUrl:
-    """The link that a connection string names.
+    """Parse a connection string.
 
     Raises:
-        ConfigError: If it is not one; the text shows a right spelling.
+        ConfigError: If it is invalid; the text shows a right spelling.
     """
     name, colon, rest = text.strip().partition(":")
     rest = rest.removeprefix("//")
@@ -165,12 +165,12 @@ def parse_link_url(text: str) -> LinkUrl:
 
 
 def _number(text: str) -> int:
-    """A number of at most nine digits, which is more than any port or baud rate has; -1 if it is none."""
+    """A number of at most nine digits, more than any port or baud rate has; -1 if it is no number."""
     return int(text) if re.fullmatch(r"[0-9]{1,9}", text) else -1
 
 
 def _place(text: str) -> str | None:
-    """Host and port of what lacks a scheme, completed where one of them is missing too; None: it is no such thing."""
+    """Host and port of a text without a scheme, with defaults for a missing part; None if it is no such text."""
     found = re.fullmatch(r"(?:(\w[\w.\-]*|\[[0-9a-fA-F:.]+\]):?)??([0-9]*)", text, re.ASCII)
     if not text or found is None:
         return None
@@ -179,7 +179,7 @@ def _place(text: str) -> str | None:
 
 
 def _tail(scheme: Scheme, rest: str) -> str:
-    """Host and port as given, where they are usable in a corrected spelling, else those of an example."""
+    """Host and port as given, if they are usable in a corrected spelling, else those of an example."""
     if re.fullmatch(r"[\w.\-/]+:\d+|\[[0-9a-fA-F:.]+\]:\d+", rest):
         with suppress(ConfigError):
             parse_link_url(f"{scheme}:{rest}")
