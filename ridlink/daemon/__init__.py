@@ -1,1 +1,1 @@
-"""The daemon: configuration and its file, the loop around the engine, and the flight recording."""
+"""The daemon: its configuration and configuration file, the loop around the engine, and the recordings of a flight."""

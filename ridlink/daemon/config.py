@@ -1,4 +1,4 @@
-"""What a daemon is told: its configuration, from the keys that a file and flags give, and back to a file."""
+"""The configuration of a daemon: made from the keys of a file and of the command line, and written back to a file."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ ENGINE_KEYS = {
     "operator_id": "operator_id",
     "dry_run": "dry_run",
 }
-"""Keys whose values are fields of `EngineConfig` as they are, and the names of these."""
+"""Keys whose values are fields of `EngineConfig`, unchanged, and the names of these fields."""
 
 LIMIT_KEYS = {"v_max": "horizontal_mps", "vz_max": "vertical_mps", "a_max": "acceleration_mps2"}
-"""Likewise of `setpoint.VelocityLimits`."""
+"""The same for `setpoint.VelocityLimits`."""
 
 NAMES: dict[str, type[StrEnum]] = {
     "definition": Definition,
@@ -67,7 +67,7 @@ NAMES: dict[str, type[StrEnum]] = {
     "solver": SolverKind,
     "broadcast_form": Form,
 }
-"""Keys whose values are names, and which there are."""
+"""Keys whose values are names, and the names that are allowed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,17 +76,17 @@ class DaemonConfig:
 
     Args:
         vehicle: Link to the autopilot.
-        remote_id: Link on which the Remote ID of others is heard.
-        engine: What the engine is told.
-        broadcast_to: Link on which the own Remote ID is transmitted; None: the one on which others are heard.
-        signing: How the vehicle link is signed; None: not at all.
+        remote_id: Link on which the Remote ID of others is received.
+        engine: Configuration of the engine.
+        broadcast_to: Link on which the own Remote ID is transmitted; None: the link `remote_id`.
+        signing: How the vehicle link is signed; None: it is not signed.
         metrics: Host and port where Prometheus metrics are served; None: nowhere.
         log: Recording of everything received and sent, a .tlog; None for none.
-        input_log: Recording from which the flight can be decided again, see `input_log`; None for none.
-        period_s: Time between decisions. The response study holds for 0.1 s.
+        input_log: Recording from which the decisions can be replayed, see `input_log`; None for none.
+        period_s: Time between decisions. The study of vehicle response is valid for 0.1 s.
 
     Raises:
-        ConfigError: If the period is out of its range, a connection string is none, or two links would speak to each
+        ConfigError: If the period is out of its range, a connection string is invalid, or two links would talk to each
             other.
     """
 
@@ -101,7 +101,7 @@ class DaemonConfig:
     period_s: float = CONTROL_PERIOD_S
 
     def __post_init__(self) -> None:
-        for name in ("vehicle", "remote_id"):  # a connection string is as good as what it names
+        for name in ("vehicle", "remote_id"):  # a connection string is accepted in place of a link
             value = getattr(self, name)
             if isinstance(value, str):
                 object.__setattr__(self, name, parse_link_url(value))
@@ -111,11 +111,11 @@ class DaemonConfig:
 
 
 def daemon_config(flat: FlatConfig, config_file: str | None = None) -> DaemonConfig:
-    """The configuration that the keys describe.
+    """The configuration that the keys of a file describe.
 
     Args:
         flat: The keys.
-        config_file: Where they were read, which nothing may be written to.
+        config_file: The file they were read from, which must not be written to.
 
     Raises:
         ConfigError: If a value is out of range, or two keys name one file; the text names it.
@@ -162,14 +162,14 @@ def daemon_config(flat: FlatConfig, config_file: str | None = None) -> DaemonCon
 
 
 def configured(config_file: str | None, over: Mapping[str, Any]) -> DaemonConfig:
-    """The configuration of a file, if there is one, and of the options that win over it.
+    """The configuration of a file, if there is one, with the options that override it.
 
     Args:
         config_file: TOML; None for none.
-        over: Options by key, None where one is not given.
+        over: Options by key, None if not given.
 
     Raises:
-        ConfigError: As `daemon_config`; the text names the line of the file, or the option, that it is about.
+        ConfigError: As `daemon_config`; the text names the line of the file, or the option.
         OSError: If the file cannot be read.
     """
     text = "" if config_file is None else config_text(config_file)
@@ -187,13 +187,13 @@ def configured(config_file: str | None, over: Mapping[str, Any]) -> DaemonConfig
 
 
 def _with_name(key: str, error: ConfigError) -> str:
-    """What is wrong, with the name of the key or option before it where the text does not have it."""
+    """The error text, with the name of the key or option in front if the text does not contain it."""
     named = re.search(rf"\b{re.sub('[-_]', '[-_]', key)}\b", str(error))
     return str(error) if named else f"{key}: {error}"
 
 
 def _without_each(flat: FlatConfig) -> Iterator[tuple[str, FlatConfig]]:
-    """Each key that is given, those of solvers' tables too, and the configuration without it."""
+    """Each key that is given, also in the tables of solvers, and the configuration without it."""
     for key, value in msgspec.structs.asdict(flat).items():
         if isinstance(value, dict):
             for inner in value:
@@ -204,7 +204,7 @@ def _without_each(flat: FlatConfig) -> Iterator[tuple[str, FlatConfig]]:
 
 
 def _complaint(flat: FlatConfig, config_file: str | None) -> str:
-    """What is wrong with a configuration, empty if nothing is."""
+    """The error text for a configuration, empty if it is valid."""
     try:
         daemon_config(flat, config_file)
     except ConfigError as error:
@@ -213,10 +213,10 @@ def _complaint(flat: FlatConfig, config_file: str | None) -> str:
 
 
 def _refuse_one_file_for_two(files: Mapping[str, str | None]) -> None:
-    """What is written would replace what is read, and two recordings in one file are none."""
+    """Refuse one file for two uses: an output would replace an input, and two recordings would destroy each other."""
     seen: dict[str, str] = {}
     for key, name in files.items():
-        if name is None or (os.path.exists(name) and not os.path.isfile(name)):  # as /dev/null, or a pipe
+        if name is None or (os.path.exists(name) and not os.path.isfile(name)):  # for example /dev/null, or a pipe
             continue
         other = seen.setdefault(os.path.realpath(name), key)
         if other != key:
@@ -227,7 +227,7 @@ def _named(kind: type[StrEnum], what: str, name: str) -> StrEnum:
     """The member of that name.
 
     Raises:
-        ConfigError: If there is none; the text says which there are.
+        ConfigError: If there is none; the text lists the names that are allowed.
     """
     try:
         return kind(name)
@@ -236,7 +236,7 @@ def _named(kind: type[StrEnum], what: str, name: str) -> StrEnum:
 
 
 def as_toml(config: DaemonConfig) -> str:
-    """The whole configuration as a file that `config_file.read_config_file` takes, defaults included."""
+    """The whole configuration, with defaults, as a file that `config_file.read_config_file` accepts."""
     engine, signing, metrics = config.engine, config.signing, config.metrics
     values: dict[str, Any] = {
         "vehicle": str(config.vehicle),
@@ -264,5 +264,5 @@ def as_toml(config: DaemonConfig) -> str:
 
 
 def _toml(value: Any) -> str:
-    """A value as TOML has it, which is as JSON has it but for numbers that JSON lacks."""
+    """A value in TOML, which is the same as in JSON, except for numbers that JSON lacks."""
     return str(value) if isinstance(value, float) else msgspec.json.encode(value).decode()

@@ -1,4 +1,4 @@
-"""What a daemon may be told in a file: the keys of one TOML file, overridden by flags, over defaults.
+"""The configuration file of a daemon: the keys of one TOML file. Flags override the file, the file overrides defaults.
 
     vehicle = "udpin:127.0.0.1:14540"
     rid = "udpout:127.0.0.1:14650"
@@ -14,7 +14,7 @@
     [[obstacle]]                       # static, never entered
     polygon = [[47.391, 8.541], [47.392, 8.541], [47.392, 8.543]]
 
-A key that is not known is an error, for a misspelt key must not pass as a default; so is a number that is none.
+An unknown key is an error, since a misspelt key must not silently mean the default. So is a number that is NaN.
 """
 
 from __future__ import annotations
@@ -40,23 +40,23 @@ SOLVER_TABLES = {
     SolverKind.GRADED: GradedSettings,
     SolverKind.ROTATION: RotationSettings,
 }
-"""Tables of a file, by the name of the solver whose constants they hold."""
+"""Tables of a file with the constants of a solver, by the name of the solver."""
 
 LONGEST = 1_048_576
-"""Bytes that are read of a file, which may be a device without an end."""
+"""Bytes read from a file at most, since it may be an endless device."""
 
 KINDS = {
     "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false", "array": "a list",
     "object": "a table",
 }  # fmt: skip
-"""What values are called, by the names that the reader has for them."""
+"""Names of types in error texts, by the names that the reader uses."""
 
 
 POLYGON = ("polygon",)
 """Keys of an [[obstacle]]."""
 
 _IN_OBSTACLE = re.compile(r"\.obstacle\[(\d+)\](?:\.polygon\[(\d+)\])?")
-"""Where the reader found a value of the wrong kind, counted from 0; in what is told all is counted from 1."""
+"""Position of a value of the wrong type, counted from 0 by the reader; error texts count from 1."""
 
 
 class ObstacleTable(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -66,7 +66,7 @@ class ObstacleTable(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, fr
 
 
 class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
-    """The keys of a file, which are those of the command line with underscores; None where a key is not given."""
+    """The keys of a file, which are those of the command line with underscores; None if a key is not given."""
 
     vehicle: str | None = None
     rid: str | None = None
@@ -115,7 +115,7 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
 
 
 def line_of(text: str, key: str) -> str:
-    """ ":line" of a key or table in a TOML text, empty if it cannot be told."""
+    """ ":line" of a key or table in a TOML text, empty if it is unknown."""
     pattern = re.compile(rf"\s*(?:\[+\s*)?[\"']?{re.escape(key)}[\"']?\s*(?:=|\])")
     for number, line in enumerate(text.splitlines(), start=1):
         if pattern.match(line):
@@ -135,7 +135,7 @@ def _not_finite(value: Any, key: str, where: str, text: str) -> Iterator[str]:
         yield f"{where}{line_of(text, key)}: {key} must be a finite number, not {value}"
     if isinstance(value, dict):
         for name, inner in value.items():
-            # Infinite means "stops at once" to the solver, and only there.
+            # In the table of a solver infinite is allowed: it means "stops at once".
             if key not in SOLVER_TABLES or inner != math.inf:
                 yield from _not_finite(inner, name, where, text)
     if isinstance(value, list):
@@ -144,7 +144,7 @@ def _not_finite(value: Any, key: str, where: str, text: str) -> Iterator[str]:
 
 
 def config_text(path: str | Path) -> str:
-    """What a configuration file says.
+    """The text of a configuration file.
 
     Raises:
         ConfigError: If it is not text, or too long.
@@ -176,7 +176,7 @@ def read_config_text(text: str, where: str) -> FlatConfig:
 
     Args:
         text: TOML.
-        where: Whence it comes, for error texts.
+        where: Name of its origin, for error texts.
 
     Raises:
         ConfigError: As `read_config_file`.
@@ -189,7 +189,7 @@ def read_config_text(text: str, where: str) -> FlatConfig:
 
 
 def _faults(document: Mapping[str, Any], where: str, text: str) -> Iterator[str]:
-    """What is wrong, a line for each mistake: with keys that nobody knows first, then with values."""
+    """One line for each mistake: unknown keys first, then wrong values."""
     known = [item.name for item in msgspec.structs.fields(FlatConfig)]
     yield from _unknown(document, known, where, text)
     for key, value in document.items():
@@ -219,5 +219,5 @@ def _explained(key: str, error: Exception) -> str:
 
 
 def overridden(flat: FlatConfig, over: Mapping[str, Any]) -> FlatConfig:
-    """The same with every value that is not None put in its place: flag over file over default."""
+    """The configuration with every value of ``over`` that is not None: flags override the file and defaults."""
     return msgspec.structs.replace(flat, **{key: value for key, value in over.items() if value is not None})

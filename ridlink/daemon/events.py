@@ -1,4 +1,4 @@
-"""What a daemon tells whoever watches, who must not be able to end a flight: events, and what they say of decisions."""
+"""Events that a daemon reports to an observer, and their facts. A failing observer must not end a flight."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ EventSink = Callable[[dict[str, Any]], None]
 
 
 class Events:
-    """Hands on what happens, until whoever is told fails.
+    """Passes events to a sink until the sink fails.
 
     Args:
-        sink: Called with a dictionary for every event; None: nobody watches.
-        counters: A sink that has failed is counted there.
+        sink: Called with a dictionary for every event; None for no sink.
+        counters: Counts the failure of the sink.
     """
 
     def __init__(self, sink: EventSink | None, counters: Counter[str]) -> None:
         self.sink, self._counters = sink, counters
 
     def emit(self, event: str, **facts: Any) -> None:
-        """Tell what happened, and when, in seconds since 1970."""
+        """Report an event, with its time in seconds since 1970."""
         if self.sink is None:
             return
         try:
@@ -37,10 +37,10 @@ class Events:
 
 
 def summary_facts(engine: Engine, record: DecisionRecord, rejects: dict[str, int]) -> dict[str, Any]:
-    """The facts of a ``summary``; None where something is unknown, two digits after the point.
+    """The facts of a ``summary``; unknown ones are None, numbers have two decimals.
 
     Args:
-        engine: Who decided.
+        engine: The engine that decided.
         record: The decision.
         rejects: What was dropped, clamped, rejected or noticed so far, by cause.
     """
@@ -70,7 +70,7 @@ def summary_facts(engine: Engine, record: DecisionRecord, rejects: dict[str, int
 
 
 def rounded(velocity_ned_mps: Velocity) -> list[float]:
-    """A velocity, two digits after the point."""
+    """A velocity with two decimals."""
     return [round(value, 2) for value in velocity_ned_mps]
 
 

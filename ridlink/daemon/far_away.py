@@ -1,4 +1,4 @@
-"""What lies so far from the vehicle that its longitude was written for its latitude."""
+"""Finds goals and obstacles so far from the vehicle that latitude and longitude were probably swapped."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from ridlink.engine import Engine, Goal
 from ridlink.geodesy import Geodetic, great_circle_m
 
 FAR_GOAL_M = 100e3
-"""No multirotor flies so far."""
+"""Distance that no multirotor flies."""
 
 FAR_OBSTACLE_M = 1000e3
-"""A list of all obstacles of a country is no mistake."""
+"""A larger limit than for goals: a list of all obstacles of a country is no mistake."""
 
 
 class FarAway:
-    """Asked once a second.
+    """Checks once a second.
 
     Args:
-        engine: Whose goal and obstacles these are.
+        engine: The engine with the goal and the obstacles.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -25,7 +25,7 @@ class FarAway:
         self._obstacles_seen = False
 
     def found(self, own: Geodetic) -> list[str]:
-        """What is far from an own position: a goal when it is a new one, and of the obstacles the first, once."""
+        """Warnings about what is far from the own position: each new goal, and, once, the first such obstacle."""
         far = []
         here = own.latitude_deg, own.longitude_deg
         goal, self._goal = self._goal, self._engine.goal

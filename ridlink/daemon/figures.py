@@ -1,4 +1,4 @@
-"""The figures of a daemon that flies, for `ridlink.metrics`."""
+"""The figures of a flying daemon for `ridlink.metrics`."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def figures(
     broadcasts: int,
     events: Mapping[str, int],
 ) -> dict[str, Value]:
-    """What `AVOID_METRICS` names; what is unknown or infinite is left out.
+    """The figures that `AVOID_METRICS` names; unknown or infinite ones are left out.
 
     Args:
         engine: The engine.
-        output: Of its last step.
-        pace: Of its steps.
+        output: Output of its last step.
+        pace: Times of its steps.
         broadcasts: Datagrams of the own Remote ID sent.
         events: What was dropped, clamped, refused or noticed, by cause.
     """

@@ -1,7 +1,7 @@
-"""Everything that an engine was told, in order and with its times, so that a flight can be decided again.
+"""A log of all inputs of an engine, in order and with times, so that the decisions of a flight can be replayed.
 
-A tlog says what was on the wire; it does not say on which link, when a step was taken, or what the clock of the daemon
-was, and decisions depend on all three. This log does: MessagePack, one array a record, written by a thread of its own.
+A tlog has the bytes on the wire. It does not have the link, the times of steps, or the clock of the daemon, and
+decisions depend on all three. This log has them: MessagePack, one array per record, written by a thread of its own.
 
     ["ridlink-input", 2, configuration as TOML]
     ["v" | "a", now_s, utc_s or nil, address or nil, bytes]     a datagram of the vehicle link, of the air
@@ -33,12 +33,12 @@ from ridlink.files import open_at_once
 
 MAGIC, VERSION = "ridlink-input", 2
 QUEUE_LENGTH = 65_536
-"""Records: five seconds of the heaviest traffic that a daemon is made for."""
+"""Records: five seconds of the heaviest traffic that a daemon is designed for."""
 LONGEST_RECORD = 4 * LONGEST
-"""Bytes: the first record holds the configuration, whose numbers are written out."""
+"""Bytes: the first record contains the configuration as text."""
 
 Seconds = Annotated[float, msgspec.Meta(ge=-1e18, le=1e18)]
-"""Of a clock; a number, and no NaN."""
+"""Time of a clock; a number, not NaN."""
 
 
 class _Head(msgspec.Struct, array_like=True, tag=MAGIC, frozen=True):
@@ -58,7 +58,7 @@ class FromVehicle(_Datagram, tag="v", frozen=True):
 
 
 class FromAir(_Datagram, tag="a", frozen=True):
-    """A datagram of the link on which others are heard."""
+    """A datagram of the link on which others are received."""
 
 
 class _Step(msgspec.Struct, array_like=True, tag="s", frozen=True):
@@ -87,15 +87,15 @@ _decode = msgspec.msgpack.Decoder(_Record).decode
 
 
 class InputLog:
-    """Writes what an engine is told.
+    """Writes the inputs of an engine.
 
     Args:
         path: The file; replaced.
         config: Configuration of the daemon, as TOML.
 
     Attributes:
-        dropped: Records that the disk was too slow for: the flight cannot be decided again.
-        error: What ended the log, such as a full disk.
+        dropped: Records lost because the disk was too slow: the flight can then not be replayed.
+        error: The error that ended the log, such as a full disk.
         decisions: Hash of the decisions so far.
 
     Raises:
@@ -113,27 +113,27 @@ class InputLog:
         self._thread.start()
 
     def heard(self, datagram: FromVehicle | FromAir) -> None:
-        """A datagram, before the engine is told it."""
+        """Record a datagram, before the engine gets it."""
         self._put(datagram)
 
     def step(self, now_s: float, hold: bool, warm: bool, utc_s: float | None) -> None:
-        """A step, before the engine takes it: one that fails is taken again as well."""
+        """Record a step, before the engine takes it, so that a failing step is replayed, too."""
         self._put(_Step(now_s, hold, warm, utc_s))
 
     def decided(self, output: StepOutput, reason: str) -> None:
-        """What came of the step."""
+        """Record the result of the step."""
         self.decisions.add(decision_line(output, reason))
 
     def took(self, seconds: float) -> None:
-        """What the last step took."""
+        """Record the duration of the last step."""
         self._put(_Took(seconds))
 
     def stop(self, now_s: float) -> None:
-        """The stream was ended."""
+        """Record the end of the stream."""
         self._put(_End(now_s))
 
     def close(self, longest_s: float) -> None:
-        """Write what is queued, for so long at most."""
+        """Write what is queued, within this time at most [s]."""
         self._put(_Decided(self.decisions.steps, self.decisions.digest))
         with contextlib.suppress(queue.Full):
             self._queue.put(None, timeout=longest_s)
@@ -161,10 +161,10 @@ class InputLog:
 
 
 def read_records(file: BinaryIO, name: str) -> Iterator[_Record]:
-    """Records of an input log; one that was cut off ends it.
+    """Records of an input log, up to the first incomplete one.
 
     Raises:
-        CaptureError: If it is none.
+        CaptureError: If it is no input log.
     """
     while len(head := file.read(4)) == 4:
         length = int.from_bytes(head, "little")
@@ -180,14 +180,14 @@ def read_records(file: BinaryIO, name: str) -> Iterator[_Record]:
 
 
 def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None = None) -> tuple[DecisionHash, str]:
-    """Decide a recorded flight again.
+    """Replay the decisions of a recorded flight.
 
     Args:
         path: Its input log.
         on_line: Called with the line of every step.
 
     Returns:
-        The hash of these decisions, and that of the flight; empty where the log does not reach its end.
+        The hash of these decisions, and that of the flight, which is empty if the log ends early.
 
     Raises:
         CaptureError: If it is no input log, or one of another version.
@@ -203,7 +203,7 @@ def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None
         for record in records:
             match record:
                 case FromVehicle(now_s, utc_s, source, data):
-                    with contextlib.suppress(Exception):  # as the link does
+                    with contextlib.suppress(Exception):  # as in the link
                         engine.receive_vehicle(data, now_s, source=source, utc_s=utc_s)
                 case FromAir(now_s, utc_s, source, data):
                     with contextlib.suppress(Exception):
@@ -214,7 +214,7 @@ def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None
                         engine.hold_next()
                     try:
                         output = engine.step(now_s, utc_s=utc_s)
-                    except Exception:  # as the daemon does: a step that fails decides nothing
+                    except Exception:  # as in the daemon: a step that fails decides nothing
                         continue
                     line = decision_line(output, engine.rung.reason)
                     decisions.add(line)

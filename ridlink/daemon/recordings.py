@@ -1,4 +1,4 @@
-"""What a daemon keeps of a flight: a log of what was on the wire, and one of all that its engine was told."""
+"""The recordings of a flight: a log of the bytes on the wire, and a log of all inputs of the engine."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from ridlink.daemon.input_log import FromAir, FromVehicle, InputLog
 from ridlink.engine import StepOutput
 
 LAST_RECORDS_S = 1.0
-"""At the end a slow disk is waited for so long and no longer."""
+"""Longest wait for a slow disk at the end."""
 
 
 class Recordings:
-    """Those that are asked for; every call does nothing for one that is not, or before it is opened.
+    """The recordings that the configuration requests. Calls do nothing for the others, or before `open`.
 
     Args:
-        config: Which ones, and what the engine is told first.
+        config: Configuration of the daemon: it names the files, and is the first input of the engine.
 
     Attributes:
-        opened: What comes from now on can be recorded.
+        opened: Whether recording is possible from now on.
     """
 
     def __init__(self, config: DaemonConfig) -> None:
@@ -31,10 +31,10 @@ class Recordings:
         self._inputs: InputLog | None = None
 
     def open(self) -> None:
-        """Make the files; those of an earlier flight are replaced.
+        """Create the files; those of an earlier flight are replaced.
 
         Raises:
-            OSError: If one cannot be made.
+            OSError: If a file cannot be created.
         """
         if self._config.log is not None:
             self._wire = Recorder(self._config.log, overwrite=True)
@@ -43,51 +43,51 @@ class Recordings:
         self.opened = True
 
     async def close(self) -> None:
-        """Write what is queued, as far as the disk takes it in time."""
+        """Write what is queued, as far as the disk is fast enough."""
         for each in (self._wire, self._inputs):
             if each is not None:
                 await asyncio.to_thread(each.close, LAST_RECORDS_S)
 
     def heard(self, datagram: FromVehicle | FromAir) -> None:
-        """A datagram, before the engine is told it."""
+        """Record a datagram, before the engine gets it."""
         self.sent(datagram.data)
         if self._inputs is not None:
             self._inputs.heard(datagram)
 
     def sent(self, data: bytes) -> None:
-        """Bytes that are on the wire."""
+        """Record bytes that were sent."""
         if self._wire is not None:
             self._wire.receive(data)
 
     def step(self, now_s: float, hold: bool, warm: bool, utc_s: float | None) -> None:
-        """A step, before the engine takes it."""
+        """Record a step, before the engine takes it."""
         if self._inputs is not None:
             self._inputs.step(now_s, hold, warm, utc_s)
 
     def decided(self, output: StepOutput, reason: str, took_s: float) -> None:
-        """What came of the step, and how long it took."""
+        """Record the result of the step, and its duration."""
         if self._inputs is not None:
             self._inputs.decided(output, reason)
             self._inputs.took(took_s)
 
     def stop(self, now_s: float) -> None:
-        """The engine is told to end its stream."""
+        """Record that the engine is asked to end its stream."""
         if self._inputs is not None:
             self._inputs.stop(now_s)
 
     @property
     def wire_error(self) -> OSError | None:
-        """What ended the log of the wire, such as a full disk; None while it goes on."""
+        """The error that ended the log of the wire, such as a full disk; None while it continues."""
         return None if self._wire is None else self._wire.error
 
     @property
     def decision_log(self) -> str | None:
-        """The hash of all decisions so far; None without a log of what the engine was told."""
+        """The hash of all decisions so far; None without an input log."""
         return None if self._inputs is None else self._inputs.decisions.digest
 
     @property
     def counters(self) -> Counter[str]:
-        """What disks did not take, by cause."""
+        """Records that the disks did not take, by cause."""
         found: Counter[str] = Counter()
         for name, each in (("recording", self._wire), ("input_log", self._inputs)):
             if each is not None:

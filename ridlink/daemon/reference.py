@@ -1,4 +1,4 @@
-"""The reference of the configuration, made of the schema that files are held against: no key can be missing in it."""
+"""The reference of the configuration, generated from the schema that checks files, so that no key is missing."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def reference(helps: Mapping[str, str]) -> str:
     """The whole reference, Markdown.
 
     Args:
-        helps: What the options of the command line say, by key; their defaults in brackets at the end.
+        helps: Help texts of the command-line options, by key, with their defaults in brackets at the end.
 
     Raises:
         KeyError: If a key has no option.

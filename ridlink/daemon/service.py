@@ -1,7 +1,7 @@
-"""The daemon: two links, an engine, and a loop that keeps time.
+"""The daemon: two links, an engine, and a loop that runs on a fixed time grid.
 
-The engine decides on the grid of a monotonic clock. A tick that comes late is made up for by none: after a stall the
-next decision is made from what is known then, and the grid goes on.
+The engine decides on a fixed grid of a monotonic clock. Missed ticks are not made up for: after a stall, the next
+decision uses what is known then, and the grid continues.
 """
 
 from __future__ import annotations
@@ -33,21 +33,22 @@ from ridlink.own_ship.requests import steers
 from ridlink.periodic import Periodic
 
 STOP_SPACING_S = 0.05
-"""Between the last setpoints: a burst would be lost as one."""
+"""Time between the last setpoints: a burst would be lost as a whole."""
 
 FATAL_STEPS = 3
-"""A step that fails sends nothing; after so many in a row the autopilot must not wait any longer."""
+"""A step that fails sends nothing. After this many failures in a row the daemon ends, so that the autopilot does not
+wait longer."""
 
 
 class DecisionError(RidlinkError):
-    """Decisions failed again and again; the vehicle was told to stop."""
+    """Several decisions in a row failed; the vehicle was commanded to stop."""
 
 
 class AvoidDaemon:
     """One daemon; several may run in one loop.
 
     Args:
-        config: What it is told.
+        config: Its configuration.
         on_event: Called with a dictionary for every change of state, once a second, for every warning, and if the
             recording ends early; keys `event`, `t`, ... .
 
@@ -81,7 +82,7 @@ class AvoidDaemon:
         self._metrics_due = Periodic(1.0)
 
     async def run(self, stop: asyncio.Event) -> Summary:
-        """Fly until told to stop; then three zero setpoints, and the links are closed.
+        """Fly until `stop` is set; then send three zero setpoints and close the links.
 
         Args:
             stop: Set it to end.
@@ -92,7 +93,8 @@ class AvoidDaemon:
             OSError: If a recording, or the key, cannot be opened.
             DecisionError: If decisions kept failing.
         """
-        # The links first: a PX4 in OFFBOARD that lost us waits a second for zero velocity, the kernels take longer.
+        # Open the links first: a PX4 in OFFBOARD that lost the daemon waits a second for zero velocity, kernels load
+        # longer.
         warm = asyncio.create_task(warm_up_unless(stop, self.config.engine.solver))
         try:
             self._vehicle = await open_vehicle_link(self.config.vehicle, self._from_vehicle, self.config.signing)
@@ -102,7 +104,7 @@ class AvoidDaemon:
             if self.config.metrics is not None:
                 self._metrics = MetricsServer(self.config.metrics, AVOID_METRICS)
             self.vehicle_address, self.remote_id_address = self._vehicle.local_address, self._air.local_address
-            self._recordings.open()  # after the links: a port in use must not cost the log of another daemon
+            self._recordings.open()  # after the links: if a port is in use, the log of another daemon must not be lost
             try:
                 await self._keep_time(stop, warm)
             finally:
@@ -121,7 +123,7 @@ class AvoidDaemon:
 
     @property
     def metrics_port(self) -> int | None:
-        """Where metrics are served; None while they are not."""
+        """Port of the metrics; None while they are not served."""
         return None if self._metrics is None else self._metrics.port
 
     # --- time -----------------------------------------------------------------------------------------------------
@@ -130,10 +132,11 @@ class AvoidDaemon:
         await self._tick_until(warm)
         if warm.done():
             warm.result()
-        if stop.is_set():  # nothing is decided any more, and nothing may be: the kernels need not be there
+        if stop.is_set():  # no decision follows, so the kernels need not be loaded
             return
         self.engine.warm = True
-        # What lives now lives for ever: no collection needs to walk through the compiled kernels and the dialect again.
+        # All present objects live until the end, so exclude the compiled kernels and the dialect from garbage
+        # collection.
         gc.freeze()
         gc.enable()
         self.ready.set()
@@ -161,7 +164,7 @@ class AvoidDaemon:
             await asyncio.wait({over}, timeout=due - time.monotonic())
 
     def _stalled(self, stack: str) -> None:
-        """From the watchdog's thread: hold when the loop comes back, and keep where it stood."""
+        """Called from the watchdog's thread: hold when the loop continues, and keep the stack of the stall."""
         self._hold = True
         self._telling.stalled(stack)
 
@@ -171,7 +174,7 @@ class AvoidDaemon:
         self._utc.check(now_s)
         utc_s = self._utc.at(now_s)
         hold, self._hold = self._hold, False
-        if hold:  # counted here: the watchdog's thread must not change what the loop may be reading
+        if hold:  # counted here, since the watchdog's thread must not change what the loop may be reading
             self._counters["loop_stalled"] += 1
             self.engine.hold_next()
         self._recordings.step(now_s, hold, self.engine.warm, utc_s)
@@ -215,8 +218,8 @@ class AvoidDaemon:
             self.engine.receive_remote_id(data, address, heard.now_s, utc_s=heard.utc_s)
 
     def _heard(self, kind: type[FromVehicle | FromAir], data: bytes, address: Address) -> FromVehicle | FromAir | None:
-        """Record a datagram with the times at which it came. None while links are still being opened: what cannot be
-        recorded yet must not be decided about."""
+        """Record a datagram with its times of receipt. None while links are still being opened, since the engine must
+        not get inputs that cannot be recorded yet."""
         if not self._recordings.opened:
             return None
         now_s = time.monotonic()

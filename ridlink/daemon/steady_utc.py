@@ -1,7 +1,7 @@
-"""UTC for the age of others' reports, from the monotonic clock: a step of the system's clock ages no track.
+"""UTC for the age of others' reports, from the monotonic clock, so that a step of the system clock does not age tracks.
 
-The two clocks are compared as time goes by. Small differences are followed. A step (NTP, an operator, a virtual
-machine that slept) is counted, and for a while nobody's timestamp is believed; then the new time is the time.
+The monotonic and the system clock are compared continuously. Small differences are followed. A step (NTP, an operator,
+a virtual machine that slept) is counted, and for a while no timestamp is believed; then the new time is adopted.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ DOUBT_S = 10.0
 
 
 class SteadyUtc:
-    """Asked with the monotonic time, says UTC.
+    """Converts monotonic time to UTC.
 
     Args:
         now_s: Monotonic time.
-        wall: UTC as the system has it.
+        wall: The system's UTC clock.
 
     Attributes:
-        steps: Steps of the system's clock so far.
+        steps: Steps of the system clock so far.
     """
 
     def __init__(self, now_s: float, wall: Callable[[], float] = time.time) -> None:
@@ -43,5 +43,5 @@ class SteadyUtc:
         self._offset_s += off_s
 
     def at(self, now_s: float) -> float | None:
-        """UTC then [s]; None while the clock was set a moment ago."""
+        """UTC at that time [s]; None shortly after a step of the clock."""
         return None if self._stepped_at_s is not None else now_s + self._offset_s

@@ -1,4 +1,4 @@
-"""What a flight came to: totals, and how regular it was."""
+"""Summary of a flight: totals, and how regular it was."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ KEPT_STEPS = 36_000
 
 
 def _quantiles(values: NDArray[np.float64], shares: tuple[float, ...]) -> NDArray[np.float64]:
-    """As `np.quantile`, which imports masked arrays when it is first called: 20 ms in the middle of a flight."""
+    """Replaces `np.quantile`, whose first call imports masked arrays: 20 ms in the middle of a flight."""
     return np.asarray(np.interp(shares, np.linspace(0.0, 1.0, len(values)), np.sort(values)))
 
 
@@ -28,12 +28,13 @@ class Spread:
         self._most = 0.0
 
     def add(self, value: float) -> None:
-        """One more value."""
+        """Add a value."""
         self._recent.append(value)
         self._most = max(self._most, value)
 
     def quantiles(self, last: int, scale: float) -> dict[str, float]:
-        """Median, 99th percentile and maximum of the last so many, times a scale, by quantile; empty without any."""
+        """Median, 99th percentile and maximum of the ``last`` values, times ``scale``, by quantile; empty if there is
+        none."""
         recent = list(islice(reversed(self._recent), last))
         if not recent:
             return {}
@@ -41,7 +42,7 @@ class Spread:
         return dict(zip(("0.5", "0.99", "1"), figures.tolist(), strict=True))
 
     def summary(self) -> dict[str, float]:
-        """Those three, rounded."""
+        """Median, 99th percentile and maximum, rounded."""
         if not self._recent:
             return {"p50": 0.0, "p99": 0.0, "max": 0.0}
         p50, p99 = _quantiles(np.fromiter(self._recent, np.float64), (0.5, 0.99))
@@ -52,8 +53,8 @@ class Pace:
     """How long decisions take, and how regular setpoints are.
 
     Attributes:
-        decision_ms: By the wall.
-        decision_cpu_ms: By the time that the thread was given.
+        decision_ms: Wall time of decisions.
+        decision_cpu_ms: CPU time of the thread.
         gap_ms: Between two setpoints of one stream.
     """
 
@@ -63,18 +64,18 @@ class Pace:
         self._last_setpoint_s: float | None = None
 
     def begin(self) -> None:
-        """A decision is begun."""
+        """Call it when a decision begins."""
         self._began_s, self._began_cpu_s = time.perf_counter(), time.thread_time()
 
     def decided(self) -> float:
-        """It has been made; what it took [s]."""
+        """Call it when the decision is made; returns its duration [s]."""
         took_s = time.perf_counter() - self._began_s
         self.decision_ms.add(took_s * 1e3)
         self.decision_cpu_ms.add((time.thread_time() - self._began_cpu_s) * 1e3)
         return took_s
 
     def sent(self, is_setpoint: bool, now_s: float) -> None:
-        """What came of it has been sent: a setpoint, or none, which ends a stream."""
+        """Call it when the output was sent: a setpoint, or none, which ends a stream."""
         if is_setpoint and self._last_setpoint_s is not None:
             self.gap_ms.add((now_s - self._last_setpoint_s) * 1e3)
         self._last_setpoint_s = now_s if is_setpoint else None
@@ -82,9 +83,8 @@ class Pace:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a flight came to. Times in milliseconds as `p50`, `p99` and `max`, by the wall and, where a machine
-    has others to serve, by the time that this thread was given; `decision_log` is the hash of all
-    decisions where an input log was written."""
+    """Summary of a flight. Times are in milliseconds as `p50`, `p99` and `max`, as wall time and, for busy machines, as
+    CPU time of this thread; `decision_log` is the hash of all decisions if an input log was written."""
 
     setpoints: int
     reports_received: int

@@ -1,4 +1,4 @@
-"""What a daemon tells of its steps: a change of state at once, a summary every second, a warning when it comes up."""
+"""Events of the daemon's steps: a change of state at once, a summary every second, a warning when it occurs."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from ridlink.engine import Engine, StepOutput
 from ridlink.periodic import Periodic
 
 MOST_STACKS = 4
-"""Of stalls that are not told yet; the latest ones."""
+"""Stacks kept of stalls that are not reported yet; the latest ones."""
 
 
 class Telling:
-    """Asked after every step to tell what is new.
+    """Called after every step to report what is new.
 
     Args:
-        engine: Who decides.
-        events: Where it goes.
-        rejects: Everything that was dropped, clamped, rejected or noticed so far, by cause; asked once a second.
+        engine: The engine that decides.
+        events: Receives the reports.
+        rejects: Everything that was dropped, clamped, rejected or noticed so far, by cause; called once a second.
     """
 
     def __init__(self, engine: Engine, events: Events, rejects: Callable[[], dict[str, int]]) -> None:
@@ -34,11 +34,11 @@ class Telling:
         self._summary_due = Periodic(1.0)
 
     def stalled(self, stack: str) -> None:
-        """The loop stood still there; from any thread."""
+        """Note the stack of a stall; may be called from any thread."""
         self._stalls.append(stack)
 
     def tell_state(self) -> None:
-        """Tell the state, and why, if it has changed."""
+        """Report the state and its reason, if the state has changed."""
         rung, guard = self._engine.rung, self._engine.guard
         told = rung.state.name.lower(), rung.reason, None if guard is None else str(guard.phase)
         if told != self._announced:
@@ -46,11 +46,11 @@ class Telling:
             self._events.emit("state", state=told[0], reason=told[1], guard=told[2])
 
     def tell(self, output: StepOutput, *, recording_error: OSError | None, refused_signatures: Sequence[str]) -> None:
-        """Tell what is new.
+        """Report what is new.
 
         Args:
-            output: Of the step.
-            recording_error: Why the recording has ended early; None while it goes on.
+            output: Output of the step.
+            recording_error: The error that ended the recording early; None while it continues.
             refused_signatures: Causes for which frames of the vehicle link were refused so far.
         """
         if self._events.sink is None:
@@ -64,7 +64,7 @@ class Telling:
             emit("warning", text=text)
         if said := engine.telemetry.words.take(record.time_s):
             emit("warning", text=f"vehicle: {said}")
-        if refused_signatures and not self._told_of_signatures:  # a key set up wrongly looks like silence otherwise
+        if refused_signatures and not self._told_of_signatures:  # otherwise a wrong key looks like silence
             self._told_of_signatures = True
             emit("warning", text=f"frames on the vehicle link are refused: {', '.join(refused_signatures)}")
         while self._stalls:

@@ -1,7 +1,8 @@
-"""The transmitter alone: hear one autopilot, say over Remote ID where it is and how wrong that may be. Steers nothing.
+"""The transmitter alone: it receives one autopilot's position and error, and sends them as Remote ID. It steers
+nothing.
 
-It speaks as component 236 of the vehicle, MAV_COMP_ID_ODID_TXRX_1, of type ODID. What a transmitter module answers,
-OPEN_DRONE_ID_ARM_STATUS, is passed on to whoever watches.
+It sends as component 236 of the vehicle, MAV_COMP_ID_ODID_TXRX_1, of type ODID. The answer of a transmitter module,
+OPEN_DRONE_ID_ARM_STATUS, is passed on as an event.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ TRANSMITTER_COMPONENT = 236
 TYPE_ODID, AUTOPILOT_INVALID, STATE_ACTIVE = 34, 8, 4
 ARM_STATUS = 12918
 HEARD_IDS = VEHICLE_IDS - {STATUSTEXT}
-"""Of the vehicle link; its grave words are for whoever steers."""
+"""Messages read from the vehicle link; STATUSTEXT concerns only a program that steers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +51,10 @@ class TransmitterConfig:
 
     Args:
         vehicle: Link to the autopilot.
-        to: Where to transmit.
-        settings: What the autopilot cannot say.
-        vehicle_sysid: Only this autopilot; without it the first one heard.
-        signing: How the vehicle link is signed; None: not at all.
+        to: Link to transmit on.
+        settings: Facts that the autopilot does not send.
+        vehicle_sysid: Listen to this autopilot only; by default to the first one heard.
+        signing: How the vehicle link is signed; None: it is not signed.
         allow_v1: Take MAVLink 1 frames from the autopilot as well.
     """
 
@@ -69,16 +70,16 @@ class TransmitterConfig:
 
 
 class Transmitter:
-    """Hears and transmits; several may run in one loop.
+    """Receives and transmits; several may run in one loop.
 
     Args:
-        config: What it is told.
+        config: Its configuration.
         on_event: Called with a dictionary whenever its state changes, once a second, and when a module answers.
 
     Attributes:
         vehicle_address: Local end of the vehicle link, once `run` has opened it.
         ready: Set once both links are open.
-        counters: What was sent, and what was not taken, by cause.
+        counters: Sent messages, and received ones that were not taken, by cause.
     """
 
     def __init__(self, config: TransmitterConfig, *, on_event: EventSink | None = None) -> None:
@@ -100,7 +101,7 @@ class Transmitter:
         self._to: Link | None = None
 
     async def run(self, stop: asyncio.Event) -> dict[str, Any]:
-        """Transmit until told to stop; what it came to.
+        """Transmit until `stop` is set; returns a summary.
 
         Raises:
             LinkError: If a link cannot be opened.
@@ -126,7 +127,7 @@ class Transmitter:
         return {"event": "final", "sent": self.counters["sent"], "rejects": self.rejects()}
 
     def rejects(self) -> dict[str, int]:
-        """What was not taken or not sent, by cause."""
+        """Messages that were not taken or not sent, by cause."""
         found = self._intake.counters + self._telemetry.counters
         for name, link in (("vehicle", self._vehicle), ("transmitter", self._to)):
             if link is not None:
@@ -168,7 +169,7 @@ class Transmitter:
                 "HEARTBEAT", type=TYPE_ODID, autopilot=AUTOPILOT_INVALID, system_status=STATE_ACTIVE, mavlink_version=3
             )
             self._to_vehicle(beat)
-            if lock is not None or telemetry.pinned is not None:  # the air listens to whoever says which vehicle it is
+            if lock is not None or telemetry.pinned is not None:  # others must know which vehicle sends
                 self._send(beat)
             if lock is not None and telemetry.heard_s(now_s) < HEARTBEAT_LOST_S:
                 self._ask(lock.sysid, now_s)
@@ -181,7 +182,7 @@ class Transmitter:
             self._tell(now_s)
 
     def _ask(self, sysid: int, now_s: float) -> None:
-        """Ask for what an autopilot does not say by itself."""
+        """Request messages that an autopilot does not send by itself."""
         if self._telemetry.position_silent_s(now_s) > 1.0 or self._telemetry.trust.receiver_silent_s(now_s) > 5.0:
             for frame in message_requests(self._encoder, sysid):
                 self._to_vehicle(frame)

@@ -1,4 +1,4 @@
-"""The link to the autopilot, which may be signed."""
+"""Opens the link to the autopilot, which may be signed."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from ridlink.links import Link, LinkUrl, OnDatagram, SigningOptions, open_link, 
 
 
 async def open_vehicle_link(url: LinkUrl, on_datagram: OnDatagram, signing: SigningOptions | None) -> Link:
-    """Open it, signed where there is a key.
+    """Open the link, signed if there is a key.
 
     Args:
-        url: Where to.
-        on_datagram: Called with what is heard, or, of a signed link, believed.
+        url: Connection string.
+        on_datagram: Called with each datagram; on a signed link, only if its signature is right.
         signing: How it is signed; None: not at all.
 
     Raises:

@@ -1,8 +1,9 @@
-"""Compiled kernels before the first deadline, and a loop that keeps time meanwhile.
+"""Loads or compiles the kernels before the first deadline, without delaying the loop.
 
-Loading them from the disk takes a fraction of a second, in a thread. Compiling takes many, most of them in Python: a
-thread that compiles makes the loop of its process wait for the interpreter's lock several times a tick, and on a busy
-machine that came to 0.4 s. So another process compiles what is not on the disk yet, and leaves it there.
+Loading kernels from the disk takes a fraction of a second, in a thread. Compiling takes many seconds, most of them in
+Python: a thread that compiles makes the loop of its process wait for the interpreter's lock several times per tick; on
+a busy machine that came to 0.4 s. So another process compiles the kernels that are not on the disk yet, and saves them
+there.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ COMPILE = "import sys; from ridlink.avoidance.solver import warm_up; warm_up(sys
 
 
 def is_compiling() -> bool:
-    """The compiler is at work: who ends now must not tear down what it stands on (`os._exit`), or it may crash."""
+    """Whether the compiler runs. A process that ends then must skip the cleanup (`os._exit`), or it may crash."""
     return any(thread.name == THREAD for thread in threading.enumerate())
 
 
 async def warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
-    """Compile and load a solver's kernels before the first deadline; cold that takes seconds, a signal must not wait.
+    """Compile and load a solver's kernels before the first deadline; it may take seconds, but a signal ends it.
 
-    Where compiled kernels cannot be kept, or no process be started, they are compiled here after all.
+    If compiled kernels cannot be saved, or no process can be started, this process compiles them after all.
     """
     stopped = asyncio.ensure_future(stop.wait())
     try:
@@ -47,10 +48,10 @@ async def warm_up_unless(stop: asyncio.Event, solver: SolverKind) -> None:
 
 
 async def compile_apart(solver: SolverKind = SolverKind.HALFPLANE) -> None:
-    """Compile a solver's kernels in another process, which keeps them on disk; whoever stops waiting ends it.
+    """Compile a solver's kernels in another process, which saves them on disk; cancelling the wait ends it.
 
-    Nobody is told whether it could: who needs the kernels loads them afterwards, and meets whatever is wrong with them.
-    Where nothing can be kept it would be in vain, and is left.
+    Failures are not reported: the caller loads the kernels afterwards and then sees any error. Nothing is done if
+    kernels cannot be saved.
     """
     if not can_be_kept():
         return
@@ -84,7 +85,7 @@ async def _load_unless(stopped: asyncio.Future[Any], solver: SolverKind) -> None
             warm_up(solver)
         except Exception as error:
             problem = error
-        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+        with contextlib.suppress(RuntimeError):  # the loop has ended in the meantime
             loop.call_soon_threadsafe(report, problem)
 
     threading.Thread(target=load_all, name=THREAD, daemon=True).start()

@@ -1,8 +1,8 @@
-"""A watchdog: a thread that sees when the loop stands still, which a task of that loop could not.
+"""A watchdog: a thread that notices when the loop stands still, which a task of that loop could not.
 
-After `STALLED_S` without a sign of life it says where the loop stands and asks for a hold; after `DEAD_S` it ends the
-process, since a supervisor that starts it anew is quicker than whatever it waits for. Only time in which the watchdog
-itself was awake counts: a process that was stopped as a whole, or a machine that slept, comes back to hold, not to die.
+After `STALLED_S` without a sign of life it reports the stack of the loop and requests a hold. After `DEAD_S` it ends
+the process, since a restart by a supervisor is faster than waiting. Only time in which the watchdog itself ran counts:
+after a process was stopped as a whole, or a machine slept, the daemon holds and does not end.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ def _end(report: str) -> None:
 
 
 class Watchdog:
-    """Watches the thread that makes it.
+    """Watches the thread that creates it.
 
     Args:
-        on_stall: Called from the watchdog's thread, once a stall, with the stack of the watched thread.
+        on_stall: Called from the watchdog's thread, once per stall, with the stack of the watched thread.
         on_death: Called with the stack when the stall lasts; by default it ends the process.
     """
 
@@ -41,15 +41,15 @@ class Watchdog:
         self._thread = threading.Thread(target=self._run, name="watchdog", daemon=True)
 
     def start(self) -> None:
-        """Begin; there must be beats from now on."""
+        """Start the watchdog; it expects beats from now on."""
         self._thread.start()
 
     def beat(self) -> None:
-        """The loop is alive."""
+        """Report that the loop runs."""
         self._beats += 1
 
     def stop(self) -> None:
-        """No beats are expected any more."""
+        """Stop the watchdog; it expects no beats any more."""
         self._over.set()
 
     def _run(self) -> None:
