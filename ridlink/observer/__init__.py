@@ -1,13 +1,13 @@
-"""Traffic as somebody sees it who flies none of it: who is in the air, how large every disc is, who meets whom.
+"""Traffic as an observer sees it: which aircraft are in the air, how large every disc is, and which pairs meet.
 
-known       aircraft by source, identity, place and name
-sky         messages -> aircraft
-scene       all of them at one instant, as arrays
-discs       what each pair needs between it under a definition, and each vehicle's share of it
-near        who is near whom, without looking at all pairs
-pairs       which pairs are too near or soon will be, and who is nearest to whom
-states      everybody as objects of JSON
-encounters  who comes near whom: opened, followed, closed
+known       finds known aircraft by source, identity, position and name
+sky         Remote ID messages to aircraft
+scene       all aircraft at one instant, as arrays
+discs       the distance that each pair needs under a definition, and each vehicle's share of it
+near        finds pairs that are near each other without comparing all pairs
+pairs       the pairs that are or soon will be too near, and the nearest neighbour of each aircraft
+states      all aircraft as JSON objects
+encounters  encounters of pairs: opened, followed, closed
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""What every pair in the air needs between it, and what part of that is whose.
+"""The distance that each pair in the air needs, and each vehicle's share of it.
 
-Source: `ridlink.separation.definitions`. A vehicle's share of a disc is drawn round it as three rings, airframe, error
-and displacement, such that two vehicles whose outer rings touch are as near as their definition allows. That holds
-exactly where the parts add up, which is everywhere but under ``chance``: there each ring is the share in a pair of two
-such vehicles.
+Source: `ridlink.separation.definitions`. A vehicle's share of a disc has three rings: airframe, error and displacement.
+Two vehicles whose outer rings touch are as near as their definition allows. This is exact where the parts add up, that
+is for all definitions except ``chance``: there each ring is the share in a pair of two such vehicles.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ def pair_discs(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA
     """Radius of the disc of every pair [m].
 
     Args:
-        scene: Everybody, n of them.
-        definition: Which fields count.
-        eta: Of ``chance`` only.
+        scene: All n aircraft.
+        definition: Separation definition, which decides what fields count.
+        eta: Parameter of ``chance`` only.
 
     Returns:
-        Symmetric, shape (n, n); the diagonal means nothing.
+        Symmetric, shape (n, n); the diagonal has no meaning.
     """
     everybody = np.arange(len(scene))
     return discs_at(scene, everybody[:, None], everybody, definition, eta=eta)
@@ -43,10 +42,10 @@ def discs_at(
     """Radii of the discs of some pairs [m].
 
     Args:
-        scene: Everybody.
-        first, second: Places of the two of each pair; they broadcast against each other.
-        definition: Which fields count.
-        eta: Of ``chance`` only.
+        scene: All aircraft.
+        first, second: Indices of the two of each pair; they broadcast against each other.
+        definition: Separation definition, which decides what fields count.
+        eta: Parameter of ``chance`` only.
 
     Returns:
         The broadcast shape.
@@ -63,11 +62,11 @@ def discs_at(
 
 
 def largest_disc(scene: Scene, definition: Definition) -> float:
-    """No disc of a pair is larger [m]: that of two who have the largest of everything that is reported.
+    """Upper bound of the discs of all pairs [m]: the disc of two aircraft with the largest reported values of all.
 
     Args:
-        scene: Everybody, somebody at the least.
-        definition: Which fields count.
+        scene: All aircraft, at least one.
+        definition: Separation definition, which decides what fields count.
     """
     worst = Reported(
         bounded_airframe(scene.airframe_m).max(),
@@ -82,11 +81,11 @@ def largest_disc(scene: Scene, definition: Definition) -> float:
 
 
 def rings(scene: Scene, definition: Definition) -> FloatArray:
-    """Radii of the three rings round every vehicle [m], from the inner to the outer one.
+    """Radii of the three rings around every vehicle [m], from the inner to the outer one.
 
     Args:
-        scene: Everybody, n of them.
-        definition: Which fields count.
+        scene: All n aircraft.
+        definition: Separation definition, which decides what fields count.
 
     Returns:
         Outer radii of airframe, error and displacement, shape (n, 3).

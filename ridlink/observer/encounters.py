@@ -1,8 +1,8 @@
-"""Who comes near whom: encounters of pairs, opened while they are still to come, followed, and closed.
+"""Encounters of pairs: opened before the pair meets, followed, and closed.
 
-An encounter of a definition opens when a pair is inside its disc, or would enter it within the horizon if both flew on.
-It closes when neither was so for a while and the two have flown apart as long, or one of them is gone. Between two
-instants everybody flies straight, and the closest approach is taken on that line.
+An encounter under a definition opens when a pair is inside its disc, or would enter it within the horizon if both flew
+on. It closes when neither has been true for some time and the two have flown apart for the same time, or when one of
+them is gone. Between two instants aircraft fly straight, and the closest approach is computed on these lines.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from ridlink.separation.definitions import Definition, bounded_airframe
 
 CLOSES_AFTER_S = 3.0
 ABANDONED_AFTER_S = 60.0
-"""A pair that still comes nearer so long after its way was clear, as in a slow overtaking, is no encounter any more."""
+"""A pair that still comes nearer this long after its last alert, as in slow overtaking, is no encounter any more."""
 
 MOVED_MPS = 1.0
-"""Who changed its velocity by more than this between the opening and the closest approach has manoeuvred."""
+"""An aircraft that changed its velocity by more than this between the opening and the closest approach has
+manoeuvred."""
 
 
 class Phase(StrEnum):
-    """Where an encounter stands."""
+    """Phase of an encounter."""
 
     OPEN = "open"
     UPDATE = "update"
@@ -38,25 +39,27 @@ class Phase(StrEnum):
 
 @dataclass(slots=True, eq=False)
 class Encounter:
-    """A pair that comes near each other.
+    """One encounter of a pair.
 
     Attributes:
-        numbers: Of the two, the lower first.
-        pair: Names of the two, in order; the latest, if an identity was heard meanwhile.
-        opened_s, closed_s: When; the latter None while it goes on.
+        numbers: Numbers of the two, the lower first.
+        pair: Names of the two, in the same order; the newest ones, if an identity was heard later.
+        opened_s, closed_s: Start and end; the end is None while it continues.
         closest_s, closest_m: Time and distance of the closest approach so far, between centres.
         margin_m: Least distance less the radius of the disc, by definition.
         inside_s: Time spent inside the disc, by definition [s].
         airframes_m: Distance of centres at which the airframes would touch.
         manoeuvre_mps: How much each of the two changed its velocity until the closest approach.
         closest_errors_m: Reported error bounds of the two at the closest approach, NaN where unknown.
-        closest_above_m: How much higher the second flew there, NaN if that is unknown.
-        entry_in_s: Time until the disc is entered if both fly on, 0 inside, infinite if never; of the last step.
-        distance_m, required_m: Distance, and radius of the disc by definition; of the last step in which both were
-            heard, which is at `seen_s`.
-        mistaken: One of the two turned out to be somebody else, heard over another way: there was no such encounter.
-        last_alert_s, last_closing_s: When the disc was last entered or about to be, and when the two last came nearer.
-        opening_velocities: How the two flew when it opened [m/s], shape (2,) each.
+        closest_above_m: How much higher the second one was then, NaN if unknown.
+        entry_in_s: Time until the disc is entered if both fly on, 0 inside, infinite if never; at the last step.
+        distance_m, required_m: Distance, and radius of the disc by definition, at `seen_s`, the last step in which both
+            were heard.
+        mistaken: Whether one of the two turned out to be a known aircraft, heard over another link: no such encounter
+            existed.
+        last_alert_s, last_closing_s: Last time of an alert (inside the disc or about to enter it), and last time the
+            two came nearer.
+        opening_velocities: Velocities of the two when it opened [m/s], shape (2,) each.
     """
 
     numbers: tuple[int, int]
@@ -82,12 +85,12 @@ class Encounter:
 
     @property
     def collided(self) -> bool:
-        """The reported airframes touched, by reported positions."""
+        """Whether the reported airframes touched at the reported positions."""
         return self.closest_m < self.airframes_m
 
     @property
     def moved(self) -> tuple[str, ...]:
-        """Who of the two manoeuvred."""
+        """Names of those of the two that manoeuvred."""
         return tuple(
             name for name, change in zip(self.pair, self.manoeuvre_mps, strict=True) if change > MOVED_MPS
         )  # fmt: skip
@@ -97,14 +100,15 @@ class EncounterLog:
     """Follows all pairs of a sky.
 
     Args:
-        definition: Whose discs open encounters.
-        also: Definitions whose margins are kept beside.
-        gone_after_s: Silence of one of a pair that ends its encounter, which then ended when both were last heard.
-        most: Encounters that are followed at a time; of more, those that come first. None for all: their number is that
-            of pairs, and whoever floods an observer makes some thousand aircraft.
+        definition: Definition whose discs open encounters.
+        also: Further definitions whose margins are kept.
+        gone_after_s: Silence of one aircraft that ends its encounters; the end is then the time when both were last
+            heard.
+        most: Limit of encounters followed at a time; of more, those that come first are followed. None for no limit:
+            their number can be that of all pairs, and a flood can make thousands of aircraft.
 
     Attributes:
-        open: Encounters that go on, by the numbers of the pair.
+        open: Open encounters, by the numbers of the pair.
     """
 
     def __init__(
@@ -124,10 +128,10 @@ class EncounterLog:
         self._index: dict[int, int] = {}
 
     def step(self, scene: Scene, pairs: Pairs | None = None) -> list[tuple[Phase, Encounter]]:
-        """What changed since the scene before: encounters that opened, go on, or have closed.
+        """Changes since the previous scene: encounters that opened, continue, or closed.
 
         Args:
-            scene: Everybody, later than the scene before.
+            scene: All aircraft, later than the previous scene.
             pairs: Its pairs under the definition of this log, if they are known already.
         """
         before, self._before = self._before, scene
@@ -178,8 +182,8 @@ class EncounterLog:
         return zip(first.tolist(), second.tolist(), strict=True)
 
     def _present(self, scene: Scene, index: dict[int, int]) -> dict[tuple[int, int], list[float]]:
-        """Of the open pairs that are both here: time until the disc is entered, whether they are apart, radii of the
-        discs under every definition."""
+        """For open pairs with both aircraft present: time until the disc is entered, whether they are apart, radii of
+        the discs under every definition."""
         keys = [key for key in self.open if key[0] in index and key[1] in index]
         first, second = np.array([(index[one], index[other]) for one, other in keys], np.intp).reshape(-1, 2).T
         pairs = pairs_at(scene, first, second, self.definition)
@@ -188,7 +192,7 @@ class EncounterLog:
         return dict(zip(keys, facts.tolist(), strict=True))
 
     def close(self) -> Iterator[Encounter]:
-        """Close what is still open; the end of a recording."""
+        """Close all open encounters, at the end of a recording."""
         for key in list(self.open):
             yield self._closed(key)
 
@@ -253,7 +257,7 @@ def _ordered(one: int, other: int) -> tuple[int, int]:
 
 
 def _nearest_of_segment(start: FloatArray, end: FloatArray) -> tuple[float, float]:
-    """Where between two points the origin is nearest, as a share of the way, and how far that is."""
+    """Point of a segment nearest to the origin, as a share of its length, and its distance."""
     way = end - start
     square = float(way @ way)
     share = 0.0 if square == 0.0 else min(1.0, max(0.0, -float(start @ way) / square))

@@ -1,6 +1,6 @@
-"""Who is known: found by source, identity, place and name, at a cost that does not grow with how many there are.
+"""Known aircraft, found by source, identity, position and name, at a cost that does not grow with their number.
 
-Anybody on the air can claim to be a thousand aircraft, so every search here is a look into a table.
+Any sender can claim to be a thousand aircraft, so every search here is a table look-up.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from ridlink.remote_id.report import RemoteIdReport, SourceKey
 from ridlink.remote_id.text import display_text
 
 SAME_AIRCRAFT_M = 50.0
-"""Two senders with one identity that are so near each other are one aircraft, heard directly and relayed."""
+"""Two senders with the same identity within this distance are one aircraft, heard directly and relayed."""
 
 SAME_INSTANT_S = 0.051
-"""Half a step of the time in a 25-byte message, and what a float loses of it."""
+"""Half a step of the time in a 25-byte message, plus the rounding error of a float."""
 
 SAME_HEIGHT_M = 0.6
 
@@ -27,13 +27,13 @@ class Aircraft:
     """One aircraft.
 
     Attributes:
-        number: Its own for as long as it is in the air, whatever it is called.
+        number: Its number as long as it is in the air, even if its name changes.
         name: Its identity, else system and component id, with everything but printable ASCII as ``\\xNN``; unique.
         report: Its last report with a position.
         north_m, east_m: Position in that report, about the origin.
         interval_s: Smoothed time between reports.
-        first_heard_s, last_heard_s: The caller's clock.
-        reports: How many there were.
+        first_heard_s, last_heard_s: First and last time heard, on the caller's clock.
+        reports: Number of its reports.
     """
 
     number: int
@@ -48,20 +48,19 @@ class Aircraft:
 
     @property
     def velocity_ne_mps(self) -> tuple[float, float]:
-        """Reported velocity, zero where it is unknown."""
+        """Reported velocity, zero if unknown."""
         velocity = self.report.velocity_ned_mps
         return (0.0, 0.0) if velocity is None else (velocity[0], velocity[1])
 
 
 class Known:
-    """Aircraft by source, and the sources that speak of an aircraft which is known by another.
+    """Aircraft by source, and further sources of aircraft that are already known under another source.
 
     Args:
-        most: So many aircraft, and as many other sources, are kept; whoever was heard, or joined, longest ago gives
-            way.
+        most: Limit of aircraft, and of further sources; the one heard, or joined, longest ago is removed first.
 
     Attributes:
-        aircraft: By source, in the order in which they were met.
+        aircraft: Aircraft by source, in the order in which they were first heard.
     """
 
     def __init__(self, most: int) -> None:
@@ -76,11 +75,11 @@ class Known:
         self._names = _Names()
 
     def source_of(self, key: SourceKey) -> SourceKey:
-        """The source under which the aircraft of a source is known, or would be."""
+        """The source under which the aircraft of this source is known, or would be."""
         return self._same_as.get(key, key)
 
     def meet(self, report: RemoteIdReport, north_m: float, east_m: float, interval_s: float, now_s: float) -> Aircraft:
-        """A new aircraft."""
+        """Add a new aircraft."""
         if len(self.aircraft) >= self._most:
             self.remove(next(iter(self._by_silence)))
         self._last_number += 1
@@ -92,25 +91,25 @@ class Known:
         return new
 
     def move(self, key: SourceKey, report: RemoteIdReport, north_m: float, east_m: float) -> None:
-        """An aircraft is where a report says."""
+        """Move an aircraft to the position of a report."""
         one = self.aircraft[key]
         one.report, one.north_m, one.east_m = report, north_m, east_m
         self._unplace(key)
         self._place(key, one)
 
     def heard(self, key: SourceKey, now_s: float) -> None:
-        """An aircraft was heard."""
+        """Note that an aircraft was heard."""
         self.aircraft[key].last_heard_s = now_s
         self._by_silence.move_to_end(key)
 
     def rename(self, key: SourceKey) -> None:
-        """An aircraft is called what its report says now."""
+        """Rename an aircraft by its present report."""
         one = self.aircraft[key]
         self._names.release(one.name)
         one.name = self._names.take(called(one.report))
 
     def remove(self, key: SourceKey) -> Aircraft:
-        """An aircraft is gone, and with it the other sources that speak of it."""
+        """Remove an aircraft and its further sources."""
         for alias in self._aliases.pop(key, ()):
             del self._same_as[alias]
         del self._by_silence[key]
@@ -120,7 +119,7 @@ class Known:
         return one
 
     def join(self, key: SourceKey, into: SourceKey) -> None:
-        """A source speaks of the aircraft known by another one, and so do those that spoke of its own till now."""
+        """Join a source, and the further sources of its own aircraft, to an aircraft known under another source."""
         others = self._aliases.pop(key, set())
         if key in self.aircraft:
             self.remove(key)
@@ -134,7 +133,7 @@ class Known:
     def twin(
         self, report: RemoteIdReport, north_m: float, east_m: float, besides: SourceKey | None = None
     ) -> SourceKey | None:
-        """The source under which the same aircraft is known already: the one that was met first."""
+        """The source under which the same aircraft is already known: the one heard first."""
         found = [
             (one.number, key)
             for place in _looked_at(report, north_m, east_m)
@@ -157,13 +156,13 @@ class Known:
 
 
 def _found_at(report: RemoteIdReport, north_m: float, east_m: float, around: int = 0) -> Iterator[tuple[object, ...]]:
-    """Where an aircraft stands in the table: by its identity and place, and by what it says of which instant.
+    """Keys of an aircraft in the table: by its identity and position, and by the content and instant of its report.
 
     Args:
         report: Its report.
-        north_m: Its place.
-        east_m: Its place.
-        around: So many squares, and steps in time, to every side.
+        north_m: Its position.
+        east_m: Its position.
+        around: Number of grid squares, and of time steps, to every side.
     """
     steps = range(-around, around + 1)
     if report.uas_id is not None:
@@ -178,7 +177,7 @@ def _found_at(report: RemoteIdReport, north_m: float, east_m: float, around: int
 
 
 def _looked_at(report: RemoteIdReport, north_m: float, east_m: float) -> Iterator[tuple[object, ...]]:
-    """Where those stand that may be the same aircraft."""
+    """Table keys of aircraft that may be the same one."""
     return _found_at(report, north_m, east_m, around=1)
 
 
@@ -190,7 +189,7 @@ def _is_same(report: RemoteIdReport, north_m: float, east_m: float, one: Aircraf
 
 
 def is_repeated(report: RemoteIdReport, other: RemoteIdReport) -> bool:
-    """Both say the same of the same instant; 25-byte messages round their time."""
+    """Whether both reports have the same content and instant; 25-byte messages round their time."""
     return (
         report.timestamp_s is not None
         and other.timestamp_s is not None
@@ -201,7 +200,7 @@ def is_repeated(report: RemoteIdReport, other: RemoteIdReport) -> bool:
 
 
 def called(report: RemoteIdReport) -> str:
-    """What an aircraft is called by its report, if nobody else is."""
+    """Name of an aircraft by its report, if the name is free."""
     if report.uas_id:
         return display_text(report.uas_id)
     name = "/".join(map(str, report.source))
@@ -211,16 +210,17 @@ def called(report: RemoteIdReport) -> str:
 
 
 class _Names:
-    """Names of which none is given twice: the second of a name is name#2."""
+    """Unique names: the second aircraft of a name becomes name#2."""
 
     def __init__(self) -> None:
-        # Names given and what was wanted; of that, the least number that may be free, and how many have one.
+        # Given names with the wanted name; for each wanted name, the least number that may be free, and the number of
+        # users.
         self._taken: dict[str, str] = {}
         self._least_free: dict[str, int] = {}
         self._count: dict[str, int] = {}
 
     def take(self, wanted: str) -> str:
-        """That name, or with the least number after it that is free."""
+        """The wanted name, or the name with the least number that is free."""
         name, number = wanted, self._least_free.get(wanted, 2)
         if name in self._taken:
             while (name := f"{wanted}#{number}") in self._taken:
@@ -231,7 +231,7 @@ class _Names:
         return name
 
     def release(self, name: str) -> None:
-        """Somebody is not called so any more."""
+        """Release a name."""
         wanted = self._taken.pop(name)
         self._count[wanted] -= 1
         if not self._count[wanted]:

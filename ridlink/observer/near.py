@@ -1,8 +1,9 @@
-"""Who is near whom, without looking at all pairs: vehicles in the order of their northings, a few of them at a time.
+"""Finds pairs that are near each other without comparing all pairs: vehicles are sorted by northing and taken a few at
+a time.
 
-Of n vehicles in a square of side s that reach r, about n * n * r / s pairs are looked at, in pieces that fit into the
-cache of a processor. Positions are metres, velocities metres a second, both north and east, shape (n, 2). Pairs are
-returned as the places of their two, the lower first, each pair once, in the order of places, shape (k,) each.
+For n vehicles with reach r in a square of side s, about n * n * r / s pairs are compared, in pieces that fit into a
+processor cache. Positions are in metres, velocities in metres a second, both north and east, shape (n, 2). Pairs are
+returned as two arrays of indices, shape (k,) each: each pair once, the lower index first, sorted by index.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ AT_ONCE = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Piece:
-    """A few vehicles, and those who come behind the first of them and are not too far north for any.
+    """A few vehicles, and the vehicles after the first of them that are not too far north for any of the few.
 
     Attributes:
-        few, others: Their places.
-        to_north_m, to_east_m: From the former to the latter, shape (few, others).
+        few, others: Their indices.
+        to_north_m, to_east_m: Offsets from the few to the others, shape (few, others).
     """
 
     few: Places
@@ -33,11 +34,11 @@ class _Piece:
 
 
 def within(position_ne_m: FloatArray, reach_m: FloatArray) -> tuple[Places, Places]:
-    """Pairs that are no further apart than both of them reach together.
+    """Pairs whose distance is at most the sum of their reaches.
 
     Args:
-        position_ne_m: Of everybody.
-        reach_m: How far each of them reaches, not negative, shape (n,).
+        position_ne_m: Positions of all vehicles.
+        reach_m: Reach of each vehicle, not negative, shape (n,).
     """
 
     def near(piece: _Piece) -> BoolArray:
@@ -50,10 +51,10 @@ def within(position_ne_m: FloatArray, reach_m: FloatArray) -> tuple[Places, Plac
 def meeting(
     position_ne_m: FloatArray, velocity_ne_mps: FloatArray, distance_m: float, horizon_s: float
 ) -> tuple[Places, Places]:
-    """Pairs that are no further apart than a distance, or will be within the horizon if both fly on.
+    """Pairs whose distance is at most `distance_m`, or will be within the horizon if both fly on.
 
     Args:
-        position_ne_m, velocity_ne_mps: Of everybody.
+        position_ne_m, velocity_ne_mps: Positions and velocities of all vehicles.
         distance_m: The distance.
         horizon_s: The horizon.
     """

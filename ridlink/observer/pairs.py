@@ -1,4 +1,4 @@
-"""Pairs of a scene under one definition: who comes too near whom, and when; who is nearest to the disc of each."""
+"""Pairs of a scene under one definition: which come too near, and when; and the nearest neighbour of each vehicle."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ridlink.separation.definitions import Definition
 HORIZON_S = 30.0
 NOBODY: Places = np.empty(0, np.intp)
 FEW = 100
-"""Of so many each looks at all others."""
+"""Up to this number of vehicles, each is compared with all others."""
 
 FURTHER = 4.0
-"""Of more, whoever has found nobody near looks so many times as far."""
+"""With more vehicles, the reach grows by this factor for those that have found no neighbour."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,12 +26,12 @@ class Pairs:
     """Some pairs of a scene, k of them.
 
     Attributes:
-        first, second: Places of the two, shape (k,).
+        first, second: Indices of the two, shape (k,).
         radius_m: Radii of their discs, shape (k,).
         distance_m: Distances between centres, shape (k,).
-        entry_s: Time until the disc is entered if both fly on: 0 inside, infinite if never, or where they are apart or
-            further than 2 km from each other, shape (k,).
-        apart: Those that are known to fly at safely different heights, shape (k,).
+        entry_s: Time until the disc is entered if both fly on: 0 inside, infinite if never, if they are apart, or if
+            they are more than 2 km from each other, shape (k,).
+        apart: Whether they are known to fly at safely different heights, shape (k,).
     """
 
     first: Places
@@ -45,7 +45,7 @@ class Pairs:
         return len(self.first)
 
     def only(self, which: BoolArray) -> Pairs:
-        """Those of which this is true, shape (k,)."""
+        """The pairs for which the mask is true, shape (k,)."""
         return Pairs(
             self.first[which],
             self.second[which],
@@ -58,11 +58,11 @@ class Pairs:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nearest:
-    """For each of n vehicles, the one that is nearest to the disc of the two.
+    """For each of n vehicles, the neighbour with the least margin to the disc of the pair.
 
     Attributes:
-        who: Its place, -1 if there is nobody, shape (n,).
-        distance_m, radius_m: Of the pair; infinite and 0 if there is nobody, shape (n,).
+        who: Index of the neighbour, -1 if there is none, shape (n,).
+        distance_m, radius_m: Distance and disc radius of the pair; infinite and 0 if there is none, shape (n,).
     """
 
     who: Places
@@ -71,14 +71,14 @@ class Nearest:
 
 
 def pairs_of(scene: Scene, definition: Definition) -> Pairs:
-    """The pairs of a scene that are inside their discs, or will be within half a minute if both fly on.
+    """Pairs of a scene that are inside their discs, or will be within half a minute if both fly on.
 
     Args:
-        scene: Everybody.
+        scene: All aircraft.
         definition: What sizes the discs.
 
     Returns:
-        Each pair once, the lower place first, in the order of places.
+        Each pair once, the lower index first, sorted by index.
     """
     if not len(scene):
         return pairs_at(scene, NOBODY, NOBODY, definition)
@@ -89,11 +89,11 @@ def pairs_of(scene: Scene, definition: Definition) -> Pairs:
 
 
 def pairs_at(scene: Scene, first: Places, second: Places, definition: Definition) -> Pairs:
-    """These pairs of a scene.
+    """Facts of given pairs of a scene.
 
     Args:
-        scene: Everybody.
-        first, second: Places of the two of each pair, shape (k,).
+        scene: All aircraft.
+        first, second: Indices of the two of each pair, shape (k,).
         definition: What sizes the discs.
     """
     radius, apart = discs_at(scene, first, second, definition), scene.apart_at(first, second)
@@ -107,10 +107,10 @@ def pairs_at(scene: Scene, first: Places, second: Places, definition: Definition
 
 
 def least_margin(scene: Scene, definition: Definition) -> Pairs:
-    """The pair with the least distance over the radius of its disc, of those within 2 km that are not apart.
+    """The pair with the least margin between distance and disc radius, of those within 2 km that are not apart.
 
     Args:
-        scene: Everybody.
+        scene: All aircraft.
         definition: What sizes the discs.
 
     Returns:
@@ -124,10 +124,11 @@ def least_margin(scene: Scene, definition: Definition) -> Pairs:
 
 
 def nearest_of(scene: Scene, definition: Definition) -> Nearest:
-    """For each vehicle the one that is nearest to the disc of the two, of those that do not fly at other heights.
+    """For each vehicle the neighbour with the least margin to the disc of the pair, of those not at safely different
+    heights.
 
     Args:
-        scene: Everybody, n of them.
+        scene: All n aircraft.
         definition: What sizes the discs.
     """
     count = len(scene)
@@ -151,13 +152,14 @@ def nearest_of(scene: Scene, definition: Definition) -> Nearest:
 def _further_and_further(
     scene: Scene, definition: Definition, farthest_m: float, looks: BoolArray | None = None
 ) -> Iterator[tuple[float, Pairs]]:
-    """Pairs within a reach that grows until it is the farthest, or nobody looks any more.
+    """Pairs within a reach that grows until it is the farthest, or no vehicle needs more.
 
     Args:
-        scene: Everybody, n of them.
+        scene: All n aircraft.
         definition: What sizes the discs.
-        farthest_m: No pair counts that is further apart.
-        looks: Whose pairs are wanted, all if not given, shape (n,); may become fewer meanwhile.
+        farthest_m: Largest distance of a pair that counts.
+        looks: Mask of vehicles whose pairs are wanted, by default all, shape (n,); the caller may clear entries
+            meanwhile.
 
     Yields:
         The margin up to which no pair is missing, and pairs that are not apart.
@@ -182,7 +184,7 @@ def closing_times(scene: Scene, radius_m: FloatArray) -> FloatArray:
     """Time until each pair enters its disc if both fly on [s].
 
     Args:
-        scene: Everybody, n of them.
+        scene: All n aircraft.
         radius_m: Radii of the discs of the pairs, shape (n, n).
 
     Returns:
@@ -205,15 +207,15 @@ def _closing(scene: Scene, first: Places, second: Places) -> tuple[FloatArray, F
 
 
 def _entry(beyond: FloatArray, closing: FloatArray, square: FloatArray) -> FloatArray:
-    """When a disc is entered from outside [s], infinite if never; shape (k,).
+    """Time until a disc is entered from outside [s], infinite if never; shape (k,).
 
     Args:
         beyond: Square of the distance less that of the radius [m2], shape (k,).
-        closing, square: As of `_closing`.
+        closing, square: As from `_closing`.
     """
     entry = np.full(beyond.shape, np.inf)
     root = closing * closing - square * beyond
     enters = np.flatnonzero((closing > 0.0) & (beyond >= 0.0) & (root > 0.0) & (square > 1e-12))
-    # (closing - sqrt(root)) / square, in the form that does not cancel.
+    # (closing - sqrt(root)) / square, in a form without cancellation.
     entry[enters] = beyond[enters] / (closing[enters] + np.sqrt(root[enters]))
     return entry

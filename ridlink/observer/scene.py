@@ -1,4 +1,4 @@
-"""Everybody in the air at one instant, as arrays."""
+"""All aircraft in the air at one instant, as arrays."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from ridlink.traffic.altitude import RESERVE_M, known_apart, vertical_bound
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Places = NDArray[np.intp]
-"""Of vehicles in a scene."""
+"""Indices of vehicles in a scene."""
 
 VERTICAL_HORIZON_S = 8.0
 CONSIDERED_M = 2000.0
-"""Pairs further apart than this are none."""
+"""Pairs further apart than this do not count."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gaps:
-    """What lies between the n vehicles of a scene, whatever the definition.
+    """Distances and closing speeds of the n vehicles of a scene, independent of the definition.
 
     Attributes:
         distance_m, distance_square_m2: Between centres, shape (n, n).
-        counted: Pairs within 2 km and not at safely different heights, nobody with itself, shape (n, n).
-        nearing: Places, in flat (n, n), of those of them that come nearer, each once, shape (k,).
-        closing: Of these, offset times relative velocity, positive [m2/s], shape (k,).
-        square: Of these, square of the relative speed [m2/s2], shape (k,).
+        counted: Mask of pairs within 2 km and not at safely different heights, without the diagonal, shape (n, n).
+        nearing: Flat indices into (n, n) of counted pairs that come nearer, each once, shape (k,).
+        closing: For these pairs, offset times relative velocity, positive [m2/s], shape (k,).
+        square: For these pairs, square of the relative speed [m2/s2], shape (k,).
     """
 
     distance_m: FloatArray
@@ -42,13 +42,13 @@ class Gaps:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Everybody in the air at one instant, n of them. NaN is unknown.
+    """All n aircraft in the air at one instant. NaN is unknown.
 
     Attributes:
         time_s: The instant, on the caller's clock.
-        numbers: Who; an aircraft keeps its number.
-        names: What they are called now; an aircraft is called anew when its identity is heard.
-        position_ne_m: Where they are now, if they flew on as reported, shape (n, 2).
+        numbers: Numbers of the aircraft; an aircraft keeps its number.
+        names: Present names; the name of an aircraft changes when its identity is heard.
+        position_ne_m: Present positions, extrapolated with the reported velocity, shape (n, 2).
         velocity_ne_mps: Reported velocities, zero where unknown, shape (n, 2).
         speed_mps: Horizontal speeds, shape (n,).
         airframe_m: Reported sizes, shape (n,).
@@ -60,9 +60,9 @@ class Scene:
         climb_mps: Climb rates, shape (n,).
         vertical_error_m: Three sigma, shape (n,).
         airframe_height_m: Vertical extents, shape (n,).
-        command_ne_mps: Velocities that they say they command to their autopilots, shape (n, 2).
-        avoiding: Who says that it takes its half of every avoidance, shape (n,).
-        merged: Numbers of those who turned out to be somebody else, heard over another way.
+        command_ne_mps: Velocities that they report as commanded to their autopilots, shape (n, 2).
+        avoiding: Whether it says that it does its half of every avoidance manoeuvre, shape (n,).
+        merged: Numbers of aircraft that turned out to be known ones, heard over another link.
     """
 
     time_s: float
@@ -91,11 +91,11 @@ class Scene:
 
     @property
     def reported(self) -> Reported:
-        """What of all this sizes discs."""
+        """The fields that size discs."""
         return Reported(self.airframe_m, self.error_bound_m, self.accuracy_bound_m, self.speed_mps)
 
     def only(self, which: BoolArray) -> Scene:
-        """Those of whom this is true, shape (n,)."""
+        """The aircraft for which the mask is true, shape (n,)."""
         kept = np.flatnonzero(which)
         arrays = {
             field_.name: getattr(self, field_.name)[kept]
@@ -110,13 +110,13 @@ class Scene:
         )
 
     def apart(self) -> BoolArray:
-        """Pairs that are known to fly at safely different heights, shape (n, n); worked out once, not to be changed."""
+        """Pairs that are known to fly at safely different heights, shape (n, n); computed once, do not change it."""
         if not self._apart:
             self._apart.append(self._known_apart())
         return self._apart[0]
 
     def gaps(self) -> Gaps:
-        """Distances and closing speeds of all pairs; worked out once, not to be changed."""
+        """Distances and closing speeds of all pairs; computed once, do not change it."""
         if not self._gaps:
             self._gaps.append(self._between())
         return self._gaps[0]
@@ -152,10 +152,10 @@ class Scene:
         return apart
 
     def apart_at(self, first: Places, second: Places) -> BoolArray:
-        """Which of these pairs are known to fly at safely different heights.
+        """Whether given pairs are known to fly at safely different heights.
 
         Args:
-            first, second: Places of the two of each pair, shape (k,).
+            first, second: Indices of the two of each pair, shape (k,).
 
         Returns:
             Shape (k,).

@@ -1,8 +1,8 @@
-"""Who is in the air: Remote ID of any number of senders, joined, named, and forgotten when they fall silent.
+"""Aircraft in the air: Remote ID of any number of senders, joined, named, and forgotten when a sender falls silent.
 
-Positions leave as metres north and east of one origin, which is the first position heard unless another is given. What
-was heard some time ago is taken ahead with its reported velocity. Everything comes from strangers: nothing here grows
-without bound, and names are inert.
+Positions are in metres north and east of one origin, which is the first position heard unless another is given. Older
+positions are extrapolated with their reported velocity. Senders are not trusted: memory is bounded, and names are
+printable.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ UNKNOWN = (math.nan, math.nan, math.nan)
 
 
 class Sky:
-    """Everybody in the air.
+    """The aircraft in the air.
 
     Args:
-        origin: Where metres are counted from; the first position heard if not given.
+        origin: Origin of positions; by default the first position heard.
         forget_after_s: Silence after which an aircraft is gone.
-        max_aircraft: Kept at most; whoever was heard longest ago gives way.
-        convention: What senders are taken to mean by their accuracy codes.
+        max_aircraft: Limit of aircraft; the one heard longest ago is removed first.
+        convention: How accuracy codes are read.
 
     Attributes:
-        aircraft: By source.
+        aircraft: Aircraft by source.
         rejects: Messages and fields that were not taken, by cause.
         origin: None until a position was heard.
-        met: How many there were so far; who turned out to be somebody else is not counted.
+        met: Number of aircraft so far, without those that turned out to be another one.
     """
 
     def __init__(
@@ -68,11 +68,11 @@ class Sky:
         self._merged: deque[int] = deque(maxlen=MERGED_KEPT)
 
     def receive(self, frame: Frame, now_s: float) -> Aircraft | None:
-        """Take a frame; the aircraft that it moved or completed, if any.
+        """Receive a frame; returns the aircraft that it moved or completed, if any.
 
         Args:
-            frame: A frame as parsed; what is no Remote ID changes nothing.
-            now_s: When it came, on a clock that never goes back.
+            frame: A frame as parsed; frames without Remote ID change nothing.
+            now_s: Time of receipt, on a clock that never goes back.
         """
         if not frame.checked or frame.msgid not in REMOTE_ID_IDS:
             return None
@@ -84,17 +84,17 @@ class Sky:
         return moved
 
     def forget_silent(self, now_s: float) -> list[Aircraft]:
-        """Those who were silent for too long; they are gone."""
+        """Remove and return aircraft that were silent for too long."""
         gone = [key for key, one in self.aircraft.items() if now_s - one.last_heard_s > self._forget_after_s]
         return [self._known.remove(key) for key in gone]
 
     def at(self, now_s: float, *, missed: float = math.inf, settled_s: float = 0.0) -> Scene:
-        """Everybody who is in the air, where they are now.
+        """All aircraft in the air, at their present positions.
 
         Args:
             now_s: The instant.
-            missed: Who was silent for more than so many of its own intervals is left out.
-            settled_s: So is who is heard for less long, and has not told its error; it may be about to.
+            missed: Leave out aircraft that were silent for more than this number of their own intervals.
+            settled_s: Leave out aircraft heard for less than this time that have not sent their error yet.
         """
         flying = [
             one
@@ -134,15 +134,15 @@ class Sky:
         )
 
     def forget(self, key: SourceKey) -> Aircraft | None:
-        """Somebody is gone, or better known by another source."""
+        """Remove an aircraft: it is gone, or better known under another source."""
         return self._known.remove(key) if key in self.aircraft else None
 
     def take(self, report: RemoteIdReport, now_s: float) -> Aircraft | None:
-        """Take a report that is complete; the aircraft that it moved, if any.
+        """Receive a complete report; returns the aircraft that it moved, if any.
 
         Args:
-            report: What is known of somebody.
-            now_s: When that came, on the clock of `receive`.
+            report: The report.
+            now_s: Time of receipt, on the clock of `receive`.
         """
         if report.latitude_deg is None or report.longitude_deg is None:
             return None
@@ -159,10 +159,10 @@ class Sky:
             self._known.join(key, twin)
             key = twin
         known = self.aircraft[key]
-        if report.received_at_s < known.report.received_at_s:  # complete only now, and heard newer over another way
+        if report.received_at_s < known.report.received_at_s:  # completed late, and a newer one came over another link
             return None
         if report.received_at_s > known.report.received_at_s:
-            if is_repeated(report, known.report):  # by its sender, or over another way
+            if is_repeated(report, known.report):  # by its sender, or over another link
                 if known.report.extended or not report.extended:
                     return None
                 report = replace(report, received_at_s=known.report.received_at_s)
@@ -172,7 +172,7 @@ class Sky:
                     known.interval_s += 0.3 * (gap_s - known.interval_s)
                 self._known.heard(key, now_s)
                 known.reports += 1
-        if report.uas_id is None and known.report.uas_id is not None:  # its relay was told, it was not
+        if report.uas_id is None and known.report.uas_id is not None:  # its relay sent the identity, it did not
             report = replace(report, uas_id=known.report.uas_id)
         renamed = report.uas_id != known.report.uas_id
         self._known.move(key, report, north_m, east_m)

@@ -1,4 +1,4 @@
-"""Everybody in the air as objects of JSON, in the SI names that the decoder uses; unknown is None."""
+"""All aircraft as JSON objects, with the SI names of the decoder; unknown is None."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ridlink.separation.definitions import Definition
 
 
 def aircraft_states(sky: Sky, scene: Scene, definition: Definition, utc_s: float) -> list[dict[str, Any]]:
-    """Everybody who is in the air: what each reports, its share of a disc, and who is nearest to it.
+    """All aircraft in the air: the report of each, its share of a disc, and its nearest neighbour.
 
     Args:
-        sky: Who is in the air.
-        scene: Where they are, of `Sky.at`.
+        sky: The aircraft in the air.
+        scene: Their positions, from `Sky.at`.
         definition: What sizes the discs.
         utc_s: The same instant, seconds since 1970.
     """
@@ -38,12 +38,12 @@ def aircraft_states(sky: Sky, scene: Scene, definition: Definition, utc_s: float
 
 
 def aircraft_state(one: Aircraft, now_s: float, utc_s: float) -> dict[str, Any]:
-    """What one aircraft reports.
+    """The report of one aircraft.
 
     Args:
         one: The aircraft.
-        now_s: The clock on which it was heard.
-        utc_s: The same instant, for those who read it.
+        now_s: Present time, on the clock on which it was heard.
+        utc_s: The same instant, seconds since 1970.
     """
     report = one.report
     velocity = report.velocity_ned_mps
@@ -78,11 +78,11 @@ def aircraft_state(one: Aircraft, now_s: float, utc_s: float) -> dict[str, Any]:
 
 
 def nearest_neighbours(scene: Scene, nearest: Nearest) -> list[dict[str, Any] | None]:
-    """For each, who is nearest to its disc: name, distance and margin [m]; None if nobody flies at its height.
+    """The nearest neighbour of each: name, distance and margin [m]; None if nobody flies at its height.
 
     Args:
-        scene: Everybody.
-        nearest: Who that is.
+        scene: All aircraft.
+        nearest: The neighbours, from `nearest_of`.
     """
     figures = zip(
         nearest.who.tolist(),
@@ -97,5 +97,5 @@ def nearest_neighbours(scene: Scene, nearest: Nearest) -> list[dict[str, Any] | 
 
 
 def rounded(value: float | None, digits: int = 2) -> float | None:
-    """Fit for JSON: None where it is unknown or infinite."""
+    """The rounded value for JSON; None if it is unknown or infinite."""
     return None if value is None or not math.isfinite(value) else round(float(value), digits)
