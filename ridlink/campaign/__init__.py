@@ -1,1 +1,1 @@
-"""Campaigns: many runs of one scene in virtual time, row by row reproducible."""
+"""Campaigns: many runs of one scene in virtual time. Every run can be reproduced alone."""

@@ -1,4 +1,4 @@
-"""Cells of a campaign: in what they differ, and how that is said in tables and file names."""
+"""Cells of a campaign: the figures in which they differ, and their names in tables and files."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 BASELINE = "none"
-"""Name of the definition under which nobody avoids anybody."""
+"""Name of the definition under which no vehicle avoids another."""
 
 USUAL = {"dynamics": "ideal", "sigma_m": 10.0, "interval_s": 0.1, "loss": 0.0}
-"""What goes without saying."""
+"""Usual values, which names leave out."""
 
 WORDS = {"dynamics": "{}", "sigma_m": "sigma {:g} m", "interval_s": "every {:g} s", "loss": "{:.0%} lost"}
-"""How the rest of it is said."""
+"""Texts for unusual values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +22,11 @@ class Cell:
 
     Attributes:
         scenario: Name of the scene.
-        definition: What sizes the discs; `none` where nobody avoids.
-        gnss: How sigma becomes a position error.
-        solver: Who decides.
-        dynamics: How vehicles answer.
-        sigma_m: Standard deviation of vehicles of which the scene says nothing.
+        definition: Separation definition; `none` if no vehicle avoids.
+        gnss: Error model: how sigma becomes a position error.
+        solver: Name of the solver.
+        dynamics: How vehicles respond to commands.
+        sigma_m: Standard deviation for vehicles that have none in the scene.
         interval_s: Time between two reports.
         loss: Share of reports that a receiver misses.
     """
@@ -51,9 +51,9 @@ class Cell:
 
 
 def world_words(figures: Mapping[str, Any]) -> str:
-    """What is unusual about a world, in words.
+    """The unusual values of a world, in words.
 
     Args:
-        figures: Those of a cell, or a row, by the names in `USUAL`; others do not matter.
+        figures: Values of a cell or a row by the names in `USUAL`; other names are ignored.
     """
     return ", ".join(words.format(figures[name]) for name, words in WORDS.items() if figures[name] != USUAL[name])

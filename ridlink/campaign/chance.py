@@ -1,7 +1,7 @@
-"""What is drawn in a run: the fleet, and the position errors of its vehicles.
+"""Random draws of a run: the fleet, and the position errors of its vehicles.
 
-Every run has a generator of its own for each source of chance, so that a run can be flown alone, in any batch and under
-any definition or solver, with equal draws.
+Every run has its own generator for each source of chance. So a run has the same draws when it is flown alone, in any
+batch, and under any definition or solver.
 
 Units: metres, m/s, seconds; one standard deviation is per horizontal axis unless a name says otherwise.
 """
@@ -21,17 +21,17 @@ from ridlink.words import Named
 FloatArray = NDArray[np.float64]
 
 PAPER_MEAN_SPEED_MPS = CATEGORIES[3].max_speed_mps
-"""Of the fleets of the paper's simulation."""
+"""Mean speed of the fleets in the paper's simulation."""
 
 PAPER_SPEED_RANGE_MPS = (10.0, CATEGORIES[4].max_speed_mps)
-"""Speeds outside are drawn again: the paper's fleet flies, it does not hover."""
+"""Speeds outside are drawn again, since the paper's fleet does not hover."""
 
 CORRELATION_TIME_S = 10.0
 """Time constant of the Gauss-Markov errors: real receivers wander over tens of seconds."""
 
 
 class Source(IntEnum):
-    """Sources of chance; the numbers are part of what a seed means and never change."""
+    """Sources of chance; the numbers determine the draws of a seed and never change."""
 
     FLEET = 1
     POSITION = 2
@@ -45,7 +45,8 @@ class Source(IntEnum):
 class ErrorModel(Named):
     """How a standard deviation becomes a position error.
 
-    WHITE_RADIAL: the paper's, `|N(0, sigma^2)| (cos phi, sin phi)`, new in every report. Its radius is half-normal, so
+    WHITE_RADIAL: the paper's model, `|N(0, sigma^2)| (cos phi, sin phi)`, new in every report. Its radius is
+    half-normal, so
         one axis has a standard deviation of sigma / sqrt(2) only.
     WHITE: normal on each axis, new in every report.
     GAUSS_MARKOV: normal on each axis, correlated over 10 s unless said otherwise.
@@ -72,10 +73,10 @@ class Fleet:
 
 
 def draw_fleet(count: int, seed: int, run: int, category: int | None = None) -> Fleet:
-    """A fleet: AF ~ U(0.1, 7.5) m, and normal cruise speeds, drawn again while out of range.
+    """Draw a fleet: AF ~ U(0.1, 7.5) m, and normal cruise speeds, drawn again while out of range.
 
     Source: Tables III and IV, Eq. 4. The paper names category 3, whose maximum is 30.7 m/s; only with that as the mean
-    do its mission times come out.
+    are its mission times reproduced.
 
     Args:
         count: Number of vehicles.
@@ -103,11 +104,11 @@ def draw_fleet(count: int, seed: int, run: int, category: int | None = None) -> 
 
 @dataclass(frozen=True, slots=True)
 class Mix:
-    """Who in the fleet of one run is different, shape (N,) each.
+    """Special vehicles in the fleet of one run, shape (N,) each.
 
     Attributes:
-        stock: Senders of standard Remote ID only.
-        unresponsive: Who avoids nobody, and says so by saying nothing.
+        stock: Vehicles that send standard Remote ID only.
+        unresponsive: Vehicles that avoid nobody; they do not set the flag that says they avoid.
     """
 
     stock: NDArray[np.bool_]
@@ -115,24 +116,25 @@ class Mix:
 
 
 def draw_mix(count: int, seed: int, run: int, *, stock_share: float, unresponsive_share: float) -> Mix:
-    """Each vehicle is different with these probabilities; a larger share adds to those of a smaller one."""
+    """Draw special vehicles with these probabilities; a larger share includes the vehicles of a smaller one."""
     drawn = generator(seed, run, Source.MIX).random((2, count))
     return Mix(drawn[0] < stock_share, drawn[1] < unresponsive_share)
 
 
 class PositionErrors:
-    """Position errors of a batch of runs, one report after the other.
+    """Position errors of a batch of runs, report by report.
 
     Args:
         model: How sigma becomes an error.
-        sigma_m: Standard deviation, of all or of each, shape (N,).
+        sigma_m: Standard deviation, one for all or one for each, shape (N,).
         count: Vehicles in a run.
         seed: Seed of the campaign.
         runs: The runs of the batch, W of them.
         interval_s: Time between two reports.
         correlation_s: Time constant of the Gauss-Markov errors.
-        common_share: Part of the variance that all vehicles of a run share, as those who see the same satellites do.
-        bias_m: Standard deviation per axis of an offset on top that lasts the whole flight and that nobody knows of.
+        common_share: Part of the variance that all vehicles of a run share, since they see the same satellites.
+        bias_m: Standard deviation per axis of an additional offset that lasts the whole flight and is in no error
+            bound.
     """
 
     def __init__(
@@ -161,7 +163,7 @@ class PositionErrors:
         return errors if self._bias is None else errors + self._bias
 
     def keep(self, runs: NDArray[np.bool_]) -> None:
-        """Go on with some runs of the batch only."""
+        """Keep only some runs of the batch."""
         self._own.keep(runs)
         if self._common is not None:
             self._common.keep(runs)
@@ -170,7 +172,7 @@ class PositionErrors:
 
 
 class _Walk:
-    """Errors of so many vehicles as there are sizes, from one generator a run."""
+    """Errors of one vehicle per size, from one generator per run."""
 
     _BLOCK = 32
 
@@ -195,7 +197,7 @@ class _Walk:
         return drawn
 
     def keep(self, runs: NDArray[np.bool_]) -> None:
-        """Go on with some runs of the batch only."""
+        """Keep only some runs of the batch."""
         self._random = [random for random, kept in zip(self._random, runs, strict=True) if kept]
         self._drawn = self._drawn[runs]
         if self._present is not None:

@@ -1,4 +1,4 @@
-"""What becomes of reports between a sender and its receivers: lost, late, out of range.
+"""The channel between a sender and its receivers: reports are lost, late or out of range.
 
 Units: seconds; shares within 0 and 1.
 """
@@ -20,18 +20,18 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """The way of a report to one receiver; each receiver has its own luck with it.
+    """The channel of a report to one receiver; receivers are independent of each other.
 
     Args:
         loss: Share of reports that a receiver in range misses.
-        burst: Mean number of reports that are lost in a row, as two states make them that each last for geometric
-            times (Gilbert and Elliott); None: independently, which is `1 / (1 - loss)` in the mean.
-        latency_s: Time from sending to hearing, uniform between the two.
-        edge_loss: Share lost besides at the end of the range, less with the fourth power of the distance.
-        crowding: How likely one more sender in range of the receiver destroys a report.
+        burst: Mean number of reports lost in a row, from a model of two states with geometric durations (Gilbert and
+            Elliott); None: independent losses, with a mean of `1 / (1 - loss)`.
+        latency_s: Time from sending to receipt, uniform between the two values.
+        edge_loss: Additional share lost at the end of the range; it falls with the fourth power of the distance.
+        crowding: Probability that one more sender in range of the receiver destroys a report.
 
     Raises:
-        ValueError: If a figure is not finite or out of range, or no two states have that loss in such bursts.
+        ValueError: If a figure is not finite or out of range, or no two-state model has this loss in such bursts.
     """
 
     loss: float = 0.0
@@ -56,21 +56,22 @@ class Channel:
 
     @property
     def is_perfect(self) -> bool:
-        """Whether every report is heard as it is sent."""
+        """Whether every report is received at once."""
         return self.loss == 0.0 and self.latency_s[1] == 0.0 and not self.depends_on_others
 
     @property
     def depends_on_others(self) -> bool:
-        """Whether losses depend on where everybody is."""
+        """Whether losses depend on the positions of the vehicles."""
         return self.edge_loss > 0.0 or self.crowding > 0.0
 
     def share(self, distance_m: FloatArray, range_m: float, heard: BoolArray) -> FloatArray:
-        """What arrives of reports that are not lost for other reasons; see `ridlink.technologies`, which has the same.
+        """Share of reports that arrive, of those not lost for other reasons; the same formula as in
+        `ridlink.technologies`.
 
         Args:
-            distance_m: Between receiver and sender, shape (W, N, N).
+            distance_m: Distance between receiver and sender, shape (W, N, N).
             range_m: Radio range.
-            heard: Who is in range of whom, oneself excluded, shape (W, N, N).
+            heard: Mask of pairs in range, without the diagonal, shape (W, N, N).
 
         Returns:
             Share, shape (W, N, N).
@@ -85,10 +86,10 @@ PERFECT = Channel()
 
 
 class Reception:
-    """Losses and latencies of a batch of runs: every pair of sender and receiver on its own.
+    """Losses and latencies of a batch of runs, independent for every pair of sender and receiver.
 
     Args:
-        channel: What becomes of reports.
+        channel: The channel.
         count: Vehicles in a run, N.
         seed: Seed of the campaign.
         runs: The runs of the batch, W of them.
@@ -108,13 +109,14 @@ class Reception:
             self._bad: BoolArray = drawn < channel.loss
 
     def next(self, sending: BoolArray | None = None) -> tuple[BoolArray, FloatArray, FloatArray]:
-        """What the next reports meet: who misses them, and how late the others hear them; receiver before sender.
+        """Draw for the next reports: losses and latencies; the axis of receivers comes before that of senders.
 
         Args:
-            sending: Who reports, shape (W, N); None: everybody. Bursts are of reports: those of the others wait.
+            sending: Vehicles that report, shape (W, N); None: all. Bursts count reports, so the state of the others
+                does not change.
 
         Returns:
-            Lost, latencies [s], and a figure below 1 which `Channel.share` must exceed, shape (W, N, N) each.
+            Losses, latencies [s], and a uniform number below 1 that `Channel.share` must exceed, shape (W, N, N) each.
         """
         channel = self._channel
         if channel.is_perfect:
@@ -140,7 +142,7 @@ class Reception:
         return lost, latency, luck
 
     def keep(self, runs: BoolArray) -> None:
-        """Go on with some runs of the batch only."""
+        """Keep only some runs of the batch."""
         self._random = [random for random, kept in zip(self._random, runs, strict=True) if kept]
         self._drawn = self._drawn[runs]
         if self._channel.burst is not None:

@@ -1,4 +1,4 @@
-"""The batch kernel of a solver with its constants and its scratch, behind one call."""
+"""The batch kernel of a solver with its constants and scratch memory, as one call."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class Decider(Protocol):
         error_sum_m: FloatArray,
         range_m: float,
     ) -> FloatArray:
-        """Results, shape (W, N, RESULT_COLUMNS); arguments as in `ridlink.avoidance.worlds`, and so is what of them is
-        filled in."""
+        """Results, shape (W, N, RESULT_COLUMNS); arguments, and those that are written, as in
+        `ridlink.avoidance.worlds`."""
 
     def keep(self, kept: BoolArray) -> None:
-        """Go on with some worlds of the batch only, shape (W,)."""
+        """Keep only some worlds of the batch, shape (W,)."""
 
 
 def new_decider(
@@ -45,13 +45,13 @@ def new_decider(
     *,
     threads: int = 1,
 ) -> Decider:
-    """A decider of the solver whose settings these are.
+    """A decider with the solver of these settings.
 
     Args:
         settings: Constants.
         shape: Worlds and vehicles, (W, N).
-        obstacles: The same in every world.
-        threads: Threads among which the worlds are divided; answers do not depend on it.
+        obstacles: Obstacles, the same in every world.
+        threads: Number of threads for the worlds; results do not depend on it.
     """
     if isinstance(settings, HalfplaneSettings):
         return _Halfplanes(settings, shape, obstacles, threads)
@@ -59,12 +59,12 @@ def new_decider(
 
 
 class _Batched:
-    """A kernel with its arguments: whatever has an axis of worlds, it is the first one."""
+    """A kernel with its arguments; an axis of worlds is always the first one."""
 
     _kernel: Any
     _memories: tuple[Any, ...] = ()
     _constants: list[tuple[Any, ...]]
-    """What is the same in every world, for each thread."""
+    """Arguments that are the same in every world, for each thread."""
     _scratch: tuple[Any, ...]
 
     def __init__(self, shape: tuple[int, int], threads: int) -> None:
@@ -92,17 +92,17 @@ class _Batched:
         return self._result[: len(own)]
 
     def keep(self, kept: BoolArray) -> None:
-        """See `Decider.keep`; scratch may be too large."""
+        """See `Decider.keep`; scratch memory may be larger than needed."""
         self._memories = tuple(each[kept] for each in self._memories)
 
 
 def _of_worlds(arrays: tuple[Any, ...], part: slice) -> tuple[Any, ...]:
-    """Some worlds of arrays, and of tuples of arrays."""
+    """Some worlds of arrays, also in tuples of arrays."""
     return tuple(_of_worlds(each, part) if isinstance(each, tuple) else each[part] for each in arrays)
 
 
 class _Headings(_Batched):
-    """The solvers that choose among headings; they remember nothing."""
+    """The solvers that choose among headings; they have no memory."""
 
     def __init__(
         self, settings: GradedSettings | RotationSettings, shape: tuple[int, int], obstacles: Obstacles, threads: int

@@ -1,12 +1,12 @@
-"""Flying the runs of a plan: the one way in for whoever wants outcomes.
+"""Flies the runs of a plan and returns their outcomes.
 
-Where everybody hears every report at once and flies as decided, all share one picture, and `worlds` flies them. Here
-fly those who do not: reports are lost and late, receivers keep tracks, vehicles answer as autopilots do, some are stock
-senders, some avoid nobody.
+If every vehicle receives every report at once and flies as decided, all share one picture, and `worlds` flies them.
+This module flies the other plans: reports are lost and late, receivers keep tracks, vehicles respond as with
+autopilots, some send standard Remote ID only, some avoid nobody.
 
-Everybody decides at the same instants. A report holds what its sender knows at such an instant; one that arrives
-between two of them is heard at the second. Every flight begins with a complete picture. Who has arrived, or collided,
-leaves it at once, as in the paper.
+All vehicles decide at the same instants. A report holds what its sender knows at such an instant; a report that arrives
+between two instants is received at the second. Every flight begins with a complete picture. A vehicle that has arrived
+or collided leaves the picture at once, as in the paper.
 
 Axes: north-east, metres, m/s, seconds.
 """
@@ -39,7 +39,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 WATCH = ProgressWatch()
-"""Only its constants: here its rule is written out for whole batches."""
+"""Only its constants are used: the rule is implemented here for whole batches."""
 
 
 def fly(
@@ -49,12 +49,12 @@ def fly(
 
     Args:
         plan: What to fly.
-        runs: Numbers of the runs, not negative; they seed them.
-        batch: How many are flown at a time; fewer where the worlds are large.
-        watch: Called at every instant of every batch; worlds that are over leave it.
+        runs: Numbers of the runs, not negative; they are part of the seed.
+        batch: Number of runs flown at a time; fewer if the worlds are large.
+        watch: Called at every instant of every batch; finished worlds leave the batch.
 
     Returns:
-        One row a run, in their order.
+        One row per run, in their order.
 
     Raises:
         ValueError: If there are no runs, or a number is negative.
@@ -67,7 +67,7 @@ def fly(
 
 
 def is_warm(plan: Plan) -> bool:
-    """Whether flying a plan needs no compiler: the kernel that decides in it is in memory or kept on disk."""
+    """Whether flying a plan needs no compiler: its solver's kernel is in memory or on disk."""
     at_once, by_pairs = _KERNELS[plan.solver]
     return is_compiled(at_once if plan.is_heard_at_once else by_pairs)
 
@@ -138,12 +138,12 @@ class PairBatch(Batch):
             part.keep(kept)
 
     def _send(self, step: int, now_s: float, reported: FloatArray) -> BoolArray:
-        """Those whose turn it is report, and are given back; everybody hears what has reached it."""
+        """Send the reports that are due, and receive those that have arrived; returns the mask of senders."""
         plan = self.plan
         due = self.present & (self.due_s <= now_s + tracks.SAME_INSTANT_S)
         self.due_s = np.where(due, self.due_s + plan.interval_s, self.due_s)
         sending: BoolArray = np.ones_like(due) if step == 0 else due
-        # Drawn at every step: what a run draws does not depend on when others of its batch report.
+        # Drawn at every step, so that the draws of a run do not depend on the times when others of its batch report.
         lost, latency_s, luck = self.reception.next(sending)
         if sending.any():
             slot = step % self.sent.shape[2]
@@ -171,7 +171,7 @@ class PairBatch(Batch):
         return sending
 
     def _own_position(self, now_s: float, reported: FloatArray) -> FloatArray:
-        """Where vehicles believe they are: as they report, or smoothed like everything else that is heard."""
+        """Own positions as the vehicles know them: as reported, or smoothed like all received positions."""
         if not self.plan.filtered:
             return reported
         itself = np.zeros((*self.present.shape, 1, tracks.REPORT_COLUMNS))
@@ -189,7 +189,7 @@ class PairBatch(Batch):
     def _decide(self, step: int, now_s: float, reported: FloatArray) -> None:
         plan, scene = self.plan, self.plan.scene
         here = self._own_position(now_s, reported)
-        # The way to the goal is flown by the true position, as in the paper.
+        # Vehicles fly to the goal by the true position, as in the paper.
         aim = scene.goal_ne_m - self.position + here
         own = np.zeros((*self.present.shape, rows.OWN_COLUMNS))
         own[..., rows.POSITION : rows.POSITION + 2] = here
@@ -213,7 +213,7 @@ class PairBatch(Batch):
         self.outcome.infeasible[self.row] += infeasible.sum(axis=1)
 
     def _turn(self, step: int, to_goal_m: FloatArray) -> FloatArray:
-        """The extra turn of those who get nowhere, as `ProgressWatch` has it."""
+        """The extra turn of vehicles that make no progress, as in `ProgressWatch`."""
         slot = step % len(self.to_goal_m)
         before = self.to_goal_m[slot]
         slow = before - to_goal_m < WATCH.share * self.speed_mps * WATCH.window_s

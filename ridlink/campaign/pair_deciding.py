@@ -1,4 +1,4 @@
-"""The solvers for worlds in which each vehicle has a picture of its own: the same kernels, fed from tracks of pairs."""
+"""The solvers for worlds in which each vehicle has its own picture: the same kernels, with tracks of pairs as input."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BoolArray = NDArray[np.bool_]
 
 @kernel
 def remember(names, kept, count, memory):  # type: ignore[no-untyped-def]
-    """Put the memory of those that were heard back to their places."""
+    """Write the memory of heard neighbours back to their indices."""
     memory[:] = 0
     for k in range(count):
         memory[names[k]] = kept[k]
@@ -35,7 +35,7 @@ def remember(names, kept, count, memory):  # type: ignore[no-untyped-def]
 def avoid_pairs(  # type: ignore[no-untyped-def]
     own, deciding, picture, memory, room, pieces, settings, roadmap, route, turns, scratch, result,
 ):  # fmt: skip
-    """Decide by half-planes; up to `result` see `PairDecider.decide`, scratch has a leading axis of worlds."""
+    """Decide by half-planes; up to `result` see `PairDecider.decide`, scratch memory has a leading axis of worlds."""
     reports, kept, names, blocks = room
     candidates, places, lines, chosen, work = scratch
     for world in range(own.shape[0]):
@@ -93,12 +93,12 @@ def grade_pairs(  # type: ignore[no-untyped-def]
 
 
 class PairDecider:
-    """A solver with its constants, its scratch, and what its vehicles remember of their encounters.
+    """A solver with its constants, its scratch memory, and the memory of encounters of its vehicles.
 
     Args:
-        settings: Constants, which name the solver.
+        settings: Constants; their type selects the solver.
         shape: Worlds and vehicles, (W, N).
-        obstacles: The same in every world.
+        obstacles: Obstacles, the same in every world.
     """
 
     def __init__(
@@ -134,9 +134,9 @@ class PairDecider:
 
         Args:
             own: Own-ships, rows as in `ridlink.avoidance.rows`, shape (W, N, OWN_COLUMNS); the aim of those that make
-                way for others is written.
-            deciding: Where a decision is wanted, shape (W, N).
-            picture: What they know of each other; tracks that are too old are dropped.
+                way for others is overwritten.
+            deciding: Mask of vehicles that decide, shape (W, N).
+            picture: Their tracks of each other; tracks that are too old are dropped.
 
         Returns:
             Results, shape (W, N, RESULT_COLUMNS).
@@ -150,7 +150,7 @@ class PairDecider:
         return self._result[: len(own)]
 
     def keep(self, kept: BoolArray) -> None:
-        """Go on with some worlds of the batch only, shape (W,)."""
+        """Keep only some worlds of the batch, shape (W,)."""
         self._memory = self._memory[kept]
         if self._route is not None:
             self._route, self._turns = self._route[kept], self._turns[kept]

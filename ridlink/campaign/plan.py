@@ -1,4 +1,4 @@
-"""What a campaign flies: one scene, one definition, one solver, one kind of position error, many runs."""
+"""The plan of one cell of a campaign: one scene, one definition, one solver, one error model, many runs."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from ridlink.separation.reference import CATEGORIES, REPORT_INTERVAL_S
 Settings = HalfplaneSettings | GradedSettings | RotationSettings
 
 PAIR_READING_SIGMAS = 1.5
-"""Table IV's "3 sigma" of a pair, read as eps_i + eps_j = 3 sigma: only so do the paper's times come out without
-collisions."""
+"""Table IV's "3 sigma" of a pair, read as eps_i + eps_j = 3 sigma: only this reading reproduces the paper's times
+without collisions."""
 
 IDEAL_HALFPLANES = HalfplaneSettings(
     response_time_s=0.0,
@@ -34,8 +34,8 @@ IDEAL_HALFPLANES = HalfplaneSettings(
     age_acceleration_mps2=2.0 * IDEAL_AGE_ACCELERATION_MPS2,
     contact_step_s=REPORT_INTERVAL_S,
 )
-"""For vehicles that obey at once. Of what an unheard neighbour may have done they are granted more than the solvers
-that choose among headings: with 10 m/s^2, two of 32,000 flights with losses in bursts collide."""
+"""For vehicles that obey at once. For unheard neighbours they assume a larger acceleration than the solvers that choose
+among headings: with 10 m/s^2, two of 32,000 flights with losses in bursts collide."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,38 +45,37 @@ class Plan:
     Args:
         scene: Geometry.
         definition: What sizes the discs.
-        settings: Constants of the solver, which they name.
+        settings: Constants of the solver; their type selects it.
         errors: How sigma becomes a position error.
-        sigma_m: Standard deviation of the errors, where the scene says nothing.
+        sigma_m: Standard deviation of the errors, if the scene has none.
         bound_sigmas: Reported error bound of each vehicle in standard deviations; 1.5 is the paper's reading.
-        obstacle_bound_m: Part of the distance to obstacles that stands for the own error; None: what the definition
-            takes for it.
-        filtered: Reported positions are smoothed by all who use them.
-        eta: Of the definition `chance`: probability per instant.
-        chance_bound: Of the definition `chance`: form of the constraint.
-        accuracy_convention: Of the definition `odid-accuracy`: what all take each other's accuracy codes for.
+        obstacle_bound_m: Part of the distance to obstacles for the own error; None: the value that the definition uses.
+        filtered: Whether all vehicles smooth reported positions.
+        eta: For the definition `chance`: probability per instant.
+        chance_bound: For the definition `chance`: form of the constraint.
+        accuracy_convention: For the definition `odid-accuracy`: how all read each other's accuracy codes.
         seed: Seed of the campaign.
         duration_s: Cut-off.
         interval_s: Time between two reports, and between two decisions unless `step_s` is given.
         range_m: Vehicles further than this are not heard.
         arrived_m: A vehicle this close to its goal has arrived, and leaves the picture.
-        swept: Judge collisions between the instants, too, and not at them alone.
-        dynamics: How vehicles answer.
-        channel: What becomes of reports on their way.
+        swept: Judge collisions between the instants, too, not only at them.
+        dynamics: How vehicles respond to commands.
+        channel: Losses and latencies of reports.
         step_s: Time between two decisions; None: `interval_s`.
         displaced_s: Time of flight that the discs allow for; None: `interval_s`, as in the paper's Eq. 7. The daemon
             allows for 0.1 s and for the age of each report.
-        category: Of Table III, for the fleets that are drawn; None: the paper's simulation.
-        stock_share: Share of vehicles, besides those that the scene names, that send standard Remote ID only.
-        unresponsive_share: Share of vehicles, besides those that the scene names, that avoid nobody.
-        nobody_avoids: The baseline: everybody flies straight on.
+        category: Category of Table III, for drawn fleets; None: the paper's simulation.
+        stock_share: Share of vehicles, in addition to those of the scene, that send standard Remote ID only.
+        unresponsive_share: Share of vehicles, in addition to those of the scene, that avoid nobody.
+        nobody_avoids: The baseline: all vehicles fly straight on.
         correlation_s: Time constant of the Gauss-Markov errors.
         common_share: Part of the variance of the errors that all vehicles share.
         bias_m: Standard deviation per axis of an offset for the whole flight that no reported bound covers.
-        solver_name: In tables, instead of the solver's.
+        solver_name: Name in tables, instead of that of the solver.
 
     Raises:
-        ValueError: If a value is not finite or out of range; it is named.
+        ValueError: If a value is not finite or out of range; the text names it.
     """
 
     scene: Scene
@@ -132,7 +131,7 @@ class Plan:
 
     @property
     def cell(self) -> Cell:
-        """What tells this plan from the others of its campaign."""
+        """The values that distinguish this plan from the others of its campaign."""
         return Cell(
             self.scene.name, BASELINE if self.nobody_avoids else str(self.definition), str(self.errors),
             self.solver_name or str(self.solver), str(self.dynamics), self.sigma_m, self.interval_s, self.channel.loss,
@@ -140,8 +139,8 @@ class Plan:
 
     @property
     def is_heard_at_once(self) -> bool:
-        """Whether everybody hears every report as it is sent, decides on it, and flies as decided: one picture for all.
-        The way to fly such a plan is the faster one."""
+        """Whether all receive every report at once and fly as decided, so that all share one picture. Such plans fly
+        faster."""
         mixed = self.stock_share > 0.0 or self.unresponsive_share > 0.0
         same_step = self.step_s in (None, self.interval_s) and self.displaced_s in (None, self.interval_s)
         return self.dynamics is Dynamics.IDEAL and self.channel.is_perfect and same_step and not mixed
@@ -155,23 +154,23 @@ class Plan:
 
     @property
     def vehicle_sigma_m(self) -> NDArray[np.float64]:
-        """Standard deviations of the errors of all vehicles, shape (N,)."""
+        """Standard deviation of the errors of each vehicle, shape (N,)."""
         told = self.scene.sigma_m
         return np.full(len(self.scene), self.sigma_m) if told is None else told
 
     @property
     def error_bound_m(self) -> float:
-        """Error bound that every vehicle reports of which the scene says nothing."""
+        """Error bound reported by vehicles that have none in the scene."""
         return self.bound_sigmas * self.sigma_m
 
     @property
     def accuracy_bound_m(self) -> float:
-        """What of that is left in the accuracy code of standard Remote ID; NaN where the code is "unknown"."""
+        """The same bound as read from the accuracy code of standard Remote ID; NaN if the code is "unknown"."""
         return coded_bound_m(self.error_bound_m, self.accuracy_convention)
 
 
 def baseline(plan: Plan) -> Plan:
-    """The same flights with nobody avoiding anybody: everybody flies straight on."""
+    """The same flights without avoidance: all vehicles fly straight on."""
     nobody = np.zeros(len(plan.scene), np.bool_)
     step_s = min(plan.step_s or plan.interval_s, REPORT_INTERVAL_S)
     return replace(plan, scene=replace(plan.scene, cooperative=nobody), nobody_avoids=True, step_s=step_s)
@@ -191,9 +190,9 @@ def graded_plan(
     errors: ErrorModel = ErrorModel.WHITE,
     sigma_m: float = 10.0,
 ) -> Plan:
-    """The same worlds under the graded solver, which wants filtered positions and honest bounds of three sigma.
+    """The same worlds under the graded solver, which needs filtered positions and reported bounds of three sigma.
 
-    From obstacles it keeps 2.5 sigma, as its constants were measured.
+    It keeps 2.5 sigma from obstacles, as in the measurement of its constants.
     """
     return Plan(
         scene, Definition.CANDIDATE2, settings or GradedSettings.g2(), errors, sigma_m,

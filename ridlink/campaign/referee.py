@@ -1,4 +1,4 @@
-"""Who collided, and how near everybody came: judged on true positions, which no vehicle knows.
+"""The referee: collisions and nearest distances of true positions, which no vehicle knows.
 
 Units: metres. W worlds of N vehicles; a mid-air collision (MAC) is a true distance of centres below half the sum of the
 airframes, paper Eq. 9.
@@ -14,12 +14,12 @@ from ridlink.compiled import kernel_decorator
 kernel = kernel_decorator([Path(__file__)], counted=False)
 
 SHARE_OFF = 1e-9
-"""Far more than rounding moves a distance by."""
+"""Relative margin far above the rounding error of a distance."""
 
 
 @kernel
 def smallest_distance(a_1, a_2, b_1, b_2):  # type: ignore[no-untyped-def]
-    """Smallest distance to the origin on the straight way from a to b."""
+    """Smallest distance to the origin on the straight line from a to b."""
     d_1, d_2 = b_1 - a_1, b_2 - a_2
     square = d_1 * d_1 + d_2 * d_2
     share = -(a_1 * d_1 + a_2 * d_2) / square if square > 0.0 else 0.0
@@ -31,7 +31,7 @@ def smallest_distance(a_1, a_2, b_1, b_2):  # type: ignore[no-untyped-def]
 def judge_world(before, position, present, airframe_m, swept, hit, distance_m, margin_m):  # type: ignore[no-untyped-def]
     """Judge one step of one world; arguments as in `judge_worlds` without the axis of worlds.
 
-    Pairs that are too far apart to collide, and to be the nearest so far, are told by the square of their distance.
+    Pairs that are too far apart to collide or to be the nearest so far are skipped by the square of their distance.
 
     Returns:
         Smallest distance of centres so far, and the same less the MAC radius.
@@ -52,7 +52,7 @@ def judge_world(before, position, present, airframe_m, swept, hit, distance_m, m
             if not present[j]:
                 continue
             if again:
-                # Within a step two come nearer by no more than both fly.
+                # Within a step, a distance shrinks by at most the sum of both flown distances.
                 limit = (max(distance_m, margin_m + largest, largest) + 2.0 * stride) * (1.0 + SHARE_OFF)
                 limit, again = limit * limit, False
             b_1, b_2 = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]

@@ -1,8 +1,8 @@
-"""How vehicles answer velocity setpoints, for whole batches of worlds: at once, as PX4 or as ArduPilot.
+"""How vehicles respond to velocity setpoints, for batches of worlds: at once, as PX4 or as ArduPilot.
 
-The models of the emulator's vehicles in two dimensions, with the same constants and the same ticks of 20 ms; they were
-fitted to step responses of both autopilots in their own simulators. ArduPilot shapes its target with limited
-acceleration and jerk and follows it through a delay and a lag; PX4 closes a velocity loop, limited by tilt, against a
+These are the models of the emulator's vehicles in two dimensions, with the same constants and the same ticks of 20 ms.
+They were fitted to step responses of both autopilots in their own simulators. ArduPilot shapes its target with limited
+acceleration and jerk, and follows it through a delay and a lag. PX4 closes a velocity loop, limited by tilt, against a
 drag that is unusually large in its simulator.
 
 Axes: north-east, metres, m/s, seconds. W worlds of N vehicles.
@@ -29,7 +29,7 @@ MEASURED_SPEED_MPS = 10.0
 """Fastest cruise at which the models were measured."""
 
 SPEED_LIMIT_MPS = {"px4": 12.0, "ardupilot": 10.2}
-"""MPC_XY_VEL_MAX; where ArduPilot's lean angle of 30 degrees balances the measured drag."""
+"""PX4: MPC_XY_VEL_MAX. ArduPilot: speed at which its lean angle of 30 degrees balances the measured drag."""
 
 # ArduPilot: PSC_JERK_XY, WPNAV_ACCEL, slope of the square-root controller, delay of three ticks, lag.
 JERK_MPS3, ACCELERATION_MPS2, GAIN_PER_S, SHAPED_LAG_S = 5.0, 2.5, 2.0, 0.10
@@ -38,13 +38,13 @@ JERK_MPS3, ACCELERATION_MPS2, GAIN_PER_S, SHAPED_LAG_S = 5.0, 2.5, 2.0, 0.10
 # ticks, two lags.
 P_PER_S, I_PER_S2, D, TILT_MPS2, DRAG_PER_S, LOOP_LAG_S, SECOND_LAG_S = 1.8, 0.4, 0.2, 9.80665, 1.0, 0.18, 0.10
 
-# Columns of the inner state: target and its acceleration, or integral and thrust; last change of velocity; what the
-# first of two lags has reached; what was pushed into the delay line, the newest first.
+# Columns of the inner state: target and its acceleration, or integral and thrust; last change of velocity; output of
+# the first of two lags; contents of the delay line, the newest first.
 FIRST, SECOND, CHANGE, TILTING, HISTORY, STATE_COLUMNS = 0, 2, 4, 6, 8, 16
 
 
 class Dynamics(Named):
-    """How vehicles answer."""
+    """How vehicles respond."""
 
     IDEAL = "ideal"
     PX4 = "px4"
@@ -52,13 +52,13 @@ class Dynamics(Named):
 
 
 class Response:
-    """The vehicles of a batch of worlds, which answer alike.
+    """The vehicles of a batch of worlds, which all respond in the same way.
 
     Args:
-        dynamics: How.
-        velocity_ne_mps: How they fly at first, as after a long flight, shape (W, N, 2).
-        cruise_mps: Cruise speeds, shape (W, N). Who cruises faster than was measured was built for it: its limit is
-            that speed and its drag is smaller in proportion, or it could never get there.
+        dynamics: How they respond.
+        velocity_ne_mps: Initial velocities, as in steady flight, shape (W, N, 2).
+        cruise_mps: Cruise speeds, shape (W, N). A vehicle with a faster cruise speed than was measured gets that speed
+            as its limit, and a proportionally smaller drag; otherwise it could never reach it.
     """
 
     def __init__(self, dynamics: Dynamics, velocity_ne_mps: FloatArray, cruise_mps: FloatArray) -> None:
@@ -88,7 +88,7 @@ class Response:
             elapsed_s: A multiple of `TICK_S`, unless vehicles are ideal.
 
         Raises:
-            ValueError: If it is none.
+            ValueError: If it is not such a multiple.
         """
         if self.dynamics is Dynamics.IDEAL:
             velocity[...] = command
@@ -103,7 +103,7 @@ class Response:
             fly_shaped(position, velocity, command, self._limit_mps, ticks, self._state)
 
     def keep(self, kept: NDArray[np.bool_]) -> None:
-        """Go on with some worlds of the batch only, shape (W,)."""
+        """Keep only some worlds of the batch, shape (W,)."""
         if self.dynamics is not Dynamics.IDEAL:
             for name in ("_limit_mps", "_drag_per_s", "_state"):
                 setattr(self, name, getattr(self, name)[kept])
@@ -111,7 +111,7 @@ class Response:
 
 @kernel
 def limited(x_1, x_2, most):  # type: ignore[no-untyped-def]
-    """A vector shortened to at most so much."""
+    """A vector shortened to at most this length."""
     length = math.sqrt(x_1 * x_1 + x_2 * x_2)
     share = min(1.0, most / max(length, 1e-12))
     return x_1 * share, x_2 * share
@@ -127,7 +127,7 @@ def push(state, x_1, x_2):  # type: ignore[no-untyped-def]
 
 @kernel(nogil=True)
 def fly_shaped(position, velocity, command, limit_mps, ticks, state):  # type: ignore[no-untyped-def]
-    """Fly so many ticks as under ArduPilot, whose measured speed had no error in wind.
+    """Fly a number of ticks as under ArduPilot, whose measured speed had no error in wind.
 
     Args:
         position: Shape (W, N, 2), written.
@@ -164,7 +164,7 @@ def fly_shaped(position, velocity, command, limit_mps, ticks, state):  # type: i
 
 @kernel(nogil=True)
 def fly_feedback(position, velocity, command, limit_mps, drag_per_s, ticks, state):  # type: ignore[no-untyped-def]
-    """Fly so many ticks as under PX4; arguments as in `fly_shaped`, with the drag of each vehicle [1/s]."""
+    """Fly a number of ticks as under PX4; arguments as in `fly_shaped`, with the drag of each vehicle [1/s]."""
     blend = 1.0 - math.exp(-TICK_S / LOOP_LAG_S)
     second_blend = 1.0 - math.exp(-TICK_S / SECOND_LAG_S)
     for world in range(position.shape[0]):
@@ -176,7 +176,7 @@ def fly_feedback(position, velocity, command, limit_mps, drag_per_s, ticks, stat
                 a_1 = P_PER_S * e_1 + inner[FIRST] - D * inner[CHANGE]
                 a_2 = P_PER_S * e_2 + inner[FIRST + 1] - D * inner[CHANGE + 1]
                 p_1, p_2 = limited(a_1, a_2, TILT_MPS2)
-                # What cannot be had is taken off the error that is integrated: the autopilot's own anti-windup.
+                # Anti-windup of the autopilot: the unreachable part is subtracted from the integrated error.
                 inner[FIRST] += I_PER_S2 * (e_1 - (a_1 - p_1) * (2.0 / P_PER_S)) * TICK_S
                 inner[FIRST + 1] += I_PER_S2 * (e_2 - (a_2 - p_2) * (2.0 / P_PER_S)) * TICK_S
                 push(inner, p_1, p_2)

@@ -1,9 +1,9 @@
-"""Where the vehicles of a campaign start and go, and what stands in the way.
+"""Start positions, goals and obstacles of the vehicles of a campaign.
 
 Axes: north-east, metres; all vehicles share one altitude. Vectors have shape (N, 2).
 
-Source of the built-in scenes: paper, section VI-B. It does not print the radius and the sides; with 100 m, 600 m and an
-obstacle of 80 m its mission times come out.
+Source of the built-in scenes: paper, section VI-B. It does not print the radius and the sides; 100 m, 600 m and an
+obstacle of 80 m reproduce its mission times.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 Polygon = tuple[tuple[float, float], ...]
 
 MOST_DRAWN = 1000
-"""Vehicles of the largest fleet that is drawn."""
+"""Size of the largest drawn fleet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +34,16 @@ class Scene:
     """Geometry of a world.
 
     Args:
-        name: For tables.
-        start_ne_m: Where each vehicle starts, shape (N, 2).
-        goal_ne_m: Where it wants to go, shape (N, 2).
+        name: Name for tables.
+        start_ne_m: Start position of each vehicle, shape (N, 2).
+        goal_ne_m: Goal of each vehicle, shape (N, 2).
         polygons_ne_m: Static obstacles.
         speed_mps: Cruise speeds, shape (N,); None: drawn for every run.
         airframe_m: Airframe sizes, shape (N,); None: drawn for every run.
-        cooperative: False for one that flies straight on and avoids nobody, shape (N,); None: all avoid.
-        sigma_m: Standard deviations of the position errors, shape (N,); None: the plan's.
-        extended: False for a stock sender, whose error and size the others do not know, shape (N,); None: all tell.
+        cooperative: False for a vehicle that flies straight on and avoids nobody, shape (N,); None: all avoid.
+        sigma_m: Standard deviations of the position errors, shape (N,); None: that of the plan.
+        extended: False for a sender of standard Remote ID only, whose error and size are unknown to others, shape (N,);
+            None: all send the extension.
 
     Raises:
         ValueError: If a shape does not fit or a value is not finite or out of range.
@@ -87,7 +88,7 @@ class Scene:
 
     @property
     def avoiding(self) -> NDArray[np.bool_]:
-        """Who avoids, shape (N,)."""
+        """Mask of the vehicles that avoid, shape (N,)."""
         return np.ones(len(self), np.bool_) if self.cooperative is None else self.cooperative
 
     def __len__(self) -> int:
@@ -95,7 +96,7 @@ class Scene:
 
 
 def circle(count: int = 8, radius_m: float = CIRCLE_RADIUS_M) -> Scene:
-    """Vehicles on a circle, every goal opposite its start."""
+    """Vehicles on a circle, with each goal opposite to the start."""
     angle = 2.0 * math.pi * np.arange(count) / count
     start = radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return Scene(f"circle{count}", start, -start)
@@ -105,7 +106,7 @@ def square(count: int = 24, side_m: float = SQUARE_SIDE_M, obstacle_side_m: floa
     """Vehicles on all four sides of a square, goals straight across, a square obstacle in the middle.
 
     Raises:
-        ValueError: If they cannot be spread evenly over the sides.
+        ValueError: If the vehicles cannot be spread evenly over the sides.
     """
     if count <= 0 or count % 4:
         raise ValueError(f"a square has the same number of vehicles on each side: got {count}")
@@ -121,17 +122,17 @@ def square(count: int = 24, side_m: float = SQUARE_SIDE_M, obstacle_side_m: floa
 
 
 def drawn_scene(name: str) -> Scene | None:
-    """The scene of a name, whose fleets are drawn: `circle8` and `square24`, the paper's, or others like them.
+    """A scene with drawn fleets, by name: `circle8` and `square24` of the paper, or similar ones.
 
     Args:
         name: `circleN` or `squareN` for N vehicles, `circleN@R` for another radius, `squareN@S` for another side, in
             metres; the obstacle in the square grows with it.
 
     Returns:
-        The scene; None if this is no such name.
+        The scene; None if the name has another form.
 
     Raises:
-        ConfigError: If it is, and there is no such scene.
+        ConfigError: If the name has this form, but there is no such scene.
     """
     match = re.fullmatch(r"(circle|square)([0-9]{1,9})(?:@([0-9]{1,9}(?:\.[0-9]{1,9})?))?", name)
     if match is None:
@@ -157,11 +158,11 @@ def drawn_scene(name: str) -> Scene | None:
 
 
 EMULATED_KEYS = ("route_ned_m", "ghost", "silent", "interval_s", "airframe", "autopilot")
-"""What a scenario may say of a vehicle and only the emulator flies."""
+"""Keys of a vehicle in a scenario that only the emulator supports."""
 
 
 def not_flown(scenario: Scenario) -> list[str]:
-    """What a scenario says and a campaign leaves out."""
+    """Contents of a scenario that a campaign ignores."""
     return [
         *(["wind"] if scenario.wind != Wind() else []),
         *(["events"] if scenario.events else []),
@@ -170,14 +171,14 @@ def not_flown(scenario: Scenario) -> list[str]:
 
 
 def scene_of(scenario: Scenario, sigma_m: float) -> Scene:
-    """The scene of a scenario, whose vehicles have the speeds and sizes that it gives.
+    """The scene of a scenario, with the speeds and sizes that the scenario gives.
 
     Args:
         scenario: Built in or read from a file.
-        sigma_m: Standard deviation of vehicles that state none.
+        sigma_m: Standard deviation of vehicles that have none in the scenario.
 
     Raises:
-        ConfigError: If it has no vehicles, or they are not all at one height.
+        ConfigError: If the scenario has no vehicles, or they are not all at one height.
     """
     vehicles = scenario.vehicles
     if not vehicles:

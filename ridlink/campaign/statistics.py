@@ -1,6 +1,6 @@
-"""How far the figures of a campaign can be trusted: intervals for shares, medians, ratios and differences.
+"""Confidence intervals for the figures of a campaign: shares, medians, ratios and differences.
 
-Runs are independent of each other, the flights of one run are not: whatever is resampled, is resampled in whole runs.
+Runs are independent of each other, but the flights of one run are not. So resampling always takes whole runs.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ Interval = tuple[float, float]
 LEVEL = 0.95
 RESAMPLES = 1000
 LEAST_RUNS = 6
-"""So many runs, or more, hold the median of all between their ends with a probability of `LEVEL`: 1 - 2 / 2^6 = 0.97.
-Fewer, however they are resampled, do not tell where it is: they have no bootstrap interval."""
+"""The least number of runs whose extremes contain the median of all with a probability of `LEVEL`: 1 - 2 / 2^6 = 0.97.
+Fewer runs do not determine the median, however they are resampled, and have no bootstrap interval."""
 _BISECTIONS = 60
 _AT_A_TIME = 100
 """Resamples in memory at a time."""
 
 
 def clopper_pearson(events: int, trials: int) -> Interval:
-    """Exact two-sided interval that holds a share with a probability of `LEVEL`, at least.
+    """Exact two-sided interval that contains a share with a probability of at least `LEVEL`.
 
     Source: Clopper and Pearson (1934), by bisection of the binomial distribution.
 
@@ -46,11 +46,11 @@ def clopper_pearson(events: int, trials: int) -> Interval:
 
 
 def collided_share(collided: int, flights: int) -> Interval:
-    """Interval of the share of flights that end in a collision, which takes two of them at a time.
+    """Interval of the share of flights that end in a collision, where flights collide in pairs.
 
-    Flights that collided come in pairs, the pairs, near enough, independently: the interval is that of as many pairs
-    among half as many. One of flights, taken singly, holds a share in 82 to 87 % of the cases, and not in 95: it is
-    too narrow by the root of two, and its bound of none by two.
+    The pairs are nearly independent, so the interval is computed for pairs: half of the collided flights among half of
+    all flights. An interval for single flights contains the share in 82 to 87 % of the cases, not in 95: it is too
+    narrow by the root of two, and for no collisions its bound is too low by a factor of two.
 
     Args:
         collided: Flights that collided.
@@ -62,12 +62,12 @@ def collided_share(collided: int, flights: int) -> Interval:
     if not (flights > 0 and 0 <= collided <= flights):
         raise ValueError(f"collided must lie within 0 and the number of flights, got {collided} of {flights}")
     pairs = max(flights // 2, 1)
-    most = min(-(-collided // 2), pairs)  # three that meet in one step are odd
+    most = min(-(-collided // 2), pairs)  # odd if three collide in one step
     return clopper_pearson(collided // 2, pairs)[0], clopper_pearson(most, pairs)[1]
 
 
 def _share_with_at_most(events: int, trials: int, probability: float) -> float:
-    """The share under which so many events or fewer have that probability."""
+    """The share at which at most this many events have that probability."""
     count = np.arange(events + 1)
     ways = np.concatenate([[0.0], np.cumsum(np.log((trials - count[:-1]) / (count[:-1] + 1.0)))])
     low, high = 0.0, 1.0
@@ -82,27 +82,28 @@ def _share_with_at_most(events: int, trials: int, probability: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Medians:
-    """A median, and those of resampled campaigns, shape (RESAMPLES,); NaN where nobody flew, or in too few runs."""
+    """A median, and the medians of resampled campaigns, shape (RESAMPLES,); NaN without flights or with too few
+    runs."""
 
     median: float
     resampled: FloatArray
 
     @property
     def interval(self) -> Interval | None:
-        """Bootstrap interval of the median; None where there is none."""
+        """Bootstrap interval of the median, or None."""
         return percentile_interval(self.resampled)
 
 
 def percentile_interval(values: FloatArray) -> Interval | None:
     """The middle 95 % of resampled values; None if an end of it is not finite, or more than 5 % are NaN.
 
-    Infinite ratios count as what they are: left out, they would move the upper end down.
+    Infinite ratios are included: without them the upper end would be too low.
     """
     told = values[~np.isnan(values)]
     if told.size < LEVEL * values.size or not told.size:
         return None
     tail = 100.0 * (1.0 - LEVEL) / 2.0
-    with np.errstate(invalid="ignore"):  # between two that are infinite
+    with np.errstate(invalid="ignore"):  # between two infinite values
         low, high = np.percentile(told, [tail, 100.0 - tail])
     return (float(low), float(high)) if np.isfinite(low) and np.isfinite(high) else None
 
@@ -114,8 +115,8 @@ def bootstrap_medians(values: FloatArray, run: NDArray[np.int64], runs: int, see
     pair.
 
     Args:
-        values: What was measured, shape (n,).
-        run: To which run each belongs, 0 to runs - 1, shape (n,).
+        values: Measured values, shape (n,).
+        run: Run of each value, 0 to runs - 1, shape (n,).
         runs: Number of runs.
         seed: Seed of the resampling.
     """
@@ -138,10 +139,10 @@ def bootstrap_medians(values: FloatArray, run: NDArray[np.int64], runs: int, see
 
 
 def bootstrap_totals(counts: NDArray[np.int64] | FloatArray, seed: int) -> FloatArray:
-    """Totals of campaigns resampled from the same runs, shape (RESAMPLES,); NaN where they are too few.
+    """Totals of campaigns resampled from the same runs, shape (RESAMPLES,); NaN if there are too few runs.
 
     Args:
-        counts: What was counted, or summed up, in each run, shape (runs,).
+        counts: Count or sum of each run, shape (runs,).
         seed: Seed of the resampling; equal ones resample the same runs as `bootstrap_medians` does.
     """
     totals = np.full(RESAMPLES, np.nan)
@@ -153,7 +154,8 @@ def bootstrap_totals(counts: NDArray[np.int64] | FloatArray, seed: int) -> Float
 
 
 def _resampled(runs: int, seed: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
-    """How often each run is in a resampled campaign, in parts: number of the first one, shape (part, runs)."""
+    """How often each run is in each resampled campaign, in parts: number of the first campaign, and counts, shape
+    (part, runs)."""
     random = np.random.default_rng(seed)
     for first in range(0, RESAMPLES, _AT_A_TIME):
         yield first, random.multinomial(runs, np.full(runs, 1.0 / runs), size=_AT_A_TIME)
@@ -162,19 +164,19 @@ def _resampled(runs: int, seed: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
 def risk_ratio(
     collided: NDArray[np.bool_], reference: NDArray[np.bool_], seed: int
 ) -> tuple[float | None, Interval | None]:
-    """Share in a collision by that of a reference flown on the same runs, with its interval.
+    """Share in a collision divided by that of a reference flown on the same runs, with its interval.
 
-    The interval is that of the resampled runs. Where nobody collided every resampled ratio is zero and says nothing:
-    there the upper end is the bound of the one share by the lower bound of the other, which is on the safe side; None
-    where that is zero.
+    The interval comes from resampled runs. If nobody collided, every resampled ratio is zero and contains no
+    information: the upper end is then the upper bound of the share divided by the lower bound of the reference share,
+    which is on the safe side; None if that bound is zero.
 
     Args:
-        collided: Who collided, shape (runs, vehicles).
-        reference: Who did in the reference, same shape.
+        collided: Mask of collided vehicles, shape (runs, vehicles).
+        reference: The same in the reference, same shape.
         seed: Seed of the resampling.
 
     Returns:
-        Both None where nobody collided in the reference.
+        Ratio and interval, both None if nobody collided in the reference.
     """
     if not reference.any():
         return None, None
@@ -189,20 +191,21 @@ def risk_ratio(
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One cell against another on the same runs; None where one of them has nothing to tell.
+    """One cell compared with another on the same runs; None if a figure cannot be computed.
 
     Attributes:
         median_s: Median time less that of the other.
         median_ci95: Bootstrap interval of it, the same runs resampled in both.
         median_ratio: Ratio of the medians.
         median_ratio_ci95: Interval of it.
-        mean_s: Flight by flight, mean time less that of the other; flights without a collision in either.
+        mean_s: Mean difference of times, flight by flight, of flights without a collision in either.
         mean_ci95: Bootstrap interval of it.
         mac_rate: Share in a collision less that of the other.
-        mac_rate_ci95: Interval of it; None for few runs that differ.
+        mac_rate_ci95: Interval of it; None if too few runs differ.
         more_runs: Runs with more vehicles in a collision than the same runs of the other.
         fewer_runs: Runs with fewer.
-        p_value: Two-sided exact sign test of these two: how often chance alone would part them so, or further.
+        p_value: Two-sided exact sign test of these two numbers: probability of such a split, or a larger one, by chance
+            alone.
     """
 
     median_s: float | None
@@ -224,7 +227,7 @@ class Flights:
 
     Attributes:
         time_s: Mission times, the cut-off for those that did not arrive, shape (R, N).
-        collided: Who collided; its time does not count, shape (R, N).
+        collided: Mask of collided flights, whose times do not count, shape (R, N).
         medians: Median of the times, resampled with the seed of the comparison.
     """
 
@@ -234,18 +237,18 @@ class Flights:
 
 
 def paired_difference(one: Flights, other: Flights, seed: int) -> Difference:
-    """One cell against another, run by run.
+    """Compare one cell with another, run by run.
 
-    Where no run differs, every resampled difference is zero and says nothing: there the interval is the bound that zero
-    of so many flights have, to either side.
+    If no run differs, every resampled difference is zero and contains no information: the interval is then the bound
+    for zero events in that many flights, to either side.
 
     Args:
-        one: Flights of the one.
-        other: The same runs and vehicles under something else.
+        one: Flights of the one cell.
+        other: The same runs and vehicles in the other cell.
         seed: Seed of the resampling.
 
     Raises:
-        ValueError: If they are not the same number of runs and vehicles.
+        ValueError: If the numbers of runs and vehicles differ.
     """
     if one.collided.shape != other.collided.shape:
         raise ValueError(f"runs and vehicles must be the same, got {one.collided.shape} and {other.collided.shape}")
@@ -281,9 +284,9 @@ def _paired_mean(one: Flights, other: Flights, seed: int) -> tuple[float | None,
 
 
 def sign_test(more: int, fewer: int) -> float:
-    """Two-sided exact probability of such a split, or one further from the middle, if both sides are equally likely.
+    """Two-sided exact probability of this split, or of a more uneven one, if both sides are equally likely.
 
-    Source: the sign test; with yes and no for more and fewer it is McNemar's test in its exact form.
+    Source: the sign test; with yes and no for more and fewer it is the exact McNemar test.
 
     Raises:
         ValueError: If a count is negative.

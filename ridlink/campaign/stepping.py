@@ -1,4 +1,4 @@
-"""A step of whole batches of worlds, but for the decision itself: what vehicles know before it, what happens after it.
+"""A step of batches of worlds, without the decision itself: the inputs of the decision, and the flight after it.
 
 Axes: north-east, metres, m/s, seconds. W worlds of N vehicles. Nothing here allocates.
 """
@@ -41,19 +41,19 @@ kernel = kernel_decorator([Path(module) for module in (__file__, referee.__file_
 def brief_worlds(  # type: ignore[no-untyped-def]
     position, reported, velocity, goal, speed_mps, still_m, clearance_m, displaced_s, own, heard, radius_m
 ):
-    """Own-ships, what is heard of them, and discs, as `ridlink.avoidance.worlds` takes them.
+    """Compute own-ships, their reports, and discs, as inputs of `ridlink.avoidance.worlds`.
 
     Args:
         position: True positions, shape (W, N, 2).
-        reported: Positions as everybody hears them, the vehicle itself included, shape (W, N, 2).
+        reported: Reported positions, which the vehicle itself uses, too, shape (W, N, 2).
         velocity: Velocities, shape (W, N, 2).
         goal: Goals, shape (N, 2).
-        speed_mps: Cruise speeds, which nobody exceeds, shape (W, N).
+        speed_mps: Cruise speeds, also the speed limits, shape (W, N).
         still_m: Radii without displacement, shape (W, N, N).
         clearance_m: Distances to obstacles without displacement, shape (W, N).
-        displaced_s: Time of flight that both allow for.
-        own: Result, shape (W, N, OWN_COLUMNS); what is always the same is in it.
-        heard: Result, shape (W, N, 8); so it is here.
+        displaced_s: Time of flight that discs and clearances allow for.
+        own: Result, shape (W, N, OWN_COLUMNS); the caller has filled in constant columns.
+        heard: Result, shape (W, N, 8); constant columns are filled in, too.
         radius_m: Result, shape (W, N, N).
     """
     for world in range(position.shape[0]):
@@ -63,10 +63,10 @@ def brief_worlds(  # type: ignore[no-untyped-def]
                 here, motion = reported[world, i, axis], velocity[world, i, axis]
                 row[POSITION + axis] = report[axis] = here
                 row[VELOCITY + axis] = row[COMMAND + axis] = report[2 + axis] = motion
-                # The way to the goal is flown by the true position, as in the paper.
+                # Vehicles fly to the goal by the true position, as in the paper.
                 row[AIM + axis] = goal[i, axis] - position[world, i, axis] + here
             row[LIMIT] = row[CRUISE] = speed_mps[world, i]
-            # Where the speed stands until the discs are made.
+            # Temporary place of the speed until the discs are computed.
             row[CLEARANCE] = math.hypot(velocity[world, i, 0], velocity[world, i, 1])
         for i in range(position.shape[1]):
             speed = own[world, i, CLEARANCE]
@@ -94,11 +94,11 @@ def is_in_piece(vertex, start, p_1, p_2):  # type: ignore[no-untyped-def]
 
 
 class Rules(NamedTuple):
-    """What is the same in every world and at every step.
+    """Facts that are the same in every world and at every step.
 
     Attributes:
         goal: Goals, shape (N, 2).
-        avoiding: Who decides, shape (N,).
+        avoiding: Mask of vehicles that decide, shape (N,).
         arrived_m: A vehicle this close to its goal has arrived.
         pieces: Convex pieces of the obstacles, as in `is_in_piece`; so is `piece_start`.
         piece_start: See `pieces`.
@@ -116,14 +116,14 @@ class Rules(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """Worlds in the air; everything but the airframes is written.
+    """Worlds in flight; everything except the airframes is written.
 
     Attributes:
         position: True positions, shape (W, N, 2).
-        before: Where they were before the step, shape (W, N, 2).
+        before: True positions before the step, shape (W, N, 2).
         velocity: Velocities, shape (W, N, 2).
-        present: Who is in the air, shape (W, N).
-        hit: Who collided in the step, shape (W, N).
+        present: Mask of vehicles in the air, shape (W, N).
+        hit: Mask of vehicles that collided in the step, shape (W, N).
         airframe_m: Airframe sizes, shape (W, N).
     """
 
@@ -136,7 +136,7 @@ class Flight(NamedTuple):
 
 
 class Log(NamedTuple):
-    """Columns of `worlds.Outcomes` that are written as it happens, of R runs."""
+    """Columns of `worlds.Outcomes` that are written during the flight, of R runs."""
 
     arrival_s: FloatArray
     collided: BoolArray
@@ -149,14 +149,14 @@ class Log(NamedTuple):
 
 @kernel(nogil=True)
 def fly_on(result, now_s, rules, flight, row, log):  # type: ignore[no-untyped-def]
-    """Fly for an interval as decided, and write down what happens.
+    """Fly for an interval as decided, and log the outcomes.
 
     Args:
         result: Decisions, shape (W, N, RESULT_COLUMNS).
         now_s: Time at the end of the interval.
         rules: `Rules`.
         flight: `Flight`, written.
-        row: Where each world stands in the log, shape (W,).
+        row: Row of each world in the log, shape (W,).
         log: `Log`, written.
     """
     goal, avoiding, arrived_m, pieces, piece_start, swept, interval_s = rules

@@ -1,7 +1,7 @@
-"""The table of a campaign: one row a cell, what happened in it and how far that can be trusted.
+"""The table of a campaign: one row per cell, with its outcomes and their confidence intervals.
 
-Units: metres, seconds; shares within 0 and 1. None where there is nothing to tell, such as the ratio to a definition
-that was not flown.
+Units: metres, seconds; shares within 0 and 1. None where a figure is undefined, such as the ratio to a definition that
+was not flown.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ class Row:
 
     Attributes:
         scenario: Name of the scene.
-        definition: What sized the discs.
-        gnss: How sigma became a position error.
-        solver: Who decided.
-        dynamics: How vehicles answer.
+        definition: Separation definition.
+        gnss: Error model: how sigma became a position error.
+        solver: Name of the solver.
+        dynamics: How vehicles respond to commands.
         runs: Runs flown.
-        flights: Vehicles in all of them.
-        arrived: Those that arrived.
-        unfinished: Those that neither arrived nor collided.
-        macs: Those in a mid-air collision; two at a time.
-        mac_rate: Share of them.
-        mac_rate_ci95: Clopper-Pearson interval of it, which takes flights for independent.
+        flights: Number of vehicles in all runs.
+        arrived: Vehicles that arrived.
+        unfinished: Vehicles that neither arrived nor collided.
+        macs: Vehicles in a mid-air collision; two per collision.
+        mac_rate: Share of these vehicles.
+        mac_rate_ci95: Clopper-Pearson interval of it, as if flights were independent.
         median_s: Median time of flights without a collision; the cut-off counts for those that did not arrive.
         median_ci95: Bootstrap interval of it.
-        max_time_s: The longest.
-        ratio_to_snmac: Median by the one under sNMAC with the same scene, errors and solver.
+        max_time_s: Longest time.
+        ratio_to_snmac: Median divided by that under sNMAC with the same scene, errors and solver.
         min_separation_m: Smallest true distance of two centres.
         min_margin_m: The same less the MAC radius of the pair, the smallest over all pairs.
-        infeasible_share: Decisions in which no velocity met every constraint.
-        sigma_m: Standard deviation of the errors, where the scene says nothing.
+        infeasible_share: Share of decisions in which no velocity met every constraint.
+        sigma_m: Standard deviation of the errors, if the scene has none.
         interval_s: Time between two reports.
         loss: Share of reports that a receiver misses.
-        risk_ratio: Share in a collision by that without avoidance (definition `none`) in the same runs.
+        risk_ratio: Share in a collision divided by that without avoidance (definition `none`) in the same runs.
         risk_ratio_ci95: Interval of it.
         mac_rate_pairs_ci95: Interval of `mac_rate` for vehicles that collide two at a time: `collided_share`.
     """
@@ -91,11 +91,11 @@ class Row:
 
 
 def table_rows(cells: Mapping[Cell, Outcomes], seed: int) -> list[tuple[Row, Flights]]:
-    """Rows of all cells of a campaign, in their order, each with the flights behind it.
+    """Rows of all cells of a campaign, in their order, each with its flights.
 
     Args:
-        cells: What happened in each.
-        seed: Of the campaign.
+        cells: Outcomes of each cell.
+        seed: Seed of the campaign.
     """
     flights = {cell: flights_of(outcomes, seed) for cell, outcomes in cells.items()}
     medians = {cell: each.medians for cell, each in flights.items()}
@@ -107,7 +107,7 @@ def table_rows(cells: Mapping[Cell, Outcomes], seed: int) -> list[tuple[Row, Fli
 
 
 def flights_of(outcomes: Outcomes, seed: int) -> Flights:
-    """Flights of a cell, their median resampled with the seed of the campaign: the same runs in every cell of it."""
+    """Flights of a cell; their median is resampled with the seed of the campaign, with the same runs in every cell."""
     time_s = np.minimum(outcomes.arrival_s, outcomes.duration_s)
     counted = ~outcomes.collided
     run = np.broadcast_to(np.arange(len(outcomes.run))[:, None], counted.shape)

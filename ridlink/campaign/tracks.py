@@ -1,8 +1,8 @@
-"""What each vehicle has heard of each other one: tracks of pairs, as the daemon keeps them of its neighbours.
+"""Tracks of pairs: what each vehicle has received of each other one, as the daemon keeps it of its neighbours.
 
-A report moves the track of the receivers that hear it; between reports the track is extrapolated and grows old, and the
-solvers let discs grow with its age. A track that was not heard for long is dropped, as in `ridlink.traffic.track`.
-Reported positions are smoothed by each receiver, as in `ridlink.traffic.position_filter`, or not at all.
+A report updates the track of each receiver that gets it. Between reports the track is extrapolated, and discs grow with
+its age. A track without a report for too long is dropped, as in `ridlink.traffic.track`. Each receiver smooths reported
+positions, as in `ridlink.traffic.position_filter`, or not at all.
 
 Axes: north-east, metres, m/s, seconds. W worlds of N vehicles; of two axes of vehicles the receiver's comes first.
 """
@@ -29,33 +29,33 @@ SOURCES = (
     Path(__file__), Path(__file__).with_name("pair_deciding.py"), Path(track.__file__),
     *sorted(Path(rows.__file__).parent.glob("*.py")),
 )  # fmt: skip
-"""Files that hold kernels which those of pairs call, and the constants in them."""
+"""Files with kernels that the kernels of pairs call, and with their constants."""
 
 kernel = kernel_decorator(SOURCES, counted=False)
 
-# Columns of a report on its way, and of a track: position, velocity and command (NaN where none is sent) at the time
-# AT. A track also has when it was heard last, reports so far (0: no track), whether the last one was beyond the bound,
-# and the smoothed time between reports.
+# Columns of a report in the channel, and of a track: position, velocity and command (NaN if none is sent) at the time
+# AT. A track also has the time of its last report, the number of reports (0: no track), whether the last one was beyond
+# the bound, and the smoothed time between reports.
 (PLACE, MOTION, INTENT, AT, REPORT_COLUMNS) = (0, 2, 4, 6, 7)
 (HEARD_AT, COUNT, BEYOND, BETWEEN, TRACK_COLUMNS) = (7, 8, 9, 10, 11)
 
 CONFLICT_S = 8.0
-"""Who enters the disc within this time is in conflict, and is kept for longer."""
+"""A neighbour that enters the disc within this time is in conflict, and its track is kept for longer."""
 
 SAME_INSTANT_S = 1e-9
 
 
 class Picture(NamedTuple):
-    """What the vehicles of W worlds know of each other.
+    """The knowledge that the vehicles of W worlds have of each other.
 
     Attributes:
-        tracks: What each has heard of each, shape (W, N, N, TRACK_COLUMNS).
-        present: Who is in the air, shape (W, N); the others have said that they landed.
+        tracks: Track of each by each, shape (W, N, N, TRACK_COLUMNS).
+        present: Mask of vehicles in the air, shape (W, N); the others have reported that they landed.
         now_s: Time.
-        reciprocal: Who has said that it avoids, shape (W, N), 0 or 1.
+        reciprocal: Whether the vehicle has said that it avoids, shape (W, N), 0 or 1.
         still_m: Radii of the discs without displacement, shape (W, N, N).
-        error_sum_m: Parts of them that stand for localization errors, shape (W, N, N).
-        displaced_s: Time of flight of both that the discs allow for.
+        error_sum_m: Parts of the radii for localization errors, shape (W, N, N).
+        displaced_s: Time of flight of both vehicles that the discs allow for.
     """
 
     tracks: FloatArray
@@ -69,14 +69,15 @@ class Picture(NamedTuple):
 
 @kernel
 def take_report(report, now_s, bound_m, time_constant_s, flown_s, track):  # type: ignore[no-untyped-def]
-    """Move a track by a report.
+    """Update a track by a report.
 
     Args:
         report: Shape (REPORT_COLUMNS,).
-        now_s: Time of hearing.
+        now_s: Time of receipt.
         bound_m: Reported three-sigma error of the position.
-        time_constant_s: Of the filter; 0 passes every report on as it is.
-        flown_s: For so long before a report its velocity was flown already; before that it went over into it.
+        time_constant_s: Time constant of the filter; 0 uses reports unfiltered.
+        flown_s: Time before a report during which its velocity was already flown; earlier, the velocity changed towards
+            it.
         track: Shape (TRACK_COLUMNS,), written.
     """
     n_1, n_2 = report[PLACE], report[PLACE + 1]
@@ -106,11 +107,11 @@ def take_report(report, now_s, bound_m, time_constant_s, flown_s, track):  # typ
 
 @kernel(nogil=True)
 def hear(sent, arrives_s, now_s, bound_m, time_constant_s, flown_s, tracks):  # type: ignore[no-untyped-def]
-    """Let every vehicle take the reports that have reached it.
+    """Let every vehicle process the reports that have arrived.
 
     Args:
         sent: Last reports of each vehicle, shape (W, N, M, REPORT_COLUMNS).
-        arrives_s: When each reaches a receiver, infinite if never or already, shape (W, N, N, M), written.
+        arrives_s: Arrival time at each receiver, infinite if never or already processed, shape (W, N, N, M), written.
         now_s: Time.
         bound_m: Reported error bounds, shape (W, N).
         time_constant_s: As in `take_report`.
@@ -127,7 +128,7 @@ def hear(sent, arrives_s, now_s, bound_m, time_constant_s, flown_s, tracks):  # 
                         if arrives[slot] > now_s + SAME_INSTANT_S:
                             continue
                         if track[COUNT] > 0.0 and sent[world, j, slot, AT] <= track[AT]:
-                            # Overtaken by a later one.
+                            # A later report arrived first.
                             arrives[slot] = math.inf
                         elif oldest < 0 or sent[world, j, slot, AT] < sent[world, j, oldest, AT]:
                             oldest = slot
@@ -151,7 +152,7 @@ def collect(own, world, i, picture, memory, room):  # type: ignore[no-untyped-de
         room: Results: rows of the neighbours (W, N, 10), their memory and their numbers (W, N); and more.
 
     Returns:
-        How many there are.
+        Number of neighbours.
     """
     tracks, present, reciprocal = picture.tracks[world, i], picture.present[world], picture.reciprocal[world]
     still_m, error_sum_m = picture.still_m[world, i], picture.error_sum_m[world, i]

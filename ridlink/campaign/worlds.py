@@ -1,8 +1,8 @@
-"""Whole batches of worlds in virtual time, through the kernels that the daemon calls.
+"""Flies batches of worlds in virtual time, with the kernels that the daemon calls.
 
-A run is one row of the outcome and depends on the plan and its own number only, not on the batch it is flown in. In a
-shared batch all vehicles of all worlds report at every step, decide from the same picture, and fly; vehicles obey at
-once. `flight` has the others.
+A run is one row of the outcomes. It depends on the plan and its own number only, not on its batch. In a shared batch,
+all vehicles of all worlds report at every step, decide from the same picture, and obey at once. `flight` has the other
+batches.
 
 Axes: north-east, metres, m/s, seconds.
 """
@@ -33,30 +33,30 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 BATCH = 128
-"""Runs flown at a time: enough to make little of a call, little enough for the caches."""
+"""Runs flown at a time: many enough that the cost of a call is small, few enough for the caches."""
 
 MOST_PAIRS = 2**18
-"""Pairs of vehicles in a batch: of each, hundreds of bytes are kept where everybody has a picture of its own. One world
-may have more."""
+"""Limit of pairs of vehicles in a batch: each needs hundreds of bytes if every vehicle has its own picture. A single
+world may have more."""
 
 COMPACT_EVERY = 20
-"""Steps after which worlds that are over leave the batch."""
+"""Steps after which finished worlds leave the batch."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcomes:
-    """What happened, one row a run: R runs of N vehicles.
+    """Outcomes of R runs of N vehicles, one row per run.
 
     Attributes:
         run: Numbers of the runs, shape (R,).
         duration_s: Cut-off; the time of a flight that did not arrive.
-        arrival_s: When a vehicle arrived, infinite if it did not, shape (R, N).
+        arrival_s: Arrival time of each vehicle, infinite if it did not arrive, shape (R, N).
         collided: True for vehicles in a mid-air collision, shape (R, N).
         distance_m: Smallest true distance of two centres, shape (R,).
-        margin_m: The same less the MAC radius, shape (R,).
+        margin_m: Smallest distance less the MAC radius, shape (R,).
         decisions: Number of decisions, shape (R,).
-        infeasible: Those in which no velocity met every constraint, shape (R,).
-        in_obstacle: Steps of vehicles with their true centre in an obstacle, shape (R,).
+        infeasible: Decisions in which no velocity met every constraint, shape (R,).
+        in_obstacle: Steps of vehicles whose true centre was in an obstacle, shape (R,).
     """
 
     run: NDArray[np.int64]
@@ -110,17 +110,17 @@ class Outcomes:
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """What happens at one instant in a batch of W worlds, for who watches.
+    """The state of a batch of W worlds at one instant, for an observer.
 
     Attributes:
         now_s: Time since the start.
-        position_ne_m: Where the vehicles are, shape (W, N, 2).
-        reported_ne_m: Where they say they are, shape (W, N, 2).
-        velocity_ne_mps: How they flew until now, shape (W, N, 2).
-        command_ne_mps: How they fly from now on, shape (W, N, 2).
-        present: Who is in the air, shape (W, N).
+        position_ne_m: True positions, shape (W, N, 2).
+        reported_ne_m: Reported positions, shape (W, N, 2).
+        velocity_ne_mps: Velocities until now, shape (W, N, 2).
+        command_ne_mps: Commanded velocities from now on, shape (W, N, 2).
+        present: Mask of vehicles in the air, shape (W, N).
         airframe_m: Airframe sizes, shape (W, N).
-        sending: Who reports at this instant, shape (W, N); None: everybody in the air.
+        sending: Mask of vehicles that report at this instant, shape (W, N); None: all in the air.
     """
 
     now_s: float
@@ -135,11 +135,11 @@ class Instant:
 
 @dataclass(frozen=True, slots=True)
 class Roles:
-    """Who does what in one run, shape (N,) each.
+    """Roles of the vehicles of one run, shape (N,) each.
 
     Attributes:
-        avoiding: Who avoids others.
-        extended: Who tells more than standard Remote ID does.
+        avoiding: Whether it avoids others.
+        extended: Whether it sends more than standard Remote ID.
     """
 
     avoiding: BoolArray
@@ -147,7 +147,7 @@ class Roles:
 
 
 def draw_roles(plan: Plan, run: int) -> Roles:
-    """Roles as the scene has them, but for those that are drawn to be different."""
+    """Roles of the scene, changed for the vehicles that are drawn to be special."""
     scene = plan.scene
     mix = draw_mix(len(scene), plan.seed, run, stock_share=plan.stock_share, unresponsive_share=plan.unresponsive_share)
     extended = ~mix.stock if scene.extended is None else scene.extended & ~mix.stock
@@ -155,10 +155,10 @@ def draw_roles(plan: Plan, run: int) -> Roles:
 
 
 class Batch(ABC):
-    """Worlds in the air, W of them; those that are over leave it.
+    """A batch of W worlds in flight; finished worlds leave it.
 
     Args:
-        plan: What they fly.
+        plan: Their plan.
         runs: Numbers of their runs.
     """
 
@@ -166,7 +166,7 @@ class Batch(ABC):
         "airframe_m", "speed_mps", "avoiding", "extended", "position", "velocity", "present", "still_m", "error_sum_m",
         "bound_m", "clearance_m", "row",
     )  # fmt: skip
-    """What has an axis of worlds, which is the first."""
+    """Names of attributes whose first axis is that of worlds."""
 
     def __init__(self, plan: Plan, runs: range) -> None:
         scene = plan.scene
@@ -203,7 +203,7 @@ class Batch(ABC):
         )  # fmt: skip
 
     def _size_discs(self, sigma_m: FloatArray) -> None:
-        """Radii of all pairs but for the displacement, error bounds as they are told, distances to obstacles."""
+        """Compute radii of all pairs without displacement, reported error bounds, and distances to obstacles."""
         plan = self.plan
         error_m = plan.bound_sigmas * sigma_m
         coded_m = np.array([coded_bound_m(bound, plan.accuracy_convention) for bound in error_m])
@@ -221,17 +221,17 @@ class Batch(ABC):
 
         self.still_m, self.error_sum_m = discs(0.0)
         allowed_s = plan.interval_s if plan.displaced_s is None else plan.displaced_s
-        # Every definition takes the displacement of both as it is, or not at all.
+        # Every definition adds the displacement of both in full, or not at all.
         self.displaced_s = allowed_s if np.any(discs(1.0)[0] > self.still_m) else 0.0
         self.bound_m = bounded_error(np.where(self.extended, error_m, coded_m))
         if plan.obstacle_bound_m is not None:
             self.clearance_m = self.airframe_m / 2.0 + plan.obstacle_bound_m
         else:
-            # Half of what two such vehicles would keep from each other.
+            # Half of the distance that two such vehicles would keep.
             self.clearance_m = np.diagonal(self.still_m, axis1=1, axis2=2) / 2.0
 
     def fly(self, watch: Callable[[Instant], None] | None) -> Outcomes:
-        """Fly until all have arrived or collided, or the time is over."""
+        """Fly until all vehicles have arrived or collided, or the time is over."""
         for step in range(round(self.plan.duration_s / self.step_s)):
             if step % COMPACT_EVERY == 0:
                 kept: BoolArray = np.any(self.present, axis=1)
@@ -247,14 +247,14 @@ class Batch(ABC):
         """Report, decide and fly on."""
 
     def keep(self, kept: BoolArray) -> None:
-        """Go on with some worlds only, shape (W,)."""
+        """Keep only some worlds, shape (W,)."""
         for name in self.of_worlds:
             setattr(self, name, getattr(self, name)[kept])
         self.errors.keep(kept)
 
 
 class SharedBatch(Batch):
-    """Worlds in which everybody has the same picture."""
+    """Worlds in which all vehicles have the same picture."""
 
     of_worlds = (*Batch.of_worlds, "reported", "turns")
 
@@ -263,11 +263,11 @@ class SharedBatch(Batch):
         shape = self.present.shape
         self.decider = new_decider(plan.settings, shape, self.obstacles)
         self.reported = np.zeros((*shape, 2))
-        # What a step works on; while fewer worlds fly, the first of it.
+        # Arrays for a step; with fewer worlds, their first part is used.
         self.own = np.zeros((*shape, rows.OWN_COLUMNS))
         self.heard = np.full((*shape, 8), np.nan)
         self.heard[..., 6] = 0.0
-        # Who does not speak the extension cannot say that it avoids.
+        # A vehicle without the extension cannot say that it avoids.
         self.heard[..., 7] = self.avoiding & self.extended
         self.radius_m = np.empty_like(self.still_m)
         self.before, self.hit = np.empty((*shape, 2)), np.empty(shape, np.bool_)
@@ -294,7 +294,7 @@ class SharedBatch(Batch):
         self.decider.keep(kept)
 
     def _report(self, step: int) -> None:
-        """Positions as everybody hears them, the vehicle itself included."""
+        """Draw the reported positions, which the vehicle itself uses, too."""
         report = self.position + self.errors.next()
         if not self.plan.filtered or step == 0:
             self.reported = report
