@@ -1,7 +1,7 @@
-"""ridlink: Remote ID that keeps drones apart.
+"""ridlink: drones avoid each other by the Remote ID that they hear.
 
-``ridlink.decode(path)`` gives a capture as columns: one structured array for each message. Everything else is imported
-from its room, and the rooms are one line:
+``ridlink.decode(path)`` returns a capture as columns: one structured array for each message. Everything else is
+imported from its subpackage; the subpackages form one line:
 
     bytes                     ridlink.links, ridlink.captures
     -> frames -> messages     ridlink.mavlink
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import importlib
 
-TYPE_CHECKING = False  # `typing` would take half of the time that importing the package does
+TYPE_CHECKING = False  # importing `typing` would take half of the import time of the package
 if TYPE_CHECKING:
     from typing import Any
 
@@ -32,7 +32,7 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """``decode`` and ``__version__`` when they are asked for: importing the package stays instant."""
+    """Load ``decode`` and ``__version__`` only when they are used, so that importing the package stays fast."""
     if name == "decode":
         return importlib.import_module("ridlink.captures.columns").decode
     if name == "__version__":

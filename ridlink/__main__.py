@@ -1,7 +1,7 @@
 """``ridlink`` and ``python -m ridlink``.
 
-While modules are loaded, Ctrl-C ends the program at once and without a word. The exception that it is otherwise would
-be shown with a traceback, or lost in a callback of an import.
+While modules are loaded, Ctrl-C ends the program at once and silently. A KeyboardInterrupt would be shown with a
+traceback, or lost in a callback of an import.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ except KeyboardInterrupt:
 
 def main() -> None:
     """Entry point: load the command line and run it."""
-    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not where a shell had it ignored
+    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # or a shell ignores it
     if interruptible:
         signal.signal(signal.SIGINT, _end)
     from ridlink import cli

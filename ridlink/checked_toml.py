@@ -1,7 +1,8 @@
-"""A TOML document read key by key, with errors that a person can act on.
+"""Reads a TOML document key by key, with errors that tell a user what to correct.
 
-One line of text names the file, the line where it can, the table and key, and what would be right. Numbers must be
-finite. A key that nobody asked for is an error: a misspelt key must not pass as a default.
+An error is one line of text. It names the file, the line if known, the table and the key, and says what would be right.
+Numbers must be finite. A key that the program never reads is an error: otherwise a misspelt key would silently leave
+the default.
 """
 
 from __future__ import annotations
@@ -19,24 +20,24 @@ from typing import Any, TypeVar
 from ridlink.errors import ConfigError
 
 LARGEST = 1e6
-"""Metres, seconds or metres a second: beyond this the local tangent plane, and common sense, end."""
+"""Limit in metres, seconds or metres a second. Beyond it the local tangent plane is no use, and no sane value lies."""
 
 
 UNREADABLE = "cannot be read: an integer of thousands of digits, or brackets nested too deeply"
-"""What a parser of the standard library gives up at without a word of its own format."""
+"""Our text where a parser of the standard library fails with an error that says nothing about the format."""
 
 
 MOST_FAULTS = 5
-"""Mistakes of a file that are told at once."""
+"""How many mistakes of a file are reported at once."""
 
 ALIKE = 0.85
-"""From here on one key may be another one misspelt; those of one kind of table are less alike."""
+"""Similarity from which one key may be a misspelling of another; the keys of one table are less similar."""
 
 Made = TypeVar("Made")
 
 
 class KeyFault(ConfigError):
-    """What is wrong with one key, whatever the others say: its value is, it is missing, or nobody knows it.
+    """An error of one key alone: its value is wrong, it is missing, or it is unknown.
 
     Attributes:
         key: The key.
@@ -49,13 +50,13 @@ class KeyFault(ConfigError):
 
 @dataclass(frozen=True, slots=True)
 class TomlSource:
-    """Name and text of a file, to say where a key stands."""
+    """Name and text of a file, to find the line of a key."""
 
     name: str
     text: str
 
     def line(self, table: str, number: int, key: str) -> int | None:
-        """Line of a key in the ``number``-th table of a name (the top: ""), else of its header; None if unclear."""
+        """Line of a key, else of the header, in the ``number``-th ``table`` (the top: ""); None if unclear."""
         current, seen, header = "", dict.fromkeys(("",), 1), None
         for at, line in enumerate(self.text.splitlines(), start=1):
             if heading := re.match(r"\s*\[{1,2}\s*([\w.-]+)\s*\]{1,2}", line):
@@ -71,16 +72,17 @@ class TomlSource:
 
 
 class CheckedTable:
-    """One table of a file, emptied key by key, so that what is left over is unknown.
+    """One table of a file. Reading a key removes it, so the keys left at the end are unknown ones.
 
     Args:
         source: The file.
-        values: What the parser made of the table.
-        name, number: Its name, empty for the top, and its place from 1 among those of that name, 0 for the only one.
+        values: The table as parsed.
+        name, number: Its name, empty for the top, and its number from 1 among the tables of that name, 0 if it is the
+            only one.
 
     Raises:
-        ConfigError: By whatever reads it, in the words of `error`: the table is none, a key is missing, or its value is
-            not what was asked for.
+        ConfigError: From any method that reads, with the text of `error`: this is no table, a key is missing, or its
+            value is not as required.
     """
 
     def __init__(self, source: TomlSource, values: object, name: str, number: int) -> None:
@@ -93,7 +95,7 @@ class CheckedTable:
         self._known: dict[str, None] = {}
 
     def error(self, key: str, text: str) -> ConfigError:
-        """The one line that says file, line, key and what is wrong."""
+        """An error whose one line of text says file, line, key and what is wrong."""
         line = self._source.line(self._name, self._number, key)
         where = f"{self._source.name}:{line}" if line else self._source.name
         owner = f"{self._name} {self._number}" if self._number else self._name
@@ -103,14 +105,14 @@ class CheckedTable:
         return KeyFault(str(self.error(key, text)), key)
 
     def read(self, make: Callable[[CheckedTable], Made], faults: list[ConfigError]) -> Made | None:
-        """What is made of this table; None if something is wrong with it, which joins the faults.
+        """What ``make`` returns for this table; None if the table has mistakes, which are added to ``faults``.
 
-        It is read on without the keys that are wrong, so that all of them are told; what follows from that they are
-        not there is told by nobody.
+        After a mistake the table is read again without the wrong key, so that all mistakes are reported. Errors that
+        only follow from a key taken out are not.
 
         Args:
             make: Reads a table.
-            faults: All that was found so far; with `MOST_FAULTS` of them nothing more is read.
+            faults: Mistakes found so far; with `MOST_FAULTS` of them nothing more is read.
         """
         values, before = dict(self._values), len(faults)
         while len(faults) < MOST_FAULTS:
@@ -133,12 +135,12 @@ class CheckedTable:
         return None
 
     def has(self, key: str) -> bool:
-        """Whether a key is there; it counts as known from now on."""
+        """Whether a key is present; it counts as known from now on."""
         self._known[key] = None
         return key in self._values
 
     def take(self, key: str, default: object = None) -> Any:
-        """The value of a key; without a default it must be there."""
+        """The value of a key; the key is required if there is no default."""
         if self.has(key):
             return self._values.pop(key)
         if default is None:
@@ -147,14 +149,14 @@ class CheckedTable:
         return default
 
     def text(self, key: str) -> str:
-        """Text of one line, not empty."""
+        """The value of a key that must be text: one line, not empty."""
         value = self.take(key)
         if not isinstance(value, str) or not value.strip() or not value.isprintable():
             raise self._fault(key, "must be text of one line")
         return value
 
     def truth(self, key: str, default: bool) -> bool:
-        """True or false."""
+        """The value of a key that must be true or false."""
         value = self.take(key, default)
         if not isinstance(value, bool):
             raise self._fault(key, f"must be true or false, not {value!r}")
@@ -163,7 +165,7 @@ class CheckedTable:
     def number(
         self, key: str, default: float | None = None, *, above: float | None = None, least: float | None = None
     ) -> float:
-        """A finite number, greater than ``above`` and not less than ``least``."""
+        """The value of a key that must be a finite number, greater than ``above`` and not less than ``least``."""
         value = self._finite(key, self.take(key, default))
         if above is not None and value <= above:
             raise self._fault(key, f"must be greater than {above:g}, not {value:g}")
@@ -200,7 +202,7 @@ class CheckedTable:
         return CheckedTable(self._source, value, key, 0)
 
     def nothing_else(self) -> None:
-        """Refuse keys that nobody asked for: a misspelt key must not pass as a default."""
+        """Refuse keys that were not read: otherwise a misspelt key would silently leave the default."""
         for key in self._values:
             raise self._fault(key, f"is not known here: known are {', '.join(self._known)}")
 
@@ -213,7 +215,7 @@ def read_toml(path: str | Path) -> CheckedTable:
         OSError: If the file cannot be read.
     """
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")  # editors on Windows write a mark before the text
+        text = Path(path).read_bytes().decode("utf-8-sig")  # editors on Windows write a byte order mark before the text
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not UTF-8 text: {error.reason}") from error
     return CheckedTable(TomlSource(str(path), text), parse_toml(text, str(path)), "", 0)
@@ -224,10 +226,10 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
     Args:
         text: The document.
-        where: Whence it comes, for the error text.
+        where: Name of its source, for the error text.
 
     Raises:
-        ConfigError: If it is none.
+        ConfigError: If the text is not TOML.
     """
     try:
         return tomllib.loads(text)

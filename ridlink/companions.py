@@ -1,4 +1,4 @@
-"""Tasks that run beside something else, and do not fail unseen."""
+"""Tasks that run beside a block of code; a failure of one ends the block."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 
 @contextlib.asynccontextmanager
 async def beside(*companions: Coroutine[Any, Any, Any]) -> AsyncIterator[None]:
-    """Run these while the block does; they are cancelled at its end.
+    """Run coroutines while the block runs; they are cancelled at its end.
 
-    One that fails ends the block, by cancelling it, and what it raised is raised in the block's place. One that just
-    ends has done its work. Of several failures the first is raised.
+    If one fails, the block is cancelled, and the error is raised in its place. If one simply returns, the block goes
+    on. Of several failures the first is raised.
 
     Args:
-        companions: What runs beside the block.
+        companions: Coroutines to run beside the block.
     """
     of_block: Exception | None = None
     failed: BaseExceptionGroup[BaseException] | None = None
@@ -27,14 +27,14 @@ async def beside(*companions: Coroutine[Any, Any, Any]) -> AsyncIterator[None]:
                 yield
             except Exception as error:
                 if not any(map(_has_failed, tasks)):
-                    of_block = error  # the group puts it last, after what companions make of their end
+                    of_block = error  # the group lists it last, after what companions raise when cancelled
                 raise
             for task in tasks:
                 task.cancel()
     except BaseExceptionGroup as failures:
         failed = failures
     if failed is not None:
-        raise of_block or failed.exceptions[0]  # what failed first; outside, so that it keeps its own context
+        raise of_block or failed.exceptions[0]  # the first failure; raised outside, so that it keeps its own context
 
 
 def _has_failed(task: asyncio.Task[Any]) -> bool:

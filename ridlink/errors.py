@@ -1,4 +1,4 @@
-"""Errors that ridlink raises.
+"""Exceptions that ridlink raises.
 
     RidlinkError
     |-- WireError (ValueError)        bytes that are not what they should be
@@ -10,7 +10,7 @@
     |-- MissingExtraError             an optional dependency is not installed
     `-- LinkError (OSError)           a socket, port or device
 
-Streams do not raise for what the wire brings: they yield what is good and count the rest by cause.
+Readers of streams raise nothing for bad bytes: they yield what is good and count the rest by cause.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ridlink.words import did_you_mean
 
 
 class RidlinkError(Exception):
-    """Root of everything that ridlink raises on purpose. Its text is one line, fit to be shown to a user."""
+    """Base class of all exceptions that ridlink raises on purpose. The text is one line that can be shown to a user."""
 
 
 class WireError(RidlinkError, ValueError):
@@ -29,10 +29,10 @@ class WireError(RidlinkError, ValueError):
 
 
 class FrameError(WireError):
-    """A MAVLink frame that cannot be made or signed. One that cannot be read raises nothing: it is a `BadFrame`.
+    """A MAVLink frame that cannot be made or signed. One that cannot be read is a `BadFrame`, and raises nothing.
 
     Attributes:
-        part: Which part of it does not fit.
+        part: The part of the frame that is wrong.
     """
 
     def __init__(self, text: str, *, part: str = "") -> None:
@@ -45,7 +45,7 @@ class PayloadError(WireError):
 
     Attributes:
         message: Name of the message.
-        field: Name of the field, empty where the whole payload is meant.
+        field: Name of the field, empty if the error is about the whole payload.
     """
 
     def __init__(self, text: str, *, message: str = "", field: str = "") -> None:
@@ -58,8 +58,8 @@ class UnknownMessageError(WireError):
     """A message that the dialect does not have.
 
     Attributes:
-        message: The name or id that was asked for.
-        known: Names of which one may have been meant; they are looked at where the text is read, for that takes a
+        message: The name or id that was requested.
+        known: Names of which one may have been meant. They are compared only when the text is read, which takes a
             millisecond.
     """
 
@@ -80,7 +80,7 @@ class ConfigError(RidlinkError, ValueError):
     """Configuration, a scenario file or a connection string that cannot be used; the text shows what is right.
 
     Attributes:
-        others: What else is wrong, where a whole file was looked at: one line each.
+        others: Further mistakes of the same file, one line each, if the whole file was checked.
     """
 
     def __init__(self, text: str, *others: str) -> None:
@@ -92,7 +92,7 @@ class MissingExtraError(RidlinkError):
     """An optional dependency is not installed.
 
     Attributes:
-        extra: The extra of ridlink that brings it.
+        extra: The extra of ridlink that installs it.
     """
 
     def __init__(self, extra: str, purpose: str) -> None:

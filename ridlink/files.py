@@ -1,4 +1,4 @@
-"""Files that appear when everything is in them or are opened without a wait, and names that any text has a part in."""
+"""Writes files as a whole, opens files without waiting, and makes file names from any text."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from typing import BinaryIO
 from urllib.parse import quote
 
 UNFINISHED = ".unfinished"
-"""Suffix of what is half written."""
+"""Suffix of a file that is not complete yet."""
 
 LONGEST_PART = 120
-"""Characters of a text in a file name, which has 255 bytes in all."""
+"""Most characters of a text in a file name, which may have 255 bytes in all."""
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What writing fails with, and reading does not."""
+"""Error numbers of a full disk: only writing fails with them."""
 
 
 def unfinished(path: Path) -> Path:
-    """Where a file of this process is until it is whole: two that write the same are not in each other's way."""
+    """Temporary path of a file until it is complete; two processes that write the same file use different ones."""
     return path.with_name(f"{path.name}.{os.getpid()}{UNFINISHED}")
 
 
 def file_part(text: str) -> str:
-    """A text as part of the name of a file: no folders, and no longer than a name may be; another text has another."""
+    """A text as part of a file name, without folders and not too long; different texts give different parts."""
     quoted = quote(text, safe="", errors="surrogatepass")
     if len(quoted) <= LONGEST_PART:
         return quoted
@@ -36,11 +36,11 @@ def file_part(text: str) -> str:
 
 
 def open_at_once(path: str | os.PathLike[str], mode: str, buffering: int = -1) -> BinaryIO:
-    """A file to write to; a pipe that nobody reads is an error, not a wait that no signal ends.
+    """Open a file for writing. A pipe without a reader is an error; otherwise the open would wait, deaf to signals.
 
     Args:
         path: The file.
-        mode: ``wb``, or ``xb`` where it must not exist.
+        mode: ``wb``, or ``xb`` if the file must not exist.
         buffering: As of `open`.
 
     Raises:
@@ -56,10 +56,10 @@ def open_at_once(path: str | os.PathLike[str], mode: str, buffering: int = -1) -
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file under another name, force it onto the disk, and give it its name; one that has it is replaced.
+    """Write a file under a temporary name, force it to disk, and rename it; an existing file is replaced.
 
     Raises:
-        OSError: If that fails, of this path; nothing is left of it.
+        OSError: If that fails; it names this path, and no temporary file remains.
     """
     working = unfinished(path)
     try:
@@ -69,7 +69,7 @@ def write_whole(path: Path, data: bytes) -> None:
             os.fsync(stream.fileno())
         os.replace(working, path)
     except BaseException as error:
-        with suppress(OSError):  # as where nothing can be written
+        with suppress(OSError):  # for example where nothing can be written
             working.unlink(missing_ok=True)
         if isinstance(error, OSError):
             error.filename, error.filename2 = str(path), None
@@ -83,10 +83,10 @@ def write_whole(path: Path, data: bytes) -> None:
 
 @contextmanager
 def full_disk_named(path: str) -> Iterator[None]:
-    """A full disk is said of the file or folder that is written meanwhile; the kernel says it of none.
+    """Name the file or folder being written in errors about a full disk; the kernel names none.
 
     Args:
-        path: As it was asked for.
+        path: The path as the user gave it.
     """
     try:
         yield

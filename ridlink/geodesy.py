@@ -1,10 +1,9 @@
 """WGS-84 positions and local north-east-down coordinates about a stated origin.
 
-Axes: x north, y east, z down, metres. Latitudes and longitudes in degrees. Altitudes in metres above whatever datum the
-caller uses for both the origin and the points (mean sea level and ellipsoid must not be mixed). The tangent plane is
-exact (pymap3d); at 1 km its "down" differs from an altitude difference by 8 cm. `moved` and `offset_m` are the same for
-single points that are near, in the horizontal and tens of times as fast; `great_circle_m` is for distances of
-any length.
+Axes: x north, y east, z down, metres. Latitudes and longitudes in degrees. Altitudes are in metres above the datum of
+the caller, the same for the origin and the points (do not mix mean sea level and ellipsoid). The tangent plane is exact
+(pymap3d); at 1 km its "down" differs from an altitude difference by 8 cm. `moved` and `offset_m` do the same for single
+near points, only horizontally and tens of times as fast. `great_circle_m` is for distances of any length.
 """
 
 from __future__ import annotations
@@ -70,25 +69,25 @@ def _metres_per_degree(latitude_millideg: int) -> tuple[float, float]:
 
 
 def _scale(latitude_deg: float) -> tuple[float, float]:
-    """As `_metres_per_degree`, of a latitude within 60 m: at 85 degrees that is 0.1 mm in a metre."""
+    """As `_metres_per_degree`, for a latitude within 60 m: at 85 degrees the error is 0.1 mm in a metre."""
     return _metres_per_degree(round(latitude_deg * 1e3))
 
 
 def moved(latitude_deg: float, longitude_deg: float, north_m: float, east_m: float) -> tuple[float, float]:
-    """The point so far north and east [deg]; good to centimetres over the hundreds of metres of an extrapolation."""
+    """The point [deg] moved north and east, accurate to centimetres over the hundreds of metres of an extrapolation."""
     per_latitude, per_longitude = _scale(latitude_deg)
     latitude = min(max(latitude_deg + north_m / per_latitude, -90.0), 90.0)
     return latitude, wrap_deg(longitude_deg + east_m / per_longitude)
 
 
 def offset_m(from_deg: tuple[float, float], to_deg: tuple[float, float]) -> tuple[float, float]:
-    """North and east [m] from one point to another that is near, both latitude and longitude."""
+    """North and east [m] from one point to a near one, each given as latitude and longitude."""
     per_latitude, per_longitude = _scale(from_deg[0])
     return (to_deg[0] - from_deg[0]) * per_latitude, wrap_deg(to_deg[1] - from_deg[1]) * per_longitude
 
 
 def great_circle_m(from_deg: tuple[float, float], to_deg: tuple[float, float]) -> float:
-    """Distance [m] from one point to another, both latitude and longitude, on a sphere: within 1 %, however far."""
+    """Distance [m] between two points given as latitude and longitude, on a sphere: error below 1 % at any distance."""
     here, there = math.radians(from_deg[0]), math.radians(to_deg[0])
     east = math.radians(to_deg[1] - from_deg[1])
     haversine = math.sin((there - here) / 2.0) ** 2 + math.cos(here) * math.cos(there) * math.sin(east / 2.0) ** 2

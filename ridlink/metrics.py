@@ -1,7 +1,7 @@
-"""Prometheus metrics over HTTP, off the control path: who flies leaves its figures once a second, threads serve them.
+"""Prometheus metrics over HTTP, off the control path: the loop publishes figures once a second, threads serve them.
 
-What is left is replaced as a whole, so that a reader sees the figures of one instant and the loop waits for nobody.
-Loopback unless asked otherwise. Needs the extra `metrics` (prometheus-client).
+All figures are replaced together, so a reader sees the figures of one instant, and the loop never waits. The server
+listens on loopback unless the address says otherwise. Needs the extra `metrics` (prometheus-client).
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from ridlink.errors import ConfigError, LinkError, MissingExtraError
 
 DEFAULT_HOST = "127.0.0.1"
 SILENT_S = 5.0
-"""Whoever connects and says nothing for so long is let go, and its thread with it."""
+"""A connection that sends nothing for so long is closed, and its thread ends."""
 
 MOST_THREADS = 64
-"""Of the process; with so many, nobody else is served."""
+"""Threads of the process; with so many, no further connection is served."""
 
 Value = float | Mapping[str, float]
-"""A figure, or figures by the value of a label."""
+"""One figure, or figures by the value of a label."""
 
 
 class Kind(StrEnum):
-    """What a figure does as time goes by."""
+    """Kind of a metric: whether its figure only grows."""
 
     GAUGE = "gauge"
     COUNTER = "counter"
@@ -41,7 +41,7 @@ class Metric:
 
     Args:
         kind: Whether it only grows.
-        text: What it says.
+        text: What it means.
         label: Name of its label; empty for none.
     """
 
@@ -70,7 +70,7 @@ AVOID_METRICS: Mapping[str, Metric] = MappingProxyType(
         "ridlink_events": Metric(Kind.COUNTER, "What was dropped, clamped, refused or noticed.", "cause"),
     }
 )
-"""Of `ridlink avoid`. Counters bear `_total` after their name."""
+"""Metrics of `ridlink avoid`. Names of counters get the suffix `_total`."""
 
 MQTT_METRICS: Mapping[str, Metric] = MappingProxyType(
     {
@@ -82,14 +82,14 @@ MQTT_METRICS: Mapping[str, Metric] = MappingProxyType(
         "ridlink_mqtt_events": Metric(Kind.COUNTER, "What was refused or noticed.", "cause"),
     }
 )
-"""Of `ridlink mqtt`."""
+"""Metrics of `ridlink mqtt`."""
 
 
 def parse_metrics_address(text: str) -> tuple[str, int]:
     """Host and port of ``HOST:PORT``, ``:PORT`` or ``PORT``.
 
     Raises:
-        ConfigError: If it is none of these.
+        ConfigError: If the text has none of these forms.
     """
     host, _, port = text.strip().rpartition(":")
     if not (re.fullmatch(r"[0-9]{1,5}", port) and int(port) <= 65535):
@@ -98,18 +98,18 @@ def parse_metrics_address(text: str) -> tuple[str, int]:
 
 
 class MetricsServer:
-    """Serves figures until it is closed.
+    """Serves metrics until it is closed.
 
     Args:
         address: Host and port; port 0 lets the kernel choose.
-        metrics: What is served.
+        metrics: The metrics to serve.
 
     Raises:
         MissingExtraError: If prometheus-client is not installed.
-        LinkError: If the port cannot be had.
+        LinkError: If the port cannot be opened.
 
     Attributes:
-        port: Where it listens.
+        port: The port it listens on.
     """
 
     def __init__(self, address: tuple[str, int], metrics: Mapping[str, Metric]) -> None:
@@ -124,7 +124,7 @@ class MetricsServer:
         host, port = address
         try:
             self._server, self._thread = start_http_server(port, host, registry)
-        except (OSError, UnicodeError) as error:  # a name with an empty label is no OSError
+        except (OSError, UnicodeError) as error:  # a host name with an empty label raises no OSError
             reason = getattr(error, "strerror", None) or error
             raise LinkError(f"metrics {host}:{port}: {reason}; choose another address") from error
         self._server.RequestHandlerClass = _patient(self._server.RequestHandlerClass)
@@ -132,15 +132,15 @@ class MetricsServer:
         self.port = int(self._server.server_port)
 
     def publish(self, values: Mapping[str, Value]) -> None:
-        """Replace all figures; what is left out is absent."""
+        """Replace all figures; a metric that is not in ``values`` is absent."""
         self._values = values
 
     def describe(self) -> list[object]:
-        """Nothing is collected before anything was published; part of prometheus-client's interface."""
+        """An empty list: nothing is collected at registration. Part of prometheus-client's interface."""
         return []
 
     def collect(self) -> Iterator[object]:
-        """The figures as they were left last; part of prometheus-client's interface, called by its threads."""
+        """The figures published last. Part of prometheus-client's interface, called by its threads."""
         from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
         values = self._values
@@ -165,7 +165,7 @@ class MetricsServer:
 
 
 def _patient(handler: Any) -> Any:
-    """A handler of requests that waits for no peer for ever, and has nothing to say when one has gone."""
+    """The class of a request handler with a timeout, which stays silent when the peer has disconnected."""
 
     class Patient(handler):  # type: ignore[misc]
         timeout = SILENT_S

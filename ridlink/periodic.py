@@ -1,4 +1,4 @@
-"""Things that are done once in a while."""
+"""Work that is done once a period."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 
 
 class Periodic:
-    """Asked every step, says yes once a period: on the grid of the first yes, without drift and without bursts.
+    """Says in which steps periodic work is due. It keeps the grid of the first time: no drift, no bursts.
 
     Args:
-        period_s: Time from one yes to the next.
-        early_s: It is time already so long before; half a step, where steps come on a grid of their own.
+        period_s: Time between two executions.
+        early_s: How much too early the work may be done; half a step if the steps have their own grid.
     """
 
     def __init__(self, period_s: float, early_s: float = 1e-9) -> None:
@@ -18,10 +18,10 @@ class Periodic:
         self._next_s = -math.inf
 
     def due(self, now_s: float) -> bool:
-        """Whether it is time again."""
+        """Whether the work is due now."""
         if now_s < self._next_s - self._early_s:
             return False
-        # On the grid of the period, unless that was missed: no drift, no burst.
+        # Stay on the grid of the period unless a whole period was missed: no drift, no burst.
         on_grid = now_s - self._next_s < self._period_s
         self._next_s = (self._next_s if on_grid else now_s) + self._period_s
         return True

@@ -1,12 +1,12 @@
-"""What the ways of broadcasting Remote ID can do: one table for the emulator's air, for campaigns and for figures.
+"""Range, period, latency and loss of each technology that broadcasts Remote ID, for emulator, campaigns and figures.
 
-Units: seconds, metres; shares within 0 and 1. A report arrives with the product of two chances:
+Units: seconds, metres; shares within 0 and 1. A report arrives with the product of two probabilities:
 
-- `link_share`: what the distance leaves, ``(1 - loss) (1 - edge_loss (d / range)^4)`` within range and nothing beyond.
-  The range is where about half arrives in the open; the fourth power (assumed) keeps the near half of the range good.
-- `collision_share`: what other senders leave, ``exp(-crowding m)`` with m of them in range of the receiver: unslotted
-  access (ALOHA) loses a report to whoever transmits within its airtime before or after it, hence twice the airtime by
-  the period; carrier sensing and reservation (Wi-Fi, NR) avoid the greater part of that.
+- `link_share`: not lost over distance: ``(1 - loss) (1 - edge_loss (d / range)^4)`` within range and nothing beyond.
+  At the range about half arrives in the open; the fourth power (assumed) keeps losses low in its near half.
+- `collision_share`: not lost to other senders: ``exp(-crowding m)`` with m of them in range of the receiver. Unslotted
+  access (ALOHA) loses a report to any sender that transmits within one airtime before or after it, hence twice the
+  airtime by the period. Carrier sensing and reservation (Wi-Fi, NR) avoid most of these collisions.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Technology:
-    """What a way of broadcasting Remote ID can do.
+    """Figures of one technology that broadcasts Remote ID.
 
     Args:
         name: As ``--technology`` takes it.
-        label: What it is called in figures; empty: it is in none of them.
-        period_s: Shortest time between two updates of one sender; broadcasters never go below it.
+        label: Its name in figures; empty if it is in none of them.
+        period_s: Shortest time between two updates of one sender.
         range_m: Distance up to which anything is heard.
-        latency_s: Time from sending to hearing, uniform between the two.
+        latency_s: Time from sending to reception, uniform between the two.
         loss: Share of broadcasts that a receiver close by misses, independently.
-        edge_loss: Share lost besides at the end of the range.
-        crowding: How likely one more sender in range destroys a report.
-        source: Where the figures come from; "assumed" where nobody prints one.
+        edge_loss: Additional share lost at the end of the range.
+        crowding: Probability that one more sender in range destroys a report.
+        source: Where the figures come from; "assumed" for those that no source gives.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Technology:
         """Share of broadcasts that do not collide; shape as ``others``.
 
         Args:
-            others: How many other senders the receiver has in range.
+            others: Number of other senders in range of the receiver.
         """
         return np.exp(-self.crowding * np.asarray(others, dtype=np.float64))
 
@@ -176,4 +176,4 @@ TECHNOLOGIES: dict[str, Technology] = {
 """Technologies of the paper's comparison (whose figure is not part of its text), and an ideal one."""
 
 COMPARED = tuple(technology for technology in TECHNOLOGIES.values() if technology.label)
-"""Those that the paper compares."""
+"""The technologies that the paper compares."""

@@ -1,4 +1,4 @@
-"""Integers of the wire and SI units, one function each way, both units in each name.
+"""Wire integers to SI units and back: one function each way, both units in each name.
 
 Only ``ridlink.remote_id``, ``ridlink.setpoint`` and the readers of telemetry call these: everything else is SI.
 """

@@ -1,4 +1,4 @@
-"""Scenarios: what is flown, for the emulator and for campaigns; built in, from TOML, from GeoJSON tracks."""
+"""Scenarios for the emulator and for campaigns: built in, from TOML files, or from GeoJSON tracks."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Scenarios that need no file.
 
 Geometry: paper, section VI-B (circle of eight, square of twenty-four). The paper does not print the radius and the
-sides; 100 m, 600 m and the 80 m obstacle are the reading under which its mission times come out.
+sides; with 100 m, 600 m and an obstacle of 80 m its mission times come out.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ridlink.errors import ConfigError
 from ridlink.scenario.model import DEFAULT_SPEED_MPS, ObstacleSpec, Point2, Scenario, VehicleSpec
 
 ALTITUDE_DOWN_M = -50.0
-"""All built-in vehicles share one altitude slice, as in the paper."""
+"""All built-in vehicles fly at one altitude, as in the paper."""
 
 CIRCLE_RADIUS_M = 100.0
 SQUARE_SIDE_M = 600.0

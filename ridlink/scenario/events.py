@@ -1,4 +1,4 @@
-"""What can go wrong in a flight, and when: events of a scenario file, or injected while it runs.
+"""Events of a flight, such as faults and wind: from a scenario file, or injected while it runs.
 
 Units and axes: seconds of the mission, metres, metres a second; north-east-down.
 """
@@ -12,7 +12,7 @@ from typing import Any
 from ridlink.checked_toml import CheckedTable, TomlSource
 
 EVERYBODY = 0
-"""Vehicle number of an event that happens to all."""
+"""Vehicle number of an event that concerns all vehicles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Figure:
     """One figure of an event.
 
     Args:
-        default: None: it must be given.
+        default: Value if not given; None if it must be given.
         least, most: Its range.
     """
 
@@ -31,7 +31,7 @@ class Figure:
 
 _METRES = Figure(0.0)
 _FOR_EVER = Figure(0.0, least=0.0)
-"""Duration; 0: until something else happens."""
+"""Duration; 0: until another event ends it."""
 
 EVENTS: Mapping[str, Mapping[str, Figure]] = {
     "gnss-outage": {"duration_s": _FOR_EVER},
@@ -47,30 +47,30 @@ EVENTS: Mapping[str, Mapping[str, Figure]] = {
     "forced-landing": {},
     "wind": {"north_mps": _METRES, "east_mps": _METRES, "gust_sigma_mps": Figure(0.0, least=0.0)},
 }
-"""What can happen, and the figures of each:
+"""Kinds of events with their figures:
 
 - gnss-outage: no fix; the reported position drifts away.
-- gnss-jump: the reported position is off by so much at once (multipath); the receiver notices nothing.
-- gnss-spoof: the reported position is pulled off at so much a second; the receiver notices nothing.
-- gnss-sigma: another error, and another claim of it (-1: the receiver tells the truth).
-- gnss-restore: the receiver is as it was at first.
-- battery: so much is left, a share.
+- gnss-jump: the reported position jumps by so much (multipath); the receiver does not notice.
+- gnss-spoof: the reported position is pulled away at so much a second; the receiver does not notice.
+- gnss-sigma: another error, and another reported accuracy (-1: the receiver reports the true one).
+- gnss-restore: the receiver works as at the start.
+- battery: the remaining charge, a share.
 - radio-off, radio-on: Remote ID is neither sent nor heard.
 - link-off, link-on: no MAVLink to or from the vehicle.
-- forced-landing: it comes down where it is, whatever it is told.
-- wind: over everybody, whatever the vehicle.
+- forced-landing: the vehicle lands where it is and obeys no command.
+- wind: for all vehicles, whatever vehicle is given.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One thing that goes wrong.
+    """One event of a flight.
 
     Args:
         at_s: Seconds of the mission.
-        vehicle: System id; 0: all.
+        vehicle: System id; 0 for all vehicles.
         what: One of ``EVENTS``.
-        figures: Every figure of it.
+        figures: All figures of this kind of event.
     """
 
     at_s: float
@@ -83,12 +83,12 @@ class Event:
 
 
 def read_event(table: CheckedTable, *, at_s: float | None = None, vehicles: int | None = None) -> Event:
-    """An event from a table with ``at_s``, ``vehicle``, ``what`` and the figures of that.
+    """An event from a table with ``at_s``, ``vehicle``, ``what`` and the figures of that kind.
 
     Args:
         table: The table; read completely.
-        at_s: Time of an event that need not state it.
-        vehicles: How many there are; None: not known here.
+        at_s: Default of the time; None if the table must have it.
+        vehicles: Number of vehicles; None if unknown here.
 
     Raises:
         ConfigError: If a key is missing, unknown or out of range.
@@ -112,7 +112,7 @@ def read_event(table: CheckedTable, *, at_s: float | None = None, vehicles: int 
 
 
 def event_of(values: Mapping[str, Any], source: str, *, at_s: float) -> Event:
-    """An event from a parsed JSON object, which happens now unless it says when.
+    """An event from a parsed JSON object; without a time in it, the event happens at ``at_s``.
 
     Raises:
         ConfigError: As `read_event`.

@@ -33,13 +33,13 @@ Made = TypeVar("Made")
 
 
 def resolve_scenario(name_or_path: str, count: int | None = None, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Scenario:
-    """What ``--scenario`` names: a built-in one, or a file: .geojson, or TOML (anything else with a suffix
-    .toml or a slash).
+    """The scenario that ``--scenario`` names: a built-in one, or a file: .geojson, or TOML (any other name with a
+    suffix .toml or a slash).
 
     Args:
         name_or_path: Name or path.
-        count: Number of vehicles; of a file, its first ones, and what happens to them.
-        speed_mps: Cruise speed of vehicles that state none.
+        count: Number of vehicles; of a file the first ones, with their events.
+        speed_mps: Cruise speed of vehicles for which the file gives none.
 
     Raises:
         ConfigError: If the name is unknown, the file is wrong, or there are not so many vehicles.
@@ -64,7 +64,7 @@ def load_scenario(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> 
 
     Args:
         path: The file.
-        speed_mps: Cruise speed of vehicles that state none.
+        speed_mps: Cruise speed of vehicles for which the file gives none.
 
     Raises:
         ConfigError: If it is not TOML, a key is missing, unknown, of the wrong type or out of range, or the geometry is
@@ -176,7 +176,7 @@ def _obstacle_spec(table: CheckedTable) -> ObstacleSpec:
         raise table.error(key, "must list at least three corners [north, east]")
     corners = tuple((corner[0], corner[1]) for corner in (table.point(key, corner, "north, east") for corner in value))
     table.nothing_else()
-    if corners[-1] == corners[0] and len(corners) > 3:  # as GeoJSON closes its polygons
+    if corners[-1] == corners[0] and len(corners) > 3:  # closed, as polygons of GeoJSON are
         corners = corners[:-1]
     if not _is_simple(corners):
         raise table.error(key, "must be a polygon with an area whose edges do not cross")

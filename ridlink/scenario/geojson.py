@@ -1,9 +1,9 @@
 """Scenarios from GeoJSON tracks (RFC 7946): one LineString a vehicle, flown from its first point to its last.
 
-Longitude, latitude and, third, altitude above the ellipsoid. Properties of a feature that are understood:
+Coordinates are longitude, latitude and altitude above the ellipsoid. Properties of a feature that are read:
 ``speed_mps``, ``cooperative``, those of ``vehicle_keys``, and ``times`` (seconds, one a point), which gives the speed
-where ``speed_mps`` does not. Others are somebody else's and pass. Tracks are flown as drawn; a vehicle with
-``cooperative`` true has the last point as its goal and finds its own way.
+if ``speed_mps`` is missing. Other properties are ignored. Tracks are flown as drawn; a vehicle with ``cooperative``
+true has the last point as its goal and finds its own way.
 
 Home is the middle of all points, 50 m below the lowest; a track without altitudes is flown 50 m above it.
 """
@@ -39,11 +39,11 @@ def load_tracks(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Sc
 
     Args:
         path: The file.
-        speed_mps: Speed of tracks that state none.
+        speed_mps: Speed of tracks for which the file gives none.
 
     Raises:
-        ConfigError: If it is no GeoJSON, or a track is none: file, feature, key, what would be right. One line for
-            each mistake, the first as its text, up to four more as `others`.
+        ConfigError: If the file is no GeoJSON, or a feature is no track: file, feature, key, what would be right. One
+            line for each mistake, the first as its text, up to four more as `others`.
         OSError: If the file cannot be read.
     """
     name = str(path)
@@ -127,7 +127,7 @@ class _Track:
         return longitude, latitude, numbers[2] if len(numbers) > 2 else None
 
     def vehicle(self, home: Geodetic, speed_mps: float, faults: list[ConfigError]) -> VehicleSpec | None:
-        """The vehicle that flies it; None if something is wrong with it, which joins the faults."""
+        """The vehicle that flies this track; None if the track has mistakes, which are added to ``faults``."""
         return self._table.read(lambda table: self._spec(table, home, speed_mps), faults)
 
     def _spec(self, table: CheckedTable, home: Geodetic, speed_mps: float) -> VehicleSpec:

@@ -1,4 +1,4 @@
-"""What a scenario is: where vehicles start and go, what stands in the way, what blows, what goes wrong.
+"""Types of a scenario: starts and goals of vehicles, obstacles, wind, events.
 
 Units and axes: metres and seconds; north-east-down about the home point, the ground is down = 0, so a flying vehicle
 has a negative down. System ids are 1, 2, ... in the order of the vehicles.
@@ -18,7 +18,7 @@ Point2 = tuple[float, float]
 Point3 = tuple[float, float, float]
 
 DEFAULT_SPEED_MPS = 10.0
-"""Cruise speed where nobody says anything: what a small multirotor holds against its own drag."""
+"""Default cruise speed: a small multirotor holds it against its own drag."""
 
 DEFAULT_AIRFRAME_M = 0.6
 """Largest horizontal extent of a common small multirotor, rotors turning."""
@@ -33,7 +33,7 @@ MAX_AIRFRAME_HEIGHT_M = 1.5
 """Assumed: even the largest airframes of the paper's database (7.5 m of wing) are hardly taller."""
 
 AUTOPILOTS = ("px4", "ardupilot")
-"""Whose autopilot a vehicle may have of its own."""
+"""Autopilots that a scenario may give to one vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +45,17 @@ class VehicleSpec:
         goal_ned_m: Where it wants to go.
         speed_mps: Cruise speed.
         airframe_m: Largest horizontal extent (a diameter).
-        sigma_m: Standard deviation of its position error per horizontal axis; 0 = exact, None = whatever the caller
-            gives to vehicles that say nothing.
-        cooperative: False: flies straight on, broadcasts, avoids nobody.
+        sigma_m: Standard deviation of its position error per horizontal axis; 0 = exact, None = the default of the
+            caller.
+        cooperative: False: flies straight on, broadcasts, avoids no other vehicle.
         extended: False: a stock sender, without RIDLINK_SEPARATION.
-        route_ned_m: Points on the way to the goal, for who avoids nobody.
-        ghost: True: there is no such vehicle, only its Remote ID: a spoofer's. It hits nobody and hears nothing.
-        transmitter_ned_m: Where a ghost is truly sent from; None: from where it claims to be.
-        silent: True: flies, and sends no Remote ID.
+        route_ned_m: Points on the way to the goal, for a vehicle that is not cooperative.
+        ghost: True: there is no such vehicle, only its Remote ID, sent by a spoofer. It has no collisions and hears
+            nothing.
+        transmitter_ned_m: True position of the transmitter of a ghost; None: the position that the ghost claims.
+        silent: True: flies without sending Remote ID.
         interval_s: Time between its Remote ID updates; None: the scenario's.
-        airframe: Type of airframe, by name or file; None: the one in which its autopilot was measured.
+        airframe: Type of airframe, by name or file; None: the one with which its autopilot was measured.
         autopilot: One of `AUTOPILOTS`; None: the fleet's.
     """
 
@@ -91,7 +92,7 @@ class Wind:
     """Wind and gusts.
 
     Args:
-        velocity_ne_mps: Mean velocity of the air, where it blows to.
+        velocity_ne_mps: Mean velocity of the air, in the direction it moves to.
         gust_sigma_mps: Standard deviation of gusts per axis.
         gust_time_s: Their correlation time.
     """
@@ -103,17 +104,17 @@ class Wind:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """Vehicles, obstacles and the time after which nobody waits any longer.
+    """Vehicles, obstacles, events and the time at which a flight is cut off.
 
     Args:
         name: For people.
-        duration_s: Cut-off.
+        duration_s: Time of the cut-off.
         vehicles: In the order of their system ids.
-        obstacles: Static ones.
+        obstacles: Static obstacles.
         interval_s: Time between two Remote ID updates.
-        events: What goes wrong when, in the order of time.
-        wind: Over everybody.
-        home_deg_m: Latitude, longitude [deg] and altitude [m] of the origin; None: whatever the caller gives.
+        events: Events in the order of time.
+        wind: Wind for all vehicles.
+        home_deg_m: Latitude, longitude [deg] and altitude [m] of the origin; None: the default of the caller.
 
     Raises:
         ConfigError: If two airframes touch at the start, or a vehicle starts or ends in an obstacle.
@@ -132,7 +133,7 @@ class Scenario:
         polygons = [np.array(obstacle.polygon_ne_m) for obstacle in self.obstacles]
         for number, vehicle in enumerate(self.vehicles, start=1):
             if vehicle.ghost:
-                continue  # nothing is there that an obstacle could stop
+                continue  # a ghost has no body that an obstacle could stop
             for key, point in (("start_ned_m", vehicle.start_ned_m), ("goal_ned_m", vehicle.goal_ned_m)):
                 for which, polygon in enumerate(polygons, start=1):
                     if distance_to_polygon(np.array(point[:2]), polygon) < vehicle.airframe_m / 2.0:
@@ -143,7 +144,7 @@ class Scenario:
                 raise ConfigError(f"event '{event.what}': there is no vehicle {event.vehicle}")
 
     def _check_starts(self) -> None:
-        """Two airframes that touch before anybody moves are a mistake in the file, not a collision."""
+        """Refuse airframes that touch at the start: that is a mistake in the file, not a collision."""
         real = [(number, vehicle) for number, vehicle in enumerate(self.vehicles, start=1) if not vehicle.ghost]
         numbers = [number for number, _ in real]
         starts = np.array([vehicle.start_ned_m for _, vehicle in real]).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""What a scenario file of either kind may say of one vehicle, whatever it flies: TOML keys, GeoJSON properties."""
+"""Keys of one vehicle that both kinds of scenario files have: TOML keys, GeoJSON properties."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class VehicleKeys(TypedDict):
 
 
 def read_vehicle_keys(table: CheckedTable) -> VehicleKeys:
-    """The keys of one vehicle, with the defaults of those that are not given.
+    """The keys of one vehicle, with defaults for those that are missing.
 
     Raises:
         ConfigError: If a value is of the wrong type, out of range or unknown.
