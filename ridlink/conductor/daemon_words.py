@@ -1,4 +1,4 @@
-"""What a conductor knows of the daemon: its HEARTBEAT and RIDLINK_STATUS on the vehicle's link, and nothing else."""
+"""What a conductor hears from the daemon: only HEARTBEAT and RIDLINK_STATUS on the vehicle's link."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ STATUS_ACTIVE = 4
 """MAV_STATE of a daemon that steers."""
 
 SILENT_S = 3.5
-"""Three heartbeats."""
+"""After such a silence, of three heartbeats, the daemon counts as lost."""
 
 ARRIVED_MPS, ARRIVED_WITHIN_M, ARRIVED_WORDS = 3.5, 4.0, 5
-"""A daemon that says five times, once a second, that nobody is in its way and that it wants to go slowly, of a vehicle
-that stays where it is, has arrived: what it wants to fly falls with the distance left."""
+"""Signs of arrival: in five status messages, one a second, no conflict and a slow preferred velocity, which falls with
+the distance left, while the vehicle stays in place."""
 
 M_PER_DEG = 111_195.0
 
 
 @dataclass(slots=True)
 class DaemonWords:
-    """What the daemon said of itself last. Times are the caller's, in seconds."""
+    """The latest state that the daemon reported. Times are the caller's, in seconds."""
 
     heard_s: float = -math.inf
     active: bool = False
     calm: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=ARRIVED_WORDS))
-    """Where the vehicle was when it last wanted nothing much [m north, m east]."""
+    """Positions of the vehicle at the latest status messages with a slow preferred velocity [m north, m east]."""
 
     def is_heard(self, now_s: float) -> bool:
-        """Whether it lives."""
+        """Whether the daemon was heard recently."""
         return now_s - self.heard_s <= SILENT_S
 
     def take_heartbeat(self, said: Mapping[str, int], now_s: float) -> None:
-        """HEARTBEAT."""
+        """Take a HEARTBEAT of the daemon."""
         self.heard_s = now_s
         self.active = said["system_status"] == STATUS_ACTIVE
 
     def take_status(self, said: Mapping[str, int], latitude_deg: float, longitude_deg: float) -> None:
-        """RIDLINK_STATUS, and where the vehicle is."""
+        """Take a RIDLINK_STATUS and the position of the vehicle."""
         preferred_mps = math.hypot(said["preferred_vx"], said["preferred_vy"]) / 100.0
         if not self.active or said["conflicts"] or preferred_mps > ARRIVED_MPS:
             self.calm.clear()
@@ -52,7 +52,7 @@ class DaemonWords:
 
     @property
     def has_arrived(self) -> bool:
-        """Whether it wants to go nowhere any more."""
+        """Whether the vehicle has arrived, by `ARRIVED_WORDS`."""
         if len(self.calm) < ARRIVED_WORDS:
             return False
         return max(math.dist(self.calm[-1], place) for place in self.calm) <= ARRIVED_WITHIN_M

@@ -1,4 +1,4 @@
-"""One conducted flight, from the search for the vehicle to its landing, with the daemon that may be started for it."""
+"""One conducted flight, from the search for the vehicle to its landing; it may start the daemon as well."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DAEMON_ENDS_S = 5.0
 
 
 async def _unless(stop: asyncio.Event, work: Coroutine[Any, Any, Any]) -> Any:
-    """What comes of it, or nothing where a signal comes first: on the ground there is nothing to wait for."""
+    """The result of ``work``, or None if ``stop`` is set first: on the ground nothing must be waited for."""
     doing, ending = asyncio.ensure_future(work), asyncio.ensure_future(stop.wait())
     try:
         await asyncio.wait({doing, ending}, return_when=asyncio.FIRST_COMPLETED)
@@ -31,20 +31,20 @@ async def _unless(stop: asyncio.Event, work: Coroutine[Any, Any, Any]) -> Any:
 
 
 class ConductedFlight:
-    """What is to be flown, and what has been.
+    """A conducted flight and its outcome.
 
     Args:
-        link: To the autopilot.
-        height_m: To climb to over home.
-        health_s: So long the vehicle may take to be ready.
-        lands: Land at the end; otherwise it is left holding.
-        under_daemon: Hand it over to a daemon.
-        daemon_options: Start that daemon, `ridlink avoid` with these options; None: it runs already.
+        link: Link to the autopilot.
+        height_m: Height above home to climb to.
+        health_s: Longest time to wait until the vehicle can be armed.
+        lands: Land at the end; otherwise the vehicle is left holding its position.
+        under_daemon: Hand the vehicle over to a daemon.
+        daemon_options: Start the daemon, `ridlink avoid`, with these options; None: start no daemon.
         say: Called with a line for every step.
 
     Attributes:
         outcome: "done", "stopped" or "failed".
-        reason: Why it failed; empty otherwise.
+        reason: Why the flight failed; empty otherwise.
     """
 
     def __init__(
@@ -67,25 +67,25 @@ class ConductedFlight:
 
     @property
     def elapsed_s(self) -> float:
-        """Time since it began."""
+        """Time since the flight began."""
         return time.monotonic() - self._began_s
 
     def as_dict(self) -> dict[str, Any]:
-        """What it came to, for JSON."""
+        """The outcome, for JSON."""
         return {
             "event": "final", "outcome": self.outcome, "reason": self.reason, "took_off": self._up,
             "arrived": self._arrived, "landed": self._landed, "time_s": round(self.elapsed_s, 1),
         }  # fmt: skip
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Fly; the daemon that was started for it is ended whatever happens.
+        """Fly. A daemon started for the flight is ended in every case.
 
         Args:
             stop: Set it to end: on the ground at once, in the air by holding or landing.
 
         Raises:
-            LinkError: If the link cannot be opened, or nobody is there.
-            FlightError: If something was refused or did not come about; the outcome says so as well.
+            LinkError: If the link cannot be opened, or no autopilot is heard.
+            FlightError: If the vehicle refused something or did not do it in time; `outcome` is then "failed".
         """
         try:
             async with mavsdk_ground_station() as mavsdk:
@@ -163,7 +163,7 @@ class ConductedFlight:
     async def _start_daemon(self, options: Sequence[str]) -> None:
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "ridlink", "avoid", *options, stdin=DEVNULL, stdout=DEVNULL,
-            start_new_session=True,  # Ctrl-C of the terminal is not for it: it flies until it is ended from here
+            start_new_session=True,  # Ctrl-C of the terminal must not reach the daemon: this flight ends it
         )  # fmt: skip
         self._say(f"started: ridlink avoid {shlex.join(options)}")
 

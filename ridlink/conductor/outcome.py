@@ -1,4 +1,4 @@
-"""How a conducted flight can end."""
+"""Outcomes and errors of a conducted flight."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from ridlink.errors import RidlinkError
 
 
 class FlightError(RidlinkError):
-    """What was asked for cannot be flown: not healthy, refused, or not done in time; the text says why."""
+    """The flight failed: vehicle not healthy, a command refused, or not done in time; the text says why."""
 
 
 class TakenError(FlightError):
-    """Somebody else changed the mode: nothing more is asked of the vehicle."""
+    """Somebody else changed the mode; the conductor sends no further command."""
 
     def __init__(self) -> None:
         super().__init__(End.TAKEN)
 
 
 class SilentError(FlightError):
-    """The vehicle has fallen silent, and whoever waits for it is to end: nothing more is asked of it."""
+    """The vehicle is silent and the flight is to end; the conductor sends no further command."""
 
     def __init__(self, what: str, silent_s: float) -> None:
         super().__init__(f"{what}: the vehicle has been silent for {silent_s:.0f} s, and may still be in the air")
@@ -30,12 +30,12 @@ class End(StrEnum):
 
     ARRIVED = "arrived"
     LANDING = "landing"
-    """The vehicle comes down by itself."""
+    """The vehicle lands by itself."""
     TAKEN = "somebody else changed the mode, and has the vehicle"
     DAEMON_LOST = "the daemon fell silent"
     STOPPED = "stopped"
 
     @property
     def is_good(self) -> bool:
-        """Whether the daemon flew to the end."""
+        """Whether the daemon was in control until the end."""
         return self in (End.ARRIVED, End.LANDING)

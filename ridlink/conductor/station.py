@@ -1,4 +1,4 @@
-"""MAVSDK as a ground station, and the links it opens; the first place that knows the library."""
+"""Starts MAVSDK as a ground station and opens its links."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ DISCOVERY_S = 10.0
 
 @asynccontextmanager
 async def mavsdk_ground_station() -> AsyncIterator[Mavsdk]:
-    """MAVSDK as a ground station that keeps its log to itself: standard output belongs to results."""
+    """MAVSDK as a ground station whose log does not go to standard output, which is for results."""
     log_subscribe(lambda *_: True)
     async with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
         try:
             yield mavsdk
         finally:
-            # MAVSDK aborts the process if anything of it is still held when it ends, and a worker thread of the loop
-            # holds what it was last asked until it goes on.
+            # MAVSDK aborts the process if one of its objects still exists when it ends, and an idle worker thread of
+            # the loop keeps the object of its last call.
             await asyncio.get_running_loop().shutdown_default_executor()
 
 
 def mavsdk_url(link: LinkUrl) -> str:
-    """A connection string as MAVSDK spells it."""
+    """A link as a connection string of MAVSDK."""
     host = f"[{link.host}]" if ":" in link.host else link.host
     return f"{link.scheme}://{host}:{link.port}"
 
@@ -42,7 +42,7 @@ async def connect(mavsdk: Mavsdk, link: LinkUrl, timeout_s: float = DISCOVERY_S)
     """The first autopilot on a link, a system of MAVSDK.
 
     Raises:
-        LinkError: If the link cannot be opened, or nobody is there.
+        LinkError: If the link cannot be opened, or no autopilot is heard.
     """
     await open_connection(mavsdk, link)
     system = await mavsdk.first_autopilot(timeout_s=timeout_s)

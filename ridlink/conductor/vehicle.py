@@ -1,10 +1,10 @@
 """The conductor: takes one vehicle off with MAVSDK, hands it over to its daemon, and lands it at the end.
 
-It does what a person at a ground station does, through the library that such people use. What an autopilot says of its
-mode and of its arming counts, and not what it acknowledges: PX4 acknowledges a change of mode twice, the second time
-perhaps with a refusal. The daemon is known by its own words on the vehicle's link, HEARTBEAT and RIDLINK_STATUS of
-component 196; who started it does not matter. No setpoint is ever sent from here: two writers would contradict each
-other, and the daemon streams already while the vehicle waits for OFFBOARD.
+It does what an operator at a ground station does, through a library for ground stations. It trusts the mode and arming
+that an autopilot reports, not its acknowledgements: PX4 acknowledges a change of mode twice, the second time perhaps
+with a refusal. It knows the daemon by HEARTBEAT and RIDLINK_STATUS of component 196 on the vehicle's link, whoever
+started it. It never sends a setpoint: two writers would contradict each other, and the daemon streams already while the
+vehicle waits for OFFBOARD.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ ARDUCOPTER_GUIDED, ARDUCOPTER_BRAKE = (4.0, 0.0), (17.0, 0.0)
 LOOK_S = 0.1
 ASK_AGAIN_S = 1.0
 SILENT_S = 5.0
-"""So long a vehicle that is not heard is waited for by whoever is to end; without that, as long as for any other."""
+"""How long to wait for a silent vehicle when the flight is to end; otherwise the usual limit applies."""
 DAEMON_HEARD_S = 20.0
 HAND_OVER_S = 90.0
-"""A daemon that is new to this machine compiles for so long; the vehicle hovers meanwhile."""
+"""How long the first daemon on a machine may compile; the vehicle hovers meanwhile."""
 SLOWEST_CLIMB_MPS = 0.5
 SLOWEST_DESCENT_MPS = 0.3
 MANOEUVRE_S = 20.0
-"""What a climb or a landing may take besides."""
+"""Margin added to the time of a climb or a landing."""
 
 HEALTH = {
     "is_gyrometer_calibration_ok": "gyroscope",
@@ -62,20 +62,19 @@ HEALTH = {
 }
 
 PX4_MODES = (FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD)
-"""In which a conducted PX4 is one after the other; an ArduPilot is in GUIDED, which is OFFBOARD to MAVSDK, from the
-beginning."""
+"""Modes of a conducted PX4, in order. An ArduPilot is in GUIDED from the beginning, which MAVSDK calls OFFBOARD."""
 
 Say = Callable[[str], None]
 
 
 class Conductor:
-    """One vehicle.
+    """Conducts one vehicle.
 
     Args:
-        system: Of MAVSDK.
+        system: The vehicle as a system of MAVSDK.
         say: Called with a line for every step, and for every warning of the vehicle.
-        is_lost: Whether the daemon has ended, for whoever started it.
-        is_to_end: Whether somebody wants the flight to end.
+        is_lost: Whether the daemon has ended, if the caller started it.
+        is_to_end: Whether the flight is to end.
     """
 
     def __init__(
@@ -97,7 +96,7 @@ class Conductor:
         self._listening: list[asyncio.Task[None]] = []
 
     async def open(self) -> None:
-        """Find out whom it talks to, and listen to it."""
+        """Read system id and type of the autopilot, and begin to listen."""
         self._system_id = await self._system.get_system_id()
         self._ardupilot = await self._system.autopilot_type() == Autopilot.ARDUPILOT
         definition = files("message_spec").joinpath("ridlink.xml").read_text(encoding="utf-8")
@@ -106,16 +105,16 @@ class Conductor:
             self._listening.append(asyncio.create_task(listen))
 
     async def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         for task in self._listening:
             task.cancel()
         await asyncio.gather(*self._listening, return_exceptions=True)
 
     def _check_hearing(self) -> None:
-        """See that the vehicle is still listened to.
+        """Check that all tasks that listen to the vehicle still run.
 
         Raises:
-            FlightError: If what listens has ended.
+            FlightError: If one of them has ended.
         """
         for task in self._listening:
             if task.done():
@@ -125,7 +124,7 @@ class Conductor:
     # --- on the ground, and up ----------------------------------------------------------------------------------------
 
     async def wait_healthy(self, timeout_s: float) -> None:
-        """Wait until it can be armed.
+        """Wait until the vehicle can be armed.
 
         Raises:
             FlightError: If that takes longer; the text names what is missing.
@@ -147,30 +146,30 @@ class Conductor:
         return [word for name, word in HEALTH.items() if not getattr(health, name)]
 
     async def take_off(self, height_m: float) -> None:
-        """Arm, climb to a height above home, and wait until it is there.
+        """Arm, climb to a height above home, and wait until the vehicle is there.
 
         Raises:
-            FlightError: If it is refused or does not come there.
-            TakenError: If somebody else changes the mode on the way.
+            FlightError: If a command is refused, or the height is not reached in time.
+            TakenError: If somebody else changes the mode during the climb.
         """
         usual_m = await self._asked("take-off height", self._action.get_takeoff_altitude())
         await self._asked("take-off height", self._action.set_takeoff_altitude(height_m))
         try:
             if not (self._ardupilot or await self._telemetry.armed()) and await self._obeys_setpoints():
-                await self._leave_offboard()  # the last landing left it there, where it arms with a stream only
+                await self._leave_offboard()  # the last landing left it in OFFBOARD, where it arms only with a stream
             await self._asked("arming", self._action.arm())
             await self._until(self._telemetry.armed, "armed", MANOEUVRE_S)
             self._say(f"armed, climbing to {height_m:g} m")
             await self._asked("take-off", self._action.takeoff())
             await self._climb(height_m)
         finally:
-            if not self._ardupilot:  # a parameter of PX4, which would keep it
+            if not self._ardupilot:  # PX4 would keep it: it is a parameter
                 with suppress(MavsdkError):
                     await self._action.set_takeoff_altitude(usual_m)
         self._say(f"at {height_m:g} m")
 
     async def is_armed(self) -> bool:
-        """Whether it is armed, as its heartbeat says."""
+        """Whether the vehicle is armed, by its heartbeat."""
         return bool(await self._telemetry.armed())
 
     async def _climb(self, height_m: float) -> None:
@@ -187,10 +186,10 @@ class Conductor:
     # --- under the daemon ---------------------------------------------------------------------------------------------
 
     async def find_daemon(self) -> None:
-        """Wait for the daemon's own words.
+        """Wait until the daemon is heard.
 
         Raises:
-            FlightError: If none is heard.
+            FlightError: If no daemon is heard in time.
         """
         who = f"daemon (component {AVOIDANCE_COMPONENT} of system {self._system_id})"
         heard = f"{who} through the vehicle, whose link its own --vehicle must name,"
@@ -200,7 +199,7 @@ class Conductor:
         return self._daemon.is_heard(time.monotonic())
 
     async def hand_over(self, timeout_s: float = HAND_OVER_S) -> None:
-        """Bring the vehicle into the mode in which it obeys setpoints, and wait until the daemon steers.
+        """Switch the vehicle to the mode in which it obeys setpoints, and wait until the daemon steers.
 
         Raises:
             FlightError: If the mode is not confirmed, or the daemon does not engage.
@@ -225,7 +224,7 @@ class Conductor:
         """Watch until the flight under the daemon ends.
 
         Raises:
-            FlightError: If the vehicle is not listened to any more.
+            FlightError: If a task that listens to the vehicle has ended.
         """
         while True:
             if self._is_lost():
@@ -244,10 +243,10 @@ class Conductor:
             await asyncio.sleep(LOOK_S)
 
     async def _still_ours(self) -> None:
-        """Between the take-off and the daemon only modes of this flight follow on each other.
+        """Check that between take-off and hand-over the vehicle has only had modes of this flight.
 
         Raises:
-            TakenError: If another one does.
+            TakenError: If it has another mode.
         """
         mode = await self._telemetry.flight_mode()
         if mode in ((FlightMode.OFFBOARD,) if self._ardupilot else PX4_MODES):
@@ -256,13 +255,13 @@ class Conductor:
             raise TakenError
 
     async def _obeys_setpoints(self) -> bool:
-        """OFFBOARD, which is MAVSDK's word for ArduPilot's GUIDED, too, as the heartbeat says."""
+        """Whether the heartbeat says OFFBOARD, which is also MAVSDK's name of ArduPilot's GUIDED."""
         return bool(await self._telemetry.flight_mode() == FlightMode.OFFBOARD)
 
     # --- down ---------------------------------------------------------------------------------------------------------
 
     async def hold(self) -> None:
-        """Stop here, in a mode that needs nobody.
+        """Stop here, in a mode that needs no commands.
 
         Raises:
             FlightError: If the mode is not confirmed.
@@ -283,10 +282,10 @@ class Conductor:
         await self._until(holds, "holding", MANOEUVRE_S, without_daemon=True)
 
     async def land(self) -> None:
-        """Come down here, and wait until it has disarmed itself.
+        """Land here, and wait until the vehicle has disarmed itself.
 
         Raises:
-            FlightError: If it is refused or takes too long.
+            FlightError: If landing is refused or takes too long.
         """
         height_m = float((await self._telemetry.position()).relative_altitude_m)
         await self._asked("landing", self._action.land())
@@ -307,7 +306,7 @@ class Conductor:
         except MavsdkError as error:
             result = getattr(error, "result", None)
             word = getattr(result, "name", str(error)).lower().replace("_", " ")
-            await asyncio.sleep(2 * LOOK_S)  # the vehicle gives its reason after its answer
+            await asyncio.sleep(2 * LOOK_S)  # the vehicle sends its reason after its answer
             said = "has no answer from the vehicle" if word == "timeout" else f"refused: {word}"
             raise FlightError(f"{what} {said}{self._because()}") from error
 
