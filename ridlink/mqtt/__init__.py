@@ -1,6 +1,6 @@
-"""The traffic on a broker: published for others to see, a foreign feed taken as traffic where asked for.
+"""MQTT: publishes the traffic on a broker, and takes a foreign feed as traffic if configured.
 
-No topic ever steers a vehicle. `aiomqtt` (the library that was called asyncio-mqtt) stays behind `bridge`.
+No topic can steer a vehicle. Only `bridge` uses `aiomqtt` (the library that was called asyncio-mqtt).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The only place that knows the MQTT library: connects, stays connected, sends what waits, hears what was asked for.
+"""The only module that uses the MQTT library: connects and reconnects, sends queued messages, receives the feed.
 
-A broker that is slow, away or hostile costs nothing but its own messages: they wait in the `Outbox`, which is bounded.
+A broker that is slow, away or hostile can only lose its own messages: they wait in the `Outbox`, which is bounded.
 """
 
 from __future__ import annotations
@@ -38,45 +38,45 @@ except ImportError as error:
     raise MissingExtraError("mqtt", "publishing on a broker") from error
 
 FIRST_CONNECTION_S = 10.0
-"""A broker that does not answer for so long at the start is a mistake of the user's."""
+"""A broker that does not answer for so long at the start is taken as a mistake of the user."""
 
 BACK_OFF_S = (1.0, 30.0)
 ANSWER_S = 10.0
 AT_ONCE = 256
-"""Messages on their way at the same time; more would only wait in the library, where nothing newer replaces them."""
+"""Messages in flight at the same time; more would only wait in the library, where newer ones do not replace them."""
 
 GREETED_AT_ONCE = 20
-"""Messages of a greeting on their way at the same time, as many as the library sends before an answer: more would wait
-inside it, on the clock of `ANSWER_S`."""
+"""Messages of a greeting in flight at the same time: as many as the library sends before an answer. More would wait in
+the library while `ANSWER_S` runs."""
 
 FAREWELL_S = 1.0
-"""Who ends does not wait longer for a broker to hear of it."""
+"""Longest time to send the last messages at the end."""
 
 AT_ONCE_ON_THE_WIRE = (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-"""Else a message waits for the acknowledgement of the one before, which the other side delays by 40 ms."""
+"""Socket option: no waiting for the acknowledgement of the message before, which the peer delays by 40 ms."""
 
 REFUSED = 128
-"""Codes of an answer to a subscription from here on say no."""
+"""Codes of an answer to a subscription are refusals from here on."""
 
 LOST = "Disconnected during message iteration"
-"""What the library says when the broker is gone."""
+"""Error text of the library when the connection is lost."""
 
 NO_ANSWER = "Operation timed out"
-"""What it says when a broker takes the connection and says nothing."""
+"""Error text of the library when a broker accepts the connection and does not answer."""
 
 UNSUPPORTED_VERSION = 132
-"""What a broker that speaks MQTT 3.1.1 alone answers to MQTT 5, in the words of the latter."""
+"""The answer of a broker that knows only MQTT 3.1.1 to MQTT 5, as a code of MQTT 5."""
 
 NOT_ADMITTED = (134, 135)
-"""What a broker answers to a wrong user or password, or to who may not connect, in words of MQTT 5: the library has the
-codes 4 and 5 of MQTT 3.1.1 so, too."""
+"""Answers to a wrong user or password, and to a client that may not connect, as codes of MQTT 5. The library maps the
+codes 4 and 5 of MQTT 3.1.1 to them."""
 
 LONGEST_PACKET = 2 * LONGEST_PAYLOAD
-"""Of the feed, as the broker is asked with MQTT 5: a payload, its topic and its properties. The library would collect
-up to 256 MB before anybody could refuse it."""
+"""Longest packet of the feed (payload, topic, properties), requested from the broker with MQTT 5. The library would
+collect up to 256 MB before the bridge could refuse it."""
 
 LIBRARY_LOG = logging.getLogger("ridlink.mqtt.library")
-"""What the library says to itself; what a user should know comes as an error and is told once."""
+"""Silenced log of the library. What a user should know comes as an error, and is reported once."""
 LIBRARY_LOG.addHandler(logging.NullHandler())
 LIBRARY_LOG.propagate = False
 
@@ -86,25 +86,25 @@ class BrokerError(LinkError):
 
 
 class Bridge:
-    """From a link to a broker, and from a feed on the broker to a link.
+    """Publishes the traffic of a link on a broker, and sends a feed of the broker to a link.
 
     Args:
-        broker: Where it is.
-        topics: Ours there.
-        publisher: What becomes of what is heard.
-        source: Link on which traffic is heard.
-        password: Of the broker's user.
+        broker: Address of the broker.
+        topics: Our topics.
+        publisher: Turns received frames into messages.
+        source: Link on which traffic is received.
+        password: Password of the broker's user.
         ca_file: Certificates to trust with ``mqtts``, instead of the system's.
         feed_topic: Topic filter of a foreign feed; None for none.
         relay: Link to which the traffic of the feed goes.
-        on_event: Called with one line of text for what the user should see.
+        on_event: Called with one line of text that the user should see.
 
     Attributes:
-        connected: Set while the broker is there, and the feed is subscribed to.
+        connected: Set while the broker is connected and the feed subscribed to.
         counters: ``published``, ``connections``, ``refused`` datagrams.
 
     Raises:
-        ConfigError: If the feed would be our own publication.
+        ConfigError: If the feed would contain what we publish.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class Bridge:
                 self._relay.close()
 
     def events(self) -> dict[str, int]:
-        """What was refused or noticed, by cause: of the bridge, of the feed, and of the links."""
+        """Counts of what was refused or noticed, by cause: by the bridge, by the feed, and by the links."""
         found = {cause: n for cause, n in self.counters.items() if cause not in ("published", "connections")}
         for whose, counters in (("feed", self.feed.counters), ("sky", self._publisher.sky.rejects),
                                 ("source_link", self._link and self._link.counters),
@@ -199,7 +199,7 @@ class Bridge:
                 async with self._client() as client:
                     self.counters["connections"] += 1
                     await self._converse(client)
-            except (aiomqtt.MqttError, OSError, UnicodeError) as error:  # the last one for a name that can be none
+            except (aiomqtt.MqttError, OSError, UnicodeError) as error:  # UnicodeError for an impossible host name
                 reason = _reason(error)
                 if self._asks_for_short_packets and not self._has_been_connected and _speaks_older(error):
                     self._asks_for_short_packets = False
@@ -246,10 +246,10 @@ class Bridge:
 
     async def _converse(self, client: aiomqtt.Client) -> None:
         try:
-            async with beside(self._hear(client)):  # from the first word on: there the loss of the broker shows
+            async with beside(self._hear(client)):  # from the start: it detects a lost connection
                 await self._greet_and_send(client)
         finally:
-            with contextlib.suppress(TimeoutError):  # at the end; else nobody hears it, and the will speaks
+            with contextlib.suppress(TimeoutError):  # at a clean end; otherwise the last will says it
                 async with asyncio.timeout(FAREWELL_S):
                     await _publish_together(client, self._publisher.farewell())
 
@@ -280,7 +280,7 @@ class Bridge:
             ]
             try:
                 await asyncio.gather(*sending, return_exceptions=True)
-            finally:  # that the connection is lost shows in what is heard, and whoever waits for an answer is cancelled
+            finally:  # `_hear` detects a lost connection, and this is cancelled while it waits for answers
                 failed = [one.cancelled() or one.exception() is not None for one in sending]
                 for message, has_failed in reversed(list(zip(messages, failed, strict=True))):
                     if has_failed:
@@ -290,7 +290,7 @@ class Bridge:
                 one.result()
 
     async def _hear(self, client: aiomqtt.Client) -> None:
-        async for message in client.messages:  # also how the loss of the connection shows
+        async for message in client.messages:  # raises if the connection is lost
             if self._relay is None or not isinstance(message.payload, bytes | bytearray):
                 continue
             for frame in self.feed.frames(message.payload, time.time()):
@@ -298,7 +298,7 @@ class Bridge:
 
 
 async def _publish_together(client: aiomqtt.Client, messages: list[Outgoing]) -> list[BaseException | None]:
-    """Publish in order, and wait for all answers; what became of each."""
+    """Publish in order, and wait for all answers. Returns the error of each message, None if it has none."""
     return await asyncio.gather(
         *(client.publish(one.topic, one.payload, one.qos, one.retain) for one in messages), return_exceptions=True
     )
@@ -314,7 +314,7 @@ def _refuse_own(feed_topic: str, topics: Topics) -> None:
 
 
 def _is_final(error: Exception) -> bool:
-    """Trying again cannot help: a wrong certificate or password, or no name of a host."""
+    """Whether trying again cannot help: a wrong certificate or password, or an impossible host name."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, ssl.SSLError | BrokerError | UnicodeError):
@@ -324,19 +324,19 @@ def _is_final(error: Exception) -> bool:
 
 
 def _speaks_older(error: Exception) -> bool:
-    """A broker that knows no MQTT 5 says so, or waits for more of what it takes for MQTT 3.1.1."""
+    """Whether a broker knows no MQTT 5: it says so, or it takes the packet for MQTT 3.1.1 and waits for more bytes."""
     return _code_of(error) == UNSUPPORTED_VERSION or str(error) == NO_ANSWER
 
 
 def _code_of(error: Exception) -> int | None:
-    """The code that the broker answered, in words of MQTT 5; none if it did not answer."""
+    """The broker's answer as a code of MQTT 5; None if it did not answer."""
     code = error.rc if isinstance(error, aiomqtt.MqttCodeError) else None
     return code.value if isinstance(code, ReasonCode) else code
 
 
 def _reason(error: BaseException) -> str:
     if isinstance(error, aiomqtt.MqttError) and isinstance(error.__context__, OSError):
-        error = error.__context__  # what it was before the library made a text of it
+        error = error.__context__  # the error that the library turned into text
     if isinstance(error, aiomqtt.MqttError) and str(error) == LOST:
         return "the connection is lost"
     if isinstance(error, ssl.SSLCertVerificationError):

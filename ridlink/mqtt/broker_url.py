@@ -1,4 +1,4 @@
-"""Where a broker is: ``mqtt://HOST[:PORT]`` or, encrypted, ``mqtts://HOST[:PORT]``."""
+"""Address of a broker: ``mqtt://HOST[:PORT]`` or, encrypted, ``mqtts://HOST[:PORT]``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class BrokerUrl:
         host: Name or address.
         port: Port.
         encrypted: TLS, with the certificate checked.
-        user: Who we are, None for nobody; in a URL with ``%NN`` for what cannot stand there. The password never does.
+        user: User name, None for none; special characters in a URL as ``%NN``. A URL never has the password.
     """
 
     host: str
@@ -35,7 +35,7 @@ def parse_broker_url(text: str) -> BrokerUrl:
     """The broker that a URL names.
 
     Raises:
-        ConfigError: If it is none; the text shows a right one.
+        ConfigError: If the text is no such URL; the error shows a right one.
     """
 
     def refuse(reason: str) -> ConfigError:
@@ -43,7 +43,7 @@ def parse_broker_url(text: str) -> BrokerUrl:
 
     try:
         parts = urlsplit(text if "://" in text else f"none://{text}")
-    except ValueError as error:  # whose text repeats what stands there: perhaps a part of a password
+    except ValueError as error:  # its text quotes the URL, perhaps with a part of a password
         raise refuse("no host that can be one") from error
     try:
         port = parts.port

@@ -1,7 +1,7 @@
-"""A foreign feed as traffic: JSON objects of aircraft to Remote ID frames, as a receiver would relay them.
+"""A foreign feed as traffic: converts JSON objects of aircraft to Remote ID frames, as a receiver would relay them.
 
-A broker is not trusted: what is no object, has no identity or no position on Earth is counted and dropped, and an
-identity names nobody but a transmitter behind our relay (``id_or_mac``). Nothing in a feed can be a command.
+A broker is not trusted. An item that is no object, or has no identity or no position on Earth, is counted and dropped.
+An identity only names a transmitter behind our relay (``id_or_mac``). Nothing in a feed can be a command.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ridlink.remote_id.messages import STATUS_AIRBORNE, BasicId, Location, Remot
 from ridlink.remote_id.quantities import ID_LENGTH, SECONDS_PER_HOUR
 
 RELAY_SYSID, RELAY_COMPID = 254, 236
-"""Who relays: an ODID transmitter component (MAV_COMP_ID_ODID_TXRX_1) of a system of its own."""
+"""Ids of the relay: an ODID transmitter component (MAV_COMP_ID_ODID_TXRX_1) of a system of its own."""
 
 LONGEST_PAYLOAD = 64 * 1024
 MOST_AIRCRAFT_A_MESSAGE = 500
@@ -36,15 +36,15 @@ NAMES: dict[str, tuple[str, ...]] = {
     "horizontal_error_m": ("horizontal_error_m",),
     "airframe_size_m": ("airframe_size_m",),
 }
-"""Keys that are understood, in the order of preference. The altitude is the ellipsoid's or none: a feed that says
-``alt`` does not say above what, and an unknown altitude counts as everybody's."""
+"""Keys that are read, in the order of preference. An altitude must be above the ellipsoid: ``alt`` does not say above
+what, and an unknown altitude is treated as any altitude."""
 
 
 class Feed:
-    """Turns payloads into frames.
+    """Converts payloads of the feed to frames.
 
     Attributes:
-        counters: Payloads and aircraft by what became of them.
+        counters: Payloads and aircraft by their outcome.
     """
 
     def __init__(self) -> None:
@@ -52,11 +52,11 @@ class Feed:
         self._encoder = Encoder(RELAY_SYSID, RELAY_COMPID)
 
     def frames(self, payload: bytes | bytearray, utc_s: float) -> list[bytes]:
-        """The frames that a payload makes: one object, a list of them, or an object with ``states``.
+        """The frames of a payload, which is one object, a list of them, or an object with ``states``.
 
         Args:
             payload: JSON.
-            utc_s: When it came, seconds since 1970-01-01 UTC; the time of a report that bears none.
+            utc_s: Time of arrival, seconds since 1970-01-01 UTC; used for reports without a time.
         """
         if len(payload) > LONGEST_PAYLOAD:
             self.counters["too_long"] += 1
@@ -126,14 +126,14 @@ class Feed:
 
 
 def _transmitter(identity: str) -> bytes:
-    """``id_or_mac`` of an identity: the same for the same, 20 bytes."""
+    """``id_or_mac`` of an identity: always the same 20 bytes for one identity."""
     return hashlib.blake2b(identity.encode("utf-8", "replace"), digest_size=ID_LENGTH).digest()
 
 
 def _number(row: dict[str, Any], what: str, least: float, most: float) -> float | None:
-    """A finite number of the row within its range; None if there is none."""
+    """The value of a key if it is a finite number within its range, else None."""
     for name in NAMES[what]:
         value = row.get(name)
         if isinstance(value, int | float) and not isinstance(value, bool) and -math.inf < value < math.inf:
-            return float(value) if least <= value <= most else None  # an integer of any length compares, not converts
+            return float(value) if least <= value <= most else None  # an integer may be too large for a float
     return None

@@ -1,8 +1,8 @@
-"""What waits for the broker: the latest of every topic, a bounded number of them, the oldest given up first.
+"""Queue of messages for the broker: the latest of every topic, a bounded number of them, the oldest dropped first.
 
-A broker that is slow or away must cost neither memory nor time: an old position is worth nothing once there is a newer
-one, so a message that still waits is replaced by the next of its topic, which takes its turn. However fast some topics
-are renewed, and however many of one kind there are, none goes unheard for another's sake.
+A broker that is slow or away must cost neither memory nor time. An old position is worthless once there is a newer one,
+so a new message replaces the waiting one of its topic and keeps its place in the queue. No topic can starve another,
+however often it is renewed and however many there are of one kind.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ class Outgoing(NamedTuple):
     qos: int = 0
     retain: bool = False
     about: str = ""
-    """What of the topic it is about: only a newer message about the same replaces it."""
+    """Subject within the topic: only a newer message of the same topic and subject replaces this one."""
 
     @property
     def key(self) -> tuple[str, str]:
-        """What a newer message must share to replace this one."""
+        """Topic and subject: a newer message with the same key replaces this one."""
         return self.topic, self.about
 
 
@@ -33,17 +33,17 @@ Lane = OrderedDict[tuple[str, str], Outgoing]
 
 
 class Outbox:
-    """A bounded queue of the latest values, in three lanes that take turns: QoS 0, QoS 1, and what the broker retains.
+    """A bounded queue of the latest values, in three lanes that take turns: QoS 0, QoS 1, and retained messages.
 
-    The last has a lane of its own, since a value that is given up leaves an older one there for good: of an aircraft
-    that is gone, that it is there.
+    Retained messages have their own lane: if one is dropped, the broker keeps the older value for good, for example
+    that an aircraft is present when it has gone.
 
     Args:
-        capacity: Messages that wait at most, over all lanes.
+        capacity: Most waiting messages, over all lanes.
 
     Attributes:
-        replaced: Messages that a newer one of their topic overtook while they waited.
-        dropped: Messages given up because there were too many topics, those of the longest lane first.
+        replaced: Messages replaced by a newer one of their topic while they waited.
+        dropped: Messages dropped because there were too many topics, from the longest lane first.
 
     Raises:
         ValueError: If the capacity is below 1.
@@ -64,7 +64,7 @@ class Outbox:
         return self._lanes[2 if message.retain else message.qos > 0]
 
     def put(self, message: Outgoing) -> None:
-        """Queue a message; it takes the place of an older one of its topic, and its turn."""
+        """Queue a message; it replaces an older one of its topic and keeps that one's place in the queue."""
         lane = self._lane(message)
         if message.key in lane:
             self.replaced += 1
@@ -74,7 +74,7 @@ class Outbox:
             self.dropped += 1
 
     def put_back(self, message: Outgoing) -> None:
-        """Queue what could not be sent before everything else, unless something newer of its topic waits."""
+        """Queue a message that could not be sent at the front, unless a newer one of its topic waits."""
         lane = self._lane(message)
         if message.key in lane:
             self.replaced += 1
@@ -86,7 +86,7 @@ class Outbox:
         lane.move_to_end(message.key, last=False)
 
     def take(self) -> Outgoing | None:
-        """The message of one lane that waits longest, then those of the others; None if there is none."""
+        """The next message: the oldest of one lane, then of the next lane in turn; None if there is none."""
         for _ in self._lanes:
             lane = self._lanes[self._next]
             self._next = (self._next + 1) % len(self._lanes)

@@ -1,6 +1,6 @@
-"""Frames in, messages for the broker out: states, encounters, alerts, who came and who went. No socket, no clock.
+"""Frames in, messages for the broker out: states, encounters, alerts, arrivals, departures. No socket, no clock.
 
-The schema of every payload is in docs/mqtt.md; a payload is one JSON object without NaN, unknown is ``null``.
+The schema of every payload is in docs/mqtt.md. A payload is one JSON object without NaN; unknown values are ``null``.
 """
 
 from __future__ import annotations
@@ -23,18 +23,17 @@ from ridlink.separation.definitions import Definition
 
 SCHEMA = 1
 STEP_S = 0.1
-"""Time between two steps: encounters are followed in all of them, states are published in those that are nearest to
-their rate."""
+"""Time between two steps. Every step updates encounters; states are published in the steps nearest to their rate."""
 
 MOST_ENCOUNTERS = 500
-"""At a time; a broker has room for twice as many messages."""
+"""Most encounters at a time; the queue for the broker holds twice as many messages."""
 
 MEETINGS_HZ = 1.0
-"""How often an encounter that goes on is told at most; in dense traffic there are many more pairs than aircraft."""
+"""Highest rate at which an ongoing encounter is published; dense traffic has many more pairs than aircraft."""
 
 ONLINE, OFFLINE = b"online", b"offline"
 DISC_ENTERED, MAC = "disc_entered", "mac"
-"""Kinds of alerts, the graver one last: whose disc was entered first is told again when the airframes touch."""
+"""Kinds of alerts, the graver one last: a pair with a disc entered gets a second alert if the airframes touch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +41,12 @@ class PublisherSettings:
     """What is published.
 
     Args:
-        topics: Where.
-        definition: What sizes the discs.
-        convention: What senders are taken to mean by their accuracy codes.
+        topics: Topics to publish on.
+        definition: Definition of the separation discs.
+        convention: Assumed meaning of the senders' accuracy codes.
         rate_hz: States of every aircraft a second.
-        batch: All states of an instant in one message, instead of one message each.
-        home_assistant: Announce every aircraft as a device tracker, too.
+        batch: All states of an instant in one message, instead of one message for each aircraft.
+        home_assistant: Announce every aircraft as a device tracker as well.
 
     Raises:
         ConfigError: If the rate is not above 0 and at most 10.
@@ -66,14 +65,14 @@ class PublisherSettings:
 
 
 class Publisher:
-    """Turns what is heard into what is published.
+    """Turns received frames into messages for the broker.
 
     Args:
         settings: What is published.
-        version: Of this program, for the ``info`` topic.
+        version: Version of this program, for the ``info`` topic.
 
     Attributes:
-        sky: Who is in the air.
+        sky: Aircraft that are heard.
     """
 
     def __init__(self, settings: PublisherSettings, version: str = "") -> None:
@@ -93,9 +92,9 @@ class Publisher:
         self.sky.receive(frame, now_s)
 
     def greeting(self) -> list[Outgoing]:
-        """What is said after every connection: that we are there, what is published, and who is there.
+        """Messages after every connection: that the bridge is online, what it publishes, and which aircraft are heard.
 
-        All of it is retained, and a broker that was started again may have kept nothing.
+        All of them are retained, but a broker that was restarted may have kept none.
         """
         origin = self.sky.origin
         info = {
@@ -115,11 +114,11 @@ class Publisher:
         ]
 
     def step(self, now_s: float, utc_s: float) -> list[Outgoing]:
-        """What is to be published now. To be asked every `STEP_S`, give or take what a busy machine adds.
+        """Messages to publish now. Call it every `STEP_S`, as far as a busy machine allows.
 
         Args:
             now_s: The clock of `receive`.
-            utc_s: Seconds since 1970-01-01 UTC, for those who read it.
+            utc_s: Seconds since 1970-01-01 UTC, for the payloads.
         """
         out = self._arrivals_and_departures(now_s)
         scene = self.sky.at(now_s)
@@ -129,7 +128,7 @@ class Publisher:
         return out
 
     def farewell(self) -> list[Outgoing]:
-        """What is said at the end: that we are gone, and nobody is heard any more."""
+        """Messages at the end: that the bridge is offline, and no aircraft is heard any more."""
         topics = self._settings.topics
         known = [_availability(topics, name, online=False) for name in self._known.values()]
         return [Outgoing(topics.availability, OFFLINE, 1, True), *known]
@@ -153,7 +152,7 @@ class Publisher:
         out += [_availability(topics, name, online=False) for name in sorted(before - now)]
         for name in sorted(now - before):
             out += self._arrival(name)
-        if self._settings.home_assistant:  # who was called otherwise until its identity was heard is no second tracker
+        if self._settings.home_assistant:  # an aircraft whose name changed with its identity is not a second tracker
             renamed = {name for number, name in self._known.items() if present.get(number, name) != name}
             out += [_no_device_tracker(name) for name in sorted(renamed - now)]
         self._known = present
@@ -175,7 +174,7 @@ class Publisher:
         for phase, encounter in self._encounters.step(scene):
             key, pair = encounter.numbers, encounter.pair
             called = self._called.setdefault(key, pair)
-            if called != pair:  # an identity was heard: the topic is another one from now on
+            if called != pair:  # an identity was heard: the pair has another topic from now on
                 self._called[key] = pair
                 out.append(self._meeting(Phase.CLOSE, encounter, called, scene.time_s, utc_s))
                 phase = Phase.OPEN if phase is Phase.UPDATE else phase
@@ -245,13 +244,13 @@ def _device_tracker(topics: Topics, name: str) -> Outgoing:
         "json_attributes_topic": topics.state(name),
         "json_attributes_template": attributes,
         "availability": [{"topic": topics.availability}, {"topic": topics.aircraft_availability(name)}],
-        "availability_mode": "all",  # of a bridge that was killed its own topic alone says so, by the last will
+        "availability_mode": "all",  # a killed bridge goes offline by its last will, on its own topic only
     }
     return Outgoing(_tracker_topic(name), msgspec.json.encode(config), 1, True)
 
 
 def _no_device_tracker(name: str) -> Outgoing:
-    """Takes the announcement back, in Home Assistant and in the broker."""
+    """Withdraws the announcement from Home Assistant and from the broker."""
     return Outgoing(_tracker_topic(name), b"", 1, True)
 
 

@@ -1,7 +1,7 @@
-"""Where on a broker what is published: ``{prefix}/v1/{site}/...``.
+"""Topics on the broker: ``{prefix}/v1/{site}/...``.
 
-Names come from strangers. In a topic every byte of them but letters, digits, ``-``, ``.`` and ``_`` is written as
-``%NN``, so that none can make a level, a wildcard or a control character.
+Names of aircraft come over the air and are not trusted. In a topic all their bytes but letters, digits, ``-``, ``.``
+and ``_`` are written as ``%NN``, so no name can make a level, a wildcard or a control character.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ VERSION = "v1"
 DEFAULT_PREFIX = "ridlink"
 LONGEST_NAME = 120
 LONGEST_PREFIX = 1000
-"""Bytes; a whole topic has at most 65535, and brokers may take fewer."""
+"""Longest prefix in bytes; a topic has at most 65535, and some brokers take fewer."""
 
 
 @lru_cache(4096)
@@ -36,11 +36,11 @@ class Topics:
     """The topics of one site.
 
     Args:
-        site: Where this picture is seen; the level at which many sites share a broker.
+        site: Name of the place of this receiver; the level by which several sites share a broker.
         prefix: First levels; may contain ``/``.
 
     Raises:
-        ConfigError: If one of them is empty, has a wildcard, or is too long.
+        ConfigError: If the site or prefix is empty, has a wildcard, or is too long.
     """
 
     def __init__(self, site: str, prefix: str = DEFAULT_PREFIX) -> None:
@@ -51,7 +51,7 @@ class Topics:
                 raise ConfigError(f"{what} {text[:20] + '...'!r}: has more than {LONGEST_PREFIX} bytes")
         self.root = f"{prefix}/{VERSION}/{level(site)}"
         self.availability = f"{self.root}/availability"
-        """``online`` or ``offline``, retained, the latter also as last will."""
+        """``online`` or ``offline``, retained; ``offline`` is also the last will."""
         self.info = f"{self.root}/info"
         """Version, definition, origin; retained."""
         self.alert = f"{self.root}/alert"
@@ -60,15 +60,15 @@ class Topics:
         """All states of one instant."""
 
     def state(self, name: str) -> str:
-        """Where an aircraft is."""
+        """Topic for the state of an aircraft."""
         return f"{self.root}/uas/{level(name)}/state"
 
     def aircraft_availability(self, name: str) -> str:
-        """Whether it is heard; retained."""
+        """Topic that says whether an aircraft is heard; retained."""
         return f"{self.root}/uas/{level(name)}/availability"
 
     def encounter(self, pair: tuple[str, str]) -> str:
-        """How two aircraft meet; the same topic, whoever is named first."""
+        """Topic for the encounter of two aircraft, whatever their order."""
         return f"{self.root}/encounter/{'~'.join(level(name) for name in sorted(pair))}"
 
     def are_heard_by(self, topic_filter: str) -> bool:
