@@ -1,4 +1,4 @@
-"""What a machine, a network and an autopilot lack to be flown with, each with its remedy."""
+"""Checks whether a machine, a network and an autopilot are fit for a flight, with a remedy for each problem."""
 
 from __future__ import annotations
 

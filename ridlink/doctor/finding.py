@@ -1,4 +1,4 @@
-"""One thing that was looked at."""
+"""The result of one check."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from enum import StrEnum
 
 
 class Verdict(StrEnum):
-    """What it means for a flight."""
+    """What the result of a check means for a flight."""
 
     OK = "ok"
     NOTE = "note"
-    """Something is absent that not everybody needs."""
+    """Something is missing that not every user needs."""
     WARNING = "warning"
-    """It works, and less well than it should."""
+    """It works, but less well than it should."""
     FAILURE = "failure"
     """It will not work."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at.
+    """The result of one check.
 
     Args:
-        name: What, in few words.
+        name: What was checked, in a few words.
         verdict: What it means for a flight.
         text: What was found.
-        remedy: What to do about it; empty where nothing needs to be done.
+        remedy: What to do about it; empty if nothing.
     """
 
     name: str
@@ -35,5 +35,5 @@ class Finding:
     remedy: str = ""
 
     def as_dict(self) -> dict[str, str]:
-        """For JSON."""
+        """The fields, for JSON."""
         return {"name": self.name, "verdict": str(self.verdict), "text": self.text, "remedy": self.remedy}

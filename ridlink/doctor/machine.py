@@ -1,4 +1,4 @@
-"""This machine: interpreter, extras, ports, receive buffer, clocks, kernels."""
+"""Checks of this machine: interpreter, extras, ports, receive buffer, clocks, kernels."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PORTS = {
     14580: "commands to the first emulated vehicle (ridlink sim)",
     14650: "the air (ridlink sim)",
 }
-"""UDP on 127.0.0.1, by what uses them unless told otherwise."""
+"""UDP ports on 127.0.0.1, with what uses them by default."""
 
 EXTRAS = {
     "mavsdk": ("mavsdk", "flying vehicles with MAVSDK"),
@@ -34,22 +34,22 @@ EXTRAS = {
     "cluster": ("distributed", "campaigns on many machines"),
     "serial": ("serial", "links over serial devices"),
 }
-"""Extras by the module that shows that they are there, and what they are for."""
+"""Extras, each with a module that shows that it is installed, and its purpose."""
 
 SLEEPS = 20
 SLEEP_S = 0.005
 LATEST_WAKE_S = 0.02
-"""A fifth of the time between two setpoints."""
+"""Largest delay of a wake-up: a fifth of the time between two setpoints."""
 
 CLOCK_UNSYNCHRONISED = 5
 """TIME_ERROR of adjtimex(2)."""
 
 COMPILED_S = 2.0
-"""What is loaded from disk takes less."""
+"""Loading kernels from disk takes less, compiling them more."""
 
 
 def examine_machine() -> Iterator[Finding]:
-    """Everything about this machine that a flight depends on; the kernels last, for they may take seconds."""
+    """All checks of this machine that matter for a flight; kernels come last, since they may take seconds."""
     yield _interpreter()
     yield from _extras()
     yield from (_port(port, use) for port, use in PORTS.items())

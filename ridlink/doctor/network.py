@@ -1,4 +1,4 @@
-"""What comes over the links: an autopilot and its parameters, neighbours on the air."""
+"""Checks of what the links receive: an autopilot and its parameters, neighbours on the air."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ AUTOPILOTS = {ARDUPILOT: "ArduPilot", PX4: "PX4"}
 
 
 class Listened:
-    """What was heard on a link.
+    """Messages and senders heard on a link.
 
     Attributes:
         counts: Messages by name.
-        rejects: Damaged frames, and runs of bytes that are none.
-        autopilots: System ids with an autopilot, and its MAV_AUTOPILOT.
-        versions: MAVLink version of the last heartbeat of each, which begin with 1 where they may speak 2.
-        addresses: Where each was last heard, which is where it is asked.
-        latest: The latest message by name, of autopilots.
-        parameters: Values by name, of the first autopilot.
+        rejects: Damaged frames, and runs of bytes that are no frame.
+        autopilots: MAV_AUTOPILOT by system id.
+        versions: MAVLink version of the last heartbeat of each. An autopilot that can use 2 may begin with 1.
+        addresses: Address at which each was last heard; requests go there.
+        latest: The latest message of autopilots, by name.
+        parameters: Parameter values of the first autopilot, by name.
         senders: System ids by message name.
     """
 
@@ -71,15 +71,15 @@ class Listened:
 
 
 async def listen(url: LinkUrl, *, asks: bool, for_s: float = LISTEN_S) -> Listened:
-    """Listen on a link, saying HEARTBEAT as a ground station.
+    """Listen on a link, sending HEARTBEAT as a ground station.
 
     Args:
         url: The link.
-        asks: Ask the first autopilot for the parameters that matter; listening ends early when all are there.
+        asks: Ask the first autopilot for the parameters that matter; listening ends early when all have arrived.
         for_s: How long [s].
 
     Raises:
-        LinkError: If it cannot be opened.
+        LinkError: If the link cannot be opened.
     """
     heard = Listened()
     link = await open_link(url, heard.receive)
@@ -97,12 +97,12 @@ async def listen(url: LinkUrl, *, asks: bool, for_s: float = LISTEN_S) -> Listen
             await asyncio.sleep(ASKED_EVERY_S)
     finally:
         link.close()
-    heard.rejects += sum(link.counters[cause] for cause in Cause)  # of streams, the link counts them
+    heard.rejects += sum(link.counters[cause] for cause in Cause)  # the link counts those of streams
     return heard
 
 
 def _ask(link: Link, encoder: Encoder, heard: Listened) -> int:
-    """Ask for what is missing; how much that is."""
+    """Ask for the parameters that are missing. Returns their number, 1 without an autopilot."""
     if not heard.autopilots:
         return 1
     sysid, autopilot = next(iter(heard.autopilots.items()))
@@ -122,7 +122,7 @@ def _ask(link: Link, encoder: Encoder, heard: Listened) -> int:
 
 
 async def examine_vehicle(url: LinkUrl, for_s: float = LISTEN_S) -> list[Finding]:
-    """The autopilot at the end of a link, and its parameters that matter.
+    """Check the autopilot at the end of a link, and its parameters that matter.
 
     Raises:
         LinkError: If the link cannot be opened.
@@ -200,7 +200,7 @@ def _state(heard: Listened, autopilot: int) -> Iterator[Finding]:
 
 
 async def examine_air(url: LinkUrl, for_s: float = LISTEN_S) -> list[Finding]:
-    """The neighbours that are heard on a link.
+    """Check which neighbours are heard on a link.
 
     Raises:
         LinkError: If the link cannot be opened.

@@ -1,4 +1,4 @@
-"""Parameters of the two autopilots that decide what becomes of a stream of velocity setpoints.
+"""Parameters of both autopilots that decide how they treat a stream of velocity setpoints.
 
 Source: the behaviour of ArduPilot Copter 4.6 and PX4 1.17 in their own simulators; names and defaults are theirs.
 """
@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from ridlink.own_ship import ARDUPILOT, PX4
 
 _INTEGER_CODES = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
-"""MAV_PARAM_TYPE to the layout of its bytes within the float field, as PX4 sends integers."""
+"""MAV_PARAM_TYPE to the layout of an integer's bytes in the float field, as PX4 sends them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What a parameter should be.
+    """Expected value of a parameter.
 
     Args:
-        name: Of the parameter.
-        is_right: Of its value, which is finite.
-        meaning: What the value does, shown in either case.
-        remedy: What to set where it is not right.
+        name: Name of the parameter.
+        is_right: Whether a value, which is finite, is right.
+        meaning: What the value does; shown whether right or wrong.
+        remedy: What to set if it is not right.
     """
 
     name: str
@@ -73,12 +73,12 @@ EXPECTED: dict[int, tuple[Expected, ...]] = {
 
 
 def parameter_value(raw: float, param_type: int, autopilot: int) -> float:
-    """The value of a PARAM_VALUE.
+    """The parameter value in a PARAM_VALUE message.
 
     Args:
-        raw: Its ``param_value``.
-        param_type: Its MAV_PARAM_TYPE.
-        autopilot: MAV_AUTOPILOT: PX4 keeps the bytes of an integer in the float, ArduPilot converts it.
+        raw: ``param_value`` of the message.
+        param_type: MAV_PARAM_TYPE of the message.
+        autopilot: MAV_AUTOPILOT: PX4 puts the bytes of an integer into the float, ArduPilot converts it.
     """
     layout = _INTEGER_CODES.get(param_type)
     if autopilot != PX4 or layout is None:

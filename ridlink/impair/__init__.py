@@ -1,4 +1,4 @@
-"""A bad network on request: loss, bursts, delay, jitter, duplicates, disorder, damage and a rate cap, from a seed."""
+"""A simulated bad network: loss, bursts, delay, jitter, duplicates, disorder, damage and a rate cap, from a seed."""
 
 from __future__ import annotations
 

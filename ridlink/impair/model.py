@@ -1,7 +1,7 @@
-"""What a bad network does to one stream of datagrams, drawn from a seed.
+"""Effects of a bad network on one stream of datagrams, drawn from a seed.
 
-Each datagram meets the faults in this order: the rate cap, loss, truncation, corruption, duplication, delay. A model is
-fed datagrams with the time and says what leaves and when; it opens no socket and reads no clock.
+The faults apply in this order: rate cap, loss, truncation, corruption, duplication, delay. A model takes datagrams with
+their time and returns what leaves and when; it opens no socket and reads no clock.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ import numpy as np
 from ridlink.errors import ConfigError
 
 HELD_BACK_S = 0.15
-"""How much later a datagram leaves that is to be overtaken: one and a half updates of a 10 Hz sender."""
+"""Extra delay of a datagram that later ones are to overtake: one and a half updates of a 10 Hz sender."""
 
 LONGEST_QUEUE_S = 1.0
-"""What would wait longer than this for its turn under a rate cap is dropped, as a full buffer does."""
+"""A datagram that would wait longer than this under a rate cap is dropped, as by a full buffer."""
 
 SHARES = ("loss", "duplicate", "reorder", "truncate", "corrupt")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Impairment:
-    """How bad a network is, in one direction.
+    """Settings of a bad network, for one direction.
 
     Args:
         loss: Share of datagrams that never arrive.
-        burst: Mean number of datagrams lost in a row [1]; None draws each for itself. With it, loss follows the
+        burst: Mean number of datagrams lost in a row [1]; None: losses are independent. Otherwise loss follows the
             two-state model of Gilbert: everything is lost in the bad state and nothing in the good one.
-        delay_s: Delay of each [s].
-        jitter_s: Standard deviation of the delay [s]; a delay is never negative. Later ones may overtake.
+        delay_s: Delay of every datagram [s].
+        jitter_s: Standard deviation of the delay [s]; a delay is never negative. Later datagrams may overtake.
         duplicate: Share that arrives twice.
         reorder: Share that is held back for `HELD_BACK_S`, so that later ones overtake it.
         truncate: Share that is cut at a random byte.
-        corrupt: Share of which one random byte is replaced by another.
-        rate: Bytes a second that pass [B/s]; None is no cap.
+        corrupt: Share in which one random byte is replaced by another.
+        rate: Rate cap [B/s]; None for no cap.
 
     Raises:
         ConfigError: If a value is out of range; the text begins with its name.
@@ -75,11 +75,11 @@ class Impairment:
 
 
 class Impairer:
-    """One direction of one stream.
+    """Applies an impairment to one direction of one stream.
 
     Attributes:
-        counters: Datagrams by what happened to them: ``received``, ``passed`` (copies count), ``lost``,
-            ``over_rate``, ``duplicated``, ``held_back``, ``truncated``, ``corrupted``.
+        counters: Datagrams by outcome: ``received``, ``passed`` (copies count), ``lost``, ``over_rate``,
+            ``duplicated``, ``held_back``, ``truncated``, ``corrupted``.
     """
 
     def __init__(self, impairment: Impairment, seed: int | tuple[int, ...]) -> None:
@@ -90,7 +90,7 @@ class Impairer:
         self._free_at_s = -math.inf
 
     def take(self, data: bytes, now_s: float) -> list[tuple[float, bytes]]:
-        """What leaves of one datagram: when [s, on the caller's clock], and the bytes; nothing if it is lost."""
+        """Times [s, on the caller's clock] and bytes at which copies of one datagram leave; none if it is lost."""
         how = self._impairment
         self.counters["received"] += 1
         sent_at_s = self._after_queue(len(data), now_s)
@@ -116,7 +116,7 @@ class Impairer:
         return [(sent_at_s + self._delay_s(), data) for _ in range(copies)]
 
     def _after_queue(self, size_bytes: int, now_s: float) -> float | None:
-        """When the last byte has gone under the rate cap; None if the queue is full."""
+        """Time at which the last byte leaves under the rate cap; None if the queue is full."""
         if self._impairment.rate is None:
             return now_s
         starts_s = max(now_s, self._free_at_s)
@@ -129,7 +129,7 @@ class Impairer:
         how = self._impairment
         if how.burst is None:
             return self._happens(how.loss)
-        # The stationary share of the bad state is the loss, its mean stay the burst.
+        # The stationary share of the bad state is `loss`, its mean duration `burst`.
         ends = 1.0 / how.burst
         begins = ends * how.loss / (1.0 - how.loss)
         self._in_burst = not self._happens(ends) if self._in_burst else self._happens(begins)

@@ -1,7 +1,7 @@
-"""A UDP proxy that stands between two programs and is a bad network.
+"""A UDP proxy between two programs that acts as a bad network.
 
-Whoever speaks to its port is led to the far end from a port of its own, so that each gets its own answers, as a router
-with address translation does.
+Each peer that sends to its port gets its own port towards the far end, so that it gets its own answers, as with a
+router with address translation.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from ridlink.impair.model import Impairer, Impairment
 from ridlink.links import Address, Link, LinkUrl, Scheme, open_link
 
 FORGOTTEN_AFTER_S = 60.0
-"""A speaker that was silent for so long, and heard nothing either, gives its port back."""
+"""The port of a peer may be closed when nothing was sent or answered for so long."""
 
 MOST_SPEAKERS = 256
 
 MOST_WAITING = 100_000
-"""Datagrams on their way at once; what comes beyond is dropped and counted."""
+"""Most delayed datagrams at a time; further ones are dropped and counted."""
 
 NO_IMPAIRMENT = Impairment()
 
@@ -37,10 +37,10 @@ class _Speaker:
 
 
 class Proxy:
-    """Carries datagrams both ways; made by `open_proxy`.
+    """Forwards datagrams both ways; made by `open_proxy`.
 
     Attributes:
-        counters: What went wrong in the proxy itself: ``unroutable``, ``too_many_speakers``, ``too_many_waiting``.
+        counters: Failures of the proxy itself: ``unroutable``, ``too_many_speakers``, ``too_many_waiting``.
     """
 
     def __init__(self, far: LinkUrl, there: Impairment, back: Impairment, seed: int) -> None:
@@ -61,11 +61,11 @@ class Proxy:
 
     @property
     def speakers(self) -> int:
-        """How many are led to the far end now."""
+        """Number of peers that have a port towards the far end now."""
         return len(self._speakers)
 
     def totals(self) -> tuple[Counter[str], Counter[str]]:
-        """What happened to datagrams on the way there, and back, over all speakers."""
+        """Counters of datagrams to the far end, and back, over all peers."""
         there, back = self._past[0].copy(), self._past[1].copy()
         for speaker in self._speakers.values():
             there.update(speaker.there.counters)
@@ -73,7 +73,7 @@ class Proxy:
         return there, back
 
     def receive(self, data: bytes, address: Address) -> None:
-        """A datagram for the far end."""
+        """Take a datagram for the far end."""
         now_s = self._loop.time()
         speaker = self._speakers.get(address) or self._meet(address, now_s)
         if speaker is None:
@@ -83,7 +83,7 @@ class Proxy:
         self._schedule(speaker.there.take(data, now_s), True, address, now_s)
 
     def close(self) -> None:
-        """Release all ports; what is still on its way is dropped."""
+        """Close all ports; delayed datagrams are dropped."""
         if self._timer is not None:
             self._timer.cancel()
         for task in self._opening:
@@ -179,17 +179,17 @@ class Proxy:
 async def open_proxy(
     near: LinkUrl, far: LinkUrl, *, there: Impairment = NO_IMPAIRMENT, back: Impairment = NO_IMPAIRMENT, seed: int = 1
 ) -> Proxy:
-    """Listen, and lead whoever speaks to the far end.
+    """Open a proxy that listens, and forwards all peers to the far end.
 
     Args:
-        near: Where to listen (``udpin``).
-        far: Where to lead to (``udpout``).
-        there: What happens to datagrams on the way to the far end.
-        back: What happens to its answers.
-        seed: Of all draws: the same datagrams in the same order from each speaker meet the same faults.
+        near: Link to listen on (``udpin``).
+        far: Link to the far end (``udpout``).
+        there: Impairment of datagrams to the far end.
+        back: Impairment of its answers.
+        seed: Seed of all draws: the same datagrams in the same order from each peer meet the same faults.
 
     Raises:
-        ConfigError: If a connection string is none of these.
+        ConfigError: If a link has another scheme, or ``far`` leads to ``near``.
         LinkError: If the port is in use.
     """
     if near.scheme is not Scheme.UDPIN:
