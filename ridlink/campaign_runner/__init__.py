@@ -1,1 +1,1 @@
-"""Campaigns on a machine: processes that fly them, and the folder that keeps what they flew."""
+"""Runs campaigns: the processes or machines that fly them, and the folder with the results."""

@@ -1,4 +1,4 @@
-"""What a campaign flies: its options as plans, and as the configuration that its folder keeps."""
+"""Options of a campaign, converted to plans, and to the configuration that its folder keeps."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ GRADED: dict[str, Callable[[], GradedSettings]] = {
     "graded": GradedSettings.g2, "g2": GradedSettings.g2, "g3": GradedSettings.g3,
     "k": GradedSettings.k, "k2": GradedSettings.k2,
 }  # fmt: skip
-"""Names of the graded solver with its constants."""
+"""Names of the graded solver, with the constants of each."""
 
 SOLVERS = ("halfplane", *GRADED, "rotation")
 
 REAL_SPEED_MPS = 10.0
-"""Cruise speed of drawn fleets that answer as autopilots: the fastest at which their answers were measured."""
+"""Cruise speed of drawn fleets that respond as autopilots: the fastest at which responses were measured."""
 
 SLOWEST_PACE = 0.25
-"""A flight is cut off after the time in which it would cover its way at this share of its speed."""
+"""A flight is cut off after the time that its way takes at this share of its speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,23 +44,23 @@ class Conditions:
     """What all cells of a campaign have in common.
 
     Args:
-        paper: The paper's simulation: error bounds of three sigma for a pair, not for each vehicle (not under
-            `graded`), decisions on every report and discs that allow for the time between two, collisions judged at
-            the instants of decisions and not between them.
-        eta: Of the definition `chance`.
-        accuracy_convention: Of the definition `odid-accuracy`, by its name.
-        seed: Seed of everything.
-        technology: One of `TECHNOLOGIES`, for what is not said otherwise.
+        paper: The paper's simulation: error bounds of three sigma for a pair, not for each vehicle (except under
+            `graded`); decisions on every report, and discs that allow for the time between two; collisions judged only
+            at the instants of decisions.
+        eta: For the definition `chance`.
+        accuracy_convention: For the definition `odid-accuracy`, by name.
+        seed: Seed of all draws.
+        technology: One of `TECHNOLOGIES`, for values that are not given.
         range_m: Radio range.
-        latency_s: Time from sending to hearing, between the two.
-        burst: Mean number of reports lost in a row; None: independently.
-        stock_share: Share of stock senders.
+        latency_s: Time from sending to receipt, between the two values.
+        burst: Mean number of reports lost in a row; None: independent losses.
+        stock_share: Share of vehicles that send standard Remote ID only.
         unresponsive_share: Share of vehicles that avoid nobody.
-        category: Of Table III, for drawn fleets.
-        speed_mps: Cruise speed of everybody, for drawn fleets.
+        category: Category of Table III, for drawn fleets.
+        speed_mps: Cruise speed of all vehicles, for drawn fleets.
         correlation_s: Time constant of Gauss-Markov errors.
-        common_share: Part of the variance of the errors that all share.
-        bias_m: Offset for the whole flight that no bound covers, one standard deviation per axis.
+        common_share: Part of the variance of the errors that all vehicles share.
+        bias_m: Offset for the whole flight that no reported bound covers, one standard deviation per axis.
         filtered: Smooth reported positions; None: under `graded` only.
     """
 
@@ -84,19 +84,19 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The cells of a campaign: everything with everything.
+    """The cells of a campaign: all combinations of the options.
 
     Args:
         scenarios: Names or paths of files.
-        definitions: What sizes the discs, by names; `none` is the baseline without avoidance.
-        gnss: How sigma becomes a position error.
-        solvers: Who decides, by the names in `SOLVERS`.
-        dynamics: How vehicles answer.
-        sigmas_m: Standard deviations where the scenario says nothing.
-        intervals_s: Times between two reports; empty: the scenario's, and the technology's where that is longer.
-        losses: Shares of reports that are lost; empty: the technology's.
-        points: Definitions with their solvers, instead of every definition under every solver; empty: those.
-        conditions: What is the same for all.
+        definitions: Names of separation definitions; `none` is the baseline without avoidance.
+        gnss: Error models: how sigma becomes a position error.
+        solvers: Solvers, by the names in `SOLVERS`.
+        dynamics: How vehicles respond to commands.
+        sigmas_m: Standard deviations, if the scenario has none.
+        intervals_s: Times between two reports; empty: that of the scenario, or of the technology if that is longer.
+        losses: Shares of reports that are lost; empty: that of the technology.
+        points: Pairs of definition and solver; empty: every definition under every solver.
+        conditions: Conditions of all cells.
     """
 
     scenarios: tuple[str, ...]
@@ -111,10 +111,10 @@ class Choice:
     conditions: Conditions = field(default_factory=Conditions)
 
     def plans(self) -> list[Plan]:
-        """One plan a cell.
+        """One plan per cell.
 
         Raises:
-            ConfigError: If a scenario is unknown, wrong, or named like another, or figures contradict each other.
+            ConfigError: If a scenario is unknown, wrong, or has the name of another, or options contradict each other.
             OSError: If a file cannot be read.
         """
         technology = TECHNOLOGIES[self.conditions.technology]
@@ -139,9 +139,9 @@ class Choice:
         return list(plans.values())
 
     def configuration(self, plans: Sequence[Plan], runs: int) -> dict[str, Any]:
-        """Everything that the rows depend on."""
+        """The configuration: everything that the rows depend on."""
         conditions = asdict(self.conditions)
-        if self.conditions.accuracy_convention == DEFAULT_CONVENTION:  # as in folders from before there was a choice
+        if self.conditions.accuracy_convention == DEFAULT_CONVENTION:  # as in older folders, without this choice
             del conditions["accuracy_convention"]
         return {
             "ridlink": version("ridlink"),
@@ -153,7 +153,7 @@ class Choice:
             "solver": list(self.solvers),
             **({"point": ["/".join(point) for point in self.points]} if self.points else {}),
             "dynamics": [str(each) for each in self.dynamics],
-            **({} if conditions["paper"] else {"swept": True}),  # of the preset as it was before there was a difference
+            **({} if conditions["paper"] else {"swept": True}),  # as in older folders of the preset
             "preset": "paper" if conditions.pop("paper") else None,
             "sigma_m": list(self.sigmas_m),
             "interval_s": list(dict.fromkeys(plan.interval_s for plan in plans)),
@@ -163,17 +163,17 @@ class Choice:
         }
 
     def left_out(self) -> list[str]:
-        """What scenario files say and a campaign does not fly, a line for each.
+        """One line for each content of scenario files that a campaign ignores.
 
         Raises:
-            ConfigError: If a file is no scenario.
+            ConfigError: If a file is not a scenario.
         """
         files = [resolve_scenario(name) for name in self.scenarios if drawn_scene(name) is None]
         found = [(scenario.name, ", ".join(not_flown(scenario))) for scenario in files]
         return [f"{name}: a campaign flies without {what}; 'ridlink demo' does not" for name, what in found if what]
 
     def _template(self, name: str, sigma_m: float) -> Plan:
-        """Scene and times. The paper's scenes draw their fleets; others say who flies."""
+        """Scene and times. The paper's scenes draw their fleets; scenario files contain theirs."""
         conditions = self.conditions
         base = Plan(
             circle(), sigma_m=sigma_m, eta=conditions.eta, accuracy_convention=conditions.accuracy_convention,
@@ -222,7 +222,7 @@ class Choice:
         return replace(plan, step_s=step_s, displaced_s=None if conditions.paper else REPORT_INTERVAL_S)
 
     def _solved(self, plan: Plan, solver: str) -> Plan:
-        """The plan under one solver, with the constants that fit how its vehicles answer."""
+        """The plan under one solver, with the constants for the response of its vehicles."""
         conditions, is_ideal = self.conditions, plan.dynamics is Dynamics.IDEAL
         plan = replace(
             plan, bound_sigmas=PAIR_READING_SIGMAS if conditions.paper else 3.0, filtered=bool(conditions.filtered),
@@ -240,7 +240,7 @@ class Choice:
                 arrival_deceleration_mps2=real.arrival_deceleration_mps2,
             )  # fmt: skip
         graded = graded_plan(plan.scene, settings, sigma_m=float(plan.vehicle_sigma_m.max()))
-        # Its constants are shares of three sigma of both.
+        # Its constants are shares of the three-sigma bounds of both vehicles.
         return replace(
             plan, settings=graded.settings, bound_sigmas=graded.bound_sigmas, obstacle_bound_m=graded.obstacle_bound_m,
             filtered=graded.filtered if conditions.filtered is None else conditions.filtered,

@@ -1,7 +1,7 @@
-"""Flying a campaign on many machines: the same shards, handed to the workers of a dask.distributed scheduler.
+"""Flies a campaign on many machines: the same shards, flown by the workers of a dask.distributed scheduler.
 
-Shards are flown there and kept here: workers need ridlink in the same version, and no shared disk. A worker that goes
-is replaced by the others.
+Workers fly the shards, and this machine saves them. Workers need the same version of ridlink, but no shared disk. If a
+worker is lost, others fly its shards.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from ridlink.campaign_runner.pool import Task, WorkerLostError
 from ridlink.errors import ConfigError, LinkError, MissingExtraError
 
 CONNECT_S = 3.0
-"""A scheduler that does not answer within this time is not there."""
+"""A scheduler that does not answer within this time counts as unreachable."""
 
 PATIENCE_S = 3.0
-"""Whoever waits for longer is told for what."""
+"""After this waiting time, the user is told what is missing."""
 
 
 class Cluster:
-    """A scheduler with workers, connected and seen to fly as this machine does.
+    """A connected scheduler with workers that are checked to fly as this machine does.
 
     Args:
         scheduler: Address, `tcp://HOST:PORT`.
-        say: Called with what is waited for, where that takes long; by another thread.
+        say: Called, from another thread, with what is missing if waiting takes long.
 
     Raises:
         MissingExtraError: If distributed is not installed.
         LinkError: If the scheduler cannot be reached, or has no workers.
-        ConfigError: If the address is none, or a worker has another version of ridlink.
+        ConfigError: If the address is invalid, or a worker has another version of ridlink.
     """
 
     def __init__(self, scheduler: str, say: Callable[[str], None]) -> None:
@@ -56,14 +56,14 @@ class Cluster:
     def fly_tasks(
         self, plans: Sequence[Plan], tasks: Sequence[Task]
     ) -> Generator[tuple[Task, Outcomes], None, None]:  # fmt: skip
-        """Fly tasks, and give each as it is done. Where all workers have gone others are waited for.
+        """Fly tasks, and yield each when it is done. If all workers are lost, wait for others.
 
         Args:
-            plans: What the tasks number.
-            tasks: What is flown.
+            plans: Plans, to whose indices the tasks refer.
+            tasks: Tasks to fly.
 
         Raises:
-            WorkerLostError: If workers went again and again, or the scheduler did.
+            WorkerLostError: If workers are lost repeatedly, or the scheduler is lost.
         """
         distributed, client = _distributed(), self._client
         over = threading.Event()
@@ -83,7 +83,7 @@ class Cluster:
             over.set()
 
     def close(self) -> None:
-        """Leave the scheduler; what it has not flown is not flown."""
+        """Disconnect from the scheduler; unfinished tasks are dropped."""
         self._client.close(timeout=1.0)
 
     @contextmanager
@@ -97,7 +97,7 @@ class Cluster:
             timer.cancel()
 
     def _watch(self, over: threading.Event) -> None:
-        """Says once each time that nobody is there who could fly."""
+        """Reports once each time that there are no workers."""
         said = ""
         while not over.wait(PATIENCE_S):
             lacking = self._lacking()
@@ -106,7 +106,7 @@ class Cluster:
             said = lacking
 
     def _lacking(self) -> str:
-        """What is waited for; empty if there are workers."""
+        """What is missing; empty if there are workers."""
         client = self._client
         try:
             if client.sync(client.scheduler.identity, callback_timeout=PATIENCE_S)["workers"]:
@@ -127,8 +127,8 @@ def _distributed() -> Any:
 
 def _connect(scheduler: str) -> Any:
     distributed = _distributed()
-    # What goes wrong is said once, by whoever called; dask would print a trace of every attempt.
-    # Two of its parts have a level of their own.
+    # The caller reports an error once; dask would print a trace of every attempt. Two of its loggers have their own
+    # level.
     for name in ("distributed", "distributed.client", "distributed.gc", "tornado.application"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     _, scheme, address = scheduler.rpartition("tcp://")
@@ -141,7 +141,7 @@ def _connect(scheduler: str) -> Any:
         await comm.close()
 
     try:
-        # Of a port that takes connections and says nothing, a client of dask waits for the first word without an end.
+        # If a port accepts connections but sends nothing, a dask client waits forever.
         asyncio.run(asyncio.wait_for(knock(), 2.0 * CONNECT_S))
         return distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
@@ -149,7 +149,7 @@ def _connect(scheduler: str) -> Any:
 
 
 def _check_workers(client: Any, scheduler: str) -> None:
-    """Workers there are, and they fly as this machine would."""
+    """Check that there are workers, and that they fly as this machine would."""
     if not client.scheduler_info()["workers"]:
         raise LinkError(f"the scheduler {scheduler} has no workers; 'dask worker {scheduler}' starts one")
     ours = version("ridlink")

@@ -1,7 +1,7 @@
-"""One flown run as a MAVLink log: what every vehicle would have sent.
+"""Writes one run as a MAVLink log, with the messages that every vehicle would have sent.
 
-Truth and report stand side by side: GLOBAL_POSITION_INT says where a vehicle was, Open Drone ID LOCATION and
-RIDLINK_SEPARATION what it told the others.
+The log has truth and reports: GLOBAL_POSITION_INT is the true position of a vehicle, Open Drone ID LOCATION and
+RIDLINK_SEPARATION are what it sent to others.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from ridlink.remote_id.messages import STATUS_AIRBORNE, Location, Separation, Se
 from ridlink.remote_id.quantities import write_position
 
 BEGIN_S = 1_700_000_000
-"""Time of the first record, seconds since 1970: the same flight is the same bytes."""
+"""Time of the first record, seconds since 1970. It is fixed, so that the same flight gives the same bytes."""
 
 ORIGIN = Geodetic(47.397742, 8.545594, 488.0)
-"""Where the origin of a scene is put, which has none."""
+"""Geodetic position for the origin of a scene, since scenes have none."""
 
 HEIGHT_M = 50.0
 HEARTBEAT_S = 1.0
@@ -36,7 +36,7 @@ LAST_SYSTEM_ID = 250
 
 
 def log_run(plan: Plan, run: int, path: Path) -> Outcomes:
-    """Fly one run of a plan and write it as a tlog; a file of that name is replaced.
+    """Fly one run of a plan and write it as a tlog; an existing file is replaced.
 
     Raises:
         ConfigError: If there are more vehicles than system ids.

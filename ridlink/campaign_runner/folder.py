@@ -1,10 +1,10 @@
-"""The folder of a campaign: its configuration, and what was flown, in shards that are whole or not there.
+"""The folder of a campaign: its configuration, and its results in shards, which are complete or absent.
 
     campaign.json                        what is flown
     shards/<cell>/runs-000000.parquet    one row a run, beginning with that run
     rows.json                            the table, once everything is there
 
-Every file is written under another name, forced onto the disk and renamed.
+Every file is written under a temporary name, synchronised to the disk and renamed.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from ridlink.files import UNFINISHED, file_part, unfinished, write_whole
 CONFIGURATION = "campaign.json"
 ROWS = "rows.json"
 GO_ON = "go on with it by its own 'ridlink campaign run ...' and --resume"
-"""What flies what is missing or damaged."""
+"""Advice on how to fly missing or damaged shards."""
 
 
 OF_ANOTHER = "is of another campaign, whose conditions differ"
 
 
 class CampaignFolder:
-    """Where a campaign is kept, by one process at a time.
+    """The folder of a campaign; one process at a time may write to it.
 
     Args:
-        path: The folder; made where it does not exist.
-        configuration: Everything that the rows depend on, as JSON would give it back.
-        resume: Go on with what is there.
+        path: The folder; created if it does not exist.
+        configuration: Everything that the rows depend on, as read back from JSON.
+        resume: Continue an existing campaign.
 
     Raises:
         ConfigError: If there is a campaign in the folder, and `resume` is false or it is another one; or if another
@@ -80,24 +80,24 @@ class CampaignFolder:
             left.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Leave the folder to others."""
+        """Release the folder for other processes."""
         os.close(self._held)
 
     def write(self, plan: Plan, outcomes: Outcomes) -> None:
-        """Keep some runs of a plan; when this returns they are on the disk.
+        """Save some runs of a plan; they are on the disk when this returns.
 
         Raises:
-            OSError: If that fails; nothing is left of it.
+            OSError: If that fails; no part of the file is left.
         """
         target = self._shard(plan, int(outcomes.run[0]))
         target.parent.mkdir(parents=True, exist_ok=True)
         self._write(target, shard_bytes(plan, outcomes, self._campaign))
 
     def read(self, plan: Plan, runs: range) -> Outcomes | None:
-        """Runs of a plan, or None where they are missing or the shard is damaged.
+        """Runs of a plan, or None if they are missing or the shard is damaged.
 
         Raises:
-            ConfigError: If the shard is whole, and of another seed, cell or runs.
+            ConfigError: If the shard is intact, but has another seed, cell or runs.
         """
         file = self._shard(plan, runs[0])
         try:
@@ -119,11 +119,11 @@ class CampaignFolder:
         return shard.outcomes
 
     def write_rows(self, rows: Sequence[dict[str, Any]]) -> None:
-        """Keep the table."""
+        """Save the table."""
         self._write(self.path / ROWS, json.dumps({"rows": list(rows)}, indent=1).encode())
 
     def discard_unfinished(self) -> None:
-        """Take away what is half written; may be called by a signal."""
+        """Delete files that are written in part; may be called by a signal handler."""
         if self._writing is not None:
             unfinished(self._writing).unlink(missing_ok=True)
 
@@ -139,7 +139,7 @@ class CampaignFolder:
 
 
 def _hold(path: Path, descriptor: int) -> None:
-    """Keep others from writing into a folder as long as its descriptor is open; a process that is killed closes it."""
+    """Lock a folder as long as its descriptor is open; killing the process closes it."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
@@ -149,7 +149,7 @@ def _hold(path: Path, descriptor: int) -> None:
 
 
 def _check_same(path: Path, configuration: dict[str, Any], resume: bool) -> None:
-    """A folder is gone on with by the campaign that began it, and by no other."""
+    """Check that a folder is continued only by the campaign that began it."""
     if not resume:
         raise ConfigError(f"{path}: holds a campaign already; go on with it by --resume, or name a new folder")
     try:
@@ -164,7 +164,7 @@ def _check_same(path: Path, configuration: dict[str, Any], resume: bool) -> None
 
 
 def _difference(key: str, there: object, here: object) -> str:
-    """Where two values part, as deep as they have names for it."""
+    """The first difference between two values, by the names of nested keys."""
     while isinstance(there, dict) and isinstance(here, dict):
         absent = object()
         name = next(name for name in [*here, *there] if there.get(name, absent) != here.get(name, absent))
@@ -181,7 +181,7 @@ def shortened(value: object) -> str:
 
 
 def object_in(file: Path) -> dict[str, Any]:
-    """What a JSON file of a campaign holds.
+    """The object in a JSON file of a campaign.
 
     Raises:
         CaptureError: If it is not a JSON object, or holds a number that is not finite.
@@ -209,8 +209,8 @@ def shard_name(first: int) -> str:
 
 
 def cell_folder(cell: Cell) -> str:
-    """Name of the folder of a cell: what it always has, and what of it is unusual."""
-    # The name of a scene is the only part that may hold any character.
+    """Name of the folder of a cell: its names, and its unusual values."""
+    # Only the name of a scene may contain any character.
     parts = [file_part(cell.scenario), cell.definition, cell.gnss, cell.solver]
     for name, usual in USUAL.items():
         value = getattr(cell, name)

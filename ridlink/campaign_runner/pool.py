@@ -1,7 +1,7 @@
-"""Flying a campaign in several processes, each of one thread.
+"""Flies a campaign in several processes with one thread each.
 
-Shards are handed out in their order and come back as they are done. What a run brings forth depends on its plan and
-its number alone, so the number of processes changes the time only.
+Shards are started in order and returned when done. The outcome of a run depends only on its plan and its number, so the
+number of processes changes only the time.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from ridlink.campaign.worlds import Outcomes
 from ridlink.errors import RidlinkError
 
 SHARD_RUNS = 64
-"""Runs in a shard: some seconds of one process, and little to lose."""
+"""Runs in a shard: some seconds of one process, so that little is lost."""
 
 
 class WorkerLostError(RidlinkError):
-    """A process that flew has gone: killed, or out of memory."""
+    """A process that flew was lost: killed, or out of memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What one process flies at a time.
+    """Work of one process at a time.
 
     Args:
         plan: Number of the plan.
@@ -52,12 +52,12 @@ def tasks_of(plans: Sequence[Plan], runs: int) -> list[Task]:
 
 
 def fly_tasks(plans: Sequence[Plan], tasks: Sequence[Task], jobs: int) -> Generator[tuple[Task, Outcomes], None, None]:
-    """Fly tasks, and give each as it is done.
+    """Fly tasks, and yield each when it is done.
 
     Args:
-        plans: What the tasks number.
-        tasks: What is flown.
-        jobs: Number of processes; with one, this process flies.
+        plans: Plans, to whose indices the tasks refer.
+        tasks: Tasks to fly.
+        jobs: Number of processes; with one job, this process flies.
 
     Raises:
         WorkerLostError: If a process was killed.
@@ -84,7 +84,7 @@ def fly_tasks(plans: Sequence[Plan], tasks: Sequence[Task], jobs: int) -> Genera
 
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Processes that are started meanwhile do not hear Ctrl-C before they have come to ignoring it: see `_begin`."""
+    """Block Ctrl-C for processes started meanwhile, until they ignore it themselves: see `_begin`."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -94,7 +94,7 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def _quiet_cleaner() -> Iterator[None]:
-    """Python's own process, which tidies up after this one if that is ended by a signal, need not warn that it does."""
+    """Silence the warning of Python's clean-up process, which runs if this process is ended by a signal."""
     before = os.environ.get("PYTHONWARNINGS")
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (before, "ignore:resource_tracker")))
     try:
@@ -107,11 +107,11 @@ def _quiet_cleaner() -> Iterator[None]:
 
 
 _plans: tuple[Plan, ...] = ()
-"""Of a worker, which is told once."""
+"""The plans of a worker, which receives them once."""
 
 
 def _begin(plans: tuple[Plan, ...]) -> None:
-    """A worker leaves Ctrl-C to its parent, and does not outlive it."""
+    """Set up a worker: it leaves Ctrl-C to its parent, and ends with it."""
     global _plans
     _plans = plans
     signal.signal(signal.SIGINT, signal.SIG_IGN)

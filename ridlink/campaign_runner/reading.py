@@ -1,7 +1,7 @@
-"""What the folder of a complete campaign says to who reports on it.
+"""Reads the folder of a complete campaign for a report.
 
-Shards have checksums; the table beside them has none. So its rows are made once more from the shards, and a table that
-says anything else is not reported on.
+Shards have checksums; the table has none. So its rows are computed again from the shards, and a table that differs is
+refused.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from ridlink.words import counted
 KNOWN = {
     "definition": (*Definition, BASELINE), "gnss": tuple(ErrorModel), "solver": SOLVERS, "dynamics": tuple(Dynamics),
 }  # fmt: skip
-"""What a cell may have under a name; its scenario is any text, and everything else a figure."""
+"""Allowed values of a cell, by key; its scenario is any text, and all other values are numbers."""
 
 EQUAL = 1e-9
-"""Relative difference up to which two figures are one: machines round differently."""
+"""Relative difference up to which two figures count as equal, since machines round differently."""
 
 
 def read_campaign(path: Path) -> tuple[dict[str, Any], list[FlownCell]]:
-    """Configuration of a complete campaign, and its rows with the flights behind them.
+    """Configuration of a complete campaign, and its rows with their flights.
 
     Raises:
         CaptureError: If it is not complete, or damaged; the text names the file.
@@ -73,7 +73,7 @@ def read_campaign(path: Path) -> tuple[dict[str, Any], list[FlownCell]]:
 
 
 def _configuration(file: Path) -> dict[str, Any]:
-    """What a campaign flew; checked is what a report depends on."""
+    """The configuration of a campaign; values that a report depends on are checked."""
     found = object_in(file)
 
     def check(name: str, holds: bool, what: str) -> None:
@@ -99,7 +99,7 @@ def _configuration(file: Path) -> dict[str, Any]:
 
 
 def _rows(file: Path, scenarios: Collection[str]) -> dict[Cell, dict[str, Any]]:
-    """The rows of the table, by their cells."""
+    """The rows of the table, by cell."""
     rows = object_in(file).get("rows")
     if not isinstance(rows, list):
         raise CaptureError(f"{file}: is damaged: it has no list of rows; {GO_ON}")
@@ -115,7 +115,7 @@ def _rows(file: Path, scenarios: Collection[str]) -> dict[Cell, dict[str, Any]]:
 
 
 def _wrong_in(row: object, scenarios: Collection[str]) -> str:
-    """Why a row is of no cell; empty if it is of one."""
+    """Why a row does not belong to a cell; empty if it does."""
     if not isinstance(row, dict):
         return "is no object"
     known: dict[str, Collection[str]] = {"scenario": scenarios, **KNOWN}
@@ -130,7 +130,7 @@ def _wrong_in(row: object, scenarios: Collection[str]) -> str:
 
 
 def _flown(path: Path, cell: Cell, configuration: dict[str, Any]) -> Outcomes:
-    """What happened in a cell, from all of its shards."""
+    """The outcomes of a cell, from all of its shards."""
     duration_s = configuration["scenario"][cell.scenario]["duration_s"]
     folder = path / "shards" / cell_folder(cell)
     parts = []
@@ -160,7 +160,7 @@ def _flown(path: Path, cell: Cell, configuration: dict[str, Any]) -> Outcomes:
 
 
 def _check_same(file: Path, cell: Cell, row: dict[str, Any], ours: dict[str, Any]) -> None:
-    """A row says what the shards of its cell say."""
+    """Check that a row agrees with the shards of its cell."""
     for name in [*ours, *row]:
         if name not in row or name not in ours:
             wrong = f"it {'lacks' if name in ours else 'has'} {name}"

@@ -1,6 +1,6 @@
-"""Shards: some runs of one cell as one Parquet file, whose pages have checksums.
+"""Shards: some runs of one cell as one Parquet file with checksums of its pages.
 
-What is read is what was written, or it is damaged: a bit that a disk has lost makes no other outcome.
+A shard reads exactly as it was written, or it is reported as damaged: a lost bit cannot change an outcome.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ridlink.captures.export.tables import arrow
 from ridlink.errors import CaptureError
 
 CAMPAIGN = "ridlink.campaign"
-"""Under which the file keeps what campaign it is of."""
+"""Key of the file's metadata for the digest of its campaign."""
 
 NAMES = (*(item.name for item in fields(Cell)), "seed")
 """Columns that have one value in a shard."""
@@ -37,17 +37,17 @@ COLUMNS = {
     "infeasible": (np.int64, 1),
     "in_obstacle": (np.int64, 1),
 }
-"""Columns of `Outcomes`: what they hold, and how many axes they have."""
+"""Columns of `Outcomes`: type, and number of axes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shard:
-    """What a shard holds.
+    """The contents of a shard.
 
     Attributes:
-        names: Its cell and its seed, by `NAMES`.
+        names: Its cell and its seed, by the keys of `NAMES`.
         outcomes: Its runs.
-        campaign: `campaign_digest` of the campaign that it is of; empty where it does not say.
+        campaign: `campaign_digest` of its campaign; empty if the file has none.
     """
 
     names: dict[str, Any]
@@ -56,17 +56,17 @@ class Shard:
 
 
 def names_of(cell: Cell, seed: int) -> dict[str, Any]:
-    """What a shard of a cell has, by `NAMES`."""
+    """The values of a shard of a cell, by the keys of `NAMES`."""
     return {**asdict(cell), "seed": seed}
 
 
 def campaign_digest(configuration: dict[str, Any]) -> str:
-    """What tells a campaign from every other one, be it by a condition that is in no name: 64 hexadecimal digits."""
+    """Digest of everything that distinguishes a campaign from others: 64 hexadecimal digits."""
     return hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()
 
 
 def shard_bytes(plan: Plan, outcomes: Outcomes, campaign: str) -> bytes:
-    """Runs of a plan as a Parquet file, of the campaign with this digest."""
+    """Runs of a plan as a Parquet file, with the digest of their campaign."""
     pa, parquet = arrow()
     runs = len(outcomes.run)
     columns = {name: pa.array([value] * runs).dictionary_encode() for name, value in asdict(plan.cell).items()}
@@ -81,11 +81,11 @@ def shard_bytes(plan: Plan, outcomes: Outcomes, campaign: str) -> bytes:
 
 
 def read_shard(file: Path, duration_s: float) -> Shard:
-    """A shard.
+    """Read a shard.
 
     Args:
-        file: Where it is.
-        duration_s: Cut-off of its flights, which it does not say.
+        file: Its path.
+        duration_s: Cut-off of its flights, which the file does not contain.
 
     Raises:
         CaptureError: If it is damaged.
@@ -106,7 +106,7 @@ def read_shard(file: Path, duration_s: float) -> Shard:
 
 
 def _can_be(columns: dict[str, NDArray[Any]]) -> bool:
-    """Whether they are those of flights: who collides does not arrive, and nothing but a margin is below zero."""
+    """Whether the columns are plausible: a vehicle that collides does not arrive, and only margins are below zero."""
     arrived, collided = np.isfinite(columns["arrival_s"]), columns["collided"]
     if arrived.shape != collided.shape or np.any(arrived & collided):
         return False
