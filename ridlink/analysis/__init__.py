@@ -1,4 +1,4 @@
-"""The paper's analytic figures and printed numbers, computed again from its own equations."""
+"""Computes the paper's analytic figures and printed numbers again from its equations, and reports on campaigns."""
 
 from ridlink.analysis.printed import Comparison, Verdict, comparisons, excess_distances
 

@@ -1,6 +1,7 @@
-"""A campaign beside what the paper prints of its simulation (section VI-B): verdicts, and differences to sNMAC.
+"""Compares a campaign with the printed figures of the paper's simulation (section VI-B): verdicts, and differences to
+sNMAC.
 
-Nothing is tuned towards a printed figure. Seconds and shares within 0 and 1.
+Nothing is tuned towards a printed figure. Times are in seconds, shares within 0 and 1.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from ridlink.campaign.cell import USUAL, Cell
 from ridlink.campaign.statistics import LEAST_RUNS, Difference, Flights, Interval, paired_difference
 
 TOLERANCE = 0.1
-"""Relative difference up to which a time is reproduced: the paper prints neither the size of its scenes nor the mean
-speed of its fleet, from which all times follow."""
+"""Relative difference up to which a time counts as reproduced. The paper prints neither the size of its scenes nor the
+mean speed of its fleet, which determine all times."""
 
 PRINTED = {
     "circle8": {"snmac": (6.7, None, 0.043), "remote-id": (11.3, 1.69, 0.0), "candidate1": (7.7, 1.15, 0.0),
@@ -38,21 +39,22 @@ NOT_REPRODUCIBLE = {
     ("square24", "candidate2"): TOO_NEAR,
     ("circle8", "remote-id"): FROZEN,
 }
-"""Printed times, and ratios, that follow from no honest reading of the text."""
+"""Printed times and ratios that no honest reading of the text reproduces."""
 
 ONE_RATE = "one rate is printed for both scenes; it depends on how strongly vehicles prefer the right, which is not"
 SCALE = "neither the size of the scene nor the mean speed of the fleet is printed, and every time follows from them"
 RATIO = "more than the tolerance allows"
 FEW = f"of fewer than {LEAST_RUNS} runs no interval says how far a figure can be trusted"
 AS_IN_THE_PAPER = {"gnss": "white-radial", "solver": "rotation", **USUAL}
-"""Cells that are compared with what is printed."""
+"""Values of the cells that are compared with printed figures."""
 
 CONDITIONS_OF_THE_PAPER: dict[str, tuple[Any, ...]] = {
     "preset": ("paper",), "technology": ("ideal",), "range_m": (None, 400.0), "latency_s": (None, [0.0, 0.0]),
     "stock_share": (0.0,), "unresponsive_share": (0.0,), "category": (None,), "speed_mps": (None,),
     "common_share": (0.0,), "bias_m": (0.0,), "filtered": (None, False),
 }  # fmt: skip
-"""What a campaign may say for its cells to be compared; everything else makes another one of it."""
+"""Allowed values of a campaign whose cells are compared with the paper; any other value makes it a different
+campaign."""
 
 DEFINITION_NAMES = {
     "snmac": "sNMAC",
@@ -66,12 +68,12 @@ DEFINITION_NAMES = {
 
 
 def setting_words(definition: str, solver: str) -> str:
-    """A definition and a solver as tables name them."""
+    """Name of a definition with a solver, for tables."""
     return f"{DEFINITION_NAMES.get(definition, definition)}, {solver}"
 
 
 class Verdict(StrEnum):
-    """How a figure compares with the printed one."""
+    """Result of comparing a figure with the printed one."""
 
     REPRODUCED = "reproduced"
     DIFFERS = "differs"
@@ -82,14 +84,14 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One printed figure and ours.
+    """One printed figure and the computed one.
 
     Attributes:
-        printed: As printed, None where it is not.
+        printed: As printed, None if it is not printed.
         ours: As flown.
-        interval: 95 % interval of ours.
-        verdict: How they compare.
-        why: Reason of a difference, or of no verdict; else empty.
+        interval: 95 % interval of the computed figure.
+        verdict: Result of the comparison.
+        why: Reason for a difference or for a missing verdict; else empty.
     """
 
     printed: float | None
@@ -101,11 +103,11 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class FlownCell:
-    """A row of the campaign's table with the flights behind it.
+    """A row of the campaign's table with its flights.
 
     Attributes:
-        row: As `ridlink campaign run` gives it.
-        flights: What was flown.
+        row: The row, as written by `ridlink campaign run`.
+        flights: The flights.
         seed: Seed of the campaign.
     """
 
@@ -115,7 +117,7 @@ class FlownCell:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What cells have in common that differ in their definition only."""
+        """Key that is equal for cells that differ only in their definition."""
         return tuple(self.row[item.name] for item in fields(Cell) if item.name != "definition")
 
     @property
@@ -126,11 +128,11 @@ class FlownCell:
 
 @dataclass(frozen=True, slots=True)
 class JudgedCell:
-    """A cell beside the paper and beside sNMAC.
+    """A cell compared with the paper and with sNMAC.
 
     Attributes:
-        row: As `ridlink campaign run` gives it.
-        beside_snmac: The cell less the one under sNMAC, run by run; None without sNMAC, and for it.
+        row: The row, as written by `ridlink campaign run`.
+        beside_snmac: Difference to the cell under sNMAC, run by run; None without sNMAC, and for sNMAC itself.
         median: Median time.
         ratio: Ratio of the median to that under sNMAC.
         mac_rate: Share of vehicles in a collision.
@@ -148,21 +150,22 @@ class JudgedCell:
 
 
 def is_the_papers(configuration: Mapping[str, Any]) -> bool:
-    """Whether a campaign is the paper's simulation, in cells among others.
+    """Whether a campaign contains the paper's simulation; it may have further cells.
 
     Args:
-        configuration: As its folder keeps it.
+        configuration: Configuration in its folder.
     """
     as_printed = all(configuration.get(name) in known for name, known in CONDITIONS_OF_THE_PAPER.items())
     return as_printed and USUAL["sigma_m"] in configuration.get("sigma_m", ())
 
 
 def judge_cells(cells: Sequence[FlownCell], *, as_printed: bool) -> list[JudgedCell]:
-    """Every cell beside the paper and beside sNMAC.
+    """Compare every cell with the paper and with sNMAC.
 
     Args:
         cells: A complete campaign.
-        as_printed: The campaign is the paper's; cells with its errors and its solver are compared with it.
+        as_printed: Whether the campaign is the paper's; its cells with the paper's errors and solver are then compared
+            with it.
     """
     snmac = {cell.key: cell for cell in cells if cell.row["definition"] == "snmac"}
     return [_judge(cell, snmac.get(cell.key), as_printed) for cell in cells]
@@ -199,7 +202,7 @@ def _compared(printed: float | None, ours: float | None, interval: Any, never: s
 
 
 def _compared_rate(printed: float | None, ours: float, interval: Interval) -> Judged:
-    """A rate is reproduced if the interval holds the printed one."""
+    """Compare a rate: it is reproduced if the interval contains the printed one."""
     if printed is None:
         return Judged(None, ours, interval, Verdict.NOT_PRINTED)
     if interval[0] <= printed <= interval[1]:

@@ -1,6 +1,6 @@
-"""Pictures of a campaign, drawn with matplotlib (extra `plot`): mission times and collisions of every definition.
+"""Figures of a campaign, drawn with matplotlib (extra `plot`): mission times and collisions of every definition.
 
-One figure a solver and world, one panel a scenario and kind of error; times in seconds, shares in per cent.
+One figure per solver and world, one panel per scenario and error model; times in seconds, shares in per cent.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 WHISKERS = (5.0, 95.0)
 MANY = 5
-"""More names than this stand askew."""
+"""More labels than this are rotated."""
 
 
 def draw_campaign(flown: Sequence[FlownCell], judged: Sequence[JudgedCell], folder: Path) -> dict[str, list[Path]]:
-    """Draw all figures into a folder; the files of each, by its name."""
+    """Draw all figures into a folder; returns the files of each, by name."""
     rows = [cell.row for cell in flown]
     draw: dict[str, Callable[[], Figure]] = {}
     fronts = grouped(rows, WORLD)

@@ -1,4 +1,4 @@
-"""Time against safety, the picture that decides, and how it moves with errors, intervals and losses.
+"""The main figure, mission time against safety, and how it changes with errors, intervals and losses.
 
 Colours are definitions, markers are solvers; medians in seconds, shares in per cent with their 95 % bounds.
 """
@@ -45,17 +45,17 @@ VARIED = {
     "interval_s": "time between two reports [s]",
     "loss": "share of reports that are lost",
 }
-"""What a figure of sensitivity may have on its horizontal axis."""
+"""Quantities for the horizontal axis of a sensitivity figure."""
 
 APART = 0.008
-"""Settings stand beside each other by so much of the range of what varies, so that no bar hides another."""
+"""Horizontal offset between settings, as a share of the range, so that no error bar hides another."""
 
 WIDE = 1.6
-"""Times whose ends have a greater ratio stand on a logarithmic axis."""
+"""Ratio of largest to smallest time above which the axis is logarithmic."""
 
 
 def front_figure(rows: Sequence[Row], numbers: Sequence[int]) -> Figure:
-    """Median mission time against the upper bound of collided flights, and the line of what nothing else dominates."""
+    """Median mission time against the upper bound of collided flights, with the Pareto front."""
     panels = panels_of(rows, numbers)
     figure, all_axes = panel_grid(panels, 3.3, below_in=0.7)
     for axes, group in zip(all_axes, panels.values(), strict=True):
@@ -77,7 +77,7 @@ def front_figure(rows: Sequence[Row], numbers: Sequence[int]) -> Figure:
 
 
 def front_of(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Points that no other is better than in one and as good in the other, by their first figure; less is better."""
+    """The Pareto front: points not dominated by another, sorted by their first value; less is better."""
     best: list[tuple[float, float]] = []
     for point in sorted(set(points)):
         if not best or point[1] < best[-1][1]:
@@ -92,7 +92,7 @@ def _draw_front(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
 
 
 def _scale(axes: Axes) -> None:
-    """Logarithms; of times only where they spread widely."""
+    """Set logarithmic axes; for times only if their range is wide."""
     left, right = axes.get_xlim()
     spreads = right > WIDE * left
     if spreads:
@@ -111,7 +111,7 @@ def _scale(axes: Axes) -> None:
 
 
 def _legend(figure: Figure, rows: Sequence[Row]) -> None:
-    """Colours and markers, below all panels."""
+    """Legend of colours and markers, below all panels."""
     handles = [
         Line2D([], [], marker="o", linestyle="none", color=COLOUR_OF[name], label=DEFINITION_NAMES[name])
         for name in DEFINITION_NAMES
@@ -125,7 +125,7 @@ def _legend(figure: Figure, rows: Sequence[Row]) -> None:
 
 
 def sensitivity_figures(rows: Sequence[Row]) -> dict[str, Callable[[], Figure]]:
-    """A figure for each of `VARIED` that has several values in one world, by its name."""
+    """A figure for each quantity of `VARIED` that has several values in one world, by name."""
     figures: dict[str, Callable[[], Figure]] = {}
     for varied in VARIED:
         others = ("scenario", "solver", *(name for name in WORLD if name != varied))

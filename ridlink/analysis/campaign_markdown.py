@@ -1,4 +1,4 @@
-"""The tables of a campaign as Markdown, for documents: one line a setting, one column a scene and kind of errors."""
+"""The tables of a campaign as Markdown: one row per setting, one column per scene and error model."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from ridlink.campaign.cell import Cell, world_words
 from ridlink.words import or_dash
 
 ERRORS = {"gauss-markov": "G-M"}
-"""Short names for heads of columns."""
+"""Short names for column heads."""
 
 BAR = "\\|"
-"""One that ends no cell."""
+"""An escaped bar, which does not end a table cell."""
 
 CHANCE = 1e-4
-"""Smaller probabilities are said to be smaller."""
+"""Smaller probabilities are shown as smaller than this."""
 
 
 def markdown_report(cells: Sequence[FlownCell], points: Sequence[Pair], together: Sequence[Pooled]) -> str:
-    """Times and collisions of all cells, all cells against the paper's Candidates, scenes taken together.
+    """Times and collisions of all cells, comparisons of all cells with the paper's Candidates, and totals over scenes.
 
     Args:
         cells: A complete campaign.
-        points: Its cells against those of the Candidates.
-        together: Collisions over all scenes.
+        points: Comparisons of its cells with those of the Candidates.
+        together: Total collisions over all scenes.
     """
     ours = [pair for pair in points if (pair.cell.definition, pair.cell.solver) not in PAPERS_POINTS]
     parts = [
@@ -77,7 +77,7 @@ def _world(cell: Cell) -> str:
 def _span(value: float | None, interval: tuple[float, float] | None, digits: int) -> str:
     if value is None or interval is None:
         return "-"
-    # What rounds to zero has no sign.
+    # A value that rounds to zero gets no sign.
     value, low, high = (round(each, digits) + 0.0 for each in (value, *interval))
     return f"{value:+.{digits}f} ({low:+.{digits}f} to {high:+.{digits}f})"
 

@@ -1,4 +1,4 @@
-"""The report of a campaign as one HTML page that asks for nothing outside of itself."""
+"""The report of a campaign as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def report_page(title: str, cells: Sequence[JudgedCell], tables: Sequence[str], 
     """The page.
 
     Args:
-        title: Of the page.
+        title: Title of the page.
         cells: Its rows.
-        tables: More tables, as HTML; they stand between the rows and the figures.
-        figures: SVG files by name; they are taken into the page.
+        tables: Further tables, as HTML, between the rows and the figures.
+        figures: SVG files by name, which are embedded in the page.
     """
     flights = sum(cell.row["flights"] for cell in cells)
     is_compared = any(cell.median.verdict is not Verdict.NOT_PRINTED for cell in cells)

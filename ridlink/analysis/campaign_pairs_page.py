@@ -1,4 +1,4 @@
-"""Tables of the campaign page that compare cells with each other: run by run, setting by setting, scenes together."""
+"""Tables of the campaign page that compare cells: run by run, setting by setting, and over all scenes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PAIRED = (
 
 
 def pooled_table(found: Sequence[Pooled]) -> str:
-    """Counts of flights over all scenes."""
+    """Table of flights and collisions over all scenes."""
     if not found:
         return ""
     rows = (
@@ -34,7 +34,7 @@ def pooled_table(found: Sequence[Pooled]) -> str:
 
 
 def dominance_table(found: Sequence[Dominance]) -> str:
-    """Which setting is no slower and has no more collisions than another, everywhere."""
+    """Table of settings that are no slower and have no more collisions than another in all cells."""
     rows = (
         (
             setting_words(*each.setting), setting_words(*each.against), world_words(each.world) or "usual",
@@ -50,7 +50,7 @@ def dominance_table(found: Sequence[Dominance]) -> str:
 
 
 def pairs_table(title: str, found: Sequence[Pair]) -> str:
-    """Cells against others, run by run."""
+    """Table that compares cells run by run."""
     rows = (
         (
             _where(pair.cell), setting_words(pair.cell.definition, pair.cell.solver), _against(pair),

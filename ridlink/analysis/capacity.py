@@ -1,9 +1,10 @@
-"""How many vehicles an airspace holds, and how often they come into conflict: a formula, and a simulation beside it.
+"""Capacity of an airspace: how many vehicles it holds, and how often they come into conflict, by a formula and a
+simulation.
 
-The gas model: vehicles are spread evenly over the plane, fly straight on, all headings are equally likely, nobody
-avoids. One that meets others of density n at relative speed w sweeps a strip of width 2 R, so it enters the discs of
-others `2 n E[R w]` times in a unit of time. A unit of area has `n^2 E[R w]` such conflicts: each takes two.
-With equal speeds `E[w] = 4 V / pi`. It counts what avoidance has to solve, not what collides.
+The gas model: vehicles are spread evenly over the plane, fly straight on with equally likely headings, and nobody
+avoids. A vehicle that meets others of density n at relative speed w sweeps a strip of width 2 R, so it enters the discs
+of others `2 n E[R w]` times in a unit of time. A unit of area has `n^2 E[R w]` such conflicts, since each takes two
+vehicles. With equal speeds `E[w] = 4 V / pi`. The model counts conflicts that avoidance has to solve, not collisions.
 
 Sources: J.C. Maxwell's mean free path in two dimensions, for aircraft: B. Alexander, "Aircraft density and midair
 collision", Proc. IEEE 58 (1970); S. Endoh, "Aircraft collision models", MIT FTL R82-2 (1982). Densest packing of equal
@@ -35,18 +36,18 @@ FloatArray = NDArray[np.float64]
 M2_PER_KM2 = 1e6
 S_PER_H = 3600.0
 PROBABILITY = 0.997
-"""Share of pairs whose radius is not above the quantile that is given; the paper's line."""
+"""Share of pairs whose radius is not above the reported quantile; the value of the paper."""
 
 VEHICLES = 40
-"""In each simulated world."""
+"""Vehicles in each simulated world."""
 
 CROSSINGS = 2.0
-"""The fastest pair crosses a simulated world so many times."""
+"""Number of times that the fastest pair crosses a simulated world."""
 
 FEW = f"of fewer than {LEAST_RUNS} worlds no interval says how far a simulated figure can be trusted"
 
 MOST_OF_NONE = -math.log(0.025)
-"""Where none is counted, no more than so many are to be expected: Poisson's two-sided 95 %."""
+"""Upper bound of the expected number of events if none is counted: Poisson's two-sided 95 %."""
 
 NORMAL = 1.959964
 """Two-sided 95 % of a normal distribution, in standard deviations."""
@@ -56,16 +57,16 @@ _HEADINGS, _SPEEDS = 720, 64
 
 @dataclass(frozen=True, slots=True)
 class Airspace:
-    """Who flies, and what keeps them apart.
+    """Vehicles of an airspace, and their separation.
 
     Args:
-        definition: What sizes the disc of a pair.
-        sigma_m: Standard deviation of the position error per axis, of every vehicle; it reports three of them.
+        definition: Separation definition.
+        sigma_m: Standard deviation of the position error per axis, of every vehicle; it reports three times this.
         interval_s: Time between two reports.
-        category: Of Table III: speeds are normal about V_c (Eq. 4), from a third of it to V_max; airframes uniform
-            between 0.1 and 7.5 m.
-        eta: Of the definition `chance`.
-        convention: Of the definition `odid-accuracy`: what all take each other's accuracy codes for.
+        category: Category of Table III: speeds are normal about V_c (Eq. 4), from a third of it to V_max; airframes are
+            uniform between 0.1 and 7.5 m.
+        eta: For the definition `chance`.
+        convention: For the definition `odid-accuracy`: how accuracy codes are read.
 
     Raises:
         ValueError: If a figure is negative or not finite, or the category is unknown.
@@ -105,13 +106,13 @@ class Airspace:
 
 @dataclass(frozen=True, slots=True)
 class Gas:
-    """The formula's figures.
+    """The figures of the formula.
 
     Attributes:
         radius_m: Mean radius of a pair.
         relative_speed_mps: Mean relative speed.
         swept_m2ps: Area that a vehicle sweeps, 2 E[R w].
-        mac_swept_m2ps: The same with the MAC radius, half the sum of both airframes.
+        mac_swept_m2ps: Swept area with the MAC radius, half the sum of both airframes.
     """
 
     radius_m: float
@@ -121,23 +122,23 @@ class Gas:
 
     @property
     def packed_per_km2(self) -> float:
-        """Most vehicles that fit, hovering, the mean radius apart."""
+        """Largest number of hovering vehicles that fit, the mean radius apart."""
         return M2_PER_KM2 * 2.0 / math.sqrt(3.0) / self.radius_m**2
 
     def conflicts_per_flight_hour(self, density_per_km2: float) -> float:
-        """How often one vehicle enters the disc of another."""
+        """Rate at which one vehicle enters discs of others."""
         return self.swept_m2ps * density_per_km2 / M2_PER_KM2 * S_PER_H
 
     def conflicts_per_km2_hour(self, density_per_km2: float) -> float:
-        """How many conflicts there are in a square kilometre."""
+        """Rate of conflicts in a square kilometre."""
         return self.conflicts_per_flight_hour(density_per_km2) * density_per_km2 / 2.0
 
     def macs_per_flight_hour(self, density_per_km2: float) -> float:
-        """How often one vehicle would be hit if nobody avoided."""
+        """Rate of collisions of one vehicle if nobody avoided."""
         return self.mac_swept_m2ps * density_per_km2 / M2_PER_KM2 * S_PER_H
 
     def density_per_km2(self, conflicts_per_flight_hour: float) -> float:
-        """Vehicles in a square kilometre at which each has so many conflicts, or those that fit where that is less."""
+        """Density at which each vehicle has this rate of conflicts, or the packed density if that is less."""
         wanted = conflicts_per_flight_hour / S_PER_H * M2_PER_KM2 / self.swept_m2ps
         return min(wanted, self.packed_per_km2)
 
@@ -145,12 +146,12 @@ class Gas:
 def gas_model(airspace: Airspace) -> Gas:
     """The formula: means over both speeds, by their quantiles, and over all headings.
 
-    Radii are linear in the airframes, which depend on nothing else: their mean stands for them.
+    Radii are linear in the airframes, which are independent of everything else, so their mean is used.
     """
     drawn = airspace.speed.quantile((np.arange(_SPEEDS) + 0.5) / _SPEEDS)
     own, other = drawn[:, None], drawn[None, :]
     angle = 2.0 * math.pi * np.arange(_HEADINGS) / _HEADINGS
-    # law of cosines; a periodic mean over equal steps is exact to rounding but where the speeds are equal
+    # law of cosines; a periodic mean over equal steps is exact up to rounding, except where the speeds are equal
     squares = own[..., None] ** 2 + other[..., None] ** 2 - 2.0 * own[..., None] * other[..., None] * np.cos(angle)
     relative = np.sqrt(np.maximum(squares, 0.0)).mean(axis=-1)
     airframe = (MIN_AIRFRAME_M + MAX_AIRFRAME_M) / 2.0
@@ -163,13 +164,13 @@ def gas_model(airspace: Airspace) -> Gas:
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """What a simulated gas did.
+    """Results of a simulated gas.
 
     Attributes:
-        conflicts: Entries into discs that were counted.
-        conflicts_per_flight_hour: At the density that was asked for.
-        ci95: Interval of it, from the spread of the worlds; None of fewer than `LEAST_RUNS`. Where nothing was counted,
-            what nothing may hide, in however many.
+        conflicts: Counted entries into discs.
+        conflicts_per_flight_hour: Rate at the requested density.
+        ci95: Interval of the rate, from the spread of the worlds; None for fewer than `LEAST_RUNS`. If nothing was
+            counted, the bound for zero events, for any number of worlds.
         radius_quantile_m: Radius that `PROBABILITY` of the pairs do not exceed.
     """
 
@@ -182,15 +183,15 @@ class Simulated:
 def simulate_gas(
     airspace: Airspace, density_per_km2: float, random: np.random.Generator, worlds: int = 400
 ) -> Simulated:  # fmt: skip
-    """Vehicles fly straight on over a torus, and every entry into the disc of another is counted.
+    """Count every entry into the disc of another among vehicles that fly straight on over a torus.
 
-    Nothing of the formula is used. Paths are straight, so that entries are found exactly, on all images of the torus.
+    The formula is not used. Since paths are straight, entries are found exactly, on all images of the torus.
 
     Args:
-        airspace: Who flies.
-        density_per_km2: Others in a square kilometre.
-        random: Draws fleets, places and headings.
-        worlds: How many worlds of 40 vehicles.
+        airspace: Vehicles and separation.
+        density_per_km2: Other vehicles in a square kilometre.
+        random: Draws fleets, positions and headings.
+        worlds: Number of worlds of 40 vehicles.
 
     Raises:
         ValueError: If the density is not positive, or there are fewer than two worlds.
@@ -215,7 +216,7 @@ def simulate_gas(
 
 
 def students_t(freedom: int) -> float:
-    """Half the width of a two-sided 95 % interval of a mean, in standard errors that are estimated themselves.
+    """Half the width of a two-sided 95 % interval of a mean, in estimated standard errors.
 
     Source: Abramowitz and Stegun 26.7.5; within 0.2 % from 5 degrees of freedom up.
     """
@@ -255,10 +256,10 @@ def _world(airspace: Airspace, side_m: float, duration_s: float, random: np.rand
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """Both beside each other at one density.
+    """Formula and simulation at one density.
 
     Attributes:
-        airspace: Who flies, and what keeps them apart.
+        airspace: Vehicles and separation.
         density_per_km2: Vehicles in a square kilometre.
         gas: The formula.
         simulated: The simulation.
@@ -294,10 +295,10 @@ class Capacity:
 def capacities(
     airspaces: list[Airspace], density_per_km2: float, bearable: float, seed: int, worlds: int
 ) -> Iterator[Capacity]:  # fmt: skip
-    """Formula and simulation of several airspaces, each with the same draws.
+    """Formula and simulation of several airspaces, all with the same draws.
 
     Raises:
-        ValueError: As `simulate_gas`, or if more fly than fit.
+        ValueError: As `simulate_gas`, or if more vehicles fly than fit.
     """
     for airspace in airspaces:
         gas = gas_model(airspace)

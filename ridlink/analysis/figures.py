@@ -1,7 +1,7 @@
-"""The paper's analytic figures, drawn again with matplotlib (extra `plot`): PNG and SVG, the same bytes every time.
+"""The paper's analytic figures, drawn with matplotlib (extra `plot`) as PNG and SVG, with the same bytes every time.
 
-Distances in metres, times in seconds. Colours are those of Okabe and Ito, which the colour-blind can tell apart; lines
-differ in style as well, for print.
+Distances are in metres, times in seconds. Colours are those of Okabe and Ito, which colour-blind readers can
+distinguish; lines also differ in style, for print.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ UNMAC_INTERVALS_S = (0.1, 0.5, 1.0, 3.0)
 
 
 def draw_figures(folder: Path) -> list[Path]:
-    """Draw every figure into a folder, which is made where it does not exist.
+    """Draw every figure into a folder, which is created if it does not exist.
 
     Returns:
         The files, in the order of the paper; existing ones are replaced.
@@ -71,7 +71,7 @@ def draw_figures(folder: Path) -> list[Path]:
     Raises:
         OSError: If the folder or a file cannot be written.
     """
-    if folder.exists() and not folder.is_dir():  # `mkdir` says of a device that it exists
+    if folder.exists() and not folder.is_dir():  # for a device, `mkdir` would report that it exists
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
     folder.mkdir(parents=True, exist_ok=True)
     files: list[Path] = []
@@ -81,20 +81,21 @@ def draw_figures(folder: Path) -> list[Path]:
 
 
 def save_figure(draw: Callable[[], Figure], folder: Path, name: str, *, formulas: bool = True) -> list[Path]:
-    """Draw one figure in the house's style and write it as PNG and SVG, the same bytes every time.
+    """Draw one figure in the common style and write it as PNG and SVG, with the same bytes every time.
 
     Args:
-        draw: Draws it.
-        folder: Where it is written.
-        name: Of the files, without a suffix.
-        formulas: What stands between dollar signs is one; False where names of scenes are drawn, which may hold any.
+        draw: Function that draws it.
+        folder: Folder of the files.
+        name: Name of the files, without a suffix.
+        formulas: Whether text between dollar signs is a formula; False if names of scenes are drawn, which may contain
+            dollar signs.
 
     Raises:
-        OSError: If a file cannot be written; a half one is not left.
+        OSError: If a file cannot be written; no partial file is left.
     """
     files = []
     with matplotlib.rc_context({**STYLE, "text.parse_math": formulas}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph")  # a letter that the font lacks is a box
+        warnings.filterwarnings("ignore", "Glyph")  # a letter that is not in the font is drawn as a box
         figure = draw()
         for suffix, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
             drawn = io.BytesIO()
@@ -111,7 +112,7 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 
 def localization_figure() -> Figure:
-    """Error of both vehicles, Eq. 12, for the standards of Table II; the standard's bound of 80 m beside it."""
+    """Error of both vehicles, Eq. 12, for the standards of Table II; with the standard's bound of 80 m."""
     figure, axes = _figure(7.0, 4.2)
     x = np.linspace(0.0, 90.0, 1801)
     for k, (sigma, standard) in enumerate(zip(GPS_SIGMA_M, GPS_STANDARDS, strict=True)):
@@ -131,7 +132,7 @@ def localization_figure() -> Figure:
 
 
 def mobility_figure() -> Figure:
-    """What two vehicles of a category fly between two reports, 99.7 %, over the time between them."""
+    """Distance that two vehicles of a category fly between two reports, 99.7 %, over the time between them."""
     figure, axes = _figure(7.0, 4.6)
     interval = np.geomspace(0.01, 10.0, 61)
     for k, (number, category) in enumerate(CATEGORIES.items()):
@@ -175,7 +176,8 @@ def unmac_figure() -> Figure:
 
 
 def wireless_figure() -> Figure:
-    """Technologies: time between reports, range, and what a pair flies meanwhile. Sources: `technologies`."""
+    """Technologies: time between reports, range, and distance that a pair flies in that time. Sources:
+    `technologies`."""
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
     panels = figure.subplots(1, 3, sharey=True)
     rows = sorted(COMPARED, key=lambda each: -each.period_s)
@@ -240,14 +242,14 @@ def _figure(width_in: float, height_in: float) -> tuple[Figure, Axes]:
 
 
 def plain_numbers(axes: Axes, *, vertical: bool = True) -> None:
-    """1000 instead of a power of ten, and no labels between the decades."""
+    """Label axes with 1000 instead of a power of ten, and not between the decades."""
     for axis in (axes.xaxis, axes.yaxis) if vertical else (axes.xaxis,):
         axis.set_major_formatter(FormatStrFormatter("%g"))
         axis.set_minor_formatter(NullFormatter())
 
 
 def _technologies_by_interval() -> dict[float, list[str]]:
-    """Names of the technologies at each interval; those that a line cannot tell apart share one."""
+    """Names of the technologies at each interval; technologies with equal intervals share a line."""
     grouped: dict[float, list[str]] = {}
     for technology in sorted(COMPARED, key=lambda each: each.period_s):
         near = next((known for known in grouped if technology.period_s / known < 1.1), technology.period_s)

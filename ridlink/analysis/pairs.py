@@ -1,7 +1,7 @@
-"""Cells of a campaign against each other, run by run: all cells of a scene fly the same fleets with the same errors.
+"""Compares cells of a campaign run by run: all cells of a scene fly the same fleets with the same errors.
 
-Three questions: how a setting compares with the paper's points (Candidates 1 and 2 under rotation), what lost reports
-cost, and how many flights of all scenes together ended in a collision.
+It answers three questions: how a setting compares with the paper's points (Candidates 1 and 2 under rotation), what
+lost reports cost, and how many flights of all scenes together ended in a collision.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from ridlink.campaign.cell import Cell
 from ridlink.campaign.statistics import Difference, Interval, collided_share, paired_difference
 
 SETTING = ("definition", "solver")
-"""What is ours to choose; everything else is the world."""
+"""Keys of a cell that can be chosen; all others describe the world."""
 
 PAPERS_POINTS = (("candidate1", "rotation"), ("candidate2", "rotation"))
 
 TICK_S = 1e-6
-"""Times are multiples of a step; what differs by less is equal."""
+"""Times are multiples of a step; times that differ by less count as equal."""
 
 ALPHA = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """One cell against another with equal draws.
+    """Comparison of one cell with another, with equal draws.
 
     Attributes:
         cell: The one.
-        against: The other.
-        macs: Flights in a collision in the one.
-        macs_against: In the other.
-        flights: Flights of either.
-        difference: The one less the other.
+        against: The other cell.
+        macs: Collided flights of the one cell.
+        macs_against: Collided flights of the other cell.
+        flights: Number of flights of each.
+        difference: The one cell less the other.
     """
 
     cell: Cell
@@ -47,7 +47,7 @@ class Pair:
 
     @property
     def is_no_slower(self) -> bool:
-        """Whether its median is not above the other's; false where one of them has none."""
+        """Whether its median is not above that of the other; false if one has no median."""
         slower_s = self.difference.median_s
         return slower_s is not None and slower_s <= TICK_S
 
@@ -58,7 +58,7 @@ class Pair:
 
     @property
     def time_verdict(self) -> str:
-        """`faster` or `slower` where the interval of the medians says so, else `level`; empty without medians."""
+        """`faster` or `slower` if the interval of the medians says so, else `level`; empty without medians."""
         interval = self.difference.median_ci95
         if interval is None:
             return ""
@@ -68,7 +68,7 @@ class Pair:
 
     @property
     def mac_verdict(self) -> str:
-        """`fewer` or `more` where the sign test of the runs says so at 5 %, else `level`."""
+        """`fewer` or `more` if the sign test of the runs says so at 5 %, else `level`."""
         found = self.difference
         if found.p_value >= ALPHA:
             return "level"
@@ -82,17 +82,16 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Dominance:
-    """One setting against another over all scenes and kinds of errors that both flew.
+    """Comparison of two settings over all scenes and error models that both flew.
 
     Attributes:
         setting: Definition and solver of the one.
         against: Definition and solver of the other.
-        world: What the cells have in common besides: dynamics, sigma, interval, loss.
-        cells: How many.
-        no_slower: In how many the median is not above the other's.
-        no_more_macs: In how many no more flights collided.
-        slower: In how many it is slower beyond chance.
-        more_macs: In how many more collided beyond chance.
+        world: Common values of the cells: dynamics, sigma, interval, loss.
+        cells: How many. no_slower: Number of cells in which the median is not above that of the other.
+        no_more_macs: Number of cells in which no more flights collided.
+        slower: Number of cells in which it is significantly slower.
+        more_macs: Number of cells in which significantly more flights collided.
     """
 
     setting: tuple[str, str]
@@ -106,7 +105,7 @@ class Dominance:
 
     @property
     def dominates(self) -> bool:
-        """No slower and no more collisions in any cell, as counted."""
+        """Whether it is no slower and has no more collisions in every cell, as counted."""
         return self.no_slower == self.no_more_macs == self.cells
 
     def as_dict(self) -> dict[str, Any]:
@@ -119,11 +118,11 @@ class Pooled:
     """Flights of one setting over all scenes.
 
     Attributes:
-        conditions: What these cells have in common, by the names of `Cell`.
-        scenarios: Scenes taken together.
+        conditions: Common values of these cells, by the names of `Cell`.
+        scenarios: The scenes.
         flights: Flights in all of them.
-        macs: Those in a collision.
-        mac_rate_ci95: Interval of their share, of pairs of vehicles.
+        macs: Collided flights.
+        mac_rate_ci95: Interval of their share, computed for pairs of vehicles.
     """
 
     conditions: dict[str, Any]
@@ -134,7 +133,7 @@ class Pooled:
 
     @property
     def said(self) -> str:
-        """Counts, and what they say."""
+        """Text with the counts and the interval."""
         low, high = self.mac_rate_ci95
         if not self.macs:
             return f"0 of {self.flights:,}, so below {high:.1e} at 95 %"
@@ -146,17 +145,17 @@ class Pooled:
 
 
 def against_points(cells: Sequence[FlownCell]) -> list[Pair]:
-    """Every cell against those of the paper's own settings in the same world, where they were flown."""
+    """Compare every cell with the paper's own settings in the same world, if they were flown."""
     return list(_pairs(cells, [dict(zip(SETTING, point, strict=True)) for point in PAPERS_POINTS]))
 
 
 def against_lossless(cells: Sequence[FlownCell]) -> list[Pair]:
-    """Every cell with lost reports against the same one without."""
+    """Compare every cell with lost reports with the same cell without."""
     return list(_pairs(cells, [{"loss": 0.0}]))
 
 
 def _pairs(cells: Sequence[FlownCell], changes: Sequence[dict[str, Any]]) -> Iterator[Pair]:
-    """Cells against those that differ in the changes only."""
+    """Compare cells with those that differ only in the given changes."""
     known = {Cell.of_row(cell.row): cell for cell in cells}
     for cell, flown in known.items():
         for change in changes:
@@ -168,8 +167,7 @@ def _pairs(cells: Sequence[FlownCell], changes: Sequence[dict[str, Any]]) -> Ite
 
 
 def dominance(pairs: Sequence[Pair]) -> list[Dominance]:
-    """Settings against settings, each over all scenes and kinds of errors of one world; pairs as `against_points` has
-    them."""
+    """Compare settings over all scenes and error models of one world; pairs as from `against_points`."""
     groups: dict[tuple[Any, ...], list[Pair]] = {}
     for pair in pairs:
         world = _common(pair.cell, ("scenario", "gnss", *SETTING))
@@ -186,7 +184,7 @@ def dominance(pairs: Sequence[Pair]) -> list[Dominance]:
 
 
 def pooled(cells: Sequence[FlownCell]) -> list[Pooled]:
-    """Collisions of every setting over all scenes; nothing where there is one scene only."""
+    """Collisions of every setting over all scenes; empty if there is only one scene."""
     groups: dict[tuple[Any, ...], list[FlownCell]] = {}
     for cell in cells:
         groups.setdefault(tuple(_common(Cell.of_row(cell.row), ("scenario",)).values()), []).append(cell)

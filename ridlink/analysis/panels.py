@@ -1,4 +1,4 @@
-"""How the figures of a campaign are laid out: which cells share a figure, which a panel, and what is called how."""
+"""Layout of the figures of a campaign: which cells share a figure or a panel, names and titles."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ COLOUR_OF = dict(zip(DEFINITION_NAMES, (*COLOURS, GREY), strict=True))
 MARKER_OF = {"rotation": "o", "halfplane": "s", "graded": "^", "g2": "^", "g3": "*", "k": "D", "k2": "v"}
 
 WIDTHS_IN = {1: 6.2, 2: 4.6}
-"""Width of a panel by how many stand side by side: one alone must leave room for the title and the legend."""
+"""Width of a panel by the number side by side: a single panel must leave room for the title and the legend."""
 
 Row = dict[str, Any]
 Panels = dict[tuple[Any, ...], list[int]]
 
 
 def grouped(rows: Sequence[Row], names: Sequence[str], numbers: Sequence[int] | None = None) -> list[list[int]]:
-    """Numbers of rows that have these columns in common, in their order; of some rows, or of all."""
+    """Groups of row numbers with equal values in these columns, in order; of some rows, or of all."""
     found: dict[tuple[Any, ...], list[int]] = {}
     for k in range(len(rows)) if numbers is None else numbers:
         found.setdefault(tuple(rows[k][name] for name in names), []).append(k)
@@ -40,14 +40,14 @@ def grouped(rows: Sequence[Row], names: Sequence[str], numbers: Sequence[int] | 
 
 
 def panels_of(rows: Sequence[Row], numbers: Sequence[int]) -> Panels:
-    """Numbers of rows by scenario and kind of error."""
+    """Row numbers by scenario and error model."""
     return {tuple(rows[group[0]][name] for name in PANEL): group for group in grouped(rows, PANEL, numbers)}
 
 
 def name_of(
     what: str, rows: Sequence[Row], numbers: Sequence[int], groups: Sequence[Sequence[int]], names: Sequence[str]
 ) -> str:
-    """Name of a figure of one group: what it shows, and by which columns the groups differ."""
+    """Name of the figure of a group: its subject, and the columns by which groups differ."""
     parts = [what]
     for name in names:
         if len({rows[group[0]][name] for group in groups}) > 1:
@@ -59,14 +59,14 @@ def name_of(
 
 
 def title_of(what: str, row: Row, names: Sequence[str]) -> str:
-    """Title of a figure: what it shows, and under which conditions."""
+    """Title of a figure: its subject and its conditions."""
     words = [f"solver {row['solver']}"] if "solver" in names else []
     world = world_words(row)
     return " - ".join([what, ", ".join([*words, *([world] if world else [])])]).removesuffix(" - ")
 
 
 def head_figure(figure: Figure, title: str) -> None:
-    """Give a figure its title, in as many lines as its width asks for."""
+    """Add the title to a figure, in as many lines as its width needs."""
     figure.suptitle(textwrap.fill(title, int(11.5 * figure.get_figwidth())), fontsize=10.0)
 
 
@@ -80,7 +80,7 @@ def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
 
 
 def panel_grid(panels: Panels, height_in: float, *, below_in: float = 0.0) -> tuple[Figure, list[Axes]]:
-    """One panel a scenario and kind of error: scenarios side by side, or in rows where there are several kinds."""
+    """One panel per scenario and error model: scenarios side by side, or in rows if there are several models."""
     scenarios, kinds = ({key[k]: None for key in panels} for k in (0, 1))
     is_table = len(kinds) > 1 and len(panels) == len(scenarios) * len(kinds)
     across = len(kinds) if is_table else min(len(panels), 2)

@@ -1,6 +1,6 @@
-"""What the paper prints, beside what follows from its equations, metres and seconds.
+"""Compares printed numbers of the paper with the results of its equations, in metres and seconds.
 
-Nothing here is tuned towards a printed number: where ours differs, `Comparison.why` says what was found.
+Nothing here is tuned towards a printed number: if the computed number differs, `Comparison.why` gives the reason.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from ridlink.separation.reference import (
 from ridlink.technologies import COMPARED
 
 CLOSE = 0.01
-"""Relative difference up to which a figure is close: what a sampled quantile, or reading off a curve, is off by."""
+"""Relative difference up to which a figure is close: the error of a sampled quantile, or of reading off a curve."""
 
 PAPER_SIGMA_M = 10.0
 """Localization error of the paper's simulation, its worst case."""
@@ -44,12 +44,10 @@ PRINTED_QUANTILE_M = ("9.34", "17.3", "23.94", "49.5")
 
 
 class Verdict(StrEnum):
-    """How a printed figure compares with ours.
+    """Result of comparing a printed figure with the computed one.
 
-    EQUAL: to all printed digits.
-    CLOSE: not to all of them, but within 1 %.
-    DIFFERS: it does not follow from the equations.
-    NOT_PRINTED: the paper shows it as a curve only.
+    EQUAL: equal to all printed digits. CLOSE: not equal to all printed digits, but within 1 %. DIFFERS: it does not
+    follow from the equations. NOT_PRINTED: the paper shows it as a curve only.
     """
 
     EQUAL = "equal"
@@ -66,10 +64,10 @@ class Comparison:
         where: Section, table, figure or equation of the paper.
         what: Quantity.
         unit: Unit of both numbers, empty for a count.
-        printed: As printed, None where it is not.
-        ours: As computed; lowest and highest where it is a range.
-        verdict: How they compare.
-        why: Reason for a difference, empty where there is none.
+        printed: As printed, None if it is not printed.
+        ours: As computed; lowest and highest value if it is a range.
+        verdict: Result of the comparison.
+        why: Reason for a difference, empty if there is none.
     """
 
     where: str
@@ -86,7 +84,7 @@ class Comparison:
 
 
 def compared(where: str, what: str, unit: str, printed: str | None, ours: float, why: str = "") -> Comparison:
-    """A comparison judged by the digits that were printed; the reason is kept only where something differs."""
+    """A comparison judged by the printed digits; the reason is kept only if there is a difference."""
     if printed is None:
         return Comparison(where, what, unit, None, ours, Verdict.NOT_PRINTED)
     value = float(printed)
@@ -99,7 +97,7 @@ def compared(where: str, what: str, unit: str, printed: str | None, ours: float,
 
 
 def comparisons() -> list[Comparison]:
-    """Every printed figure that follows, or should follow, from the equations."""
+    """All printed figures that follow, or should follow, from the equations."""
     return [*_table_ii(), *_sizes(), *_localization(), *_mobility(), *_unmac(), *_simulation()]
 
 
@@ -193,7 +191,7 @@ def excess_distances(etas: tuple[float, ...] = (0.95, 0.99, 0.999)) -> list[dict
     """Distance [m] that a pair keeps beyond its airframes for the paper's errors, over eta, in the forms of
     `ChanceBound`.
 
-    Beside them stands the paper's three sigma of both, which does not depend on eta.
+    The paper's three sigma of both, which does not depend on eta, is included.
     """
     bound_m = 3.0 * PAPER_SIGMA_M
     rows = []
