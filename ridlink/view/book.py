@@ -1,4 +1,4 @@
-"""The whole history under one definition: encounters, and the tightest pair of each time. Read in slices."""
+"""The history under one definition: encounters, and the tightest pair of each time. It is read in slices."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ MOST_ENCOUNTERS = 500
 MOST_POINTS = 2000
 GONE_AFTER_S = 2.0
 CROWD, IN_A_CROWD = 100, 5
-"""With more vehicles than that, encounters are followed from each fifth instant to the next, straight in between."""
+"""With more than 100 vehicles, encounters are evaluated at every fifth instant, with straight flight in between."""
 
 Seen = Callable[[Instant], tuple[Scene, Pairs, Pairs]]
-"""An instant as a scene with its pairs that are or will be too near, and the one with the least margin."""
+"""An instant as a scene, its pairs that are or will be too near, and the pair with the least margin."""
 
 
 class Book:
-    """What a history says under one definition.
+    """Encounters and tightest pairs of a history under one definition.
 
     Args:
-        definition: What sizes the discs.
-        history: What is read.
-        seen: Looks at an instant.
+        definition: Separation definition.
+        history: The history.
+        seen: Computes scene and pairs of an instant.
 
     Attributes:
-        changes: Counts up whenever an encounter changed.
-        caught_up: Whether it has ever come to the end of the history; from then on it keeps up.
+        changes: Counter of changes of encounters.
+        caught_up: Whether it has reached the end of the history at least once; from then on it keeps up.
     """
 
     def __init__(self, definition: Definition, history: History, seen: Seen) -> None:
@@ -59,7 +59,7 @@ class Book:
         history = self._history
         if self._next >= history.end:
             return False
-        if self._next < history.first:  # forgotten before they were read
+        if self._next < history.first:  # instants were forgotten before they were read
             self._least.extend([np.nan] * (2 * (history.first - self._next)))
             self._next = history.first
         moment = history.at(self._next)
@@ -77,21 +77,21 @@ class Book:
         return True
 
     def end(self) -> None:
-        """Nothing comes any more: what is open ends with the last instant."""
+        """The source has ended: open encounters end with the last instant."""
         for encounter in self._log.close():
             self._note(Phase.CLOSE, encounter)
 
     def encounters(self) -> list[tuple[int, Encounter]]:
-        """The newest encounters with their ids, the oldest of them first."""
+        """The newest encounters with their ids, in order of time."""
         known = sorted([*self._closed, *self._open.values()], key=lambda one: one[0])
         return known[-MOST_ENCOUNTERS:]
 
     def series(self, from_s: float, to_s: float) -> tuple[float, float, NDArray[np.float64], bool]:
-        """Distance and radius of the pair in most danger, between two times.
+        """Distance and radius of the tightest pair, between two times.
 
         Returns:
-            Time of the first bucket, length of a bucket, distance and radius in each, shape (n, 2), NaN where there is
-            no pair; and whether all of what was asked for has been read.
+            Time of the first bucket, length of a bucket, distance and radius in each, shape (n, 2), NaN if there is no
+            pair; and whether the whole requested time has been read.
         """
         history = self._history
         extent = history.extent_s

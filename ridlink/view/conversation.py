@@ -1,7 +1,7 @@
-"""What one page asks, and what it is told next. No socket: requests come as text, answers leave one at a time.
+"""Requests of one page, and the next message to it. No socket: requests are text, messages are fetched one at a time.
 
-Nothing waits in line. Of the newest instant, of the encounters, of health there is only the latest; a request replaces
-an older one of its kind. What a page does not read is never written, so a slow page skips instants and costs nothing.
+Nothing queues up. Only the latest instant, encounters and health are kept, and a request replaces an older one of its
+kind. A message is written only when the page reads it, so a slow page skips instants and costs nothing.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ LONGEST_REQUEST = 4096
 MOST_INSTANTS = 300
 PART_BYTES = 64 * 1024
 MOST_MISTAKES = 10
-"""In a row; then the page is left alone."""
+"""Wrong requests in a row, after which the connection ends."""
 
 Window = tuple[float, float]
 
 
 class Request(msgspec.Struct, forbid_unknown_fields=True):
-    """What a page may ask for; several at once."""
+    """Keys of a request; a page may send several at once."""
 
     definition: Definition | msgspec.UnsetType = msgspec.UNSET
     select: str | msgspec.UnsetType | None = msgspec.UNSET
@@ -44,13 +44,13 @@ class Conversation:
     """One page.
 
     Args:
-        show: What it looks at.
+        show: The show that it displays.
 
     Attributes:
-        definition: What sizes the discs that it sees.
-        selected: The vehicle that it looks at closely.
-        following: It wants to see what happens now.
-        hopeless: It has made too many mistakes in a row.
+        definition: Definition of the discs that it displays.
+        selected: The selected vehicle.
+        following: Whether it gets new instants.
+        hopeless: Whether it has sent too many wrong requests in a row.
     """
 
     def __init__(self, show: Show) -> None:
@@ -68,7 +68,7 @@ class Conversation:
         self._greeted = -1
 
     def take(self, text: str | bytes) -> None:
-        """A request; what is wrong with it is told."""
+        """Receive a request; an error in it is reported to the page."""
         try:
             if len(text) > LONGEST_REQUEST:
                 raise ValueError(f"a request has at most {LONGEST_REQUEST} characters")
@@ -105,19 +105,19 @@ class Conversation:
             self._answers["series"] = self._series(request.series)
 
     def step(self) -> None:
-        """There is a new instant."""
+        """Note a new instant."""
         self._instant_due = self._instant_due or self.following
 
     def second(self, health: bytes) -> None:
-        """A second has passed."""
+        """Note that a second has passed."""
         self._encounters_due = True
         self._waiting["health"] = health
 
     def next(self) -> bytes | None:
-        """What is to be sent next; empty where work was done but nothing is to be sent yet, None if nothing waits."""
+        """The next message; empty if work was done but there is no message yet, None if there is nothing to do."""
         show = self._show
         if self._greeted != show.greetings:
-            if self._greeted >= 0:  # what was asked about another source
+            if self._greeted >= 0:  # requests about another source
                 self._answers.clear()
             self._greeted = show.greetings
             self._told = None
@@ -146,7 +146,7 @@ class Conversation:
         return self._instant() if self._instant_due else None
 
     def _instant(self) -> bytes:
-        """The newest instant; whatever else is due comes next, however fast instants follow on each other."""
+        """The newest instant; other messages that are due come next, however fast instants follow each other."""
         self._instant_due, self._others_turn = False, True
         return self._show.latest(self.definition, self.selected) or b""
 
@@ -162,7 +162,7 @@ class Conversation:
         numbers = self._chosen(first, last, step_s) if first is not None and last is not None else []
         parts: list[bytes] = []
         for number in numbers:
-            if number < show.history.first:  # forgotten meanwhile
+            if number < show.history.first:  # forgotten in the meantime
                 continue
             part = show.answer(number, definition, self.selected)
             if parts and sum(map(len, parts)) + len(part) > PART_BYTES:
@@ -173,7 +173,7 @@ class Conversation:
         yield wire.instants(request, definition, parts, done=True)
 
     def _chosen(self, first: int, last: int, step_s: float) -> list[int]:
-        """Numbers of instants no closer to each other than that, and not too many."""
+        """Numbers of instants at least this far apart, up to the limit."""
         history = self._show.history
         if last > first and step_s > 0.0:
             lasts_s = history.at(last).time_s - history.at(first).time_s
@@ -188,12 +188,12 @@ class Conversation:
 
     def _series(self, window: Window) -> Iterator[bytes]:
         book = self._show.book(self.definition)
-        self._encounters_due = True  # both are told of the same stretch
+        self._encounters_due = True  # both messages are about the same time
         yield wire.series(self.definition, *book.series(min(window), max(window)))
 
 
 def _thinned(numbers: range) -> list[int]:
-    """At most MOST_INSTANTS of them, the first and the last among them."""
+    """At most MOST_INSTANTS of them, including the first and the last."""
     every = max(1.0, (len(numbers) - 1) / (MOST_INSTANTS - 1))
     count = math.floor((len(numbers) - 1) / every + 1e-6) + 1
     return [numbers[round(place * every)] for place in range(count)]

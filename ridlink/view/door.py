@@ -1,8 +1,8 @@
-"""Who comes in, and how much of the loop's time they take.
+"""Accepts connections, and limits their share of the loop's time.
 
-A page loads some files and then says a few words a minute. Whoever says more is broken or hostile, and must not cost
-the others their instants: what all of them send is read in a share of the loop's time, in pieces so small that none is
-noticed, and newcomers come in one after the other. What is not read yet waits in the kernel, and then with its sender.
+A page loads some files and then sends a few requests a minute. A client that sends more is broken or hostile, and must
+not delay the instants of other pages. So reading from all connections takes only a share of the loop's time, in small
+pieces, and new connections are accepted one by one. Unread data wait in the kernel, and then at the sender.
 """
 
 from __future__ import annotations
@@ -20,29 +20,31 @@ from ridlink.errors import LinkError
 MOST_CONNECTIONS = 128
 NEWCOMER_EVERY_S = 0.02
 READ_BYTES = 1024
-"""At once: of the smallest frames that is work for a few milliseconds."""
+"""Bytes read at once: with the smallest frames, work for a few milliseconds."""
 
 SHARE = 0.1
-"""Of the loop's time, for reading what comes."""
+"""Share of the loop's time for reading."""
 
 VISIT_S = 20.0
-"""A connection that has not become a WebSocket by then is ended; a browser lets go of it after 5 s anyway."""
+"""A connection that has not become a WebSocket by then is closed; a browser closes it after 5 s anyway."""
 
 OUT_OF_SOCKETS_S = 1.0
 NEVER_AGAIN = (errno.EBADF, errno.EINVAL, errno.ENOTSOCK)
-"""Why no connection is accepted any more. Else others may be: no sockets or no memory are left, the peer has gone, a
-firewall forbids it, or the network has failed, of which Linux tells whoever accepts next."""
+"""Errors after which no connection can be accepted any more. After any other error, later connections may succeed:
+there are no sockets or no memory left, the peer has gone, a firewall forbids it, or the network has failed, which Linux
+reports to the next accept."""
 
 
 class Door:
-    """Lets connections in to the protocols of a server.
+    """Accepts connections for the protocols of a server.
 
     Args:
-        protocol: Makes the protocol of a new connection; it may hand the connection on to another one.
+        protocol: Creates the protocol of a new connection; it may pass the connection on to another one.
 
     Attributes:
-        counters: Connections that ``made_room`` for a newcomer because there were too many, that were ``turned_away``
-            because nobody else could, ``not_accepted`` because there were no sockets left, or the network failed.
+        counters: Connections that ``made_room`` for a new one because there were too many, that were ``turned_away``
+            because no other could be closed, ``not_accepted`` because there were no sockets left, or the network
+            failed.
     """
 
     def __init__(self, protocol: Callable[[], asyncio.Protocol]) -> None:
@@ -55,7 +57,7 @@ class Door:
         """Accept connections until cancelled.
 
         Raises:
-            LinkError: If there is nothing any more that could be accepted from.
+            LinkError: If the listening socket cannot accept any more.
         """
         listening.setblocking(False)
         loop = asyncio.get_running_loop()
@@ -76,9 +78,9 @@ class Door:
             await asyncio.sleep(NEWCOMER_EVERY_S)
 
     def _make_room(self) -> bool:
-        """End the connection that was answered longest ago, or came and never was; pages stay. False if all are pages.
+        """Close the connection whose last answer, or else arrival, is longest ago; False if all are pages, which stay.
 
-        A browser asks as soon as it is let in, so that its connection is among the last to go.
+        A browser sends its request at once, so its connection is among the last to be closed.
         """
         visitor = min((one for one in self.inside if one.is_visit), key=lambda one: one.answered_s, default=None)
         if visitor is None:
@@ -89,16 +91,16 @@ class Door:
         return True
 
     def turn_after(self, spent_s: float) -> float:
-        """When somebody whose words took so long may be read again [s], on the clock of `time.monotonic`."""
+        """Time when a connection whose data took `spent_s` may be read again [s], on the clock of `time.monotonic`."""
         self._free_at_s = max(self._free_at_s, time.monotonic()) + spent_s / SHARE
         return self._free_at_s
 
 
 class _Visitor(asyncio.BufferedProtocol):
-    """One connection, between the socket and the protocol that speaks on it.
+    """One connection, between the socket and its protocol.
 
     Attributes:
-        answered_s: When something was last said to it, or it came, on the clock of `time.monotonic`.
+        answered_s: Time of the last answer, or of its arrival, on the clock of `time.monotonic`.
     """
 
     def __init__(self, door: Door, protocol: asyncio.Protocol) -> None:
@@ -110,7 +112,7 @@ class _Visitor(asyncio.BufferedProtocol):
 
     @property
     def is_visit(self) -> bool:
-        """It has not become a WebSocket."""
+        """Whether it has not become a WebSocket."""
         return self._protocol is self._first
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -148,32 +150,32 @@ class _Visitor(asyncio.BufferedProtocol):
         self._protocol.resume_writing()
 
     def hand_on(self, protocol: asyncio.Protocol) -> None:
-        """Another protocol speaks from now on."""
+        """Use another protocol from now on."""
         self._protocol = protocol
 
     def hold(self, why: str) -> None:
-        """Read no more, until all who held it have released it."""
+        """Stop reading until every reason to hold has been released."""
         self._holds.add(why)
         self._transport.pause_reading()
 
     def release(self, why: str) -> None:
-        """Whoever held it has no reason any more."""
+        """Release one reason to hold."""
         self._holds.discard(why)
         if not self._holds:
             self._transport.resume_reading()
 
     def end_visit(self) -> None:
-        """End it, unless it has become a WebSocket."""
+        """Close it, unless it has become a WebSocket."""
         if not self.is_visit:
             return
         if self._transport.get_write_buffer_size():
-            self._transport.abort()  # an answer that nobody reads would keep it open
+            self._transport.abort()  # an unread answer would keep it open
         else:
             self._transport.close()
 
 
 class _Transport:
-    """What a protocol sees of the socket: reading goes on only when nobody else holds it."""
+    """The transport for a protocol: reading continues only if there is no other reason to hold."""
 
     def __init__(self, transport: asyncio.Transport, visitor: _Visitor) -> None:
         self._transport, self._visitor = transport, visitor

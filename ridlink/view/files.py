@@ -1,4 +1,4 @@
-"""The files of the page, read once: what is asked for later is looked up in a table and never on a disk."""
+"""The files of the page, read once: requests are looked up in a table, never on a disk."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TYPES = {
     "txt": "text/plain; charset=utf-8",
     "json": "application/json",
 }
-"""Content types by suffix; other files are not served, but for licences."""
+"""Content types by suffix; of other files only licences are served."""
 
 
 def page_files() -> dict[str, tuple[str, bytes]]:

@@ -1,7 +1,7 @@
-"""Which requests are answered at all: those that a page of this server makes, and programs that say so.
+"""Decides which requests are answered: those of this server's pages, and of programs with the right headers.
 
-A page of another site may not speak to us through the browser of somebody who has both open: its Origin gives it away,
-and where it has made its own name point at this machine, the Host does.
+A page of another site must not use this server through a browser that has both open. Its Origin reveals it; if it has
+made its own name resolve to this machine, the Host does.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ HEADERS = (
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"cache-control", b"no-cache"),
 )  # fmt: skip
-"""Of every answer."""
+"""Headers of every answer."""
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 class Guard:
-    """Lets requests through to an application, or refuses them.
+    """Passes requests to an application, or refuses them.
 
     Args:
         app: The application.
         host: Address that the server listens on.
-        names: Further names under which it may be asked for.
+        names: Further host names that are accepted.
 
     Attributes:
-        failures: Requests and pages of which the application made an error of its own; the first is logged.
+        failures: Requests and pages that failed by an error of the application; the first is logged.
     """
 
     def __init__(self, app: App, host: str, names: Iterable[str] = ()) -> None:
@@ -87,7 +87,7 @@ class Guard:
         name = host_name(host)
         if name in self._names:
             return True
-        return self._any_address and _is_address(name)  # no name that somebody could point at this machine
+        return self._any_address and _is_address(name)  # no name, since anybody may make a name resolve to this machine
 
 
 def host_name(host: str) -> str:
@@ -98,7 +98,7 @@ def host_name(host: str) -> str:
 
 
 async def refuse(scope: Scope, send: Send, status: int, text: str) -> None:
-    """Answer with an error, be it a request or the first of a WebSocket."""
+    """Answer a request, or the handshake of a WebSocket, with an error."""
     kind = "http" if scope["type"] == "http" else "websocket.http"
     headers = [(b"content-type", b"text/plain; charset=utf-8"), *HEADERS]
     body = f"{text}\n".encode()

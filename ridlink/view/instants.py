@@ -1,7 +1,7 @@
-"""Every tenth of a second as a compact array, and a history of them that stays within its memory.
+"""Every tenth of a second as a compact array, and a history of them within a memory limit.
 
 An instant is one row of 32-bit numbers for each vehicle; tuples of names and numbers are shared between instants as
-long as nobody comes or goes. Positions within 100 km of the origin are exact to a centimetre.
+long as the set of vehicles does not change. Positions within 100 km of the origin are exact to a centimetre.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ COLUMNS = FIRST_SINGLE + len(SINGLE)
 
 MEMORY_BYTES = 64 * 2**20
 OVERHEAD_BYTES = 320
-"""Of one instant beside its numbers: the objects round them."""
+"""Bytes of an instant in addition to its numbers: its Python objects."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Instant:
-    """Everybody at one instant.
+    """All vehicles at one instant.
 
     Attributes:
-        time_s: On the clock of the source.
+        time_s: Time on the clock of the source.
         numbers, names: As in `Scene`.
-        table: A row for each, shape (n, COLUMNS), NaN where unknown.
+        table: One row per vehicle, shape (n, COLUMNS), NaN if unknown.
         merged: As in `Scene`.
     """
 
@@ -53,11 +53,11 @@ class Instant:
 
     @property
     def truth_ne_m(self) -> Table:
-        """Where they truly are, NaN where that is not known, shape (n, 2)."""
+        """True positions, NaN if unknown, shape (n, 2)."""
         return self.table[:, TRUTH : TRUTH + 2]
 
     def scene(self) -> Scene:
-        """The scene that it was, in single precision."""
+        """The scene of the instant, in single precision."""
         table = self.table.astype(np.float64)
         single = {name: table[:, FIRST_SINGLE + place] for place, name in enumerate(SINGLE)}
         return Scene(
@@ -73,12 +73,12 @@ class Instant:
 
 
 def instant_of(scene: Scene, truth: Mapping[str, Pair] | None = None, before: Instant | None = None) -> Instant:
-    """The instant that a scene is.
+    """The instant of a scene.
 
     Args:
-        scene: Everybody.
-        truth: Where they truly are, by their names.
-        before: The instant before, whose tuples are used again if they are the same.
+        scene: All vehicles.
+        truth: True positions by name.
+        before: The previous instant, whose tuples are reused if they are equal.
     """
     table = np.full((len(scene), COLUMNS), np.nan, np.float32)
     table[:, POSITION : POSITION + 2] = scene.position_ne_m
@@ -99,16 +99,16 @@ def instant_of(scene: Scene, truth: Mapping[str, Pair] | None = None, before: In
 
 
 class History:
-    """Instants in the order of time, within a budget of memory.
+    """Instants in the order of time, within a memory limit.
 
     Args:
-        memory_bytes: The budget.
-        keeps_all: Instead of forgetting the oldest, keep every second instant: for what has an end.
+        memory_bytes: The limit.
+        keeps_all: At the limit, drop every second instant instead of the oldest: for sources that end.
 
     Attributes:
         first: Sequence number of the oldest instant that is kept; they count up from 0.
-        bytes: What all of them need.
-        thinned: How many times every second one was left out.
+        bytes: Memory of all instants.
+        thinned: How many times every second instant was dropped.
     """
 
     def __init__(self, memory_bytes: int = MEMORY_BYTES, *, keeps_all: bool = False) -> None:
@@ -134,11 +134,11 @@ class History:
 
     @property
     def extent_s(self) -> tuple[float, float] | None:
-        """Times of the first and the last instant; None of nothing."""
+        """Times of the first and the last instant; None if there are none."""
         return (self._instants[self._gone].time_s, self._instants[-1].time_s) if len(self) else None
 
     def add(self, instant: Instant) -> int:
-        """The next instant; its sequence number."""
+        """Add the next instant; returns its sequence number."""
         before = self._instants[-1] if len(self) else None
         size = OVERHEAD_BYTES + instant.table.nbytes
         if before is None or before.names is not instant.names:
@@ -156,14 +156,14 @@ class History:
         """The instant with that number.
 
         Raises:
-            IndexError: If it is not kept, or has not come yet.
+            IndexError: If it is not kept, or not there yet.
         """
         if not self.first <= sequence < self.end:
             raise IndexError(f"instant {sequence} is not within {self.first} to {self.end - 1}")
         return self._instants[self._gone + sequence - self.first]
 
     def find(self, time_s: float) -> int | None:
-        """Number of the last instant at or before that time; of the first if all are later, None of nothing."""
+        """Number of the last instant at or before that time; of the first if all are later; None if there are none."""
         if not len(self):
             return None
         place = bisect_right(self._instants, time_s, lo=self._gone, key=lambda one: one.time_s) - 1

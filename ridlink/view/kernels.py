@@ -1,4 +1,4 @@
-"""The kernels of the solver, which velocity spaces need, loaded while the page is served already."""
+"""Loads the kernels of the solver, which velocity spaces need, while the page is already served."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ridlink.view.show import Show
 
 
 async def load_kernels(show: Show) -> None:
-    """Let a show look at vehicles as soon as it can.
+    """Load the kernels, then let a show compute velocity spaces.
 
-    The first time of an installation the kernels are compiled, for up to half a minute, and by another process: the
-    compiler would keep this one from serving.
+    The first time after an installation, another process compiles the kernels for up to half a minute: the compiler
+    would keep this one from serving.
     """
     if not is_warm():
         await compile_apart()

@@ -1,4 +1,4 @@
-"""What goes on now: datagrams of a link become an instant each tenth of a second."""
+"""Live traffic: datagrams of a link become an instant every tenth of a second."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from ridlink.view.show import Show
 from ridlink.view.wire import STEP_S
 
 Truth = Callable[[Sky], Mapping[str, Pair]]
-"""Where vehicles truly are, by the names that they have in a sky."""
+"""True positions by the names of vehicles in a sky."""
 
 
 class Receiver:
-    """Fills a show with what is heard.
+    """Fills a show with received traffic.
 
     Args:
-        show: Where it goes.
-        sky: Who is in the air.
-        truth: Where they truly are, if anybody knows.
+        show: The show.
+        sky: The aircraft in the air.
+        truth: True positions, if known.
     """
 
     def __init__(self, show: Show, *, sky: Sky | None = None, truth: Truth | None = None) -> None:
@@ -42,7 +42,7 @@ class Receiver:
         self._lag_s = 0.0
 
     def hear(self, data: bytes, _: object = None) -> None:
-        """A datagram."""
+        """Receive a datagram."""
         now_s = time.monotonic() - self._begun_s
         for found in parse_datagram(data, CRC_EXTRAS):
             if isinstance(found, Frame):
@@ -52,7 +52,7 @@ class Receiver:
                 self._rejects[str(found.cause)] += 1
 
     def health(self) -> Mapping[str, Any]:
-        """What went on since the last time."""
+        """Figures since the last call."""
         now_s = time.monotonic()
         lasted_s, self._counted_s = max(now_s - self._counted_s, 1e-3), now_s
         frames, self._frames = self._frames, 0
@@ -66,13 +66,13 @@ class Receiver:
         }
 
     async def run(self, server: ViewServer) -> None:
-        """An instant each tenth of a second, until cancelled."""
+        """Add an instant every tenth of a second, until cancelled."""
         show, sky = self._show, self.sky
         step = 0
         while True:
             now_s = time.monotonic() - self._begun_s
             self._lag_s = max(self._lag_s, now_s - step * STEP_S)
-            step = max(step, int(now_s / STEP_S + 1e-6))  # what was missed stays missed
+            step = max(step, int(now_s / STEP_S + 1e-6))  # missed instants are not made up for
             sky.forget_silent(now_s)
             if show.scenery.origin is None and sky.origin is not None:
                 show.locate(sky.origin)
@@ -83,7 +83,7 @@ class Receiver:
 
 
 async def subscribe(link: Link) -> None:
-    """Send heartbeats to a link until cancelled: so the air is subscribed to."""
+    """Send heartbeats to a link until cancelled, which subscribes to the air."""
     encoder = ground_station()
     while True:
         link.send(heartbeat(encoder))

@@ -1,4 +1,4 @@
-"""Recordings as a history: walked once from their beginning to their end, on the grid that a live source has."""
+"""Recordings as a history: read once from beginning to end, on the time grid of a live source."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ridlink.view.instants import MEMORY_BYTES, History, instant_of
 from ridlink.view.scenery import Scenery
 
 TOLD_EVERY = 1024
-"""Instants between two words about progress."""
+"""Instants between two reports of progress."""
 
 BETWEEN_S = 1.0
-"""Between two recordings of which the second one was begun earlier, by its own clock."""
+"""Time between two recordings if the second one began earlier, by its own clock."""
 
 
 class _Filling:
-    """Puts the scenes of a walk into a history, times counted from the first."""
+    """Puts the scenes of a walk into a history, with times from the first one."""
 
     def __init__(self, history: History, told: Callable[[float], None]) -> None:
         self.begin_s: float | None = None
@@ -34,7 +34,7 @@ class _Filling:
         self._seen = 0
 
     def step(self, scene: Scene) -> None:
-        """A scene; where the history has become coarser, those between are left out."""
+        """Add a scene; if the history has become coarser, scenes in between are left out."""
         if self.begin_s is None:
             self.begin_s = self._shift_s = scene.time_s
         if scene.time_s - self._shift_s < self._last_s:
@@ -48,7 +48,7 @@ class _Filling:
             self._told(self._last_s)
 
     def end(self) -> None:
-        """A recording is over; the next one goes on where it was."""
+        """A recording is over; the times of the next one continue."""
 
 
 def read_history(
@@ -59,18 +59,18 @@ def read_history(
     convention: AccuracyConvention | str = DEFAULT_CONVENTION,
     on_progress: Callable[[float, float], None] = lambda share, time_s: None,
 ) -> tuple[Scenery, History, list[Source]]:
-    """Everything that recordings tell about who was in the air, and how reading them went.
+    """Read recordings; returns the history of the traffic, and the result of reading.
 
     Args:
         paths: Files of one flight, or ``-`` for standard input.
         kind: As `open_capture` takes it.
-        memory_bytes: Of the history; recordings that need more are kept in coarser steps.
-        convention: What senders are taken to mean by their accuracy codes.
-        on_progress: Called now and then with the share of the files that has been read, and how far they have come [s].
+        memory_bytes: Memory limit of the history; longer recordings are kept in coarser steps.
+        convention: How accuracy codes are read.
+        on_progress: Called now and then with the share of the files that has been read, and the time reached [s].
 
     Raises:
-        CaptureError: If one is no capture that is read, has no times, or nobody tells a position.
-        OSError: If one cannot be read.
+        CaptureError: If a file is not a supported capture or has no times, or there are no positions.
+        OSError: If a file cannot be read.
     """
     sources = [Source(path, kind) for path in paths]
 

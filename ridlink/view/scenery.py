@@ -1,4 +1,4 @@
-"""What a source is, and what is known about it beside what is heard."""
+"""A source, and facts about it that are not in the traffic."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ class Scenery:
     """A source.
 
     Attributes:
-        title: What the page is headed with.
+        title: Title of the page.
         source: ``demo``, ``air``, ``link`` or ``file``.
-        live: It goes on while it is watched.
-        truth: It is known where vehicles truly are, and where they want to go.
-        utc0_s: UTC of time 0, seconds since 1970; None if that is not known.
-        origin: Where metres are counted from; None until a position was heard.
+        live: Whether it continues while it is watched.
+        truth: Whether true positions and goals are known.
+        utc0_s: UTC of time 0, seconds since 1970; None if unknown.
+        origin: Origin of positions; None until a position was received.
         obstacles: Corners of polygons, north and east of the origin [m].
-        goals: Where vehicles want to go, by their names.
-        cruises: How fast they want to fly [m/s], by their names.
+        goals: Goals by name of the vehicle.
+        cruises: Cruise speeds [m/s] by name of the vehicle.
     """
 
     title: str

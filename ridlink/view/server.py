@@ -1,9 +1,9 @@
-"""Pages on a socket: HTTP for the files, a WebSocket for what happens.
+"""Serves pages on a socket: HTTP for the files, a WebSocket for the data.
 
-Each page has a reader and a writer. The writer takes one message at a time from its `Conversation`, works it out if
-nobody else has yet, and waits until the socket has taken it; a page that takes nothing for 10 s is dropped. Work is
-done in slices of one instant, one slice after the other for all pages, so that the next tenth of a second is never late
-by more than that.
+Each page has a reader and a writer. The writer takes one message at a time from its `Conversation`, which computes it
+if it is not cached, and waits until the socket has taken it. A page that reads nothing for 10 s is dropped. Work is
+done in slices of one instant, one slice after the other for all pages, so that the next tenth of a second is late by
+one slice at most.
 """
 
 from __future__ import annotations
@@ -43,28 +43,28 @@ DEFAULT_PORT = 8090
 MOST_PAGES = 32
 TRY_AGAIN_LATER = 1013
 UNREAD_S = 10.0
-"""A page that takes nothing for so long is dropped."""
+"""A page that reads nothing for this time is dropped."""
 
 LEAVES_S = 1.0
-"""Whoever is told to go has so long to say so, too, as browsers do at once: it keeps a place until then."""
+"""Time for a peer to complete the closing handshake, which browsers do at once; it keeps its place until then."""
 
 SECOND_S = 1.0
 SLICE_S = 0.01
-"""Reading of histories is interrupted after so long for everything else."""
+"""Time after which reading of histories is interrupted for other work."""
 
 BACKLOG = 128
 GONE = (WebSocketDisconnect, OSError)
-"""What is raised where a page has left."""
+"""Exceptions raised if a page has left."""
 
 SEND_BUFFER_BYTES = 128 * 1024
-"""Of the kernel for each page; it would take megabytes for one that does not read."""
+"""Kernel buffer for each page; the default takes megabytes for a page that does not read."""
 
 RECEIVE_BUFFER_BYTES = 16 * 1024
-"""Likewise, for what a page says and nobody has read yet."""
+"""Kernel buffer for unread data from a page."""
 
 
 class _Protocol(WebSocketsSansIOProtocol):
-    """Lets the application end a connection without waiting for a peer that reads nothing, or says nothing."""
+    """Lets the application end a connection without waiting for a peer that does not read or answer."""
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
@@ -72,7 +72,7 @@ class _Protocol(WebSocketsSansIOProtocol):
         self.app_state = {**self.app_state, "abort": transport.abort}
 
     def handle_ping(self) -> None:
-        """Answer it, unless the peer reads no answers: they would fill the memory."""
+        """Answer a ping, unless the peer reads no answers, which would then fill the memory."""
         if self.writable.is_set():
             super().handle_ping()
         else:
@@ -89,14 +89,14 @@ class ViewServer:
     """Serves a show.
 
     Args:
-        show: What is shown.
+        show: The show.
         host: Address to listen on.
         port: Port; 0 lets the kernel choose.
-        names: Further names under which pages may ask for it.
-        health: Further facts for the page, asked for once a second.
+        names: Further host names that are accepted.
+        health: Returns further facts for the page; called once a second.
 
     Attributes:
-        show: What is shown.
+        show: The show.
         counters: Pages that were ``served``, ``dropped`` because they read nothing, ``refused`` because there were too
             many.
     """
@@ -140,23 +140,23 @@ class ViewServer:
 
     @property
     def url(self) -> str:
-        """Where the page is, within `serving`."""
+        """URL of the page, within `serving`."""
         host = "127.0.0.1" if self._host in ("0.0.0.0", "::", *LOOPBACK[:1]) else self._host
         return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/"
 
     @property
     def pages(self) -> int:
-        """How many look on now."""
+        """Number of connected pages."""
         return len(self._pages)
 
     @contextlib.asynccontextmanager
     async def serving(self) -> AsyncIterator[None]:
-        """Listen and serve while the block lasts; at its end everybody is sent away, and the port is free again.
+        """Listen and serve while the block lasts; at its end all connections are closed and the port is free again.
 
-        What fails in the server ends the block and is raised in its place.
+        An error in the server ends the block and is raised there.
 
         Raises:
-            LinkError: If the port is in use, or the address is none of this machine.
+            LinkError: If the port is in use, or the address is not of this machine.
         """
         with _listen(self._host, self._port) as listening:
             self._port = listening.getsockname()[1]
@@ -169,7 +169,7 @@ class ViewServer:
                 yield
 
     def publish(self) -> None:
-        """There is a new instant, or a new source."""
+        """Note a new instant, or a new source."""
         self._news.set()
         for page in self._pages:
             page.conversation.step()
@@ -186,11 +186,11 @@ class ViewServer:
         if len(self._pages) >= MOST_PAGES:
             self.counters["refused"] += 1
             with contextlib.suppress(*GONE):
-                await websocket.accept()  # of a handshake that fails a browser tells its page nothing
+                await websocket.accept()  # a browser does not tell its page why a handshake failed
                 await websocket.close(TRY_AGAIN_LATER, f"{MOST_PAGES} pages look on already")
             return
         page = _Page(Conversation(self.show), asyncio.Event())
-        self._pages.add(page)  # before anything is waited for, so that they are never more
+        self._pages.add(page)  # before the first await, so that there are never more pages
         page.wake.set()
         try:
             await websocket.accept()
@@ -235,7 +235,7 @@ class ViewServer:
             await asyncio.wait_for(websocket.send({"type": "websocket.send", "text": message.decode()}), UNREAD_S)
 
     async def _read_books(self) -> None:
-        """Let every definition that somebody looks at read on."""
+        """Let the books of all displayed definitions read on."""
         while True:
             wanted = {page.conversation.definition for page in self._pages} | {self.show.definition}
             behind = [book for book in map(self.show.book, wanted) if book.behind]
@@ -276,29 +276,29 @@ async def _read(websocket: WebSocket, page: _Page) -> None:
             return
         page.conversation.take(message.get("text") or message.get("bytes") or b"")
         page.wake.set()
-    await asyncio.Event().wait()  # the writer has the last word
+    await asyncio.Event().wait()  # the writer sends the last message
 
 
 class _Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Newcomers come through a door."""
+        """New connections come through a `Door`."""
         await self.lifespan.startup()
         self.servers = []
         self.started = True
 
     async def main_loop(self) -> None:
-        """Until cancelled; then everybody is sent away."""
+        """Run until cancelled; then close all connections."""
         with contextlib.suppress(asyncio.CancelledError):
             await super().main_loop()
 
     def protocol(self) -> asyncio.Protocol:
-        """What speaks on a new connection."""
+        """The protocol of a new connection."""
         make: Callable[..., asyncio.Protocol] = self.config.http_protocol_class
         return make(config=self.config, server_state=self.server_state, app_state=self.lifespan.state)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Signals belong to whoever runs the loop."""
+        """Signals belong to the program that runs the loop."""
         yield
 
 
@@ -312,7 +312,7 @@ def _listen(host: str, port: int) -> socket.socket:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-            if hasattr(socket, "TCP_USER_TIMEOUT"):  # whoever reads no answer for so long is gone
+            if hasattr(socket, "TCP_USER_TIMEOUT"):  # a peer that reads no answer for this time is gone
                 listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1000 * UNREAD_S))
             listening.bind(address)
             listening.listen(BACKLOG)

@@ -1,7 +1,7 @@
-"""One source and all that can be asked about it: no clock, no socket.
+"""One source, and the answers to all requests about it: no clock, no socket.
 
-What is worked out for one page is kept for the others: the scene, the pairs, the text of an instant under a definition,
-the velocity space of a vehicle. Whoever serves many pages calls these methods one at a time and lets others in between.
+Results for one page are kept for the others: the scene, the pairs, the text of an instant under a definition, the
+velocity space of a vehicle. A server of many pages calls these methods one at a time, with other work in between.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from ridlink.view.scenery import Pair, Scenery
 from ridlink.view.velocity_space import NOTHING, VelocitySpace
 
 KEPT_BYTES = 4 * 2**20
-"""Of texts, worked out once and perhaps asked for again."""
+"""Bytes of cached texts, which may be requested again."""
 
 Value = TypeVar("Value")
 
 
 class Show:
-    """What is shown.
+    """The data of the page: a source, its history, and cached results.
 
     Args:
         scenery: The source.
-        definition: What sizes discs until a page asks for another.
-        memory_bytes: Of the history.
-        history: Instants that are there already.
+        definition: Definition of the discs until a page requests another one.
+        memory_bytes: Memory limit of the history.
+        history: Existing instants.
 
     Attributes:
-        scenery: The source, as far as it is known.
-        history: What happened.
-        greetings: Counts up whenever pages must be greeted anew.
+        scenery: The source, as far as known.
+        history: The instants.
+        greetings: Counter of changes after which pages need a new `hello`.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Show:
         self._begin(scenery, history)
 
     def restart(self, scenery: Scenery) -> None:
-        """Another source: what was shown is forgotten."""
+        """Begin another source; the previous one is forgotten."""
         self.greetings += 1
         self._begin(scenery, None)
 
@@ -70,7 +70,7 @@ class Show:
         self._texts_bytes = 0
 
     def finish(self) -> None:
-        """The source has ended: what it did is a recording now."""
+        """The source has ended; its history is a recording now."""
         self.scenery = replace(self.scenery, live=False)
         for book in self._books.values():
             while book.read():
@@ -78,28 +78,28 @@ class Show:
             book.end()
 
     def look_at_vehicles(self) -> None:
-        """From now on velocity spaces are worked out; the kernels of the solver must have been loaded."""
+        """Compute velocity spaces from now on; the kernels of the solver must have been loaded."""
         self._space = VelocitySpace()
 
     def locate(self, origin: Geodetic) -> None:
-        """The origin has become known."""
+        """Set the origin, which has become known."""
         self.greetings += 1
         self.scenery = replace(self.scenery, origin=origin)
 
     def add(self, scene: Scene, truth: Mapping[str, Pair] | None = None) -> None:
-        """The next instant."""
+        """Add the next instant."""
         history = self.history
         before = history.at(history.end - 1) if len(history) else None
         if len(scene) or (before is not None and len(before)):
             history.add(instant_of(scene, truth, before))
 
     def hello(self) -> bytes:
-        """What a page must know before anything else."""
+        """The first message to a page."""
         return wire.hello(self.scenery, self.definition, self.history.extent_s)
 
     @property
     def vehicles(self) -> int:
-        """How many vehicles, by the names that they had last, the history has."""
+        """Number of vehicles in the history, by their last names."""
         at, known = self._counted
         if at != self.history.end:
             unlike = {(id(one.numbers), id(one.names), id(one.merged)): one for one in self.history}.values()
@@ -109,7 +109,7 @@ class Show:
         return known
 
     def book(self, definition: Definition) -> Book:
-        """The history under a definition; somebody must let it read."""
+        """The history under a definition; the caller must let it read."""
         if definition not in self._books:
             self._books[definition] = Book(
                 definition,
@@ -123,7 +123,7 @@ class Show:
         return self._books[definition]
 
     def latest(self, definition: Definition, selected: str | None) -> bytes | None:
-        """The newest instant as it is pushed; None if there is none."""
+        """The newest instant as a message; None if there is none."""
         extent = self.history.extent_s
         if extent is None:
             return None
@@ -172,7 +172,7 @@ class Show:
         return self._once(moment, ("tightest", definition), lambda: least_margin(self._scene(moment), definition))
 
     def _once(self, moment: Instant, what: Hashable, work_out: Callable[[], Value]) -> Value:
-        """Kept while the same instant is looked at."""
+        """Compute once, and keep the result while the same instant is used."""
         if self._seen[0] != id(moment):
             self._seen = id(moment), {"moment": moment}
         kept = self._seen[1]

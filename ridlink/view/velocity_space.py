@@ -1,8 +1,7 @@
-"""What the selected vehicle may fly: the half-planes of its neighbours, as the solver of a daemon would see them now.
+"""The velocities that the selected vehicle may fly: the half-planes of its neighbours, from the solver of a daemon.
 
-The rows are those of `ridlink.avoidance`. What a daemon knows and no listener does is taken as its defaults have it: it
-meets all of its neighbours for the first time, and a vehicle whose limit of speed is unknown flies 10 m/s, or as fast
-as it says it does.
+The rows are those of `ridlink.avoidance`. For facts that only a daemon knows, its defaults are used: it meets all of
+its neighbours for the first time, and a vehicle of unknown speed limit flies 10 m/s, or as fast as it says.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ NOTHING = b"null"
 
 
 class VelocitySpace:
-    """Looks at vehicles one at a time; keeps its scratch memory."""
+    """Computes velocity spaces one at a time; keeps its scratch memory."""
 
     def __init__(self) -> None:
         self._solver = HalfplaneSolver()
@@ -40,10 +39,10 @@ class VelocitySpace:
         """The velocity space of a vehicle as JSON; ``null`` if it is not in the air.
 
         Args:
-            name: Which one.
-            scene: Everybody.
-            definition: What sizes the discs.
-            scenery: Goals, cruises and obstacles, where they are known.
+            name: Name of the vehicle.
+            scene: All vehicles.
+            definition: Separation definition.
+            scenery: Goals, cruise speeds and obstacles, if known.
         """
         if name not in scene.names:
             return NOTHING

@@ -1,7 +1,7 @@
-"""Instants, encounters and the rest as the JSON text that the page reads. Unknown is null, never NaN.
+"""Instants, encounters and other messages as the JSON text that the page reads. Unknown is null, never NaN.
 
-An instant is encoded once for all who look at it under one definition, and is open at its end: what belongs to the
-selected vehicle, and to the message that carries it, is put behind.
+An instant is encoded once for all pages under one definition, without the closing brace: the selected vehicle and the
+fields of the message are appended.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ encode = msgspec.json.encode
 
 
 def hello(scenery: Scenery, definition: Definition, extent_s: tuple[float, float] | None) -> bytes:
-    """What a page must know before anything else."""
+    """The first message to a page."""
     origin = scenery.origin
     return encode(
         {
@@ -66,11 +66,11 @@ def instant(
 
     Args:
         moment: The instant.
-        scene: The same as a scene.
+        scene: The same instant as a scene.
         pairs: The pairs of the scene under that definition that are inside their discs, or soon will be.
         tightest: The pair with the least margin under that definition, or none; another may be nearer and need less.
-        definition: What sizes the discs.
-        live: It is the newest one of a source that goes on.
+        definition: Separation definition.
+        live: Whether it is the newest instant of a live source.
     """
     numbers = np.column_stack(
         [scene.position_ne_m, scene.velocity_ne_mps, rings(scene, definition), scene.age_s, scene.altitude_m,
@@ -96,7 +96,7 @@ def instant(
 
 
 def _places_and_room(pair: Pairs) -> tuple[list[int], list[float]]:
-    """Places of the two, and distance and radius; empty if there is no pair."""
+    """Indices of the two, and distance and radius; empty if there is no pair."""
     return [*pair.first.tolist(), *pair.second.tolist()], np.round([*pair.distance_m, *pair.radius_m], 2).tolist()
 
 
@@ -108,12 +108,12 @@ def _pair_rows(pairs: Pairs) -> list[list[float | None]]:
 
 
 def pushed(body: bytes, selected: bytes, extent_s: tuple[float, float]) -> bytes:
-    """The message with which an instant is pushed."""
+    """The message of a new instant."""
     return b'{"type":"instant",%b,"selected":%b,"t0":%.3f,"t1":%.3f}' % (body, selected, *extent_s)
 
 
 def answered(body: bytes, selected: bytes, extent_s: tuple[float, float]) -> bytes:
-    """An instant among others in an answer."""
+    """An instant in an answer."""
     return b'{%b,"selected":%b,"t0":%.3f,"t1":%.3f}' % (body, selected, *extent_s)
 
 
@@ -124,14 +124,14 @@ def instants(request: int | str | None, definition: Definition, answers: Iterabl
 
 
 def series(definition: Definition, from_s: float, step_s: float, least: np.ndarray[Any, Any], complete: bool) -> bytes:
-    """Distance of the tightest pair against the distance that it needs.
+    """Distance of the tightest pair, and the distance that it needs.
 
     Args:
-        definition: What sizes the discs.
+        definition: Separation definition.
         from_s: Time of the first bucket.
         step_s: Length of a bucket.
         least: Distance and radius of the pair with the least margin in each bucket, NaN in empty ones, shape (n, 2).
-        complete: The whole of what was asked for is in it.
+        complete: Whether the whole requested time is in it.
     """
     rounded = np.round(least.astype(np.float64), 2)
     return encode(
@@ -148,7 +148,7 @@ def series(definition: Definition, from_s: float, step_s: float, least: np.ndarr
 
 
 def encounters(definition: Definition, known: Iterable[tuple[int, Encounter]], *, complete: bool = True) -> bytes:
-    """The whole list of encounters, with their ids; complete once the history has been read to its end."""
+    """The list of encounters with their ids; complete once the history has been read to its end."""
     rows = [
         {
             "id": number,
@@ -169,12 +169,12 @@ def encounters(definition: Definition, known: Iterable[tuple[int, Encounter]], *
 def health(
     facts: Mapping[str, Any], pages: int, dropped: int, extent_s: tuple[float, float] | None, *, live: bool
 ) -> bytes:
-    """How the source and the server do, once a second."""
+    """The state of the source and the server, once a second."""
     return encode({"type": "health", **facts, "clients": pages, "dropped": dropped, "live": live, **_extent(extent_s)})
 
 
 def error(text: str) -> bytes:
-    """Why a request cannot be met."""
+    """The error message for a request."""
     return encode({"type": "error", "message": text})
 
 
