@@ -23,7 +23,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, FrameParser, parse_datagram
 from ridlink.traffic.encounter import encounters
 from tests.avoidance import study_rvo2
-from tests.bench import avoidance, decode, fleet, response, view
+from tests.bench import avoidance, decode, fleet, response, start, view
 from tests.bench.measure import ROUNDS, interleaved
 
 FRAMES = 20_000
@@ -179,6 +179,7 @@ def main() -> int:
     response_rows = response.report((output.parent if output else _made(Path("build"))) / "step_responses.png")
     fleet_rows = fleet.report()
     view_rows = view.report()
+    start_rows = start.report()
     crowd_rows = study_rvo2.report()
     if output:
         output.write_text(
@@ -191,6 +192,7 @@ def main() -> int:
                     **response_rows,
                     **fleet_rows,
                     **view_rows,
+                    **start_rows,
                     **crowd_rows,
                 },
                 indent=1,
