@@ -1,4 +1,4 @@
-"""How near every pair came between two scenes, everybody flying straight in between."""
+"""Least distance of every pair between two scenes, assuming straight flight in between."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Approach:
         distance_m: Least distances of centres, shape (n, n); infinite on the diagonal and for pairs that are known to
             fly at safely different heights.
         time_s: When, shape (n, n).
-        lasted_s: Time since the scene before, shape (n, n); 0 for a pair of whom one was not heard then.
+        lasted_s: Time since the scene before, shape (n, n); 0 for a pair if one of the two is not in that scene.
     """
 
     distance_m: FloatArray

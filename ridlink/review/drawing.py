@@ -1,6 +1,6 @@
-"""Line drawings as SVG that takes its colours from the page it stands in, so that they are read in light and in dark.
+"""Line drawings as SVG, which take their colours from the page, so they are readable in light and in dark.
 
-Coordinates of a drawing are pixels, right and down; `Frame` brings data there, with an axis on the left and one below.
+Coordinates of a drawing are pixels, right and down. `Frame` converts data to them, with axes on the left and below.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ STEPS = (1.0, 2.0, 5.0, 10.0)
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """Where data is drawn.
+    """Area in which data is drawn.
 
     Args:
-        width, height: Of the drawing, in pixels.
+        width, height: Size of the drawing in pixels.
         x, y: Least and greatest value on either axis.
     """
 
@@ -34,7 +34,7 @@ class Frame:
 
     @classmethod
     def true_to_scale(cls, width: float, height: float, x: tuple[float, float], y: tuple[float, float]) -> Frame:
-        """A metre is a metre on both axes; the ranges are widened as far as that needs."""
+        """A frame with one scale on both axes; the ranges are widened as needed."""
         across, down = width - MARGIN_LEFT - MARGIN_RIGHT, height - MARGIN_TOP - MARGIN_BOTTOM
         scale = max((x[1] - x[0]) / across, (y[1] - y[0]) / down)
         return cls(width, height, _widened(x, scale * across), _widened(y, scale * down))
@@ -60,7 +60,7 @@ class Frame:
         )
 
     def line(self, x: ArrayLike, y: ArrayLike, style: str) -> str:
-        """A line through points; where one is not a number it is interrupted."""
+        """A line through points, interrupted where a coordinate is NaN."""
         points = self.at(x, y)
         parts, begins = [], True
         for across, down in points.tolist():
@@ -77,11 +77,11 @@ class Frame:
         return f'<circle class="{style}" cx="{across:.1f}" cy="{down:.1f}" r="{radius:g}"/>'
 
     def circle(self, x: float, y: float, radius: float, style: str) -> str:
-        """A circle of a radius on the axis below."""
+        """A circle whose radius is in units of the axis below."""
         return self.dot(x, y, style, round(self.length(radius), 1))
 
     def text(self, x: float, y: float, text: str, style: str, *, below: bool = False) -> str:
-        """Words beside a point, above or below it: on the right, on the left where the right has no room."""
+        """Text beside a point, above or below it: on the right, or on the left if the right has no room."""
         across, down = self.at(x, y).tolist()
         has_room = across < self.width * SHARE_WITH_ROOM
         across, anchor = (across + BESIDE, "") if has_room else (across - BESIDE, " end")

@@ -1,11 +1,11 @@
-"""Vehicles that are in a recording by their telemetry: the log of a drone that only listened.
+"""Vehicles known from telemetry in a recording, such as the log of a drone that only listened.
 
-Where the broadcast of a vehicle is recorded, that alone counts, whether it tells an error or not: it is what the others
-could know. Else its telemetry does; what a vehicle reports to its ground station says how wrong it is, and the daemon's
-own rules (`ridlink.own_ship`) judge it. Where a receiver relays a broadcast, the identity joins the two.
+If the broadcast of a vehicle is recorded, only that is used, with or without an error in it: it is all that others
+could know. Otherwise its telemetry is used. Telemetry tells its own error, and the rules of the daemon
+(`ridlink.own_ship`) decide whether to trust it. If a receiver relays the broadcast, the identity joins the two.
 
-A LOCATION without a time is no broadcast, which has one. It is what an autopilot tells its transmitter, as PX4 does on
-all of its links, with an accuracy code of its own; the broadcast, or else the telemetry, says more.
+A LOCATION without a time is no broadcast, since a broadcast has one. An autopilot sends it to its transmitter, with an
+accuracy code of its own; PX4 does so on all links. The broadcast, or else the telemetry, says more.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ TELEMETRY_IDS = frozenset(
 )
 
 SILENT_S = 5.0
-"""Whose broadcast is not heard for so long is believed to broadcast no more."""
+"""A vehicle whose broadcast is not heard for so long is taken to have stopped broadcasting."""
 
 SETTLED_S = 2.0
-"""Telemetry that begins is not taken at once: the broadcast may be about to begin as well."""
+"""New telemetry is not used for so long: the broadcast may be about to begin as well."""
 
 RENEWED_S = 1.0
 
@@ -45,7 +45,7 @@ AUTOPILOTS = 64
 
 @dataclass(slots=True)
 class _Telemetry:
-    """What one autopilot says."""
+    """Telemetry of one autopilot."""
 
     begun_s: float
     telemetry: OwnShipTelemetry
@@ -53,14 +53,14 @@ class _Telemetry:
 
 
 class OwnVehicles:
-    """Puts vehicles into a sky that are best known by their telemetry.
+    """Adds vehicles that are best known by their telemetry to a sky.
 
     Args:
-        sky: Where they go.
-        convention: What its hearers would take the accuracy code for that such a vehicle would send.
+        sky: The sky to add them to.
+        convention: How receivers would read the accuracy code that such a vehicle would send.
 
     Attributes:
-        speaking: System ids whose own broadcast is heard; their telemetry is not needed.
+        speaking: System ids whose own broadcast is heard; their telemetry is not used.
     """
 
     def __init__(self, sky: Sky, *, convention: AccuracyConvention = DEFAULT_CONVENTION) -> None:
@@ -74,7 +74,7 @@ class OwnVehicles:
         self._refused: Counter[str] = Counter()
 
     def supersedes(self, frame: Frame, now_s: float) -> bool:
-        """Whether a frame about Remote ID says less than the telemetry of its sender; take note of it."""
+        """Take a Remote ID frame. Whether it says less than broadcast or telemetry of its sender."""
         sysid = frame.sysid
         if frame.msgid not in ALWAYS_LOOKED_AT and now_s - self._spoke_s.get(sysid, -math.inf) < RENEWED_S:
             return False
@@ -97,7 +97,7 @@ class OwnVehicles:
         return superseded
 
     def receive(self, frame: Frame, now_s: float) -> None:
-        """Telemetry came."""
+        """Take a frame of telemetry."""
         sysid = frame.sysid
         if frame.compid != AUTOPILOT_COMPONENT or sysid in self.speaking:
             return
@@ -115,11 +115,11 @@ class OwnVehicles:
                 self._sky.take(report, now_s)
 
     def step(self, now_s: float) -> None:
-        """Time has passed: who fell silent may be known by its telemetry again."""
+        """Update `speaking`: a vehicle whose broadcast stopped may be known by its telemetry again."""
         self.speaking = {sysid for sysid in self.speaking if now_s - self._spoke_s[sysid] < SILENT_S}
 
     def _forget_other(self, sysid: int, compid: int) -> None:
-        """The same vehicle under another component."""
+        """Remove the same vehicle under another component id from the sky."""
         for other in {AUTOPILOT_COMPONENT, self._component.get(sysid, AUTOPILOT_COMPONENT)} - {compid}:
             self._sky.forget((sysid, other, None))
 

@@ -1,4 +1,4 @@
-"""The encounters of a recording as one HTML page that asks for nothing outside of itself and runs no script."""
+"""The encounters of a recording as one HTML page, without external resources or scripts."""
 
 from __future__ import annotations
 
@@ -56,16 +56,16 @@ path { fill: none } .track, .distance { stroke-width: 2; stroke: var(--ink) } .r
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What the page says of the recording.
+    """Facts of a recording for the page.
 
     Attributes:
-        names: Of the files.
+        names: Names of the files.
         begun_s, ended_s: First and last time, seconds since 1970; None if nothing was heard.
-        aircraft: How many.
-        encounters: How many.
-        definition: Whose discs opened them.
-        closest: Who came nearest of all, None if there never were two.
-        convention: What senders were taken to mean by their accuracy codes.
+        aircraft: Number of aircraft.
+        encounters: Number of encounters.
+        definition: The definition whose discs opened the encounters.
+        closest: The pair that came nearest, None if there were never two aircraft.
+        convention: Assumed meaning of the senders' accuracy codes.
     """
 
     names: Sequence[str]
@@ -79,12 +79,12 @@ class Summary:
 
 
 def report_page(summary: Summary, worst: Sequence[Met], *, drawn: int) -> str:
-    """The page.
+    """The page as HTML.
 
     Args:
-        summary: Of the recording.
-        worst: Encounters of the least margin, in that order.
-        drawn: So many of them have pictures.
+        summary: Facts of the recording.
+        worst: Encounters with the least margins, the least first.
+        drawn: How many of them get pictures.
     """
     title = f"Encounters: {', '.join(summary.names)}"
     parts = [
@@ -183,5 +183,5 @@ def _bound(errors: Sequence[float | None]) -> str:
 def _clock(time_s: float, form: str = "%Y-%m-%d %H:%M:%S.%f") -> str:
     try:
         return datetime.fromtimestamp(time_s, UTC).strftime(form)[:-5]
-    except (ValueError, OverflowError, OSError):  # a capture may say anything
+    except (ValueError, OverflowError, OSError):  # a capture may contain any time
         return f"{time_s:.1f} s"

@@ -1,4 +1,4 @@
-"""Two pictures of an encounter: where both flew, and how far apart beside what each definition asks for."""
+"""Two pictures of an encounter: both tracks, and the distance with the distance that each definition requires."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ DISTANCE = (560.0, 400.0)
 LEAST_SPAN_M = 20.0
 TRACK_STYLES = ("one", "two")
 MOST_TIMES_ASKED = 3.0
-"""The axis of distances ends at so many times the greatest distance that was asked for."""
+"""The axis of distances ends at so many times the greatest required distance."""
 
 
 def style_of(definition: Definition) -> str:
-    """Class of the lines of a definition."""
+    """CSS class of the lines of a definition."""
     return f"d-{definition}"
 
 
 def plan(met: Met) -> str:
-    """Where both flew, north up, in metres about the place of the closest approach; their errors and line there."""
+    """Both tracks, north up, in metres about the closest approach, with the errors and the connecting line there."""
     assert met.trace is not None
     tracks, k = met.trace.tracks_ne_m, _closest(met)
     middle = (tracks[0][k] + tracks[1][k]) / 2.0
@@ -49,7 +49,7 @@ def plan(met: Met) -> str:
 
 
 def distance(met: Met) -> str:
-    """Distance over time, and the distance that each definition asks for."""
+    """Distance over time, and the distance that each definition requires."""
     assert met.trace is not None
     since_s = met.trace.time_s - met.row["start_t"]
     required = met.trace.required_m

@@ -1,4 +1,4 @@
-"""The encounters of recorded traffic: each as a row when it is over, and the worst of them with all that is drawn."""
+"""The encounters of recorded traffic: each as a row when it is over, and the worst with their traces."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ridlink.review.traces import Trace
 from ridlink.separation.definitions import Definition
 
 MAX_TRACED = 500
-"""Encounters that go on at the same time and are traced; of more than that the rest has rows and no pictures."""
+"""Most encounters traced at the same time; further ones get rows but no pictures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +25,8 @@ class Met:
     """An encounter that is over.
 
     Attributes:
-        row: What is said of it, `encounter_row`.
-        trace: What is drawn of it, None where it was not traced.
+        row: Its figures, from `encounter_row`.
+        trace: Its trace for pictures, None if it was not traced.
     """
 
     row: dict[str, Any]
@@ -41,12 +41,12 @@ class Met:
 
 @dataclass(frozen=True, slots=True)
 class Closest:
-    """Who came nearest of all.
+    """The closest approach of all.
 
     Attributes:
-        pair: Who.
-        time_s: When, seconds since 1970.
-        distance_m: How near, between centres.
+        pair: Names of the pair.
+        time_s: Time, seconds since 1970.
+        distance_m: Distance of centres.
         error_bounds_m: Reported three-sigma errors, NaN where unknown.
     """
 
@@ -60,14 +60,14 @@ class Report:
     """Watches scenes for encounters.
 
     Args:
-        definition: Whose discs open encounters.
-        on_encounter: Called with the row of each when it is over.
-        keep: So many, those of the least margin, are kept for a page.
-        traced: Keep what is drawn of them, too.
+        definition: The definition whose discs open encounters.
+        on_encounter: Called with the row of each encounter when it is over.
+        keep: How many encounters, those with the least margins, are kept for a page.
+        traced: Keep their traces for pictures as well.
 
     Attributes:
-        encounters: How many there were.
-        closest: Who came nearest of all, in an encounter or not; None if there never were two.
+        encounters: Number of encounters.
+        closest: The closest approach of all, in an encounter or not; None if there were never two aircraft.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Report:
         self._before: Scene | None = None
 
     def step(self, scene: Scene) -> None:
-        """The next scene."""
+        """Take the next scene."""
         for phase, encounter in self._log.step(scene):
             if phase is Phase.CLOSE:
                 self._over(encounter, at_end=False)
@@ -107,13 +107,13 @@ class Report:
         self._look_for_the_closest(scene)
 
     def end(self) -> None:
-        """The recording is over."""
+        """Finish: the recording is over."""
         for encounter in self._log.close():
             self._over(encounter, at_end=True)
         self._begin()
 
     def worst(self) -> list[Met]:
-        """Those that were kept, the least margin first."""
+        """The encounters that were kept, the least margin first."""
         return [met for _, _, met in sorted(self._worst, reverse=True)]
 
     def _over(self, encounter: Encounter, *, at_end: bool) -> None:
@@ -142,12 +142,12 @@ class Report:
 
 
 def encounter_row(encounter: Encounter, definition: Definition, *, at_end: bool = False) -> dict[str, Any]:
-    """An encounter as an object of JSON; unknown is None.
+    """An encounter as a JSON object; unknown values are None.
 
     Args:
-        encounter: One that is over.
-        definition: What opened it.
-        at_end: It is over because the recording is.
+        encounter: An encounter that is over.
+        definition: The definition that opened it.
+        at_end: Whether it is over only because the recording is.
     """
     return {
         "uas": list(encounter.pair),

@@ -1,7 +1,7 @@
 """The Remote ID of recordings, and the telemetry of vehicles, in the order of time.
 
-Everything else in a file is passed over, in compiled loops where the file is large. Several files, such as the logs of
-several vehicles of one flight, become one stream; what more than one of them holds is taken once.
+Everything else in a file is skipped, in large files by compiled loops. Several files, such as the logs of several
+vehicles of one flight, are merged into one stream; frames that are in more than one of them are taken once.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ Timed = tuple[int, Frame]
 
 
 class Source:
-    """One recording; iterate once.
+    """One recording; iterate over it once.
 
     Args:
         path: File, or ``-`` for standard input.
         kind: Format, as `ridlink.captures.open_capture` takes it.
 
     Attributes:
-        name: As it is shown.
-        size, position: Bytes in all, None where that is not known, and bytes read.
+        name: Name to show.
+        size, position: Bytes in all, None if unknown, and bytes read.
         rejects: Damage by cause.
-        error: What ended the reading before the end of the file.
-        needless: Gives the system ids whose telemetry nobody needs, as they are whenever it is called.
-        on_progress: Called with the source and a number of frames more, those of a block where the file is large.
+        error: The error that ended reading before the end of the file.
+        needless: Called for the system ids whose telemetry is not needed at that time.
+        on_progress: Called with the source and the number of new frames; for a large file once a block.
 
     Raises:
-        CaptureError: If it is no capture that is read, or one without times.
+        CaptureError: If the file is no readable capture, or one without times.
         OSError: If it cannot be read.
     """
 
@@ -77,7 +77,7 @@ class Source:
         return self._reader.rejects
 
     def __iter__(self) -> Iterator[Timed]:
-        """Frames that are wanted, with microseconds since 1970; one without a time has that of the one before."""
+        """Needed frames with microseconds since 1970; a frame without a time gets that of the one before."""
         last_us = 0
         try:
             for time_us, frame in self._frames():
@@ -97,7 +97,7 @@ class Source:
 
 
 def together(sources: Sequence[Source]) -> Iterator[Timed]:
-    """Frames of all sources in the order of time; the same bytes again within five seconds are passed over."""
+    """Frames of all sources in the order of time; the same bytes again within five seconds are skipped."""
     merged = iter(sources[0]) if len(sources) == 1 else heapq.merge(*sources, key=lambda timed: timed[0])
     heard: OrderedDict[bytes, int] = OrderedDict()
     for time_us, frame in merged:

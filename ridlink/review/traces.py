@@ -1,4 +1,4 @@
-"""Both tracks and the distance of an encounter over its time, in bounded memory: a long one is kept more coarsely."""
+"""Both tracks and the distance of an encounter over time, in bounded memory: a long one is kept more coarsely."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ MAX_SAMPLES = 600
 
 
 class Trace:
-    """What is drawn of one encounter.
+    """Tracks and distances of one encounter, for its pictures.
 
     Args:
-        definitions: Whose required distances are kept.
+        definitions: Definitions whose required distances are kept.
     """
 
     def __init__(self, definitions: tuple[Definition, ...]) -> None:
@@ -31,7 +31,7 @@ class Trace:
         return len(self._values) // self._width
 
     def add(self, encounter: Encounter, scene: Scene) -> None:
-        """Take the scene into the trace, if both were heard in it."""
+        """Add the scene to the trace, if both aircraft are in it."""
         if encounter.seen_s != scene.time_s:
             return
         self._asked += 1

@@ -1,9 +1,9 @@
-"""From recorded frames to scenes: the sky as it was known at every tenth of a second of the recording's own time.
+"""Converts recorded frames to scenes: the sky as it was known at every tenth of a second of the recording's time.
 
-Nothing is asked of a clock. Where time goes back, as in logs that were put one behind the other, a new recording
-begins; where nobody is heard, no scenes are made. Who fell silent is left out as soon as it missed three of its
-reports: where it went is not known. A scene is held back for half a second, so that who is not heard again is left out
-from its first missed report on. So is, for its first second, who has told no error yet.
+No clock is read. If time goes back, as in logs joined one after another, a new recording begins. While no aircraft is
+heard, no scenes are made. An aircraft is left out once it has missed three reports: its position is unknown. Scenes are
+held back for half a second, so an aircraft that is not heard again is left out from its first missed report on. An
+aircraft without a reported error is left out for its first second.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ridlink.review.source import Timed
 
 GRID_US = 100_000
 BACK_US = 5_000_000
-"""Times that go back by less are the disorder of a log."""
+"""If time goes back by less, frames of one log are only out of order."""
 
 MISSED_REPORTS = 3.0
 OVERDUE_INTERVALS = 1.5
@@ -34,28 +34,28 @@ SETTLED_S = 1.0
 
 
 class Watcher(Protocol):
-    """Who looks at the scenes."""
+    """Receives the scenes."""
 
     def step(self, scene: Scene) -> None:
-        """The next scene, a tenth of a second later or more."""
+        """Take the next scene, a tenth of a second later or more."""
 
     def end(self) -> None:
-        """The recording is over; another one may follow, with other aircraft under the same numbers."""
+        """Finish a recording; another may follow, with other aircraft under the same numbers."""
 
 
 class Walk:
-    """Walks through recordings.
+    """Makes scenes of recordings and hands them to watchers.
 
     Args:
-        watchers: Who looks.
-        convention: What senders are taken to mean by their accuracy codes.
+        watchers: Receivers of the scenes.
+        convention: Assumed meaning of the senders' accuracy codes.
 
     Attributes:
-        sky: Who is in the air.
-        own: Who of them is best known by telemetry.
+        sky: Aircraft in the air.
+        own: Those of them that are best known by telemetry.
         begun_us, ended_us: Time of the first and of the last frame, microseconds since 1970; None before the first.
-        scenes: How many there were with anybody in them.
-        aircraft: How many there were.
+        scenes: Number of scenes.
+        aircraft: Number of aircraft in all recordings.
     """
 
     def __init__(
@@ -75,17 +75,17 @@ class Walk:
 
     @property
     def aircraft(self) -> int:
-        """How many there were in all recordings."""
+        """Number of aircraft in all recordings."""
         return self._before + self.sky.met
 
     def through(self, frames: Iterable[Timed]) -> None:
-        """Everything to its end."""
+        """Take all frames, and finish."""
         for time_us, frame in frames:
             self.receive(time_us, frame)
         self.end()
 
     def receive(self, time_us: int, frame: Frame) -> None:
-        """The next frame, with microseconds since 1970."""
+        """Take the next frame, with microseconds since 1970."""
         if time_us < self._now_us - BACK_US:
             self.end()
         self._now_us = max(self._now_us, time_us)
@@ -102,7 +102,7 @@ class Walk:
             self.sky.receive(frame, now_s)
 
     def end(self) -> None:
-        """The recording is over."""
+        """Finish: the recording is over."""
         if self._due_us is not None:
             self._look(max(self._due_us, self._now_us))
             self._show(before_s=math.inf)
@@ -114,7 +114,7 @@ class Walk:
         self._now_us, self._due_us = 0, None
 
     def _look(self, time_us: int) -> bool:
-        """Make a scene; False if there is nobody any more, of whom another scene could tell."""
+        """Make a scene; False if no aircraft is left for a scene."""
         now_s = time_us / 1e6
         if not self.sky.aircraft:
             self._show(before_s=math.inf)
@@ -127,7 +127,7 @@ class Walk:
         return True
 
     def _show(self, before_s: float) -> None:
-        """Show the scenes that were held back long enough, without those who were not heard again."""
+        """Pass on scenes that were held back long enough, without aircraft that were not heard again."""
         if not self._held or self._held[0].time_s > before_s:
             return
         heard_s = {one.number: one.last_heard_s for one in self.sky.aircraft.values()}

@@ -1,8 +1,8 @@
-"""What other definitions would have said of the same traffic: alerts, how long, how near, and collisions unannounced.
+"""Alerts that other definitions would have given for the same traffic: durations, margins, and MACs without an alert.
 
-An alert of a definition begins when a pair is inside its disc, or would enter it within a time if both flew on; it is
-over when neither was so for three seconds. A MAC is a pair nearer than its reported airframes allow, by reported
-positions; it is unannounced if no alert of the pair had begun at an earlier instant. Everything counts once a pair.
+An alert of a definition begins when a pair is inside its disc, or would enter it within a given time if both flew
+straight on. It ends after three seconds without either. A MAC is a pair whose reported airframes touch at the reported
+positions. It is unannounced if no alert of the pair had begun earlier. All counts are per pair.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, bounded_airframe
 
 AHEAD_S = HalfplaneSettings().horizon_s
-"""As far ahead as the solver of the daemon looks."""
+"""Default look-ahead [s]: that of the daemon's solver."""
 
 FOLDED_AFTER_S = 30.0
 FOLD_EVERY = 100
@@ -33,15 +33,15 @@ Pair = tuple[int, int]
 
 @dataclass(slots=True, kw_only=True)
 class Tally:
-    """What a definition said, of one pair or of all.
+    """Alerts and MACs under one definition, for one pair or for all.
 
     Attributes:
-        alerts: How many, and `alert_s` how long in all [s].
-        entered: Of them, those in which the disc was entered.
-        macs: How many there were, and `unannounced` of them those without an alert before.
-        warning_s: Least time from an alert to its MAC, infinite if there was none [s].
-        margin_m: Least distance less the radius of the disc, infinite if there never were two [m].
-        pair, margin_at_s: Whose that was, and when; seconds since 1970.
+        alerts: Number of alerts; `alert_s` is their total duration [s].
+        entered: Number of alerts in which the disc was entered.
+        macs: Number of MACs; `unannounced` counts those without an alert before.
+        warning_s: Least time from an alert to its MAC [s], infinite if there was none.
+        margin_m: Least difference of distance and disc radius [m], infinite if there were never two aircraft.
+        pair, margin_at_s: Pair and time of that margin; seconds since 1970.
     """
 
     alerts: int = 0
@@ -55,7 +55,7 @@ class Tally:
     margin_at_s: float = math.nan
 
     def add(self, other: Tally) -> None:
-        """What was said of others, besides."""
+        """Add the tally of other pairs."""
         self.alerts += other.alerts
         self.alert_s += other.alert_s
         self.entered += other.entered
@@ -65,14 +65,14 @@ class Tally:
         self.note(other.margin_m, other.margin_at_s, other.pair)
 
     def note(self, margin_m: float, at_s: float, pair: tuple[str, str]) -> None:
-        """A margin, which counts if it is less than all before."""
+        """Take a margin; it is kept if it is less than all before."""
         if margin_m < self.margin_m:
             self.margin_m, self.margin_at_s, self.pair = margin_m, at_s, pair
 
 
 @dataclass(slots=True, kw_only=True)
 class _Ledger(Tally):
-    """Of one pair that is in the air."""
+    """Tally of one pair that is still in the air."""
 
     seen_s: float
     begun_s: float = math.nan
@@ -82,18 +82,18 @@ class _Ledger(Tally):
 
 @dataclass(slots=True, kw_only=True)
 class Judgement(Tally):
-    """What one definition would have said of everybody.
+    """Alerts and MACs of all pairs under one definition.
 
     Attributes:
-        definition: Which.
-        open: What it says of pairs that are still in the air.
+        definition: The definition.
+        open: Tallies of pairs that are still in the air.
     """
 
     definition: Definition
     open: dict[Pair, _Ledger] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """As an object of JSON; unknown is None."""
+        """The figures as a JSON object; unknown values are None."""
         has_pair = math.isfinite(self.margin_m)
         return {
             "definition": str(self.definition),
@@ -109,18 +109,18 @@ class Judgement(Tally):
         }
 
     def fold(self, keys: Iterable[Pair]) -> None:
-        """Add up what was said of pairs that are no longer open."""
+        """Close pairs, and add their tallies to the total."""
         for key in keys:
             self.add(self.open.pop(key))
 
 
 class WhatIf:
-    """Watches scenes, and judges them under several definitions.
+    """Watches scenes, and evaluates them under several definitions.
 
     Args:
-        definitions: Which.
-        ahead_s: How far ahead an entry is alerted.
-        eta: Of ``chance`` only.
+        definitions: The definitions.
+        ahead_s: How far ahead an entry gives an alert.
+        eta: Parameter of ``chance`` only.
 
     Attributes:
         judgements: One for each definition, complete at the end of the recording.
@@ -140,7 +140,7 @@ class WhatIf:
         self._steps = 0
 
     def step(self, scene: Scene) -> None:
-        """The next scene."""
+        """Take the next scene."""
         before, self._before = self._before, scene
         self._steps += 1
         if self._steps % FOLD_EVERY == 0 or scene.merged:
@@ -154,13 +154,13 @@ class WhatIf:
             self._judge(judgement, scene, approach, radius, macs)
 
     def end(self) -> None:
-        """The recording is over."""
+        """Finish: the recording is over."""
         for judgement in self.judgements:
             judgement.fold(list(judgement.open))
         self._begin()
 
     def _new_macs(self, scene: Scene, approach: Approach) -> set[tuple[int, int]]:
-        """Places of pairs that touch now and did not for a while."""
+        """Indices of pairs that touch now and have not touched for a while."""
         size = bounded_airframe(scene.airframe_m)
         touching = approach.distance_m < (size[:, None] + size[None, :]) / 2.0
         new = set()
@@ -210,7 +210,7 @@ class WhatIf:
         return one
 
     def _tidy(self, scene: Scene) -> None:
-        """Take back what was said of those who turned out to be somebody else, and add up what is long over."""
+        """Discard pairs of aircraft that turned out to be another aircraft, and close pairs unseen for long."""
         for judgement in self.judgements:
             for key in [key for key in judgement.open if not scene.merged.isdisjoint(key)]:
                 del judgement.open[key]
