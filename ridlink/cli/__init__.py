@@ -1,7 +1,7 @@
 """The command ``ridlink``: one module per sub-command, wiring only.
 
-Modules of commands import click and nothing heavy at their top, so that ``--help`` is instant; what a command needs is
-imported when it runs. Other packages hang commands in through the entry-point group ``ridlink.commands``.
+Modules of commands import only click and light modules at their top, so that ``--help`` is fast; a command imports what
+it needs when it runs. Other packages add commands through the entry-point group ``ridlink.commands``.
 
 Exit codes: 0 done, 1 done with a negative verdict, 2 usage or configuration, 3 input/output at start (port, file,
 broker), 4 finished with rejects under ``--strict``, 70 internal error, 128+n ended by signal n.
@@ -30,7 +30,7 @@ EXIT_USAGE = 2
 EXIT_IO = 3
 EXIT_REJECTS = 4
 EXIT_INTERNAL = os.EX_SOFTWARE
-"""70, which those exit with as well who know no commands: the watchdog of the daemon."""
+"""70. The watchdog of the daemon, which knows no commands, exits with it as well."""
 
 COMMANDS = {
     "analyze": "ridlink.cli.analyze:analyze",
@@ -56,7 +56,7 @@ COMMANDS = {
 
 
 class LazyGroup(click.Group):
-    """A group that imports a sub-command when it is asked for."""
+    """A group that imports a sub-command only when it is used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return sorted({*COMMANDS, *(point.name for point in entry_points(group="ridlink.commands"))})
@@ -80,7 +80,7 @@ class LazyGroup(click.Group):
     def invoke(self, ctx: click.Context) -> object:
         try:
             return super().invoke(ctx)
-        except BrokenPipeError:  # the reader of our stdout has gone, as `head` does; click would make it exit code 1
+        except BrokenPipeError:  # the reader of stdout has closed it, as `head` does; click would exit with 1
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             ctx.exit(EXIT_DONE)
 
@@ -116,11 +116,11 @@ def cli(loaded: Callable[[], None] | None) -> None:
 
 
 _NO_NUMBER = re.compile("is not a valid (?:float|integer)(?: range)?")
-"""What click says of a value with a unit behind it, as in ``--speed 10m/s``, in the words of its own types."""
+"""Error text of click's own types for a value with a unit behind it, as in ``--speed 10m/s``."""
 
 
 def _fail(text: str, code: int, others: Iterable[str] = ()) -> NoReturn:
-    """One line each, whatever names stand in it: a terminal shows them and acts on nothing."""
+    """Print errors, one line each, and exit. Control characters in names are made harmless to a terminal."""
     from ridlink.remote_id.text import display_name
 
     for line in (text, *others):
@@ -129,15 +129,15 @@ def _fail(text: str, code: int, others: Iterable[str] = ()) -> NoReturn:
 
 
 def _open_closed_streams() -> None:
-    """Whoever started us may have closed a standard stream (``>&-``): it leads nowhere then, and no file or socket of
-    ours takes its number."""
+    """Open standard streams that our caller has closed (``>&-``) on the null device, so that no file or socket gets
+    their numbers."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
 
 
 def main(loaded: Callable[[], None] | None = None) -> NoReturn:
-    """Run the command and turn every expected failure into one line and a documented exit code.
+    """Run the command; report every expected failure with one line and a documented exit code.
 
     Args:
         loaded: Called once the command is known and loaded, before it runs.
@@ -180,7 +180,7 @@ def _run(loaded: Callable[[], None] | None) -> NoReturn:
     except RidlinkError as error:
         _fail(str(error), EXIT_USAGE)
     except Exception as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # while a class was made, by Python 3.11
+        if isinstance(error.__cause__, KeyboardInterrupt):  # Python 3.11 wraps it while a class is created
             sys.exit(130)
         if os.environ.get("RIDLINK_DEBUG"):
             raise

@@ -60,7 +60,7 @@ def analyze(out: Path | None, as_json: bool) -> None:
 
 
 def _table(rows: list[Comparison]) -> list[str]:
-    """Aligned columns; a reason stands below its row."""
+    """Lines of a table with aligned columns; a reason is below its row."""
     cells = [(row.where, row.what, _number(row, row.printed), _number(row, row.ours), str(row.verdict)) for row in rows]
     heads = ("where", "what", "printed", "ours", "verdict")
     widths = [max(map(len, column)) for column in zip(heads, *cells, strict=True)]

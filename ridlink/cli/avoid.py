@@ -199,7 +199,7 @@ def avoid(
         }
         click.echo(reference(helps), nl=False)
         return EXIT_DONE
-    gc.disable()  # until the daemon runs: nothing of what is imported now is garbage, and looking for it takes a sixth
+    gc.disable()  # until the daemon runs: imports make no garbage, and looking for it takes a sixth
     try:
         return _avoid(config_file, replayed, print_config, as_json, options)
     finally:

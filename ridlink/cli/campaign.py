@@ -1,4 +1,4 @@
-"""``ridlink campaign``: many runs of a scene in virtual time, and the table of what came out."""
+"""``ridlink campaign``: many runs of a scene in virtual time, and the table of results."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def run(
 
 
 def _was_given(context: click.Context, name: str) -> bool:
-    """Whether the caller said so, and not a default."""
+    """Whether the user gave the option; otherwise its value is the default."""
     return context.get_parameter_source(name) is not ParameterSource.DEFAULT
 
 
@@ -221,7 +221,7 @@ def _left_off(kept: int, all_of_them: int) -> str:
 
 
 def _fly_one(plans: list[Plan], number: int, log: Path | None, as_json: bool) -> int:
-    """One run of every cell, vehicle by vehicle."""
+    """Fly one run of every cell, and print it vehicle by vehicle."""
     from ridlink.campaign.flight import fly
     from ridlink.campaign.table import table_rows
     from ridlink.campaign_runner.flight_log import log_run

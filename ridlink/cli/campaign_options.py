@@ -1,4 +1,4 @@
-"""The options of ``ridlink campaign run``, and the kinds of values that they take."""
+"""The options of ``ridlink campaign run``, and the types of their values."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ PAPER_DEFINITIONS = ("snmac", "remote-id", "candidate1", "candidate2")
 SOLVERS = ("halfplane", "graded", "rotation", "g2", "g3", "k", "k2")
 DYNAMICS = ("ideal", "px4", "ardupilot")
 LARGEST = 2**63 - 1
-"""Of seeds and numbers of runs, which shards keep as integers of 64 bits."""
+"""Largest seed or run number: shards store them as integers of 64 bits."""
 
 
 class Names(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
-    """Names apart by commas, each once; of a given set, or any."""
+    """Comma-separated names, each once; from a given set, or any."""
 
     name = "A,B,..."
 
@@ -42,7 +42,7 @@ class Names(click.ParamType):  # type: ignore[type-arg]  # generic since click 8
 
 
 class Points(Names):
-    """Definitions with their solvers, as `candidate2/rotation`, apart by commas."""
+    """Comma-separated definitions with their solvers, as `candidate2/rotation`."""
 
     name = "A/B,..."
 
@@ -62,7 +62,7 @@ class Points(Names):
 
 
 class Figures(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4 only
-    """Numbers apart by commas, each once and within a range."""
+    """Comma-separated numbers, each once and within a range."""
 
     name = "X,Y,..."
 
@@ -94,7 +94,7 @@ class Span(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
 
 
 def option_group(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
-    """Several options as one decorator, in their order."""
+    """Combine several options into one decorator, in their order."""
 
     def decorate(command: Command) -> Command:
         for option in reversed(options):
@@ -145,7 +145,7 @@ cell_options = option_group(
         help="Share of reports that a receiver misses.  [default: the technology's; ideal: 0]",
     ),
 )  # fmt: skip
-"""Of these several values may be given: a cell for everything with everything."""
+"""Options that take several values; every combination of them is a cell."""
 
 air_options = option_group(
     click.option(

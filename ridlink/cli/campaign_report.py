@@ -1,4 +1,4 @@
-"""``ridlink campaign report``: a campaign beside the paper, as JSON, as a page and as pictures."""
+"""``ridlink campaign report``: a campaign compared with the paper, as JSON, as a page and as pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``ridlink campaign run`` shows: how far it is, and the table."""
+"""Output of ``ridlink campaign run``: its progress, and the table."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 NAMES = ("scenario", "definition")
 SPARED = ("infeasible %", "nearest m", "longest s")
-"""Columns that a narrow terminal goes without, in this order."""
+"""Columns that are left out on a narrow terminal, in this order."""
 
 
 def say_if_compiling(plans: Sequence[Plan]) -> None:
-    """A word on standard error before the compiler is waited for."""
+    """Say on standard error that the kernels must be compiled first."""
     from ridlink.campaign.flight import is_warm
     from ridlink.compiled import how_often_compiled
 
@@ -36,9 +36,9 @@ def say_if_compiling(plans: Sequence[Plan]) -> None:
 
 @contextmanager
 def progress_shown(total: int, kept: int, who: str) -> Iterator[Callable[[int], None]]:
-    """Says on standard error how far it is: a bar where a terminal watches, else a line at both ends.
+    """Show the progress on standard error: a bar on a terminal, otherwise a line at the start and at the end.
 
-    Gives a function to call after each shard, with the decisions made so far.
+    Yields a function to call after each shard, with the decisions made so far.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -66,7 +66,8 @@ def progress_shown(total: int, kept: int, who: str) -> Iterator[Callable[[int], 
 
 
 def say(text: str) -> None:
-    """A word on standard error, below the bar and with the cursor that the bar has hidden; it may be the last one."""
+    """Print a line on standard error below the bar, and show the cursor that the bar has hidden: it may be the last
+    line."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -102,14 +103,14 @@ def show_rows(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: d
 
 
 def _group(row: Row) -> str:
-    """What the rows of one table have in common: what is usual goes without saying."""
+    """Text for what all rows of a table have in common; usual values are left out."""
     from ridlink.campaign.cell import world_words
 
     return ", ".join(filter(None, (f"{row.gnss} errors", f"solver {row.solver}", world_words(row.as_dict()))))
 
 
 def _columns(rows: Sequence[Row]) -> dict[str, list[str]]:
-    """Columns of a table by their heads, a cell for every row."""
+    """Columns of a table by their headings, a cell for every row."""
     columns = {
         "scenario": [row.scenario for row in rows],
         "definition": [row.definition for row in rows],
@@ -129,8 +130,8 @@ def _columns(rows: Sequence[Row]) -> dict[str, list[str]]:
 
 
 def _fitting(columns: dict[str, list[str]], width: float) -> tuple[dict[str, list[str]], int]:
-    """As many columns as there is room for, and the gap between them. A table that is too wide even so stays whole: a
-    figure that is cut off is another figure."""
+    """As many columns as fit, and the gap between them. A table that is still too wide is kept whole, since a figure
+    cut off would be wrong."""
     gap = 2 if _needed(columns, 2) <= width else 1
     for head in SPARED:
         if _needed(columns, gap) > width:

@@ -103,7 +103,7 @@ def capacity(
 
 
 def _show(rows: list[Capacity]) -> None:
-    """A table; what is the same in all rows stands above it."""
+    """Print a table; values that are the same in all rows are above it."""
     columns: dict[str, list[str]] = {"definition": [str(row.airspace.definition) for row in rows]}
     above = [f"{counted(rows[0].density_per_km2, 'drone', 'g')} per km2 at one height"]
     for name, head, words in (

@@ -132,7 +132,7 @@ def decode(
 
 
 def _timeless(statistics: Statistics, selection: Selection) -> list[str]:
-    """Captures whose format has no times, where some were asked for."""
+    """Names of captures without times, if the selection is by time."""
     if selection.takes_time(None):
         return []
     return [capture.name for capture in statistics.captures if capture.kind in ("mavlink", "hex")]
@@ -144,7 +144,7 @@ def _tell_timeless(statistics: Statistics, selection: Selection) -> None:
 
 
 def _verdict(statistics: Statistics, strict: bool, absent: int, *, silent: bool = False) -> int:
-    """The exit code; damage is said on standard error."""
+    """The exit code; damage is reported on standard error."""
     for capture in statistics.captures:
         if capture.rejects and not silent:
             click.echo(f"ridlink: {capture.name}: damaged: {capture.rejects}", err=True)
@@ -180,7 +180,7 @@ class _Lines:
         self.any_written = False
 
     def write(self, capture: Capture) -> None:
-        """All messages of a capture."""
+        """Write all messages of a capture, or count them."""
         self.statistics.captures.append(capture)
         self._take(capture, capture)
         self.flush()
@@ -203,7 +203,7 @@ class _Lines:
                 self.flush()
 
     def write_blocks(self, reader: BlockReader) -> None:
-        """The lines of a large file, or its counts."""
+        """Write the lines of a large file, or count its messages."""
         from ridlink.captures.export.block_lines import BlockLines
         from ridlink.captures.export.counting import count_block
 
@@ -224,7 +224,7 @@ class _Lines:
         self.flush()
 
     def flush(self) -> None:
-        """Write out what is collected."""
+        """Write the lines collected so far."""
         if self._batch:
             self._out.write(b"".join(self._batch))
             self._out.flush()
@@ -241,14 +241,14 @@ def _decode_files(files: tuple[str, ...], kind: str, lines: _Lines) -> None:
             if reader is not None:
                 lines.write_blocks(reader)
                 continue
-            # whoever reads our output live sees all there is before we wait for more
+            # a live reader of our output gets all lines before we wait for more
             with open_capture(path, kind, before_read=lines.flush) as capture:
                 lines.write(capture)
     lines.progress.clear()
 
 
 def _large_reader(path: str, kind: str) -> BlockReader | None:
-    """A reader in blocks where that pays off, that is for large files; ``None`` elsewhere."""
+    """A reader in blocks for a large file, where it is faster; ``None`` otherwise."""
     from ridlink.captures.reader import is_large, open_capture
 
     if not is_large(path):
@@ -260,7 +260,8 @@ def _large_reader(path: str, kind: str) -> BlockReader | None:
 
 
 def _follow(path: str, kind: str, lines: _Lines) -> None:
-    """One file as it grows, until a signal ends it; a second signal does not wait for whoever reads our output."""
+    """Decode one file as it grows, until a signal ends it; a second signal does not wait for the reader of our
+    output."""
     from ridlink.captures.follow import Follower, Stopped
 
     follower = Follower(

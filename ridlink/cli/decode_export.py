@@ -1,4 +1,4 @@
-"""What ``ridlink decode`` writes in formats other than lines and statistics."""
+"""Output of ``ridlink decode`` in formats other than lines and statistics."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RECORDS_AT_ONCE = 8192
 
 @contextmanager
 def others_go_on(files: tuple[str, ...], statistics: Statistics) -> Iterator[None]:
-    """One file that is no capture is one line and keeps no other back; where no file was one, it is an error."""
+    """Report a file that is no capture in one line, and go on with the others; if none is one, it is an error."""
     before = len(statistics.captures)
     try:
         yield
@@ -51,14 +51,14 @@ def export(
     *,
     telemetry: bool,
 ) -> None:
-    """Write the files in a format that is no line a message.
+    """Write the files in a format that has not one line for each message.
 
     Args:
-        files, kind: What to read.
-        output_format, output, join: What to write.
-        selection: Which messages.
+        files, kind: Files to read, and their format.
+        output_format, output, join: Format and file to write, and whether messages are joined.
+        selection: Messages to write.
         statistics: Gets the captures, for their rejects.
-        telemetry: On a map, also what vehicles that are on it by Remote ID say of themselves.
+        telemetry: On a map, add the own telemetry of vehicles that are on it by Remote ID.
     """
     if output_format in FOLDERS and not join:
         assert output is not None
@@ -69,7 +69,7 @@ def export(
     from ridlink.captures.export.join import join as joined
     from ridlink.captures.export.tables import write_joined_csv, write_joined_parquet
 
-    if selection.names is None and output_format != "mcap":  # nothing else is looked at
+    if selection.names is None and output_format != "mcap":  # other messages are not used
         selection = dataclasses.replace(selection, names=frozenset(JOINED_NAMES if join else MAPPED_NAMES))
     messages = _messages(files, kind, selection, statistics)
     with whole_output(output, files) as out:
@@ -92,7 +92,7 @@ def export(
 def _captures(
     files: tuple[str, ...], kind: str, selection: Selection, statistics: Statistics
 ) -> Iterator[Block | list[MessageRecord]]:
-    """Files of MAVLink as blocks, everything else as messages, some thousand at a time."""
+    """Files of MAVLink as blocks, other files as messages, some thousand at a time."""
     from ridlink.captures import decode_records, open_capture
     from ridlink.captures.fast.blocks import SCANNED, BlockReader
 

@@ -1,4 +1,4 @@
-"""The formats of ``ridlink decode``, the times that it takes, and which of its options mean nothing together."""
+"""Formats of ``ridlink decode``, its times, and combinations of options that it refuses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ JOINABLE = ("csv", "parquet", "jsonl")
 
 
 def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | None:
-    """Microseconds since 1970 of seconds since 1970 or of a date and time, UTC where it does not say."""
+    """Microseconds since 1970 from seconds since 1970, or from a date and time, UTC unless it has a time zone."""
     if value is None:
         return None
     from datetime import UTC, datetime
@@ -34,10 +34,10 @@ def time_us(_: click.Context, __: click.Parameter, value: str | None) -> int | N
 def refuse_combination(
     output_format: str, output: str | None, frames: bool, join: bool, stats: bool, telemetry: bool
 ) -> None:
-    """Refuse options that mean nothing together.
+    """Refuse options that make no sense together.
 
     Raises:
-        click.UsageError: If so.
+        click.UsageError: If they are given.
     """
     if join and output_format not in JOINABLE:
         raise click.UsageError(f"--join is for -f {', '.join(JOINABLE)}; -f {output_format} cannot take it")
@@ -57,10 +57,10 @@ def refuse_combination(
 def refuse_following(
     files: tuple[str, ...], kind: str, output_format: str, output: str | None, join: bool, stats: bool
 ) -> None:
-    """Refuse what cannot be followed.
+    """Refuse files and options with which a file cannot be followed.
 
     Raises:
-        click.UsageError: If so.
+        click.UsageError: If they are given.
     """
     if len(files) > 1 or files[0] == "-":
         raise click.UsageError("--follow is for one file, and standard input is followed as it is")

@@ -1,4 +1,4 @@
-"""``ridlink dialect``: the message definitions in other forms, and a check of somebody else's."""
+"""``ridlink dialect``: the message definitions in other forms, and a check of other definitions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def dialect() -> None:
 
 
 def _write(form: str, output: Path | None) -> None:
-    from message_spec import generate  # mavgen is only imported where a binding is made
+    from message_spec import generate  # mavgen is only imported to make a binding
 
     if output is None or output == Path("-"):
         if form in FOLDERS_ONLY:

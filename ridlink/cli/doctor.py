@@ -1,4 +1,4 @@
-"""``ridlink doctor``: what is missing for a flight, before the flight."""
+"""``ridlink doctor``: checks before a flight."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def doctor(vehicle: str | None, rid: str | None, as_json: bool) -> int:
 
 def _show(finding: Finding) -> None:
     mark, colour = MARKS[finding.verdict]
-    plain = False if os.environ.get("NO_COLOR") else None  # else as the output is: of a terminal or not
+    plain = False if os.environ.get("NO_COLOR") else None  # None: colours only if the output is a terminal
     click.echo(f"{click.style(mark, fg=colour)}  {finding.name:<{NAME_WIDTH}} {finding.text}", color=plain)
     if finding.remedy:
         click.echo(f"    {'':<{NAME_WIDTH}} -> {finding.remedy}")

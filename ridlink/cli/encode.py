@@ -76,7 +76,7 @@ def encode(file: str, output: str, to: str, strict: bool) -> int:
                 last_us = last_us if found.time_us is None else found.time_us
             out.write(_written(found, kind, last_us))
             written += 1
-        if not written and (refused or not number):  # what stands under that name stays
+        if not written and (refused or not number):  # an existing file is kept
             what = f"has no line that can be encoded; {first}" if refused else "is empty"
             raise CaptureError(f"{read_from} {what}")
     if timeless:
@@ -102,7 +102,7 @@ def _too_long() -> TimedFrame:
 
 
 def _lines(stream: BinaryIO) -> Iterator[bytes]:
-    """Lines; of one that is too long no more is kept than shows it."""
+    """Lines; one that is too long is cut one byte beyond the limit."""
     while line := stream.readline(MAX_LINE_LENGTH + 1):
         if len(line) > MAX_LINE_LENGTH and not line.endswith(b"\n"):
             while (rest := stream.readline(MAX_LINE_LENGTH)) and not rest.endswith(b"\n"):

@@ -1,4 +1,4 @@
-"""Files of commands: those to read, which may not open, and those written, which appear whole or not at all."""
+"""Files of commands: checks of those to read, and output files that appear whole or not at all."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ Made = TypeVar("Made")
 
 
 def refuse_unreadable(path: str) -> None:
-    """A file that cannot be opened, before anything is loaded that would read it.
+    """Check that a file can be opened, before modules that read it are loaded.
 
     Raises:
-        OSError: If it is one.
+        OSError: If it cannot be opened.
     """
-    if path != "-" and not stat.S_ISFIFO(os.stat(path).st_mode):  # whoever writes a pipe sees it close
+    if path != "-" and not stat.S_ISFIFO(os.stat(path).st_mode):  # the writer of a pipe would see it close
         open(path, "rb").close()
 
 
 def readable(files: tuple[str, ...]) -> tuple[str, ...]:
-    """The files that can be opened. Of the others it is said at once, not after an hour of the files before them.
+    """The files that can be opened. The others are reported at once, not after an hour of reading earlier files.
 
     Raises:
-        OSError: If there is none.
+        OSError: If none can be opened.
     """
     found = []
     for number, path in enumerate(files, 1):
@@ -53,7 +53,7 @@ def readable(files: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def refuse_to_replace(path: str | None, read: Iterable[str]) -> None:
-    """What is written would be the end of what is read; standard streams are nobody's end.
+    """Refuse an output file that is also an input, as it would be replaced. Standard streams are allowed.
 
     Raises:
         click.UsageError: If the path is one of the files that are read.
@@ -69,11 +69,11 @@ def refuse_to_replace(path: str | None, read: Iterable[str]) -> None:
 
 @contextmanager
 def whole_output(path: str | None, read: Iterable[str] = ()) -> Iterator[BinaryIO]:
-    """Standard output, or a file that appears when everything is in it.
+    """Standard output, or a file that appears when it is complete.
 
     Args:
-        path: Its name; None or ``-`` for standard output.
-        read: What is read meanwhile, and must not be replaced.
+        path: Path of the file; None or ``-`` for standard output.
+        read: Files that are read meanwhile, and must not be replaced.
 
     Raises:
         click.UsageError: If it is one of the files that are read.
@@ -95,14 +95,14 @@ def whole_output(path: str | None, read: Iterable[str] = ()) -> Iterator[BinaryI
                 yield stream
             os.replace(unfinished, target)
         except BaseException:
-            with suppress(OSError):  # as where nothing can be written
+            with suppress(OSError):  # for example where nothing can be written
                 unfinished.unlink(missing_ok=True)
             raise
 
 
 @contextmanager
 def whole_folder(path: str) -> Iterator[Path]:
-    """A folder to write into, which takes its name at the end; after an error nothing is left of it.
+    """A folder to write into, which gets its name at the end; after an error it is removed.
 
     Args:
         path: The folder; must not exist, or be empty.
@@ -125,7 +125,7 @@ def whole_folder(path: str) -> Iterator[Path]:
 
 
 def _made(make: Callable[[], Made], path: str) -> Made:
-    """What is made; why that is not possible is said of the path that was asked for."""
+    """The result of ``make``; its errors name the path that the user gave."""
     try:
         return make()
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What ``ridlink avoid`` prints of a flight: JSON for programs, lines for people."""
+"""Output of ``ridlink avoid`` during a flight: JSON for programs, lines for people."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ GUARD_LINES = {
     "handing back": "the guard hands back what it found",
     "ended": "MAV_CMD_DO_PAUSE_CONTINUE 1 to component 196 engages it again",
 }
-"""What it means that a guard enters a phase."""
+"""Text for each phase that a guard enters."""
 HANDED_BACK = "it has handed back"
 AWAITED = "waiting for an autopilot"
-"""Why a daemon stands by that hears nobody on its vehicle link."""
+"""Reason of a daemon that stands by and hears no autopilot on its vehicle link."""
 
 
 class FlightPrinter(Printer, ABC):
-    """Told what happens, as it happens."""
+    """Prints events of a flight as they happen."""
 
     @abstractmethod
     def event(self, facts: dict[str, Any]) -> None:
@@ -36,7 +36,7 @@ class FlightPrinter(Printer, ABC):
 
     @abstractmethod
     def final(self, summary: Summary) -> None:
-        """Print what the flight came to."""
+        """Print the summary of the flight."""
 
 
 class JsonPrinter(FlightPrinter):
@@ -103,12 +103,12 @@ class HumanPrinter(FlightPrinter):
 
 
 def _cut(line: str) -> str:
-    """What of a line a terminal shows without a second one, which nothing would take back."""
+    """A line cut to the width of the terminal: a second line could not be overwritten."""
     try:
         columns = os.get_terminal_size(sys.stderr.fileno()).columns
     except (OSError, ValueError):  # no terminal, or no file
         return line
-    return line[: columns - 1] if columns > 1 else line  # 0 where nobody has said it
+    return line[: columns - 1] if columns > 1 else line  # 0 if unknown
 
 
 def _status_line(facts: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""``ridlink fly``: takes a vehicle off, hands it over to a daemon, lands it."""
+"""``ridlink fly``: takes off with a vehicle, hands it over to a daemon, lands it."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def fly(vehicle: str, height_m: float, daemon: str | None, land: bool, health_s:
             printer.put(f"ridlink: {error}\n", error=True)
         if as_json:
             printer.put(json.dumps(flight.as_dict()) + "\n")
-        if flight.outcome != "stopped":  # nobody has asked for the end, so nobody waits for it
+        if flight.outcome != "stopped":  # nobody asked for the end, so the reader may take longer
             printer.patience_s = PAGING_S
     finally:
         printer.close()
@@ -104,10 +104,10 @@ def fly(vehicle: str, height_m: float, daemon: str | None, land: bool, health_s:
 
 
 def _split(text: str | None) -> list[str]:
-    """The options of a daemon, checked before anything flies.
+    """The options of a daemon, checked before the flight.
 
     Raises:
-        click.UsageError: If `ridlink avoid` would not take them.
+        click.UsageError: If `ridlink avoid` would refuse them.
     """
     from ridlink.cli.avoid import avoid
 

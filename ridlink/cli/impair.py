@@ -86,7 +86,7 @@ def impair(
             corrupt=corrupt,
             rate=rate,
         )
-    except ConfigError as error:  # begins with the name of a field, which is that of an option but for the unit
+    except ConfigError as error:  # begins with a field name: the option's name and a unit
         name, _, text = str(error).partition(" ")
         raise click.UsageError(f"--{name.removesuffix('_s')} {text}") from error
     proxy, took_s = asyncio.run(
@@ -99,7 +99,7 @@ def impair(
 async def _carry(
     near: LinkUrl, far: LinkUrl, impairment: Impairment, direction: str, seed: int, duration: float | None
 ) -> tuple[Proxy, float]:
-    """Carry until the time is up or a signal comes; the proxy, and how long it took [s]."""
+    """Forward until the time is up or a signal comes. Returns the proxy and the time it ran [s]."""
     import asyncio
 
     from ridlink.impair import Impairment, open_proxy

@@ -156,7 +156,7 @@ def _password(file: Path | None) -> str | None:
     """The password, from a file that only its owner can read, or from the environment.
 
     Raises:
-        ConfigError: If others can read the file, or it is no text.
+        ConfigError: If other users can read the file, or it is no text.
         OSError: If it cannot be read.
     """
     if file is None:

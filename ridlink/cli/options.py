@@ -1,4 +1,4 @@
-"""Options that several commands have."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from ridlink.separation.definitions import Definition
 
 NAME = click.Path(readable=False)
-"""A file or folder as it is written. Whether it can be read shows when it is: with exit code 3, like one that is not
-there, and not with that of wrong usage."""
+"""Path of a file or folder. Whether it can be read is only checked when it is read: the exit code is then 3, as for a
+missing file, and not that of wrong usage."""
 
 PATH = click.Path(readable=False, path_type=Path)
-"""The same as a path."""
+"""The same as a `Path`."""
 
 
 def capture_kind(what: str) -> Callable[[Any], Any]:
@@ -53,11 +53,11 @@ accuracy_convention = click.option(
     "--accuracy-convention", type=click.Choice(ACCURACY_CONVENTIONS), default="letter", show_default=True,
     metavar="NAME", help=ACCURACY_CONVENTION,
 )  # fmt: skip
-"""The same for every command that judges by a definition."""
+"""``--accuracy-convention``, the same for every command that uses a definition."""
 
 
 class Within(click.FloatRange):
-    """A float in a range; "nan" and "inf" are no figures."""
+    """A float in a range; "nan" and "inf" are refused."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         number: float = super().convert(value, param, ctx)
@@ -67,10 +67,10 @@ class Within(click.FloatRange):
 
 
 def above_zero(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
-    """Callback of an option: a finite number above 0, or none.
+    """Callback of an option: a finite number above 0, or None.
 
     Raises:
-        click.BadParameter: If it is another.
+        click.BadParameter: If it is another number.
     """
     if value is not None and not 0.0 < value < math.inf:
         raise click.BadParameter("must be a number above 0")
@@ -78,10 +78,10 @@ def above_zero(_: click.Context, __: click.Parameter, value: float | None) -> fl
 
 
 def definition_of(text: str) -> Definition:
-    """The separation definition of a name.
+    """The separation definition with a name.
 
     Raises:
-        click.BadParameter: If there is none; the text lists those that there are.
+        click.BadParameter: If the name is unknown; the text lists the known ones.
     """
     from ridlink.separation.definitions import Definition
 
@@ -96,7 +96,7 @@ def wanted_names(types: str | None) -> frozenset[str] | None:
     """Names of the dialect that a comma-separated list of globs matches; ``None`` for all.
 
     Raises:
-        click.BadParameter: If one of them matches nothing.
+        click.BadParameter: If a glob matches nothing.
     """
     if types is None:
         return None
@@ -119,10 +119,10 @@ def wanted_names(types: str | None) -> frozenset[str] | None:
 
 
 def refuse_recording(url: str) -> None:
-    """A file where a link belongs.
+    """Refuse a recording in place of a link.
 
     Raises:
-        click.UsageError: If it is one; the text names what shows recordings.
+        click.UsageError: If it is one; the text names commands for recordings.
     """
     if Path(url).is_file():
         name = display_name(url)
@@ -130,7 +130,7 @@ def refuse_recording(url: str) -> None:
 
 
 def signing_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """``--signing-key`` and what belongs to it, for commands that speak to an autopilot."""
+    """``--signing-key`` and related options, for commands that send to an autopilot."""
     for option in (
         click.option(
             "--signing-state",

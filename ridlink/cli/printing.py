@@ -1,4 +1,4 @@
-"""Lines of commands that fly, emulate or transmit: whoever stops reading them stops nothing else."""
+"""Output of commands that fly, emulate or transmit: a reader that stops reading stops nothing else."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from typing import TextIO, cast
 from ridlink.words import counted
 
 QUEUED_LINES, QUEUED_CHARACTERS = 1000, 4_000_000
-"""A line of a fleet of hundreds is tens of kilobytes."""
+"""Most queued lines and characters; a line of a fleet of hundreds has tens of kilobytes."""
 
 PATIENCE_S = 1.0
-"""At the end, a reader that takes nothing for so long has stopped reading, ..."""
+"""At the end, a reader that takes nothing for so long counts as stopped, ..."""
 
 PAGING_S = 60.0
-"""... and one of results, where nobody has asked for the end: a pager takes nothing while a person reads."""
+"""... and after so long if nobody asked for the end: a pager takes nothing while a person reads."""
 
 GONE = (errno.EPIPE, errno.EIO)
-"""Errors of a pipe or a terminal without its other end; any other is a disk's."""
+"""Errors of a pipe or terminal whose other end is closed; any other error is that of a disk."""
 
 
 class Printer:
-    """Prints from threads of its own, one for standard output and one for standard error: who reads neither delays what
-    goes to the other. What a reader is too slow for is left out; when it has gone, or its disk is full, all is.
+    """Prints from two threads, one for standard output and one for standard error, so that a slow reader of one does
+    not delay the other. Lines are dropped if a reader is too slow, and all lines once it has gone or its disk is full.
 
     Attributes:
         patience_s: How long `close` waits for a reader of standard output that takes nothing.
@@ -37,11 +37,11 @@ class Printer:
 
     def __init__(self) -> None:
         self.patience_s = PATIENCE_S
-        self._lanes = (_Lane(sys.stdout), _Lane(sys.stderr))  # as they are now: a live table puts itself in their place
+        self._lanes = (_Lane(sys.stdout), _Lane(sys.stderr))  # the streams of now: a live table replaces them later
 
     @property
     def reader_has_gone(self) -> bool:
-        """Whoever read standard output has closed it."""
+        """Whether the reader of standard output has closed it."""
         return self._lanes[False].reader_has_gone
 
     def put(self, text: str, *, error: bool = False) -> None:
@@ -49,11 +49,12 @@ class Printer:
         self._lanes[error].put(text)
 
     def stream(self, *, error: bool) -> TextIO:
-        """Standard output or standard error for those who write to files, as logs and tables do."""
+        """Standard output or standard error as a file, for logs and tables."""
         return cast(TextIO, _Stream(self._lanes[error]))
 
     def close(self) -> None:
-        """Print what is queued, as long as its reader goes on reading, and say on standard error what was left out."""
+        """Print what is queued, as long as its reader goes on reading, and report on standard error how much was
+        dropped."""
         output, errors = self._lanes
         unread = output.close(self.patience_s) + errors.close(PATIENCE_S)
         said = ""
@@ -62,7 +63,7 @@ class Printer:
         if unread:
             said += f"ridlink: left out {counted(unread, 'line', 'd')} that nobody read\n"
         stream = errors.stream
-        if said and stream is not None and select.select([], [stream], [], 0.0)[1]:  # else nobody reads this either
+        if said and stream is not None and select.select([], [stream], [], 0.0)[1]:  # else nobody reads this, either
             with contextlib.suppress(OSError):
                 stream.write(said)
                 stream.flush()
@@ -70,7 +71,7 @@ class Printer:
 
 class _Lane:
     def __init__(self, stream: TextIO | None) -> None:
-        self.stream = stream  # None if closed by whoever started us
+        self.stream = stream  # None if our caller has closed it
         self.reader_has_gone = False
         self.problem = ""
         self._left_out = self._queued = self._printed = 0
@@ -96,7 +97,7 @@ class _Lane:
                 try:
                     try:
                         self.stream.write(text)
-                    except UnicodeEncodeError:  # a name that this terminal has no letters for
+                    except UnicodeEncodeError:  # a name that this terminal cannot show
                         encoding = self.stream.encoding
                         self.stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
                     self.stream.flush()
@@ -108,7 +109,7 @@ class _Lane:
             self._given += len(text)
 
     def close(self, patience_s: float) -> int:
-        """Print what is queued, as long as its reader goes on reading; how many texts nobody read."""
+        """Print what is queued, as long as its reader goes on reading. Returns the number of texts not printed."""
         printed, ends = -1, 0
         while not ends and printed != self._printed:
             printed = self._printed

@@ -1,4 +1,4 @@
-"""How far a command is."""
+"""Progress of a command on a terminal."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class HasPosition(Protocol):
 
     @property
     def size(self) -> int | None:
-        """Bytes in all, None where that is not known."""
+        """Bytes in all, None if unknown."""
 
 
 class StatusLine:
-    """A line on standard error that is written over by the next one; nothing where that is no terminal.
+    """A line on standard error that the next one overwrites; nothing is shown if that is no terminal.
 
     Attributes:
-        is_live: It is a terminal.
+        is_live: Whether it is a terminal.
     """
 
     def __init__(self) -> None:
@@ -36,21 +36,21 @@ class StatusLine:
         self._is_shown = False
 
     def show(self, text: str) -> None:
-        """Put this in the place of what is shown."""
+        """Replace the line."""
         if self.is_live:
             sys.stderr.write(f"\r{text}\x1b[K")
             sys.stderr.flush()
             self._is_shown = True
 
     def clear(self) -> None:
-        """Take the line away."""
+        """Remove the line."""
         if self._is_shown:
             self.show("")
             self._is_shown = False
 
 
 class Progress:
-    """How many messages were read: a status line, if the work takes more than a second."""
+    """Shows the number of messages read in a status line, if the work takes more than a second."""
 
     CHECK_EVERY = 4096
 
@@ -61,7 +61,7 @@ class Progress:
         self._records = 0
 
     def tick(self, capture: HasPosition, records: int = 1) -> None:
-        """So many records more."""
+        """Count further records."""
         self._records += records
         if not self._active or (records == 1 and self._records % self.CHECK_EVERY) or time.monotonic() < self._next_s:
             return
@@ -70,5 +70,5 @@ class Progress:
         self._line.show(f"{share}{counted(self._records, 'message')}")
 
     def clear(self) -> None:
-        """Take the line away."""
+        """Remove the line."""
         self._line.clear()

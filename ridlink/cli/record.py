@@ -1,4 +1,4 @@
-"""``ridlink record``: whatever a link carries into a telemetry log."""
+"""``ridlink record``: everything that comes over a link into a telemetry log."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ def record(url: str, output: str, duration: float | None, force: bool, silent: b
 
 
 def _is_empty(path: str) -> bool:
-    """A log without a record, as it is left where nothing was heard: there is nothing in it to lose."""
+    """Whether a file is empty, as a log is if nothing was heard: it may be replaced."""
     return os.path.isfile(path) and os.path.getsize(path) == 0
 
 
 async def _record(
     url: LinkUrl, output: str, duration: float | None, force: bool, silent: bool
 ) -> tuple[Recorder, float]:
-    """Record until the time is up, a signal comes or the disk is full; the recorder, and how long it took [s]."""
+    """Record until the time is up, a signal comes or the disk is full. Returns the recorder and the time it ran [s]."""
     import asyncio
 
     from ridlink.captures.recorder import Recorder
@@ -90,7 +90,7 @@ async def _record(
 async def _until(
     stop: asyncio.Event, started_s: float, duration: float | None, link: Link, recorder: Recorder, speaks: bool
 ) -> None:
-    """Each second: say that we are there, show where we are."""
+    """Each second: send a HEARTBEAT if it must, and show the progress."""
     import asyncio
 
     from ridlink.mavlink.ground_station import ground_station, heartbeat
@@ -109,7 +109,7 @@ async def _until(
 
 
 def _report(path: str, recorder: Recorder, duration_s: float, as_json: bool) -> None:
-    """The path and the counts, last."""
+    """Print the path and the counts at the end."""
     if as_json:
         import msgspec
 

@@ -1,4 +1,4 @@
-"""``ridlink replay``: a dump to a link, in its own rhythm."""
+"""``ridlink replay``: a dump to a link, with its own timing."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def replay(file: str, url: str, kind: str, speed: float, rate: float, types: str
         raise click.UsageError("a broker is fed by the bridge: write --out udpout:127.0.0.1:14790 here, and run "
                                "'ridlink mqtt --broker URL --source udpin:127.0.0.1:14790' beside it")  # fmt: skip
     if file != "-":
-        open_capture(file, kind).close()  # what cannot be read shows before the link is opened
+        open_capture(file, kind).close()  # an unreadable file is an error before the link is opened
     wanted = wanted_names(types)
     sent, refused, unheard, took_s = asyncio.run(_replay(file, kind, url, speed, rate, wanted, loop))
     if refused:
@@ -88,7 +88,7 @@ def replay(file: str, url: str, kind: str, speed: float, rate: float, types: str
 async def _replay(
     file: str, kind: str, url: str, speed: float, rate: float, wanted: frozenset[str] | None, loop: bool
 ) -> tuple[int, int, int, float]:
-    """Send until the end, or a signal; messages sent, not taken by the network and by the peer, seconds."""
+    """Send until the end, or a signal. Returns messages sent, those not taken by network and by peer, and seconds."""
     import asyncio
 
     from ridlink.captures import open_capture
@@ -143,8 +143,8 @@ class _Player:
     async def play(self, records: Iterator[Record], *, wait_for_peer: bool) -> None:
         """Send all records once.
 
-        Where a time goes back, or the receiver of our own process held us up for more than a second, the rhythm starts
-        anew from there: nothing is sent in a burst to catch up.
+        If a time goes back, or a receiver in our own process delayed us for more than a second, timing starts anew from
+            there: no burst is sent to catch up.
         """
         begun_s = self._running.time()
         begun_us: float | None = None
@@ -173,7 +173,7 @@ class _Player:
             self._progress()
 
     async def _until(self, due_s: float) -> None:
-        """Wait for a time or for the end; the loop gets its turn in either case."""
+        """Wait for a time or for the end; the loop runs at least once."""
         import asyncio
 
         delay_s = due_s - self._running.time()
@@ -201,12 +201,12 @@ class _Player:
             self._line.show(f"{counted(self.sent, 'message')}, {now_s - self.started_s:.0f} s")
 
     def clear_progress(self) -> None:
-        """Take the line away."""
+        """Remove the line."""
         self._line.clear()
 
 
 def _rounded(wait_s: float) -> str:
-    """A time as one says it: in its largest unit."""
+    """A duration as text, in its largest unit."""
     for unit, seconds in (("years", 365.25 * 86400), ("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
         if wait_s >= seconds:
             return f"{wait_s / seconds:{',.1f' if wait_s < 1e12 else '.0e'}} {unit}"

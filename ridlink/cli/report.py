@@ -1,4 +1,4 @@
-"""``ridlink report``: who met whom in recorded traffic, as JSON lines and as a page."""
+"""``ridlink report``: encounters in recorded traffic, as JSON lines and as a page."""
 
 from __future__ import annotations
 
@@ -101,10 +101,10 @@ def _page_name(file: str) -> str:
 
 
 def _check_folder(page: Path) -> None:
-    """What cannot be written is said before an hour of reading.
+    """Check that the page can be written, before an hour of reading.
 
     Raises:
-        OSError: If the folder is not there or not writable.
+        OSError: If the folder does not exist or is not writable.
     """
     if page.is_dir():
         raise OSError(errno.EISDIR, "is a folder; --html names a file", str(page))

@@ -1,4 +1,4 @@
-"""What commands about recordings have in common: many files, some of them damaged, and one walk through all."""
+"""Common part of commands about recordings: many files, some of them damaged, and one walk through all."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ strict = click.option("--strict", "is_strict", is_flag=True, help="Exit with 4 i
 
 
 def open_sources(files: tuple[str, ...], kind: str) -> tuple[list[Source], int]:
-    """The recordings that can be opened, and how many cannot; of each of these stands a line on standard error.
+    """The recordings that can be opened, and how many cannot; each of those is a line on standard error.
 
     Raises:
         CaptureError: If none of them is a recording.
@@ -47,10 +47,10 @@ def open_sources(files: tuple[str, ...], kind: str) -> tuple[list[Source], int]:
 
 
 def walk_through(sources: Sequence[Source], watchers: Sequence[Watcher], accuracy_convention: str) -> Walk:
-    """Show all scenes to all watchers, and on a terminal how far it is.
+    """Pass all scenes to all watchers, and show the progress on a terminal.
 
     Raises:
-        CaptureError: If no file turned out to be a recording; so OSError, if none could be read.
+        CaptureError: If no file turned out to be a recording; OSError if none could be read.
     """
     from ridlink.review import Walk, together
 
@@ -71,12 +71,12 @@ def walk_through(sources: Sequence[Source], watchers: Sequence[Watcher], accurac
 
 
 def exit_code(sources: Sequence[Source], absent: int, is_strict: bool) -> int:
-    """Say on standard error what was damaged, or ended before its end; the exit code that follows.
+    """The exit code; files that are damaged, or could not be read to the end, are reported on standard error.
 
     Args:
         sources: Recordings that were read.
-        absent: How many could not be.
-        is_strict: Damage is a failure.
+        absent: Number of recordings that could not be opened.
+        is_strict: Whether damage is a failure.
     """
     for source in sources:
         if source.rejects:

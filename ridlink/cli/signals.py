@@ -1,4 +1,4 @@
-"""What signals do to commands: they end what runs, and nothing half done stays behind."""
+"""Effects of signals on commands: they end what runs, and leave no unfinished files."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 @contextmanager
 def removed_by_signals(remove: Callable[[], None]) -> Iterator[None]:
-    """A signal that ends the command takes away first what is half written, and ends it with 128 + n.
+    """A signal that ends the command first removes unfinished output, then ends the process with 128 + n.
 
-    No exception does that: one that comes at any time would be lost in a callback of the compiler or of an import.
+    This is no exception: raised at any time, it could be lost in a callback of the compiler or of an import.
 
     Args:
-        remove: Takes it away.
+        remove: Removes the unfinished output.
     """
 
     def end(number: int, _: object) -> None:
@@ -38,32 +38,32 @@ def removed_by_signals(remove: Callable[[], None]) -> Iterator[None]:
 
 
 def ending_signals() -> list[signal.Signals]:
-    """Signals that end what runs: SIGINT, SIGTERM, and SIGHUP of a terminal that goes away, unless that is ignored."""
+    """Signals that end a command: SIGINT, SIGTERM, and SIGHUP of a terminal that closes, unless that is ignored."""
     hangup = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]  # as under nohup
     return [signal.SIGINT, signal.SIGTERM, *hangup]
 
 
 def end_by_interrupts() -> None:
-    """Until a loop handles it, Ctrl-C ends the process as SIGTERM does, without a word.
+    """Until a loop handles it, Ctrl-C ends the process silently, as SIGTERM does.
 
-    The exception that it is otherwise would come while the loop is being made, and be shown with a traceback.
+    A KeyboardInterrupt could come while the loop is being made, and would be shown with a traceback.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where a shell had it ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 SAME_S = 0.02
-"""The same signal within so long is the same request: `timeout` sends one to the process, and then to its group."""
+"""A repeated signal within so long is the same request: `timeout` sends it to the process, and then to its group."""
 
 
 def ended_by_signals(loop: asyncio.AbstractEventLoop, end: Callable[[], None]) -> None:
-    """The first SIGINT, SIGTERM or SIGHUP begins the end; a second SIGINT or SIGTERM is one at once, with 128 + n.
+    """The first SIGINT, SIGTERM or SIGHUP begins a clean end; a second SIGINT or SIGTERM ends at once, with 128 + n.
 
-    A second SIGHUP is the same terminal once more: its shell passes on what the kernel has sent already. So is the same
-    signal within SAME_S.
+    A second SIGHUP is ignored: the shell of the terminal repeats the one that the kernel has sent. The same signal
+    within SAME_S is ignored as well.
 
     Args:
-        loop: Whose handlers these are.
+        loop: The loop that gets the handlers.
         end: Called once, in the loop.
     """
     first: int | None = None
@@ -72,7 +72,7 @@ def ended_by_signals(loop: asyncio.AbstractEventLoop, end: Callable[[], None]) -
         nonlocal first
         if first is None:
             first = number
-            if number != signal.SIGHUP:  # by a timer: one that came in time is in time, however late the loop sees it
+            if number != signal.SIGHUP:  # by a timer, so a repeat in time is ignored even if seen late
                 loop.call_later(SAME_S, loop.add_signal_handler, number, os._exit, 128 + number)
             end()
         elif number not in (first, signal.SIGHUP):

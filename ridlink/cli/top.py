@@ -1,4 +1,4 @@
-"""``ridlink top``: who is in the air, as a table that lives."""
+"""``ridlink top``: a live table of the aircraft in the air."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 ORDERS = ("margin", "name", "age")
 LINES_BESIDE = 4
-"""Lines of the terminal that are not rows."""
+"""Lines of the terminal that are not rows of the table."""
 
 State = dict[str, Any]
 
@@ -67,7 +67,7 @@ def top(
 
 
 class _Watch:
-    """Hears a link, and knows who is in the air."""
+    """Listens on a link, and keeps the aircraft in the air."""
 
     def __init__(self, url: LinkUrl, definition: Definition, accuracy_convention: str, order: str) -> None:
         from collections import Counter
@@ -131,7 +131,7 @@ class _Watch:
             self.sky.receive(found, now_s)
 
     def states(self) -> list[State]:
-        """Everybody, in the order that was asked for."""
+        """All aircraft, in the requested order."""
         from ridlink.observer import aircraft_states
 
         now_s = time.monotonic()
@@ -142,7 +142,7 @@ class _Watch:
         return sorted(states, key=lambda state: (state["age_s"] if self._order == "age" else 0.0, state["uas"]))
 
     def link_counters(self) -> dict[str, int]:
-        """What came over the link, and what went wrong on it, by cause."""
+        """Counters of what came over the link, and of its errors, by cause."""
         assert self.link is not None
         return {**self.counters, "fields_refused": self.sky.rejects.total(), **self.link.counters}
 
@@ -156,17 +156,17 @@ def _margin(state: State) -> float:
 
 
 class _Output(ABC):
-    """Where tables go.
+    """A way to show tables.
 
     Attributes:
-        context: What is held while they come.
+        context: Context manager that is open while tables are shown.
     """
 
     context: AbstractContextManager[Any] = nullcontext()
 
     @abstractmethod
     def show(self, watch: _Watch) -> None:
-        """The present table."""
+        """Show the present table."""
 
 
 class _Json(_Output):
@@ -192,7 +192,7 @@ class _Lines(_Output):
 
 
 class _Screen(_Output):
-    """A table that is drawn anew in its place."""
+    """A table that is redrawn in place."""
 
     def __init__(self, console: Console) -> None:
         from rich.live import Live
@@ -219,10 +219,10 @@ COLUMNS = ("aircraft", "age s", "Hz", "position deg", "m/s", "error m", "size m"
 NAMES = ("aircraft", "tightest")
 SHORTEST_NAME = 8
 WIDE = 100
-"""From so many columns of the terminal on there is room for everything."""
+"""From so many columns of the terminal on, all columns of the table fit."""
 
 LEFT_OUT = {100: ("size m", "m"), 76: ("position deg", "error m")}
-"""What a terminal with fewer columns has no room for."""
+"""Columns of the table that are left out on a terminal with fewer columns than the key."""
 
 
 def _cells(state: State) -> list[str]:
@@ -244,13 +244,13 @@ def _cells(state: State) -> list[str]:
 
 
 def table_of(states: list[State], most: int, width: int, caption: str) -> Table:
-    """The table of as many states as there is room for; figures are whole, names are cut where they must be.
+    """A table of as many states as fit; figures are never cut, names are if they must be.
 
     Args:
-        states: Everybody.
+        states: States of all aircraft.
         most: Rows at most.
         width: Columns of the terminal.
-        caption: Below it.
+        caption: Text below the table.
     """
     from rich.table import Table
     from rich.text import Text
@@ -273,12 +273,12 @@ def table_of(states: list[State], most: int, width: int, caption: str) -> Table:
 
 
 def _cut(name: str, longest: int) -> str:
-    """A name with its ends, as on the page: serial numbers of one maker differ in their last characters."""
+    """A name cut in the middle, as on the page: serial numbers of one maker differ in their last characters."""
     return name if len(name) <= longest else f"{name[: longest - 6]}\N{HORIZONTAL ELLIPSIS}{name[-5:]}"
 
 
 def _link_text(watch: _Watch) -> str:
-    """What came, and what of the rest was not nothing."""
+    """Counts of what came over the link; of the other counters those that are not zero."""
     counters = watch.link_counters()
     shown = (name for name, count in counters.items() if count or name in ("frames", "remote_id"))
     return ", ".join(f"{name.replace('_', ' ')} {counters[name]:,}" for name in shown)

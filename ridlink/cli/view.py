@@ -127,7 +127,7 @@ def _say(line: str) -> None:
 
 
 def announce(url: str, opens: bool, remark: str = "", say: Callable[[str], None] = _say) -> None:
-    """Say where the page is, and open it if that is wanted."""
+    """Print the address of the page, and open it if wanted."""
     say(f"ridlink: the page is at {url}{remark}")
     if opens:
         import webbrowser

@@ -1,4 +1,4 @@
-"""``ridlink whatif``: recorded traffic judged under other definitions."""
+"""``ridlink whatif``: recorded traffic evaluated under other definitions."""
 
 from __future__ import annotations
 
