@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import hashlib
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -36,7 +38,8 @@ def file_part(text: str) -> str:
 
 
 def open_at_once(path: str | os.PathLike[str], mode: str, buffering: int = -1) -> BinaryIO:
-    """Open a file for writing. A pipe without a reader is an error; otherwise the open would wait, deaf to signals.
+    """Open a file for this process alone to write to. A pipe without a reader is an error; otherwise the open would wait,
+    deaf to signals.
 
     Args:
         path: The file.
@@ -44,15 +47,31 @@ def open_at_once(path: str | os.PathLike[str], mode: str, buffering: int = -1) -
         buffering: As of `open`.
 
     Raises:
-        OSError: If it cannot be opened.
+        OSError: If it cannot be opened, or another process has opened it so; what is in it stays then.
     """
 
     def opened(name: str, flags: int) -> int:
-        descriptor = os.open(name, flags | os.O_NONBLOCK, 0o666)
-        os.set_blocking(descriptor, True)
+        descriptor = os.open(name, flags & ~os.O_TRUNC | os.O_NONBLOCK, 0o666)
+        try:
+            os.set_blocking(descriptor, True)
+            if stat.S_ISREG(os.fstat(descriptor).st_mode):
+                _keep_others_out(descriptor, name)
+                os.ftruncate(descriptor, 0)
+        except OSError:
+            os.close(descriptor)
+            raise
         return descriptor
 
     return open(path, mode, buffering, opener=opened)  # type: ignore[return-value]
+
+
+def _keep_others_out(descriptor: int, name: str) -> None:
+    """Lock a file until this process closes it or ends, whatever processes it has started."""
+    try:
+        fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno in (errno.EACCES, errno.EAGAIN):  # anything else: this file system has no locks
+            raise OSError(errno.EBUSY, "another program is writing it", name) from error
 
 
 def write_whole(path: Path, data: bytes) -> None:

@@ -211,6 +211,26 @@ def test_i8_a_pipe_that_nobody_reads_is_exit_code_3(option: str, tmp_path: Path)
     assert (done.returncode, done.stderr) == (3, f"ridlink: {tmp_path / 'pipe'}: No such device or address\n")
 
 
+@pytest.mark.parametrize("option", ["--log", "--input-log"])
+def test_f29_a_recording_that_another_daemon_writes_is_left_to_it(option: str, tmp_path: Path) -> None:
+    """Each wrote over what the other had recorded, and both ended with 0."""
+    path = tmp_path / "flight.log"
+    theirs = b"recorded so far"
+    code = (
+        "import sys; from ridlink.files import open_at_once\n"
+        "with open_at_once(sys.argv[1], 'wb', 0) as log: log.write(sys.argv[2].encode()); print(flush=True); input()"
+    )
+    command = [sys.executable, "-m", "ridlink", "avoid", "--standby", "--vehicle", "udpin:127.0.0.1:0", option, path]
+    with subprocess.Popen(
+        [sys.executable, "-c", code, path, theirs], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as other:
+        assert other.stdout is not None and other.stdout.readline() == b"\n"
+        done = subprocess.run(command, capture_output=True, text=True, timeout=START_S)
+        assert (done.returncode, done.stderr) == (3, f"ridlink: {path}: another program is writing it\n")
+        other.communicate(b"\n", timeout=START_S)
+    assert other.returncode == 0 and path.read_bytes() == theirs
+
+
 def test_without_a_goal_it_asks_for_one() -> None:
     result = invoke()
     assert result.exit_code == 2
