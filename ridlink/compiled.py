@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy.ma  # noqa: F401 - numba asks for it at the first array; in two threads at once that recurses for ever
 from numba import config, njit, types
 from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher

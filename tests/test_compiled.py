@@ -8,6 +8,8 @@ import gc
 import importlib
 import os
 import resource
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from functools import cache
@@ -107,6 +109,43 @@ def test_the_compiler_asks_what_a_sum_of_two_numbers_is_but_once(
 
     assert total(1.0, 2.0) == 11.0
     assert len(asked) == len(set(asked)) <= 2, asked
+
+
+FIRST_ARRAYS = """
+import threading, types
+import numpy
+import ridlink.compiled
+from numba import typeof
+
+half_way, tried = threading.Event(), threading.Event()
+
+class Slow(types.ModuleType):
+    def __setattr__(self, name, value):
+        if name == "ma":
+            half_way.set()
+            tried.wait()
+        super().__setattr__(name, value)
+
+def first():
+    typeof(numpy.zeros(1))
+    half_way.set()
+
+numpy.__class__ = Slow
+other = threading.Thread(target=first)
+other.start()
+half_way.wait()
+try:
+    typeof(numpy.zeros(1))
+finally:
+    tried.set()
+    other.join()
+"""
+
+
+def test_two_threads_may_meet_their_first_array_at_once() -> None:
+    """As daemons of one process do, which load their kernels in a thread each: numpy was loading a part of itself."""
+    done = subprocess.run([sys.executable, "-c", FIRST_ARRAYS], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_without_a_place_to_keep_them_kernels_are_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
