@@ -1,5 +1,6 @@
-"""Vehicles and a sky to try ridlink in: kinematics, position errors, a radio medium, a referee, a MAVLink face.
+"""An emulator to test ridlink: vehicle kinematics, position errors, a radio medium, a referee, and autopilots over
+MAVLink.
 
-The truth side (``vehicle``, ``gnss``, ``faults``, ``routes``, ``world``, ``referee``, ``radio``) is pure: the caller
-steps it with a time difference, nobody there opens a socket, reads a clock or draws an unseeded random number.
+The modules of the truth (``vehicle``, ``gnss``, ``faults``, ``routes``, ``world``, ``referee``, ``radio``) are pure:
+the caller steps them with a time difference. They open no socket, read no clock and draw no unseeded random number.
 """

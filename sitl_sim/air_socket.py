@@ -1,6 +1,6 @@
-"""The UDP socket of the air: who listens there hears what the radio lets through.
+"""The UDP socket of the air: subscribers there receive what the radio model lets through.
 
-A vehicle whose receiver is on board hears the same over its own bus.
+A vehicle with a receiver on board gets the same over its own bus.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from sitl_sim.radio import Air
 Address = tuple[str, int]
 
 MIN_DELIVERY_S = 0.005
-"""Broadcasts under way are delivered in batches no closer than this."""
+"""Shortest time between two batches of delivered broadcasts."""
 
 MAX_AIR_DATAGRAM = 1200
-"""Broadcasts that reach a receiver together share a datagram up to this size; every wake-up of a daemon costs more than
-the frames in it."""
+"""Broadcasts that reach a receiver together share a datagram up to this size; a wake-up of a daemon costs more than the
+frames of the datagram."""
 
 
 @dataclass(frozen=True, slots=True)
 class BusAddress:
-    """A receiver on board, among the addresses of the air's subscribers."""
+    """Address of a receiver on board, among the subscribers of the air."""
 
     index: int
 
@@ -38,9 +38,9 @@ class AirSocket:
     Args:
         air: The broadcast medium.
         clock: The fleet's time.
-        buses: How many vehicles, from the first, have a receiver on board.
-        relay: Called with the index of such a vehicle and what its receiver says.
-        note_failure: Called where something failed, with where.
+        buses: Number of vehicles, from the first on, with a receiver on board.
+        relay: Called with the index of such a vehicle and the frames of its receiver.
+        note_failure: Called after a failure, with its place.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class AirSocket:
         self._delivery_handle: asyncio.TimerHandle | None = None
 
     def attach(self, link: Link) -> None:
-        """Send through this socket, whose datagrams are given to `receive`."""
+        """Send through this link; the datagrams that it receives go to `receive`."""
         self._link = link
 
     @property
@@ -68,11 +68,11 @@ class AirSocket:
         return None if self._link is None else self._link.local_address[1]
 
     def run(self) -> None:
-        """Deliver what arrives from now on when it arrives, not only when told to."""
+        """From now on deliver broadcasts when they arrive, not only on request."""
         self._loop = asyncio.get_running_loop()
 
     def rest(self) -> None:
-        """Deliver only when told to."""
+        """Deliver only on request."""
         self._loop = None
         if self._delivery_handle is not None:
             self._delivery_handle.cancel()
@@ -84,13 +84,13 @@ class AirSocket:
             self._link.close()
 
     def refresh(self, now_s: float) -> None:
-        """Receivers on board go on listening; who has been silent for long no longer does."""
+        """Renew the subscriptions of receivers on board; subscriptions of silent addresses expire."""
         for index in range(len(self._buses)):
             self._air.listeners.subscribe(BusAddress(index), index + 1, now_s)
         self._air.listeners.expire(now_s)
 
     def receive(self, datagram: bytes, address: Address) -> None:
-        """Take what a transmitter sends, or a receiver that presents itself."""
+        """Receive a datagram of a transmitter, or of a receiver that subscribes."""
         try:
             self._air.receive(datagram, address, self._clock.now_s())
             self.deliver()
@@ -98,7 +98,7 @@ class AirSocket:
             self._note_failure("air")
 
     def deliver(self) -> None:
-        """Hand over what has arrived by now, and come back when the next broadcast arrives."""
+        """Deliver broadcasts that have arrived by now, and call again when the next one arrives."""
         assert self._link is not None
         heard: dict[Any, bytes] = {}
         for broadcast, address in self._air.due(self._clock.now_s()):

@@ -1,11 +1,11 @@
-"""A vehicle's own Remote ID transmission: what is sent, when, and from what it knows of itself.
+"""A vehicle's own Remote ID transmission: contents, times, and their source.
 
 LOCATION and RIDLINK_SEPARATION go out together in one datagram each interval, with one timestamp; BASIC_ID and SYSTEM
-every 3 s. A stock sender leaves RIDLINK_SEPARATION out. Whoever has landed says so for 2 s and leaves the air; whoever
-has crashed is silent at once.
+every 3 s. A stock sender omits RIDLINK_SEPARATION. A vehicle that has landed reports this for 2 s, then stops sending;
+a crashed vehicle is silent at once.
 
-Positions and figures are the navigation solution's. Frames come from component 1 of the vehicle; ``id_or_mac`` is zero,
-because a transmitter speaks of itself.
+Positions and accuracies are those of the navigation solution. Frames come from component 1 of the vehicle;
+``id_or_mac`` is zero, since a transmitter sends its own data.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from sitl_sim.autopilot.own_remote_id import motion_of
 from sitl_sim.world import VehicleState
 
 STATIC_INTERVAL_S = 3.0
-"""Time between two of BASIC_ID and SYSTEM: ASTM F3411 asks for static messages at least every 3 s."""
+"""Time between two BASIC_ID or SYSTEM messages: ASTM F3411 requires static messages at least every 3 s."""
 
 LANDED_S = 2.0
-"""How long a landed vehicle says that it stands."""
+"""Time for which a landed vehicle reports that it is on the ground."""
 
 _COMPONENT = 1
 _SERIAL_NUMBER, _MULTIROTOR = 1, 2
@@ -45,7 +45,7 @@ _TIMESTAMP_ACCURACY_S = 0.1
 
 
 def uas_id_of(system_id: int) -> bytes:
-    """Serial number that a vehicle says in its BASIC_ID."""
+    """Serial number of a vehicle in its BASIC_ID."""
     return f"RDLK4{system_id:04d}".encode()
 
 
@@ -54,14 +54,14 @@ class Broadcaster:
 
     Args:
         system_id: Its system id.
-        spec: Size, and whether it speaks the extension.
-        home: Where it took off, told as the operator's location.
+        spec: Size, and whether it sends the extension.
+        home: Its take-off position, sent as the operator's location.
         interval_s: Time between two LOCATIONs.
         utc_clock: Seconds since 1970.
-        phase: Where in the interval it sends, in [0, 1): a fleet does not speak all at once.
+        phase: When in the interval it sends, in [0, 1), so that a fleet does not send all at once.
 
     Attributes:
-        home: May be set anew, as autopilots do when they are armed.
+        home: May be set again, as autopilots do when they are armed.
     """
 
     def __init__(
@@ -87,8 +87,8 @@ class Broadcaster:
         """Datagrams to broadcast now.
 
         Args:
-            navigation: What the vehicle knows of itself.
-            command_ned_mps: The velocity that its avoidance daemon commands; None: nobody avoids for it.
+            navigation: Navigation solution of the vehicle.
+            command_ned_mps: The velocity that its avoidance daemon commands; None if it has no daemon.
             now_s: The caller's time.
         """
         if self._due_s is None:

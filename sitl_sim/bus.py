@@ -1,7 +1,7 @@
-"""A Remote ID receiver on board: what the vehicle hears on the air, delivered on its own bus as real ones do.
+"""A Remote ID receiver on board: delivers what the vehicle hears on the air to its own bus, as real receivers do.
 
 Frames come from the vehicle's own system id and component 236 (MAV_COMP_ID_ODID_TXRX_1), with ``id_or_mac`` filled with
-the address of the transmitter that was heard: here a locally administered MAC address made of its system id.
+the address of the transmitter: here a locally administered MAC address made from its system id.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ class BusReceiver:
     """The receiver of one vehicle.
 
     Args:
-        system_id: The vehicle's.
+        system_id: System id of the vehicle.
     """
 
     def __init__(self, system_id: int) -> None:
         self._encoder = Encoder(system_id, RECEIVER_COMPONENT)
 
     def deliver(self, broadcast: bytes) -> list[bytes]:
-        """Frames for the bus from what came over the air; what says nothing of a vehicle is left out."""
+        """Frames for the bus from a broadcast; messages that are not about a vehicle are left out."""
         frames = []
         for found in parse_datagram(broadcast, CRC_EXTRAS):
             if not isinstance(found, Frame) or not found.checked:
@@ -38,5 +38,5 @@ class BusReceiver:
 
 
 def mac_of(system_id: int) -> bytes:
-    """Address of an emulated transmitter: locally administered, told apart by its last byte."""
+    """Address of an emulated transmitter: locally administered, with the system id as its last byte."""
     return bytes((0x02, 0x52, 0x49, 0x44, 0x00, system_id))

@@ -1,7 +1,7 @@
-"""Chances that depend on what happens to whom and on nothing else: no generator, so no order of events.
+"""Random numbers that depend only on the event and its participants, not on the order of events.
 
-What a receiver loses of a sender must not change when others listen, send or run in another process. A counter-based
-generator gives that: the figure is a hash of seed, sender, number of the broadcast, and receiver.
+The losses between a sender and a receiver must not change when others listen, send or run in another process. A
+counter-based generator ensures this: each number is a hash of seed, sender, number of the broadcast, and receiver.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ _FIRST, _SECOND = 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
 def reception_chances(
     seed: int, sender: int, number: int, receivers: npt.NDArray[np.int64]
 ) -> tuple[FloatArray, FloatArray]:
-    """Two independent figures, uniform in [0, 1), for each receiver of one broadcast.
+    """Two independent numbers, uniform in [0, 1), for each receiver of one broadcast.
 
     Source: the finaliser of SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014).
 
     Args:
         seed: Seed of the run.
         sender: System id of the sender.
-        number: Which of its broadcasts this is.
+        number: Sequence number of the broadcast.
         receivers: System ids, shape (m,).
 
     Returns:
-        Whether it is lost, and how late it is, shape (m,) each.
+        Numbers for the loss and for the latency, shape (m,) each.
     """
     state = 0
     for word in (seed, sender, number):

@@ -1,7 +1,7 @@
-"""What a ground station is shown of the others: ADSB_VEHICLE of the nearest ten, once a second, from component 156.
+"""Traffic for a ground station: ADSB_VEHICLE of the nearest ten vehicles, once a second, from component 156.
 
-Ground stations draw such contacts as traffic. They belong to one own-ship, whose system id they carry; positions are
-what the others report, not the truth.
+Ground stations draw such contacts as traffic. They have the system id of one own-ship. Positions are the reported ones,
+not the true ones.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from sitl_sim.world import VehicleState
 
 ADSB_COMPONENT = 156
 NEAREST = 10
-"""Contacts shown at most, as other tools that feed ground stations do."""
+"""Limit of contacts, as in other tools that feed ground stations."""
 
 _TYPE_ADSB, _AUTOPILOT_INVALID, _ACTIVE = 27, 8, 4
 _GEOMETRIC, _EMITTER_UAV = 1, 14
 _VALID = 1 | 2 | 4 | 8 | 16 | 128
-"""Coordinates, altitude, heading, velocity, callsign; vertical velocity."""
+"""Valid flags: coordinates, altitude, heading, velocity, callsign, vertical velocity."""
 
 
 class TrafficDisplay:
     """The contacts of one own-ship.
 
     Args:
-        system_id: The own-ship's; its row is one less.
+        system_id: System id of the own-ship; its row is one less.
     """
 
     def __init__(self, system_id: int = 1) -> None:
@@ -37,7 +37,7 @@ class TrafficDisplay:
         self._encoder = Encoder(system_id, ADSB_COMPONENT)
 
     def frames(self, fleet: Sequence[Navigation]) -> list[bytes]:
-        """A HEARTBEAT and one ADSB_VEHICLE a contact, the nearest first."""
+        """A HEARTBEAT and one ADSB_VEHICLE per contact, the nearest first."""
         heartbeat = self._encoder.encode(
             "HEARTBEAT", type=_TYPE_ADSB, autopilot=_AUTOPILOT_INVALID, system_status=_ACTIVE, mavlink_version=3
         )
@@ -72,5 +72,5 @@ class TrafficDisplay:
 
 
 def icao_address(name: str) -> int:
-    """24 bits that stand for a name: contacts are told apart by an ICAO address, which no drone has."""
+    """A 24-bit hash of a name, since contacts need an ICAO address, which drones do not have."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:3], "big")

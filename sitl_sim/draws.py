@@ -1,7 +1,7 @@
-"""What is drawn, and the random generator that each vehicle has to itself.
+"""Random draws, with a random generator for each vehicle.
 
-Every source of chance has a stream, every vehicle its own generator in it: vehicle k sees the same errors, losses and
-parameters whatever the size of the fleet, and whatever the others draw.
+Every source of chance has a stream, and every vehicle has its own generator in it. So vehicle k gets the same errors,
+losses and parameters for any size of the fleet and any draws of the others.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 BLOCK = 128
-"""Draws at a time; what is drawn does not depend on it."""
+"""Draws per call; the numbers do not depend on it."""
 
 
 class Stream(IntEnum):
-    """Sources of chance; the numbers are part of what a seed means and never change."""
+    """Sources of chance; the numbers determine the draws of a seed and never change."""
 
     GNSS = 1
     PHASE = 4
@@ -31,7 +31,7 @@ def vehicle_generator(seed: int | Sequence[int], stream: Stream, index: int) -> 
     """The generator of one vehicle (or receiver) in one stream.
 
     Args:
-        seed: Seed of the run; several integers where a run is one of a campaign.
+        seed: Seed of the run; several integers if the run is part of a campaign.
         stream: Source of chance.
         index: Number of the vehicle from 0, or of the receiver; not negative.
     """
@@ -40,13 +40,13 @@ def vehicle_generator(seed: int | Sequence[int], stream: Stream, index: int) -> 
 
 
 class NormalDraws:
-    """Standard normal figures for every vehicle, each from its own generator, in blocks because calls are slow.
+    """Standard normal numbers for every vehicle from its own generator, drawn in blocks because calls are slow.
 
     Args:
         seed: Seed of the run.
         stream: Source of chance.
         count: Number of vehicles.
-        width: Figures of one vehicle at a time.
+        width: Numbers per vehicle and call.
     """
 
     def __init__(self, seed: int | Sequence[int], stream: Stream, count: int, width: int) -> None:
@@ -55,7 +55,7 @@ class NormalDraws:
         self._drawn = BLOCK
 
     def next(self) -> FloatArray:
-        """The next figures, shape (n, width); good until the call after."""
+        """The next numbers, shape (n, width); valid until the next call."""
         if self._drawn == BLOCK:
             for generator, block in zip(self._generators, self._block, strict=True):
                 generator.standard_normal(out=block)

@@ -1,8 +1,8 @@
-"""What goes wrong in a flight, carried out: events of the scenario, and whatever is injected while it runs.
+"""Applies faults to a flight: events of the scenario, and events injected during the flight.
 
-Units: seconds. Events of the scenario wait for the mission; durations count from when something happened, mission or
-not. An event with a duration is undone when that is over, unless another of its kind has come meanwhile: the last one
-counts.
+Units: seconds. Events of the scenario wait for the mission; durations count from the event, whether or not the mission
+has begun. An event with a duration is undone at its end, unless another one of its kind has happened meanwhile: the
+last one counts.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ ENDS = {
     "link-off": "link",
     "link-on": "link",
 }
-"""Kinds of which the last event counts."""
+"""Kinds of events of which the last one counts."""
 
 
 @dataclass(slots=True)
 class Machinery:
-    """What faults reach into.
+    """The objects that faults act on.
 
     Args:
-        receivers: Their GNSS.
-        sigma_m: Their accuracy at first.
-        battery: Their batteries.
-        radio_on: Whose Remote ID works, shape (n,), written.
-        link_on: Whose MAVLink works, shape (n,), written.
-        land: Brings one down where it is.
-        set_wind: Another wind for everybody.
+        receivers: GNSS receivers.
+        sigma_m: Initial accuracies of the receivers.
+        battery: Batteries.
+        radio_on: Whether the Remote ID of each vehicle works, shape (n,), written.
+        link_on: Whether the MAVLink of each vehicle works, shape (n,), written.
+        land: Lands a vehicle where it is.
+        set_wind: Sets the wind of all vehicles.
     """
 
     receivers: GnssReceivers
@@ -59,8 +59,8 @@ class Faults:
     """The faults of one fleet.
 
     Args:
-        machinery: What they reach into.
-        events: Those that are known beforehand, in the order of time.
+        machinery: The objects that they act on.
+        events: Events of the scenario, in the order of time.
     """
 
     def __init__(self, machinery: Machinery, events: tuple[Event, ...] = ()) -> None:
@@ -70,7 +70,7 @@ class Faults:
         self._now_s = 0.0
 
     def step(self, now_s: float, mission_s: float | None) -> None:
-        """Carry out what is due by now.
+        """Apply the events that are due.
 
         Args:
             now_s: Time.
@@ -84,7 +84,7 @@ class Faults:
                 self._undo.pop(key)[1]()
 
     def inject(self, event: Event) -> None:
-        """Carry out one event now.
+        """Apply one event now.
 
         Raises:
             ValueError: If there is no such vehicle.
@@ -107,7 +107,7 @@ class Faults:
                 self._undo[kind, index] = self._now_s + duration_s, undo
 
     def _happen(self, event: Event, index: int) -> Callable[[], None] | None:
-        """Do it to one vehicle; what undoes it."""
+        """Apply it to one vehicle; returns the function that undoes it."""
         machinery = self._machinery
         receivers = machinery.receivers
         match event.what:

@@ -1,7 +1,7 @@
-"""A fleet and its sky, all that decides in it, without sockets and clocks: the truth, the vehicles, the air.
+"""A fleet without sockets and clocks: the truth, the vehicles, and the air.
 
-Whoever drives it steps `world` in ticks of 20 ms, then lets everybody `look` at it, then ticks the autopilots and lets
-them `broadcast`. Times are the driver's, in seconds.
+The caller steps `world` in ticks of 20 ms, then calls `look`, then ticks the autopilots and calls `broadcast`. Times
+are the caller's, in seconds.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from sitl_sim.world import FloatArray, VehicleState, World
 
 
 class Fleet:
-    """A scenario that is flown.
+    """A scenario in flight.
 
     Args:
-        scenario: What is flown.
-        config: How.
+        scenario: The scenario.
+        config: How it is flown.
         utc_clock: Seconds since 1970.
-        pair_radius: uNMAC radii that the referee counts violations of; the world's default unless given.
+        pair_radius: uNMAC radii whose violations the referee counts; by default those of the world.
 
     Raises:
-        ConfigError: If the scenario cannot be flown like this.
+        ConfigError: If the scenario cannot be flown with this configuration.
 
     Attributes:
-        world: The truth; for referees, logs and pages, never for anything that steers.
-        home: Where the scenario's origin lies.
-        autopilots: The vehicles' MAVLink faces, in the order of system ids.
+        world: The truth, for referees, logs and pages, never for code that steers.
+        home: Geodetic position of the scenario's origin.
+        autopilots: The vehicles' autopilots, in the order of system ids.
         air: The broadcast medium.
-        mission_begun: Whether mission time counts.
+        mission_begun: Whether mission time runs.
     """
 
     def __init__(
@@ -99,18 +99,18 @@ class Fleet:
 
     @property
     def begins_by_itself(self) -> bool:
-        """Whether the mission begins at once: everybody is in the air and obeys, or nobody waits for setpoints."""
+        """Whether the mission begins at once: all vehicles are in the air and obey, or none waits for setpoints."""
         return self._config.start is Start.AIRBORNE or not any(v.cooperative for v in self._scenario.vehicles)
 
     def is_taken_over(self, now_s: float) -> bool:
-        """Whether a fleet from the ground waits for its mission no longer: all who cooperate obey setpoints aloft."""
+        """Whether all cooperative vehicles of a fleet from the ground are airborne and obey setpoints."""
         if self.mission_begun or self._config.start is not Start.GROUND:
             return False
         cooperative = [a for a, v in zip(self.autopilots, self._scenario.vehicles, strict=True) if v.cooperative]
         return bool(cooperative) and all(autopilot.pilot.is_steered(now_s) for autopilot in cooperative)
 
     def begin_mission(self) -> None:
-        """Mission time counts from now, and those who avoid nobody set out."""
+        """Start mission time, and send off the vehicles that avoid nobody."""
         self.mission_begun = True
         self.world.begin_mission()
         for autopilot in self.autopilots:
@@ -119,16 +119,16 @@ class Fleet:
     # --- one tick -----------------------------------------------------------------------------------------------------
 
     def look(self) -> None:
-        """Take the world as it is now, for the vehicles' navigation and for who hears whom."""
+        """Copy the present world to the vehicles' navigation and to the radio."""
         self._navigation.refresh()
         self.air.listeners.place_vehicles(self.world.position_ned_m, self.world.on_air)
 
     def broadcast(self, index: int, now_s: float) -> None:
-        """Put the Remote ID of a vehicle on the air, where it is due."""
+        """Broadcast the Remote ID of a vehicle, if it is due."""
         spec, autopilot = self._scenario.vehicles[index], self.autopilots[index]
         if not self._config.remote_id or spec.silent or not self.world.radio_on[index]:
             return
-        # a ghost is not there: its signal comes from wherever its transmitter is
+        # a ghost does not exist: its signal comes from the place of its transmitter
         sent_from = (spec.transmitter_ned_m or self.world.position_ned_m[index]) if spec.ghost else None
         command = autopilot.pilot.command_ned_mps if autopilot.is_avoiding else None
         self._broadcasters[index].home = autopilot.telemetry.home
@@ -138,7 +138,7 @@ class Fleet:
     # --- what is to be seen -------------------------------------------------------------------------------------------
 
     def display_frames(self) -> list[bytes]:
-        """The traffic round vehicle 1 as a ground station shows it; due once a second."""
+        """The traffic around vehicle 1 for a ground station; due once a second."""
         return self._display.frames([self._navigation[index] for index in range(len(self.autopilots))])
 
     def snapshot(self) -> dict[str, Any]:

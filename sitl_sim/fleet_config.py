@@ -1,4 +1,4 @@
-"""How a scenario is put on the network: who flies it, with which receiver and radio, on which ports."""
+"""Configuration of a fleet: its autopilots, receivers and radio, and its network ports."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ HOST = "127.0.0.1"
 MAX_SPEEDUP = 100.0
 
 MAX_VEHICLES = 250
-"""System ids begin with 1; those from 251 are left to ground stations and observers."""
+"""System ids begin with 1; ids from 251 on are for ground stations and observers."""
 
 DEFAULT_HOME = Geodetic(47.397742, 8.545594, 488.0)
-"""Where PX4's own simulations take off."""
+"""Take-off position of PX4's own simulations."""
 
 
 @dataclass(frozen=True, slots=True)
 class FleetConfig:
-    """How a scenario is put on the network.
+    """Configuration of a fleet.
 
     Args:
-        seed: Seed of every chance in it.
-        autopilot: "px4", "ardupilot" or "ideal", for vehicles of which the scenario says nothing. Who has arrived
-            lands; with "ideal" it is gone at once, as in the paper.
-        gnss: How sigma becomes an error; the default wanders as real receivers do.
-        sigma_m: One standard deviation per axis, for vehicles of which the scenario says nothing.
+        seed: Seed of all random draws.
+        autopilot: "px4", "ardupilot" or "ideal", for vehicles without one in the scenario. A vehicle that has arrived
+            lands; with "ideal" it disappears at once, as in the paper.
+        gnss: Error model; errors of the default wander as those of real receivers do.
+        sigma_m: One standard deviation per axis, for vehicles without one in the scenario.
         gnss_common_share: Share of the variance of position errors that all vehicles have in common.
         gnss_time_constant_s: Correlation time of "gauss-markov".
-        airframe: Type of the vehicles of which the scenario says nothing; None: the one that was measured.
-        start: How the fleet begins.
+        airframe: Type of vehicles without one in the scenario; None: the measured type.
+        start: Initial state of the fleet.
         remote_id: Whether vehicles broadcast by themselves; False leaves it to their daemons.
-        technology: Way of broadcasting, see ``ridlink.technologies``.
-        range_m, loss: Radio range and share lost; None: the technology's.
+        technology: Broadcast technology, see ``ridlink.technologies``.
+        range_m, loss: Radio range and share lost; None: those of the technology.
         rid_on_bus: Whether a receiver on board of each vehicle delivers Remote ID on the vehicle's own bus.
-        ground_station: Where the traffic around vehicle 1 is shown, a connection string; None: nowhere.
-        speedup: Seconds of the fleet in a real one; 0: lockstep, `FleetServer.advance` lets time go on.
-        home: Where the scenario's origin lies; None: where the scenario says, else `DEFAULT_HOME`.
+        ground_station: Connection string of a ground station that is sent the traffic around vehicle 1; None: nowhere.
+        speedup: Fleet seconds per real second; 0: lockstep, where `FleetServer.advance` moves time.
+        home: Geodetic position of the scenario's origin; None: that of the scenario, else `DEFAULT_HOME`.
         vehicle_port: Port of the first vehicle; 0: the kernel chooses all of them.
-        companion_port: Where the first vehicle sends its telemetry unasked; 0: nowhere.
+        companion_port: Port to which the first vehicle sends its telemetry without request; 0: none.
         air_port: Port of the air; 0: the kernel chooses.
 
     Raises:
@@ -96,7 +96,7 @@ class FleetConfig:
             raise ConfigError(f"no such home: {home.latitude_deg}, {home.longitude_deg}, {home.altitude_m}")
 
     def home_of(self, scenario: Scenario) -> Geodetic:
-        """Where the origin of a scenario lies."""
+        """Geodetic position of the origin of a scenario."""
         if self.home is not None:
             return self.home
         return DEFAULT_HOME if scenario.home_deg_m is None else Geodetic(*scenario.home_deg_m)
@@ -105,8 +105,8 @@ class FleetConfig:
         """The autopilot of every vehicle of a scenario.
 
         Raises:
-            ConfigError: If there are more vehicles than system ids for them, or one has its own autopilot in an ideal
-                fleet, which obeys at once and leaves the air where it arrives.
+            ConfigError: If there are more vehicles than system ids, or a vehicle has its own autopilot in an ideal
+                fleet, whose vehicles obey at once and disappear where they arrive.
         """
         if len(scenario.vehicles) > MAX_VEHICLES:
             raise ConfigError(
@@ -122,10 +122,10 @@ class FleetConfig:
         return tuple(vehicle.autopilot or self.autopilot for vehicle in scenario.vehicles)
 
     def check_ports(self, vehicles: int) -> None:
-        """Every port is somebody's alone.
+        """Check that no port is used twice.
 
         Raises:
-            ConfigError: If the ports of so many vehicles overlap, or there are not so many ports.
+            ConfigError: If the ports of this many vehicles overlap, or there are not enough ports.
         """
         blocks = [("vehicle", self.vehicle_port, vehicles), ("companion", self.companion_port, vehicles)]
         blocks = [block for block in [*blocks, ("air", self.air_port, 1)] if block[1] and block[2]]
@@ -143,7 +143,7 @@ class FleetConfig:
 
 @dataclass(frozen=True, slots=True)
 class FleetPorts:
-    """UDP ports as bound: one a vehicle in the order of system ids, and the air's."""
+    """UDP ports as bound: one per vehicle in the order of system ids, and that of the air."""
 
     vehicles: tuple[int, ...]
     air: int

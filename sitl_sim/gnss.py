@@ -1,9 +1,9 @@
-"""How wrong a vehicle's position is, and how wrong its receiver says it is.
+"""The error of a vehicle's position, and the accuracy that its receiver reports.
 
 Units and axes: metres, metres a second; north-east-down; shape (n, 3) for errors, (n,) for figures. ``sigma_m`` is one
 standard deviation per horizontal axis; the vertical one is 1.5 times that, the usual ratio of satellite geometry.
 
-A receiver has ten solutions a second, and errs anew in each of them, whatever the interval of Remote ID is.
+A receiver has ten solutions a second, with a new error in each, for any interval of Remote ID.
 
 Error models:
 
@@ -14,13 +14,13 @@ Error models:
 - bias: one draw for the whole flight.
 
 Neighbours see the same satellites through the same air: `common_share` of the variance is drawn once for the whole
-fleet, and cancels between any two of it.
+fleet, and cancels between any two vehicles.
 
-What is true and what a receiver says are two things. Through a jump (multipath) or a spoofer's pull-off it notices
-nothing, and its figures stay; `set_sigma` with a claim makes it lie all the time.
+The true error and the reported accuracy may differ. A receiver does not notice a jump (multipath) or a spoofer's
+pull-off, so its reported accuracy stays; `set_sigma` with a claim makes it report a wrong accuracy all the time.
 
-Convention of the figures: ``h_acc_m`` is one standard deviation per horizontal axis, which is what PX4 and ArduPilot
-pass on from their receivers in GPS_RAW_INT. A disc of three of them holds 98.9 % of the positions in two dimensions.
+Convention: ``h_acc_m`` is one standard deviation per horizontal axis, as PX4 and ArduPilot pass it on from their
+receivers in GPS_RAW_INT. A disc of three of them holds 98.9 % of the positions in two dimensions.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ ErrorModel = Literal["white", "white-radial", "gauss-markov", "bias"]
 ERROR_MODELS: tuple[ErrorModel, ...] = get_args(ErrorModel)
 
 SOLUTION_INTERVAL_S = 0.1
-"""Time between two solutions of a receiver: 10 Hz, as those of flight controllers give them."""
+"""Time between two solutions of a receiver: 10 Hz, as for receivers of flight controllers."""
 
 CORRELATION_TIME_S = 10.0
 """Time constant of the gauss-markov model."""
@@ -49,10 +49,10 @@ VERTICAL_RATIO = 1.5
 """Vertical sigma by horizontal sigma."""
 
 VELOCITY_SIGMA_MPS = 0.1
-"""Standard deviation of the reported velocity per axis, white: carrier phase measures velocity well."""
+"""Standard deviation of the reported velocity per axis, white noise: carrier phase measures velocity well."""
 
 LEAST_REPORTED_M = 0.001
-"""A receiver never claims perfection: GPS_RAW_INT has millimetres, and reads 0 as unknown."""
+"""A receiver never claims perfection: GPS_RAW_INT has millimetres, where 0 means unknown."""
 
 DRIFT_MPS2 = 0.06
 """Assumed acceleration error of dead reckoning after a loss of the fix: half of it times t^2 follows PX4's own figure
@@ -62,22 +62,22 @@ FIX_3D = 3
 NO_FIX = 0
 
 EKF_SHARE = 0.32
-"""Accuracy that PX4's estimator claims by the receiver's, as measured (0.29 m for 0.9 m)."""
+"""Accuracy reported by PX4's estimator divided by that of the receiver, as measured (0.29 m for 0.9 m)."""
 
 QUIET_RATIO = 0.05
 """Innovation test ratio in quiet flight."""
 
 GATE_SIGMAS = 5.0
-"""PX4's EKF2_GPS_P_GATE: an innovation of so many standard deviations has a test ratio of one."""
+"""PX4's EKF2_GPS_P_GATE: an innovation of this many standard deviations has a test ratio of one."""
 
 INNOVATION_S = 5.0
-"""Assumed time in which an estimator comes to believe a position that has jumped."""
+"""Assumed time in which an estimator adopts a position that has jumped."""
 
 _DRAWS = 7  # position, velocity, one spare for the radius: the same number for every model keeps velocities alike
 
 
 class GnssReceivers:
-    """The receivers of a fleet, one generator each, so that vehicle k errs alike in any fleet.
+    """The receivers of a fleet, one generator each, so that vehicle k has the same errors in any fleet.
 
     Args:
         model: One of ``ERROR_MODELS``.
@@ -151,27 +151,27 @@ class GnssReceivers:
 
     @property
     def h_acc_m(self) -> FloatArray:
-        """What the receiver says of its horizontal accuracy: one standard deviation per axis, shape (n,)."""
+        """Horizontal accuracy reported by the receiver: one standard deviation per axis, shape (n,)."""
         return np.maximum(self._claimed_m, LEAST_REPORTED_M) + self._drift_m()
 
     @property
     def v_acc_m(self) -> FloatArray:
-        """What the receiver says of its vertical accuracy: one standard deviation, shape (n,)."""
+        """Vertical accuracy reported by the receiver: one standard deviation, shape (n,)."""
         return np.maximum(VERTICAL_RATIO * self._claimed_m, LEAST_REPORTED_M) + self._drift_m()
 
     @property
     def vel_acc_mps(self) -> FloatArray:
-        """What the receiver says of its velocity accuracy: one standard deviation per axis, shape (n,)."""
+        """Velocity accuracy reported by the receiver: one standard deviation per axis, shape (n,)."""
         return np.where(self._claimed_m > 0.0, VELOCITY_SIGMA_MPS, LEAST_REPORTED_M)
 
     @property
     def bound_3sigma_m(self) -> FloatArray:
-        """Three standard deviations per horizontal axis as claimed, shape (n,); 0 where the position is exact."""
+        """Three reported standard deviations per horizontal axis, shape (n,); 0 if the position is exact."""
         return 3.0 * (self._claimed_m + self._drift_m())
 
     @property
     def ekf_h_acc_m(self) -> FloatArray:
-        """What PX4's estimator says of its horizontal accuracy, shape (n,): less than its receiver does."""
+        """Horizontal accuracy reported by PX4's estimator, shape (n,): a smaller value than that of its receiver."""
         return EKF_SHARE * np.maximum(self._claimed_m, LEAST_REPORTED_M) + self._drift_m()
 
     @property
@@ -181,7 +181,8 @@ class GnssReceivers:
         return QUIET_RATIO + (self._innovation_m / gate_m) ** 2
 
     def set_sigma(self, index: int, sigma_m: float, claimed_m: float | None = None) -> None:
-        """Another accuracy for one vehicle from its next solution on, and what it claims (the truth unless given).
+        """Set the accuracy of one vehicle from its next solution on, and the accuracy that it claims (by default the
+        true one).
 
         Raises:
             ValueError: If a figure is negative or not finite.
@@ -193,7 +194,7 @@ class GnssReceivers:
         self._claimed_m[index] = sigma_m if claimed_m is None else claimed_m
 
     def set_jump(self, index: int, offset_ned_m: npt.ArrayLike) -> None:
-        """Put one vehicle's reports off by so much; its receiver does not notice. Zero ends it.
+        """Offset the reported position of one vehicle, unnoticed by its receiver. Zero ends it.
 
         Raises:
             ValueError: If these are not three finite figures, north, east and down.
@@ -205,7 +206,7 @@ class GnssReceivers:
         self._jump_m[index] = offset
 
     def set_pull(self, index: int, velocity_ne_mps: npt.ArrayLike) -> None:
-        """Pull one vehicle's reports off at so much a second, as a spoofer does: position and velocity agree.
+        """Pull the reported position of one vehicle away at a velocity, as a spoofer does: position and velocity agree.
 
         Raises:
             ValueError: If these are not two finite figures, north and east.
@@ -216,19 +217,19 @@ class GnssReceivers:
         self._pull_mps[index] = velocity
 
     def release(self, index: int) -> None:
-        """The spoofer is gone, and the reports are where they would be without it."""
+        """End the spoofing: reports are as without it."""
         self._innovation_m[index] = np.hypot(*self._pulled_m[index])
         self._pull_mps[index] = self._pulled_m[index] = 0.0
 
     def restore(self, index: int, sigma_m: float) -> None:
-        """A receiver as at first: no outage, no jump, no spoofer, and the truth about its accuracy."""
+        """Restore a receiver: no outage, no jump, no spoofer, and a true reported accuracy."""
         self.set_outage(index, False)
         self.set_jump(index, np.zeros(3))
         self.release(index)
         self.set_sigma(index, sigma_m)
 
     def set_outage(self, index: int, lost: bool) -> None:
-        """Take the fix from one vehicle, or give it back; meanwhile the reported position drifts north, ever faster."""
+        """Take the fix from one vehicle, or give it back; in an outage its position drifts north with growing speed."""
         self.fix_type[index] = NO_FIX if lost else FIX_3D
         self._outage_s[index] = 0.0
 

@@ -1,8 +1,8 @@
-"""How wrong an estimator is about its height: a barometer has the quick changes, the receiver the slow ones.
+"""The height error of an estimator: the barometer determines quick changes, the receiver slow ones.
 
-Units and axes: metres, downwards; shape (n,) for a fleet. A barometer feels climbs of decimetres and drifts with the
-weather, a receiver knows the absolute height and wanders by metres within seconds. Estimators fuse both (PX4's EKF2 and
-ArduPilot's EKF3 do by default), so that a vehicle that holds its height does not follow its receiver up and down.
+Units and axes: metres, downwards; shape (n,) for a fleet. A barometer senses climbs of decimetres and drifts with the
+weather; a receiver knows the absolute height and wanders by metres within seconds. Estimators fuse both (PX4's EKF2 and
+ArduPilot's EKF3 do by default), so a vehicle that holds its height does not follow its receiver up and down.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 FOLLOWS_RECEIVER_S = 100.0
-"""Assumed time constant with which an estimator comes to believe its receiver's height. With errors of 5.25 m that are
+"""Assumed time constant with which an estimator follows its receiver's height. With errors of 5.25 m that are
 correlated over 10 s, the default of the emulator, heights wander by 1.6 m and drift at 0.05 m/s."""
 
 
@@ -36,7 +36,7 @@ class HeightEstimators:
         """Let time pass.
 
         Args:
-            receiver_error_m: Of the receivers now, shape (n,).
-            dt_s: How much [s].
+            receiver_error_m: Errors of the receivers now, shape (n,).
+            dt_s: Time step [s].
         """
         self.error_down_m += -math.expm1(-dt_s / FOLLOWS_RECEIVER_S) * (receiver_error_m - self.error_down_m)

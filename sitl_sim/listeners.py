@@ -1,8 +1,8 @@
-"""Who listens on the air, and where everybody is.
+"""The subscribers of the air, and the positions of senders and receivers.
 
-Emulated vehicles are at their *true* positions, because radio waves do not care what a receiver believes; everybody
-else is where its own OPEN_DRONE_ID_LOCATION says, and whom somebody relays is where that says. Positions are metres
-north-east-down about home.
+Emulated vehicles are at their *true* positions, since these determine radio reception. Any other sender is at the
+position of its own OPEN_DRONE_ID_LOCATION, and a relayed aircraft at the position of the relayed message. Positions are
+in metres, north-east-down about home.
 """
 
 from __future__ import annotations
@@ -26,16 +26,17 @@ IntArray = npt.NDArray[np.int64]
 Address = Hashable
 
 SUBSCRIPTION_S = 10.0
-"""How long a HEARTBEAT keeps its sender subscribed, and how long it is known where one is who does not listen."""
+"""Time for which a HEARTBEAT subscribes its sender, and for which the position of a sender without subscription is
+kept."""
 
 OBSERVER_SYSTEM_ID = 255
-"""Hears everything: ground stations use this system id."""
+"""System id that receives everything: ground stations use it."""
 
 MAX_SUBSCRIBERS = 1024
 """More addresses than this are refused, so that a flood of them cannot fill the memory."""
 
 MAX_PLACES = 4096
-"""For the same reason, of how many senders and relayed aircraft it is remembered where they are."""
+"""Limit of stored positions of senders and relayed aircraft, for the same reason."""
 
 _UNKNOWN_ALTITUDE_M = -1000.0
 
@@ -54,7 +55,7 @@ class _Place:
 
 @dataclass(slots=True)
 class Receivers:
-    """The subscribers that hear what is in range as columns, the observers apart; rebuilt when one comes or goes."""
+    """Columns of the subscribers that hear what is in range, and the observers; rebuilt when one comes or goes."""
 
     addresses: list[Address]
     rows: dict[Address, int]
@@ -64,7 +65,7 @@ class Receivers:
 
     @classmethod
     def of(cls, subscribers: dict[Address, _Subscriber]) -> Receivers:
-        """The columns of these subscribers."""
+        """Build the columns of these subscribers."""
         observers = {at: each for at, each in subscribers.items() if each.system_id == OBSERVER_SYSTEM_ID}
         others = {at: each for at, each in subscribers.items() if at not in observers}
         system_id = np.array([subscriber.system_id for subscriber in others.values()], dtype=np.int64)
@@ -76,8 +77,8 @@ class Listeners:
     """The subscribers of the air.
 
     Args:
-        home: Origin of the NED frame, without which subscribers outside the emulator cannot be placed.
-        counters: Where to count who subscribed, was refused, expired.
+        home: Origin of the NED frame; without it, subscribers outside the emulator have no position.
+        counters: Counts subscribed, refused and expired addresses.
     """
 
     def __init__(self, home: Geodetic | None, counters: Counter[str]) -> None:
@@ -89,11 +90,12 @@ class Listeners:
         self._where: FloatArray | None = None
 
     def place_vehicles(self, position_ned_m: npt.ArrayLike, on_air: npt.ArrayLike | None = None) -> None:
-        """Say where the emulator's vehicles truly are now.
+        """Set the true positions of the emulator's vehicles.
 
         Args:
             position_ned_m: Shape (n, 3); their system ids are 1 to n.
-            on_air: Whose radio works, shape (n,), all unless given: who has crashed neither hears nor is heard.
+            on_air: Whether the radio of each vehicle works, shape (n,), by default all: a crashed vehicle neither sends
+                nor receives.
         """
         self._placed = np.array(position_ned_m, dtype=np.float64).reshape(-1, 3)
         if on_air is not None:
@@ -116,7 +118,7 @@ class Listeners:
         self._receivers = None
 
     def expire(self, now_s: float) -> None:
-        """Forget who has been silent for 10 s."""
+        """Forget addresses that have been silent for 10 s."""
         for address, subscriber in list(self._subscribers.items()):
             if now_s - subscriber.heard_s > SUBSCRIPTION_S:
                 del self._subscribers[address]
@@ -134,7 +136,7 @@ class Listeners:
         return {address: subscriber.system_id for address, subscriber in self._subscribers.items()}
 
     def note_position(self, frame: Frame, address: Address, now_s: float) -> None:
-        """Remember where a sender says that it is; what it relays of another says where that one is."""
+        """Store the reported position of a sender; a relayed message sets the position of the relayed aircraft."""
         location = decode_message(frame)
         if self._home is None:
             return
@@ -155,15 +157,15 @@ class Listeners:
             self._where = None
 
     def whereabouts(self, system_id: int, address: Address | None, frame: Frame | None = None) -> FloatArray | None:
-        """Where a broadcast is sent from: where its sender is, else where the aircraft is that it relays.
+        """Position from which a broadcast is sent: that of its sender, else that of the aircraft that it relays.
 
         Args:
-            system_id: Of the sender.
-            address: Where it came from; None: a vehicle of the emulator.
-            frame: What it broadcasts.
+            system_id: System id of the sender.
+            address: Address of the sender; None: a vehicle of the emulator.
+            frame: The broadcast frame.
 
         Returns:
-            Position, shape (3,), NaN off the air; None: nobody knows.
+            Position, shape (3,), NaN off the air; None if unknown.
         """
         if 1 <= system_id <= len(self._placed):
             return np.asarray(self._placed[system_id - 1])
@@ -175,14 +177,14 @@ class Listeners:
 
     @property
     def receivers(self) -> Receivers:
-        """The subscribers that hear what is in range as columns, and the observers; rebuilt when one came or went."""
+        """Columns of the subscribers that hear what is in range, and the observers; rebuilt when one came or went."""
         if self._receivers is None:
             self._receivers = Receivers.of(self._subscribers)
             self._where = None
         return self._receivers
 
     def places(self) -> FloatArray:
-        """Where the receivers are, shape (m, 3): NaN off the air, infinite where nobody knows."""
+        """Positions of the receivers, shape (m, 3): NaN off the air, infinite if unknown."""
         receivers = self.receivers
         if self._where is None:
             where = np.full((len(receivers.addresses), 3), np.nan)
@@ -196,6 +198,7 @@ class Listeners:
 
 
 def _relayed(message: Any) -> bytes | None:
-    """Whom a Remote ID message relays, as ``id_or_mac`` has it; None: it is the sender's own, or no Remote ID."""
+    """``id_or_mac`` of the aircraft that a Remote ID message relays; None if it is the sender's own, or no Remote
+    ID."""
     identity = bytes(getattr(message, "id_or_mac", b""))
     return identity if any(identity) else None

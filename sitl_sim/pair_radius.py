@@ -1,4 +1,4 @@
-"""How near each pair of a fleet may come, for the referee that counts violations: radii in metres, shape (n, n)."""
+"""Radii of all pairs of a fleet whose violations the referee counts, in metres, shape (n, n)."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class Flown(Protocol):
-    """What radii follow from; a `World` is one."""
+    """The data that radii are computed from; a `World` has them."""
 
     @property
     def scenario(self) -> Scenario:
-        """Its intervals and airframes."""
+        """The scenario, with intervals and airframes."""
 
     @property
     def bound_3sigma_m(self) -> FloatArray:
@@ -34,14 +34,14 @@ class Flown(Protocol):
 
     @property
     def reported_velocity_ned_mps(self) -> FloatArray:
-        """As the vehicles believe to fly, shape (n, 3)."""
+        """Velocities as the vehicles report them, shape (n, 3)."""
 
 
 def eq8_pair_radius(world: Flown) -> FloatArray:
     """uNMAC radii of all pairs from true sizes, bounds and speeds [m], shape (n, n).
 
-    Source: paper Eq. 8. The radius of a pair is a sum of one share each, so n shares are enough: the other vehicle of
-    each is a point that stands still and knows where it is.
+    Source: paper Eq. 8. The radius of a pair is the sum of one share of each, so n shares are enough: a share is the
+    radius with a point that stands still and has no error.
     """
 
     def beside_nothing(values: FloatArray) -> FloatArray:
@@ -64,13 +64,13 @@ def pair_radius_under(
 ) -> Callable[[Flown], FloatArray]:
     """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles broadcast of themselves.
 
-    That is what the others can know, as a recording has it: of who sends standard Remote ID alone neither size nor
-    error. Who broadcasts nothing is taken as it is.
+    These are the data that others can know, as in a recording: a vehicle that sends standard Remote ID alone has
+    neither size nor error. For a vehicle that broadcasts nothing the true values are used.
 
     Args:
-        definition: Which fields count.
-        eta: Of ``chance`` only.
-        convention: Of ``odid-accuracy`` only: what vehicles are taken to mean by their accuracy codes.
+        definition: Separation definition, which decides what fields count.
+        eta: Parameter of ``chance`` only.
+        convention: For ``odid-accuracy`` only: how accuracy codes are read.
     """
 
     def radii(world: Flown) -> FloatArray:

@@ -1,14 +1,14 @@
-"""The air: one broadcast medium that everybody shares, as bytes in and bytes out, without a socket or a clock.
+"""The air: one shared broadcast medium, bytes in and bytes out, without a socket or a clock.
 
-Whoever sends a HEARTBEAT is subscribed for 10 s under its system id, and hears what that vehicle would hear: what
-others broadcast within radio range, some of it lost, all of it a little late. System id 255 is an observer and hears
-everything at once. Whoever sends anything else broadcasts it: a transmitter need not listen.
+An address that sends a HEARTBEAT is subscribed for 10 s under its system id, and receives what that vehicle would hear:
+broadcasts of others within radio range, some of them lost, all of them a little late. System id 255 is an observer and
+receives everything at once. All other messages are broadcast: a transmitter need not subscribe.
 
-Where senders and receivers are, ``listeners`` knows. A subscriber that has never said where it is hears everybody (it
-may be about to be hit). A sender that has never said it is heard by observers only, but for what it relays: that is
-heard round the aircraft that it is about.
+The module ``listeners`` has the positions of senders and receivers. A subscriber that has never reported its position
+hears everybody (it may be about to be hit). A sender that has never reported its position is heard by observers only,
+except for relayed messages: these are heard around the relayed aircraft.
 
-Positions are metres north-east-down about home; times are the caller's ``now_s``.
+Positions are in metres, north-east-down about home; times are the caller's ``now_s``.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from sitl_sim.chance import reception_chances
 from sitl_sim.listeners import SUBSCRIPTION_S, Address, FloatArray, Listeners, Receivers
 
 MAX_UNDELIVERED = 200_000
-"""Datagrams under way at most; beyond, what is broadcast is dropped and counted."""
+"""Limit of datagrams under way; beyond it, broadcasts are dropped and counted."""
 
 CROWD_S = 1.0
-"""How often the senders around each receiver are counted."""
+"""Time between two counts of the senders around each receiver."""
 
 SENDING_PERIODS = 3.0
-"""Who has not sent for this many periods, or seconds, crowds nobody any longer."""
+"""A sender that has not sent for this many periods, or seconds, no longer counts as a neighbour."""
 
 
 class Air:
@@ -43,16 +43,16 @@ class Air:
 
     Args:
         technology: One of ``TECHNOLOGIES``.
-        range_m: Radio range, instead of the technology's.
-        loss: Share lost, at any distance and in any crowd, instead of what the technology loses.
-        seed: Seed of losses and latencies. What a receiver loses of a sender depends on the two system ids and on how
-            much that sender has sent, and on nothing else.
-        home: Origin of the NED frame, without which subscribers outside the emulator cannot be placed.
+        range_m: Radio range, instead of that of the technology.
+        loss: Share lost, at any distance and with any number of senders, instead of that of the technology.
+        seed: Seed of losses and latencies. Losses between a sender and a receiver depend only on the two system ids and
+            on the number of broadcasts of the sender.
+        home: Origin of the NED frame; without it, subscribers outside the emulator have no position.
 
     Attributes:
-        technology: What was chosen.
-        range_m: As it applies.
-        listeners: Who listens, and where everybody is.
+        technology: The chosen technology.
+        range_m: The radio range in effect.
+        listeners: Subscribers and positions.
         counters: Events by cause: subscribed, refused, expired, malformed, no_position, off_air, broadcast,
             out_of_range, lost, delivered, overflow.
 
@@ -93,9 +93,9 @@ class Air:
     # --- bytes in -----------------------------------------------------------------------------------------------------
 
     def receive(self, datagram: bytes, address: Address, now_s: float) -> None:
-        """Take a datagram from the air's socket; never raises, whatever it holds.
+        """Receive a datagram from the air's socket; never raises, whatever it holds.
 
-        HEARTBEATs subscribe their sender and go no further; every other frame is broadcast as it came.
+        HEARTBEATs subscribe their sender and are not broadcast; every other frame is broadcast unchanged.
         """
         first: Frame | None = None
         kept: list[bytes] = []
@@ -115,11 +115,11 @@ class Air:
             self._spread(first.sysid, address, position, b"".join(kept), now_s)
 
     def broadcast(self, sender: int, position_ned_m: npt.ArrayLike | None, payload: bytes, now_s: float) -> None:
-        """Broadcast bytes as they are.
+        """Broadcast bytes unchanged.
 
         Args:
             sender: System id of a vehicle of the emulator.
-            position_ned_m: Where it is sent from; None: where the sender was placed.
+            position_ned_m: Position of transmission; None: that of the sender.
             payload: One datagram.
             now_s: Time of sending.
         """
@@ -133,7 +133,7 @@ class Air:
     def _spread(
         self, sender: int, address: Address | None, position: FloatArray | None, payload: bytes, now_s: float
     ) -> None:
-        """Put a payload under way to everybody who hears it."""
+        """Send a payload to all receivers that hear it."""
         self.counters["broadcast"] += 1
         if position is not None and np.isnan(position[0]):
             self.counters["off_air"] += 1
@@ -166,7 +166,7 @@ class Air:
         distance_m[np.isinf(distance_m)] = 0.0
         heard = listening & (distance_m <= self.range_m)
         self.counters["out_of_range"] += int(np.count_nonzero(listening)) - int(np.count_nonzero(heard))
-        # both figures are drawn whatever the loss: another loss leaves the latencies of what arrives alone
+        # both numbers are always drawn, so that the latencies do not depend on the loss
         arrives, late = reception_chances(self._seed, sender, self._sends[sender], receivers.system_id)
         kept = heard & (arrives < self._arriving_share(distance_m, now_s))
         rows = np.flatnonzero(kept)
@@ -182,7 +182,7 @@ class Air:
             self._push(at_s, payload, (receivers.addresses[row],))
 
     def _arriving_share(self, distance_m: FloatArray, now_s: float) -> FloatArray | float:
-        """Share of this broadcast's receptions that neither fade nor collide, shape (m,)."""
+        """Share of receptions of this broadcast without fading or collision, shape (m,)."""
         if self._loss is not None:
             return 1.0 - self._loss
         share = self.technology.link_share(np.minimum(distance_m, self.range_m), self.range_m)
@@ -191,8 +191,8 @@ class Air:
         return share
 
     def _senders_around(self, now_s: float) -> FloatArray:
-        """How many other senders each receiver has in range, shape (m,): besides the one that it hears, and its own
-        vehicle; counted once a second."""
+        """Other senders in range of each receiver, shape (m,), without this one and its own vehicle; updated each
+        second."""
         receivers = self.listeners.receivers
         if self._crowd is None or self._crowd_of is not receivers or now_s - self._crowd_s >= CROWD_S:
             patience_s = SENDING_PERIODS * max(self.technology.period_s, 1.0)
@@ -206,7 +206,7 @@ class Air:
         return self._crowd
 
     def _has_room(self, count: int) -> bool:
-        """Whether so many more may be under way; they count as if they were."""
+        """Whether this many more may be under way; if so, they are counted."""
         if self._waiting + count > MAX_UNDELIVERED:
             self.counters["overflow"] += count
             return False
@@ -221,7 +221,7 @@ class Air:
     # --- bytes out ----------------------------------------------------------------------------------------------------
 
     def due(self, now_s: float) -> list[tuple[bytes, Address]]:
-        """What has arrived by now, in order of arrival."""
+        """Datagrams that have arrived by now, in order of arrival."""
         arrived: list[tuple[bytes, Address]] = []
         while self._under_way and self._under_way[0][0] <= now_s:
             _, _, payload, addresses = heapq.heappop(self._under_way)
@@ -230,7 +230,7 @@ class Air:
         return arrived
 
     def next_due_s(self) -> float | None:
-        """When something arrives next; None if nothing is under way."""
+        """Time of the next arrival; None if nothing is under way."""
         return self._under_way[0][0] if self._under_way else None
 
 

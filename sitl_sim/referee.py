@@ -1,14 +1,14 @@
-"""Who came near whom, who collided, who arrived: judged on the truth, between samples as well as at them.
+"""The referee: separations, collisions and arrivals, judged on true positions, at samples and between them.
 
-Units and axes: metres, seconds; north-east-down. Between two samples everybody flies straight, so the closest approach
-of a pair inside a step is known exactly, and nobody slips through another between two samples, however fast.
+Units and axes: metres, seconds; north-east-down. Between two samples vehicles fly straight, so the closest approach of
+a pair inside a step is known exactly, and no vehicle passes through another between two samples, however fast.
 
 - MAC, mid-air collision: true horizontal distance below half the sum of the airframe sizes (paper Eq. 9) while the
-  airframes overlap vertically (heights: ``VehicleSpec.airframe_height_m``). Judged for everything in the air.
+  airframes overlap vertically (heights: ``VehicleSpec.airframe_height_m``). Judged for all vehicles in the air.
 - Separation and uNMAC: judged for pairs on their missions that are inside each other's height bound. A pair violates
-  its uNMAC when it *enters* the cylinder of its radius and that bound; a pair that is inside from the start has not had
-  the chance, and counts from when it first was clear. On true positions this happens whenever the position errors do
-  what the radius is there for; what avoidance can answer for is the count on reported positions. Both are kept.
+  its uNMAC when it *enters* the cylinder of its radius and that bound; a pair that is inside from the start counts only
+  after it was clear once. On true positions, violations include those caused by position errors, which the radius is
+  meant to cover; avoidance is responsible only for the count on reported positions. Both are kept.
 - Arrival: the true or the reported position is within 5 m of the goal horizontally.
 """
 
@@ -33,15 +33,16 @@ ARRIVAL_RADIUS_M = 5.0
 """Horizontal distance to the goal that counts as arrived: the paper's simulation."""
 
 ALTITUDE_SLICE_M = 15.0
-"""Least height bound, and the one where nobody says anything of vertical errors: pairs that are further apart
-vertically are in different slices of airspace, and their horizontal distance says nothing."""
+"""Least height bound, also used if no vertical errors are reported: pairs further apart vertically are in different
+slices of airspace, and their horizontal distance does not matter."""
 
 SWEPT_WITHIN_M = 25.0
-"""Pairs that may come nearer than this inside a step are swept between its samples. Beyond, samples suffice: with 1 m
-of relative motion in a step, the closest approach of a pair 25 m apart is missed by 5 mm."""
+"""Pairs that may come nearer than this inside a step are also judged between samples. For others, samples suffice: with
+1 m of relative motion in a step, the closest approach of a pair 25 m apart is missed by 5 mm."""
 
 OBSTACLE_LOOK_M = 0.5
-"""Obstacles are looked at at least this often along a vehicle's way; far finer than any of them is thick."""
+"""Largest distance between two obstacle checks along a vehicle's way; far smaller than the thickness of any
+obstacle."""
 
 
 class Collision(NamedTuple):
@@ -60,7 +61,7 @@ class Referee:
         position_ned_m: True positions at time zero, shape (n, 3).
 
     Attributes:
-        arrival_time_s: Mission time of arrival, shape (n,), NaN where not arrived.
+        arrival_time_s: Mission time of arrival, shape (n,), NaN if not arrived.
         collisions: Mid-air collisions in order.
         obstacle_hits: Mission time and index of vehicles that hit an obstacle.
     """
@@ -80,7 +81,7 @@ class Referee:
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was judged so far; the mission begins now."""
+        """Reset all judgements; the mission begins now."""
         count = len(self._before)
         self.arrival_time_s: FloatArray = np.full(count, np.nan)
         self.collisions: list[Collision] = []
@@ -92,12 +93,12 @@ class Referee:
 
     @property
     def arrived(self) -> BoolArray:
-        """Who has arrived, shape (n,)."""
+        """Mask of vehicles that have arrived, shape (n,)."""
         return ~np.isnan(self.arrival_time_s)
 
     @property
     def removed(self) -> BoolArray:
-        """Who has collided with a vehicle or an obstacle, shape (n,)."""
+        """Mask of vehicles that have collided with a vehicle or an obstacle, shape (n,)."""
         removed = np.zeros(len(self._before), dtype=np.bool_)
         for collision in self.collisions:
             removed[[collision.first, collision.second]] = True
@@ -120,9 +121,9 @@ class Referee:
             time_s: Mission time at the end of the step.
             dt_s: Length of the step.
             position_ned_m: True positions now, shape (n, 3).
-            reported_position_ned_m: What the vehicles report now, shape (n, 3).
-            in_air: Who was in the air during the step, shape (n,).
-            active: Who was on its mission, shape (n,).
+            reported_position_ned_m: Reported positions now, shape (n, 3).
+            in_air: Mask of vehicles in the air during the step, shape (n,).
+            active: Mask of vehicles on their mission, shape (n,).
 
         Returns:
             Indices of vehicles that collided in this step, with another or with an obstacle.
@@ -152,7 +153,7 @@ class Referee:
             position_ned_m: True positions, shape (n, 3).
             reported_position_ned_m: Reported positions, shape (n, 3).
             pair_radius_m: uNMAC radii, shape (n, n), symmetric.
-            active: Who is on its mission, shape (n,).
+            active: Mask of vehicles on their mission, shape (n,).
             vertical_error_m: Three-sigma vertical errors that the vehicles report, shape (n,); with the heights of the
                 airframes they make the height bound of each pair, from now on.
         """
@@ -172,7 +173,7 @@ class Referee:
         return judged
 
     def _level(self, position_ned_m: FloatArray) -> BoolArray | None:
-        """Pairs inside each other's height bound, shape (n, n); None where that is everybody."""
+        """Mask of pairs inside each other's height bound, shape (n, n); None if all are."""
         down = position_ned_m[:, 2]
         if np.ptp(down) < ALTITUDE_SLICE_M:
             return None
@@ -181,7 +182,7 @@ class Referee:
     def _judge_pairs(
         self, time_s: float, dt_s: float, start: FloatArray, step: FloatArray, in_air: BoolArray, active: BoolArray
     ) -> BoolArray:
-        """Keep the closest approach of every pair; return who collided."""
+        """Keep the closest approach of every pair; return those that collided."""
         hit = np.zeros(len(start), dtype=np.bool_)
         if np.count_nonzero(in_air) < 2:
             return hit
@@ -217,14 +218,14 @@ class Referee:
             when = _contact(gap[pair], motion[pair], float(touch_m[pair]), float(overlap_m[pair]))
             if when is not None:
                 contacts.append((when, int(first[pair]), int(second[pair])))
-        for when, one, other in sorted(contacts):  # who has collided already is no longer there to be hit
+        for when, one, other in sorted(contacts):  # a vehicle that has collided cannot be hit again
             if not (hit[one] or hit[other]):
                 hit[[one, other]] = True
                 self.collisions.append(Collision(time_s - (1.0 - when) * dt_s, one, other))
         return hit
 
     def _judge_obstacles(self, time_s: float, start: FloatArray, step: FloatArray, in_air: BoolArray) -> BoolArray:
-        """Who came nearer to an obstacle than half its airframe, looked at so often that no edge is jumped."""
+        """Mask of vehicles nearer to an obstacle than half their airframe, checked often enough not to miss an edge."""
         hit = np.zeros(len(start), dtype=np.bool_)
         if not self._polygons or not len(start):
             return hit
@@ -240,7 +241,7 @@ class Referee:
         """The judgement so far.
 
         Args:
-            grounded: Who stands, shape (n,); None: nobody.
+            grounded: Mask of vehicles on the ground, shape (n,); None: none.
         """
         stands = np.zeros(len(self._before), dtype=np.bool_) if grounded is None else grounded
         details = tuple(
@@ -305,7 +306,7 @@ class _EntryCounter:
 
 
 class _PairDistances:
-    """Horizontal distances of all pairs, in the same memory every time: fresh memory costs more than the arithmetic."""
+    """Horizontal distances of all pairs, always in the same memory: allocation costs more than the arithmetic."""
 
     def __init__(self, count: int) -> None:
         self._distance_m = np.empty((count, count))

@@ -1,8 +1,8 @@
-"""The way of those who avoid nobody: straight from point to point, at cruise speed.
+"""Routes of vehicles that avoid nobody: straight from point to point, at cruise speed.
 
-Units and axes: metres, seconds; north-east-down about home. Index k is system id k + 1. Nobody turns on the spot, and a
-gust blows everybody off: who is beside its leg flies back onto it, and a point that was passed, however far off, is
-behind. A goal that was passed is flown to once more.
+Units and axes: metres, seconds; north-east-down about home. Index k is system id k + 1. Vehicles cannot turn on the
+spot, and gusts move them off their leg: a vehicle beside its leg flies back onto it. A point that was passed at any
+distance counts as reached, but a goal that was passed is flown to once more.
 """
 
 from __future__ import annotations
@@ -20,19 +20,20 @@ IntArray = npt.NDArray[np.int64]
 
 ROUTE_POINT_M = 2.0
 ROUTE_LEAD_S = 0.3
-"""A route's next leg begins this near to its point, or this long before it."""
+"""The next leg of a route begins ``ROUTE_POINT_M`` from its point, or this long before it."""
 
 LOOK_AHEAD_S = 2.0
-"""Who is beside its leg heads for where it would be on it after this time: slowly enough for either autopilot."""
+"""A vehicle beside its leg heads for the point that it would reach on the leg after this time: slowly enough for either
+autopilot."""
 
 ON_LEG_M = 1e-6
 
 
 class Routes:
-    """Who is under way, and where to next.
+    """Vehicles under way, and their next points.
 
     Args:
-        vehicles: In the order of their system ids.
+        vehicles: Vehicles in the order of their system ids.
     """
 
     def __init__(self, vehicles: Sequence[VehicleSpec]) -> None:
@@ -47,7 +48,7 @@ class Routes:
         self._length_m = np.zeros(count)
 
     def set_out(self, index: int) -> FloatArray:
-        """The velocity of the first leg of a vehicle's way; from now on `steer` gives it."""
+        """Start a vehicle; returns the velocity of its first leg. From now on `steer` computes it."""
         vehicle = self._vehicles[index]
         self._under_way[index] = True
         self._ahead[index] = [np.array(point) for point in (*vehicle.route_ned_m, vehicle.goal_ned_m)]
@@ -55,15 +56,15 @@ class Routes:
         return np.array(self._velocity_mps[index])
 
     def leave(self, index: int) -> None:
-        """Somebody else flies this vehicle now."""
+        """Stop steering this vehicle; another program flies it now."""
         self._under_way[index] = False
 
     def steer(self, position_ned_m: FloatArray, flying: BoolArray) -> tuple[IntArray, FloatArray]:
-        """Who is under way now, and how it is to fly.
+        """Vehicles under way, and their commanded velocities.
 
         Args:
-            position_ned_m: Where everybody is, shape (n, 3).
-            flying: Who flies what it is told, shape (n,); the way of the others ends.
+            position_ned_m: Positions of all vehicles, shape (n, 3).
+            flying: Mask of vehicles that obey, shape (n,); the routes of the others end.
 
         Returns:
             Indices, shape (m,), and velocities, shape (m, 3).
@@ -94,7 +95,7 @@ class Routes:
         self._velocity_mps[index] = way * (self._speed_mps[index] / max(length_m, 1e-9))
 
     def _along(self, position_ned_m: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """How far everybody has come on its leg, which way that leads, and how far beside it everybody is."""
+        """Distance flown on the leg, direction of the leg, and offset from it."""
         direction = self._velocity_mps[rows] / self._speed_mps[rows, None]
         gone = position_ned_m[rows] - self._begin_m[rows]
         along_m = np.einsum("ij,ij->i", gone, direction)

@@ -1,7 +1,7 @@
-"""The fleet on the network: one UDP socket a vehicle, one for the air, and real time.
+"""The fleet on the network: one UDP socket per vehicle, one for the air, and real time.
 
-Everything that decides lies in `Fleet` and knows neither sockets nor clocks. Here the world is stepped 50 times a
-second, datagrams are carried to and fro, and whatever fails is counted and logged without taking the fleet along.
+`Fleet` makes all decisions, without sockets and clocks. This module steps the world 50 times a second and transfers
+datagrams. Failures are counted and logged, and do not stop the fleet.
 
 All sockets are on loopback. Vehicle i listens on 14580 + i - 1 and sends its telemetry to 14540 + i - 1, as PX4's own
 simulations do; the air is 14650.
@@ -29,10 +29,10 @@ from sitl_sim.vehicle import TICK_S
 from sitl_sim.world import FloatArray, World
 
 MAX_CATCH_UP_S = 0.25
-"""Longest time flown in one go after a stall; for what is beyond, the vehicles stood still."""
+"""Longest time simulated at once after a stall; for the rest of the stall the vehicles stood still."""
 
 VEHICLES_AT_ONCE = 40
-"""Vehicles served in one go."""
+"""Vehicles served at once."""
 
 ERROR_LOG_S = 1.0
 """Shortest time between two log lines about failures."""
@@ -41,26 +41,26 @@ log = logging.getLogger(__name__)
 
 
 class PortError(LinkError):
-    """One of the fleet's own ports that cannot be had."""
+    """One of the fleet's own ports is not available."""
 
 
 class FleetServer:
     """A fleet in real time on loopback.
 
     Args:
-        scenario: What is flown.
-        config: How.
+        scenario: The scenario.
+        config: How it is flown.
         utc_clock: Seconds since 1970.
-        pair_radius: uNMAC radii that the referee counts violations of; the world's default unless given.
+        pair_radius: uNMAC radii whose violations the referee counts; by default those of the world.
 
     Raises:
-        ConfigError: If the scenario cannot be flown like this, or ports overlap.
+        ConfigError: If the scenario cannot be flown with this configuration, or ports overlap.
 
     Attributes:
-        world: The truth; for referees, logs and pages, never for anything that steers.
-        autopilots: The vehicles' MAVLink faces, in the order of system ids.
+        world: The truth, for referees, logs and pages, never for code that steers.
+        autopilots: The vehicles' autopilots, in the order of system ids.
         air: The broadcast medium.
-        home: Where the scenario's origin lies.
+        home: Geodetic position of the scenario's origin.
         clock: The fleet's time.
         counters: Events by cause: tick, slipped_ms, error.
     """
@@ -103,8 +103,8 @@ class FleetServer:
         """Open all sockets.
 
         Raises:
-            PortError: If a port is in use; whatever is wrong, those opened before are released.
-            LinkError, ConfigError: If there can be no link to the ground station.
+            PortError: If a port is in use; after any error, ports opened before are released.
+            LinkError, ConfigError: If the link to the ground station cannot be opened.
         """
         self._loop = asyncio.get_running_loop()
         config = self.config
@@ -163,14 +163,14 @@ class FleetServer:
 
     @property
     def mission_begun(self) -> bool:
-        """Whether mission time counts."""
+        """Whether mission time runs."""
         return self._fleet.mission_begun
 
     def begin_mission(self) -> None:
         """Mission time counts from now, and those who avoid nobody set out.
 
         An airborne fleet begins with `run`. One from the ground begins when all cooperative vehicles obey setpoints in
-        the air. A holding one begins when its owner says so.
+        the air. A holding one begins when its owner calls this method.
         """
         self._fleet.begin_mission()
 
@@ -213,11 +213,11 @@ class FleetServer:
                 self._note_failure(f"vehicle {autopilot.system_id}")
 
     def advance(self, seconds: float) -> None:
-        """In lockstep (`speedup` 0): let time go on by so much, tick by tick, and send what is due; what is left of a
-        tick of 20 ms waits for the next time.
+        """In lockstep (`speedup` 0): advance time tick by tick, and send what is due; a rest shorter than a tick of 20
+        ms waits for the next call.
 
         Raises:
-            RuntimeError: If time goes on by itself.
+            RuntimeError: If not in lockstep.
             ValueError: If the time is negative or not finite.
         """
         if not self.clock.is_lockstep:
@@ -283,7 +283,7 @@ class FleetServer:
     # --- what went wrong, and what is to be seen ----------------------------------------------------------------------
 
     def _note_failure(self, where: str) -> None:
-        """Count a failure of our own code; the log gets one of them a second."""
+        """Count a failure of our own code; at most one a second is logged."""
         self.counters["error"] += 1
         self._unlogged += 1
         now_s = time.monotonic()

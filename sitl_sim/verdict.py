@@ -1,4 +1,4 @@
-"""The judgement of one flight, as plain values: what became of each vehicle, and of all. Metres, seconds."""
+"""The judgement of one flight as plain values, for each vehicle and for all. Metres, seconds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Outcome(StrEnum):
 
     FLYING = "flying"
     GROUNDED = "grounded"
-    """Stands, not arrived: not taken off, or landed by a failsafe or on somebody's order."""
+    """On the ground without arrival: did not take off, or landed by a failsafe or a command."""
     ARRIVED = "arrived"
     COLLIDED = "collided"
     HIT_OBSTACLE = "hit_obstacle"
@@ -20,7 +20,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class VehicleResult:
-    """What became of one vehicle; None where there is nothing to say."""
+    """Result of one vehicle; None if a value does not exist."""
 
     system_id: int
     outcome: Outcome
@@ -47,14 +47,14 @@ class Verdict:
 
     Args:
         vehicles: Number of vehicles, without ghosts.
-        arrived: How many arrived, and did not collide on their way down.
+        arrived: Number of vehicles that arrived and did not collide on their way down.
         macs: Mid-air collisions (pairs).
         obstacle_hits: Vehicles that flew into an obstacle.
         unmac_violations: Pairs whose reported positions entered their uNMAC radius.
-        unmac_violations_true: Pairs whose true positions did.
+        unmac_violations_true: Pairs whose true positions entered their uNMAC radius.
         min_separation_m: Smallest true distance between the centres of any pair, None without a pair.
-        mission_time_median_s, mission_time_max_s: Over those who arrived, None if nobody did.
-        details: One entry a vehicle.
+        mission_time_median_s, mission_time_max_s: Median and maximum of those that arrived, None if none did.
+        details: One entry per vehicle.
     """
 
     vehicles: int
@@ -70,7 +70,7 @@ class Verdict:
 
     @property
     def passed(self) -> bool:
-        """Whether everybody arrived and nobody hit anything."""
+        """Whether all vehicles arrived and none hit anything."""
         return self.arrived == self.vehicles and self.macs == 0 and self.obstacle_hits == 0
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,12 +1,12 @@
-"""The true world of one scenario: where every vehicle is, what its receiver says, who hit whom, who has arrived.
+"""The true world of one scenario: true and reported positions, collisions and arrivals.
 
 Units and axes: metres, seconds; north-east-down about home, the ground is down = 0. Index k is system id k + 1.
 
-Truth (``position_ned_m``, ``velocity_ned_mps``) is there for the radio, the referee, logs and pages that show it. What
-a vehicle may know of itself is ``reported_position_ned_m``, ``reported_velocity_ned_mps`` and its receiver's figures;
-nothing that steers may read anything else.
+The truth (``position_ned_m``, ``velocity_ned_mps``) is for the radio, the referee, logs and pages. A vehicle knows only
+``reported_position_ned_m``, ``reported_velocity_ned_mps`` and the figures of its receiver; code that steers must not
+read anything else.
 
-Physics runs in whole ticks of 20 ms whatever the caller's step is, so the same commands at the same ticks give the same
+Physics runs in whole ticks of 20 ms for any step of the caller. So the same commands at the same ticks give the same
 flight, in real or in virtual time.
 """
 
@@ -54,38 +54,39 @@ FLARE_HEIGHT_M = 10.0
 
 
 class VehicleState(IntEnum):
-    """Where a vehicle is in its life."""
+    """State of a vehicle."""
 
     GROUNDED = 0
-    """Standing: before the flight, or after a landing."""
+    """On the ground, before the flight or after a landing."""
     AIRBORNE = 1
     """Flies the commanded velocity."""
     LANDING = 2
     """Comes down by itself; commands are ignored."""
     GONE = 3
-    """Collided, or arrived where arrival means leaving."""
+    """Removed: it collided, or it arrived and arrival is "leave"."""
 
 
 class World:
-    """One scenario being flown.
+    """One scenario in flight.
 
     Args:
-        scenario: What is flown.
-        seed: Seed of every chance in it.
+        scenario: The scenario.
+        seed: Seed of all random draws.
         autopilot: "ideal", "px4" or "ardupilot", one for all or one for each vehicle.
-        gnss: How sigma becomes an error: "white", "white-radial", "gauss-markov" or "bias".
-        sigma_m: For vehicles of which the scenario says nothing.
-        airborne: True: everybody hovers at its start. False: everybody stands below its start until ``lift_off``.
-        begins: Whether the mission of an airborne fleet begins at once. It is ``begin_mission`` that begins any other:
-            before, nothing is judged, and nothing goes wrong but what is injected.
-        arrival: "land": who has arrived comes down and stands. "leave": it is gone at once, as in the paper.
+        gnss: Error model: "white", "white-radial", "gauss-markov" or "bias".
+        sigma_m: Standard deviation for vehicles without one in the scenario.
+        airborne: True: all vehicles hover at their starts. False: all are on the ground below their starts until
+            ``lift_off``.
+        begins: Whether the mission of an airborne fleet begins at once. Otherwise ``begin_mission`` begins it: before,
+            nothing is judged, and only injected faults happen.
+        arrival: "land": a vehicle that has arrived lands. "leave": it disappears at once, as in the paper.
         gnss_common_share: Share of the variance of position errors that all vehicles have in common.
         gnss_time_constant_s: Correlation time of "gauss-markov".
-        airframe: Type of the vehicles of which the scenario says nothing; None: the one that was measured.
-        pair_radius: uNMAC radii of all pairs now, shape (n, n); Eq. 8 with true sizes and bounds unless given.
+        airframe: Type of vehicles without one in the scenario; None: the measured type.
+        pair_radius: Function for uNMAC radii of all pairs, shape (n, n); by default Eq. 8 with true sizes and bounds.
 
     Raises:
-        ValueError: If an autopilot or error model is unknown, or there are not as many as vehicles.
+        ValueError: If an autopilot or error model is unknown, or the number of autopilots is wrong.
     """
 
     def __init__(
@@ -180,7 +181,7 @@ class World:
 
     @property
     def arrived(self) -> BoolArray:
-        """Who has been at its goal, shape (n,)."""
+        """Mask of vehicles that have reached their goals, shape (n,)."""
         return self._referee.arrived
 
     @property
@@ -196,39 +197,39 @@ class World:
 
     @property
     def reported_position_ned_m(self) -> FloatArray:
-        """Where the vehicles believe to be, shape (n, 3): as high as their estimators say, else where receivers do."""
+        """Reported positions, shape (n, 3): height from the estimators, horizontal position from the receivers."""
         reported = self.position_ned_m + self.receivers.position_error_ned_m
         reported[:, 2] = self.position_ned_m[:, 2] + self.heights.error_down_m
         return reported
 
     @property
     def receiver_down_m(self) -> FloatArray:
-        """How far below home the receivers alone say that the vehicles are, shape (n,)."""
+        """Down coordinate of the vehicles by their receivers alone, shape (n,)."""
         return np.asarray(self.position_ned_m[:, 2] + self.receivers.position_error_ned_m[:, 2])
 
     @property
     def reported_velocity_ned_mps(self) -> FloatArray:
-        """How the vehicles believe to fly, shape (n, 3); exact on the ground, where they know that they stand."""
+        """Reported velocities, shape (n, 3); exact on the ground, where vehicles know that they stand still."""
         return self.velocity_ned_mps + np.where(self.in_air[:, None], self.receivers.velocity_error_ned_mps, 0.0)
 
     @property
     def h_acc_m(self) -> FloatArray:
-        """What the receivers say of their horizontal accuracy, one sigma per axis, shape (n,)."""
+        """Horizontal accuracy reported by the receivers, one sigma per axis, shape (n,)."""
         return self.receivers.h_acc_m
 
     @property
     def v_acc_m(self) -> FloatArray:
-        """What the receivers say of their vertical accuracy, one sigma, shape (n,)."""
+        """Vertical accuracy reported by the receivers, one sigma, shape (n,)."""
         return self.receivers.v_acc_m
 
     @property
     def vel_acc_mps(self) -> FloatArray:
-        """What the receivers say of their velocity accuracy, one sigma per axis, shape (n,)."""
+        """Velocity accuracy reported by the receivers, one sigma per axis, shape (n,)."""
         return self.receivers.vel_acc_mps
 
     @property
     def bound_3sigma_m(self) -> FloatArray:
-        """Three sigma per horizontal axis, what RIDLINK_SEPARATION carries, shape (n,)."""
+        """Three sigma per horizontal axis, as in RIDLINK_SEPARATION, shape (n,)."""
         return self.receivers.bound_3sigma_m
 
     @property
@@ -240,18 +241,18 @@ class World:
 
     @property
     def in_air(self) -> BoolArray:
-        """Who flies or lands, shape (n,)."""
+        """Mask of vehicles that fly or land, shape (n,)."""
         return np.asarray((self.state == VehicleState.AIRBORNE) | (self.state == VehicleState.LANDING))
 
     @property
     def on_air(self) -> BoolArray:
-        """Who can be heard and hears, shape (n,), for ``Listeners.place_vehicles``: not who is gone, nor any ghost,
-        which is only what somebody else sends."""
+        """Mask of vehicles that send and receive, shape (n,), for ``Listeners.place_vehicles``: without removed
+        vehicles, and without ghosts, which are only false broadcasts."""
         return np.asarray((self.state != VehicleState.GONE) & self.radio_on & ~self.is_ghost)
 
     @property
     def active(self) -> BoolArray:
-        """Who flies and has not arrived yet, shape (n,)."""
+        """Mask of vehicles that fly and have not arrived yet, shape (n,)."""
         return np.asarray((self.state == VehicleState.AIRBORNE) & ~self.arrived & ~self.is_ghost)
 
     @property
@@ -261,7 +262,7 @@ class World:
 
     @property
     def finished(self) -> bool:
-        """Whether everybody has arrived or collided, or the scenario's time is up."""
+        """Whether all vehicles have arrived or collided, or the scenario's time is up."""
         if self._mission_from_s is None:
             return False
         return self.mission_time_s >= self.scenario.duration_s or bool(
@@ -284,10 +285,10 @@ class World:
             self._tick()
 
     def command_velocity(self, index: int, velocity_ned_mps: npt.ArrayLike) -> None:
-        """What one vehicle is to fly from now on; kept until changed, used while it is AIRBORNE. Its route ends.
+        """Set the velocity of one vehicle; kept until changed, used while it is AIRBORNE. Its route ends.
 
         Raises:
-            ValueError: If the velocity is not three finite figures.
+            ValueError: If the velocity is not three finite numbers.
         """
         velocity = np.asarray(velocity_ned_mps, dtype=np.float64)
         if velocity.shape != (3,) or not np.all(np.isfinite(velocity)):
@@ -296,30 +297,30 @@ class World:
         self._routes.leave(index)
 
     def fly_straight(self, index: int) -> None:
-        """Send one vehicle straight on from its start to its goal at cruise speed, as one that avoids nobody flies; on
-        the way through the points of its route, if it has any."""
+        """Send one vehicle straight to its goal at cruise speed, as a vehicle that avoids nobody flies, through the
+        points of its route if it has any."""
         self._command[index] = self._routes.set_out(index)
 
     def lift_off(self, index: int) -> None:
-        """GROUNDED to AIRBORNE; it climbs when commanded to."""
+        """Change GROUNDED to AIRBORNE; it climbs when commanded to."""
         if self.state[index] == VehicleState.GROUNDED:
             self._command[index] = 0.0
             self.state[index] = VehicleState.AIRBORNE
 
     def land(self, index: int) -> None:
-        """AIRBORNE to LANDING: it stops, comes down and stands where it touches the ground."""
+        """Change AIRBORNE to LANDING: it stops, descends, and stays where it touches the ground."""
         if self.state[index] == VehicleState.AIRBORNE:
             self.state[index] = VehicleState.LANDING
 
     def begin_mission(self) -> None:
-        """Mission time counts from now, and what was judged before is forgotten."""
+        """Start mission time and reset all judgements."""
         self._mission_from_s = self.time_s
         self._referee.begin()
         for index in np.flatnonzero(self.is_ghost).tolist():
             self.fly_straight(index)
 
     def inject(self, event: Event) -> None:
-        """Let something go wrong now, whatever time the event states.
+        """Apply an event now, whatever its time.
 
         Raises:
             ValueError: If there is no such vehicle.
@@ -327,7 +328,7 @@ class World:
         self.faults.inject(event)
 
     def set_wind(self, wind: Wind) -> None:
-        """Another wind from now on."""
+        """Set the wind from now on."""
         self._wind = FleetWind(wind, len(self.state), seed=self._seed, tick_s=TICK_S)
 
     # --- one tick -----------------------------------------------------------------------------------------------------
@@ -358,7 +359,7 @@ class World:
         return command
 
     def _touch_ground(self, in_air: BoolArray) -> None:
-        """Nothing flies below the ground; who meets it on its way down stands."""
+        """Stop vehicles at the ground; those that land or descend stay there."""
         below = in_air & (self.position_ned_m[:, 2] >= 0.0)
         if not np.any(below):
             return
@@ -381,7 +382,7 @@ class World:
         self.state[done] = VehicleState.LANDING if self._arrival == "land" else VehicleState.GONE
 
     def _end_ghosts(self) -> None:
-        """A ghost that has come to its goal is sent no longer."""
+        """End ghosts that have reached their goals."""
         if len(self._ghost_rows):
             gap = self.position_ned_m[self._ghost_rows] - self._ghost_goals
             there = np.hypot(gap[:, 0], gap[:, 1]) <= ARRIVAL_RADIUS_M

@@ -1,4 +1,4 @@
-"""How a multirotor flies: response to velocity setpoints, airframe types, wind, battery."""
+"""Models of a multirotor: response to velocity setpoints, airframe types, wind, battery."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sitl_sim.vehicle.models import GRAVITY_MPS2, TICK_S, Ideal, Model, ShapedTa
 from sitl_sim.vehicle.wind import FleetWind
 
 AUTOPILOTS = ("ideal", "px4", "ardupilot")
-"""Names that ``--autopilot`` takes."""
+"""Allowed names for ``--autopilot``."""
 
 __all__ = [
     "AIRFRAMES",

@@ -1,7 +1,7 @@
-"""Airframe types: how one flies under either autopilot, and what its battery holds, from TOML files.
+"""Airframe types from TOML files: their response under each autopilot, and their battery.
 
-The package ships the two measured autopilots' vehicles and one type for each category of the paper's Table III; any
-other file of the same form will do.
+The package contains the vehicles of the two measured autopilots and one type for each category of the paper's Table
+III. Other files of the same form can be used, too.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ AIRFRAMES = ("ardupilot-quad", "category1", "category2", "category3", "category4
 """Types that come with the package."""
 
 MEASURED = {"px4": "px4-sih-quad", "ardupilot": "ardupilot-quad", "ideal": "px4-sih-quad"}
-"""The type that each autopilot flies unless told otherwise: the one in which it was measured."""
+"""The default type of each autopilot: the one in which it was measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,10 @@ class Airframe:
 
     Args:
         name: File name without its suffix.
-        title: One line for people.
-        feedback: How it flies under PX4; None: nobody knows.
-        shaped: How it flies under ArduPilot; None: nobody knows.
-        battery: What it carries.
+        title: One line of description.
+        feedback: Response under PX4; None if unknown.
+        shaped: Response under ArduPilot; None if unknown.
+        battery: Its battery.
     """
 
     name: str
@@ -46,10 +46,10 @@ class Airframe:
     battery: BatteryType
 
     def model(self, autopilot: str) -> Model:
-        """How it flies under an autopilot.
+        """The response model under an autopilot.
 
         Raises:
-            ConfigError: If its file does not say.
+            ConfigError: If its file has no model for this autopilot.
             ValueError: If there is no such autopilot.
         """
         known: dict[str, Model | None] = {"ideal": Ideal(), "px4": self.feedback, "ardupilot": self.shaped}
@@ -66,10 +66,10 @@ class Airframe:
 
 @cache
 def load_airframe(name_or_path: str) -> Airframe:
-    """A type by its name, or from a file (anything that ends in .toml or has a slash).
+    """Load a type by its name, or from a file (any name that ends in .toml or has a slash).
 
     Raises:
-        ConfigError: If the name is unknown or the file is wrong: file, line, key, what would be right. One line for
+        ConfigError: If the name is unknown or the file is wrong; with file, line, key and the right form. One line for
             each mistake, the first as its text, up to four more as `others`.
         OSError: If the file cannot be read.
     """
@@ -108,15 +108,15 @@ def _figures(top: CheckedTable, name: str, kind: type[Figures], faults: list[Con
 
 
 def model_for_speed(autopilot: str, speed_mps: float, airframe: str | None = None) -> Model:
-    """How an autopilot flies an airframe, made fast enough for a cruise speed.
+    """The response model of an airframe under an autopilot, made fast enough for a cruise speed.
 
     Args:
         autopilot: "ideal", "px4" or "ardupilot".
         speed_mps: Cruise speed.
-        airframe: Name or path; None: the one in which the autopilot was measured.
+        airframe: Name or path; None: the type in which the autopilot was measured.
 
     Raises:
-        ConfigError: If the airframe is unknown or says nothing of this autopilot.
+        ConfigError: If the airframe is unknown or has no model for this autopilot.
         ValueError: If there is no such autopilot.
     """
     chosen = load_airframe(airframe or MEASURED.get(autopilot, MEASURED["ideal"]))

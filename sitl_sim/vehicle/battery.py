@@ -1,8 +1,8 @@
-"""Batteries that drain, for a whole fleet at once.
+"""Batteries of a fleet, and their discharge.
 
 Units: watts, watt-hours, volts, amperes; arrays are (n,). A multirotor spends most of its power on hovering; climbing
-adds weight times climb rate, here as a share of the hover power, and flying fast adds drag. All figures are assumed:
-what matters is that a battery reads like one and ends.
+adds weight times climb rate, here as a share of the hover power, and flying fast adds drag. All figures are assumed: it
+is enough that a battery gives plausible readings and becomes empty.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 STANDBY_SHARE = 0.03
-"""Power on the ground by hover power."""
+"""Power on the ground, as a share of hover power."""
 
 CLIMB_SHARE_PER_MPS = 0.1
-"""Power added for each m/s of climb, by hover power; a descent saves half as much."""
+"""Power added for each m/s of climb, as a share of hover power; a descent saves half as much."""
 
 DRAG_SHARE = 0.002
-"""Power added by flying at 1 m/s, by hover power; it grows with the square of the speed: drag would with the cube, and
-lift is cheaper in flight."""
+"""Power added by flying at 1 m/s, as a share of hover power. It grows with the square of the speed: drag power grows
+with the cube, but lift costs less in forward flight."""
 
 SECONDS_PER_HOUR = 3600.0
 
@@ -33,7 +33,7 @@ CELL_VOLTS = (3.0, 3.5, 3.68, 3.8, 4.0, 4.2)
 """Voltage of a lithium-polymer cell at rest by remaining charge: a typical discharge curve."""
 
 SAG_SHARE = 0.03
-"""Voltage lost inside at hover power."""
+"""Share of voltage lost in the internal resistance at hover power."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +49,11 @@ class FleetBattery:
     """The batteries of a fleet.
 
     Args:
-        types: One a vehicle.
+        types: One per vehicle.
 
     Attributes:
         remaining: Share of the energy left, within 0 and 1, shape (n,).
-        power_w: Drawn over the last step, shape (n,).
+        power_w: Power drawn over the last step, shape (n,).
     """
 
     def __init__(self, types: Sequence[BatteryType]) -> None:
@@ -64,7 +64,7 @@ class FleetBattery:
         self.power_w: FloatArray = STANDBY_SHARE * self._hover_w
 
     def step(self, velocity_ned_mps: FloatArray, in_air: BoolArray, dt_s: float) -> None:
-        """Draw from all batteries for ``dt_s``."""
+        """Discharge all batteries for ``dt_s``."""
         speed_2 = velocity_ned_mps[:, 0] ** 2 + velocity_ned_mps[:, 1] ** 2
         climb_mps = -velocity_ned_mps[:, 2]
         climb = CLIMB_SHARE_PER_MPS * np.where(climb_mps > 0.0, climb_mps, 0.5 * climb_mps)
@@ -73,10 +73,10 @@ class FleetBattery:
         self.remaining = np.maximum(self.remaining - self.power_w * dt_s / (SECONDS_PER_HOUR * self._capacity_wh), 0.0)
 
     def set_remaining(self, index: int, share: float) -> None:
-        """Leave so much in one battery.
+        """Set the remaining share of one battery.
 
         Raises:
-            ValueError: If that is no share between 0 and 1.
+            ValueError: If the share is not between 0 and 1.
         """
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"a battery holds a share between 0 and 1, not {share}")
@@ -84,7 +84,7 @@ class FleetBattery:
 
     @property
     def voltage_v(self) -> FloatArray:
-        """At the terminals, under load, shape (n,)."""
+        """Voltage at the terminals under load, shape (n,)."""
         at_rest = np.interp(self.remaining, CELL_CHARGE, CELL_VOLTS)
         return np.asarray(self._cells * at_rest * (1.0 - SAG_SHARE * self.power_w / self._hover_w))
 

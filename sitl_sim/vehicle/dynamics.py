@@ -1,13 +1,14 @@
-"""How vehicles answer velocity setpoints: kinematics of an ideal vehicle, PX4 and ArduPilot, for a whole fleet at once.
+"""Response of vehicles to velocity setpoints: kinematics of an ideal vehicle, PX4 and ArduPilot, for a whole fleet at
+once.
 
-Units and axes: metres, seconds; north-east-down. Arrays are (n, 3), one row a vehicle; a batch of worlds is one long
+Units and axes: metres, seconds; north-east-down. Arrays are (n, 3), one row per vehicle; a batch of worlds is one long
 fleet. The models were fitted to step responses of both autopilots in their own simulators (ArduPilot Copter 4.6 "quad",
 PX4 1.17 "SIH quad X"): ``tests/sitl_sim/measured.py`` has the measured tables, ``airframes`` the figures of the models.
 
 - ideal: the commanded velocity at once, within the limits of speed.
 - ArduPilot shapes the target (limits of jerk and acceleration), then follows it: slow, but exact.
-- PX4 does not shape in OFFBOARD: proportional, integral and derivative feedback of velocity, limited by tilt, against a
-  drag that is unusually large in its simulator: quick, but for seconds 12-17 % short of the commanded speed.
+- PX4 does not shape in OFFBOARD. It uses proportional, integral and derivative feedback of velocity, limited by tilt,
+against a drag that is unusually large in its simulator: quick, but for seconds 12-17 % short of the commanded speed.
 
 The world is stepped in ticks of 20 ms, the period at which both autopilots stream and a tenth of their lag.
 """
@@ -26,23 +27,23 @@ from sitl_sim.vehicle.models import GRAVITY_MPS2, TICK_S, Ideal, Model, ShapedTa
 FloatArray = npt.NDArray[np.float64]
 
 _HISTORY_TICKS = 16
-"""Delay line; the longest delay is two ticks less, 0.28 s."""
+"""Length of the delay line; the longest delay is two ticks less, 0.28 s."""
 
 _CALM = np.zeros((1, 2))
 
 WIND_LAG_S = 2.0
-"""How fast ArduPilot's integrators learn a steady wind; only what changes faster moves the vehicle."""
+"""Time constant with which ArduPilot's integrators learn a steady wind; only faster changes move the vehicle."""
 
 
 def limit_norm(vectors: FloatArray, limit: FloatArray) -> FloatArray:
-    """Vectors (m, k) shortened to at most ``limit`` (m,), direction kept."""
+    """Vectors (m, k) shortened to at most ``limit`` (m,), with unchanged direction."""
     norm = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     scale = np.minimum(1.0, limit / np.maximum(norm, 1e-12))
     return np.asarray(vectors * scale[:, None])
 
 
 class _DelayLine:
-    """Values of the last ticks, read with a delay of its own for each vehicle and axis, linear between ticks.
+    """Values of the last ticks, read with a separate delay for each vehicle and axis, linear between ticks.
 
     Args:
         delay_s: Shape (m, 3).
@@ -59,7 +60,7 @@ class _DelayLine:
         self._head = 0
 
     def push(self, values: FloatArray) -> FloatArray:
-        """Take the values (m, 3) of this tick, give those of ``delay_s`` ago."""
+        """Store the values (m, 3) of this tick; returns those of ``delay_s`` ago."""
         self._head = (self._head + 1) % _HISTORY_TICKS
         self._history[self._head] = values
         newer = self._history[(self._head - self._whole) % _HISTORY_TICKS, self._rows, self._axes]
@@ -67,19 +68,19 @@ class _DelayLine:
         return np.asarray(newer + self._part * (older - newer))
 
     def fill(self, rows: npt.NDArray[np.int64], values: FloatArray) -> None:
-        """As if the values had always been these."""
+        """Fill the line with constant values."""
         self._history[:, rows] = values
 
 
 class _Group(Protocol):
-    """All vehicles of one model; rows count within the group."""
+    """All vehicles of one model; row indices are those within the group."""
 
     def step(self, command: FloatArray, velocity: FloatArray, wind_ne: FloatArray) -> FloatArray:
         """Velocity (m, 3) one tick later."""
         ...
 
     def settle(self, rows: npt.NDArray[np.int64], velocity: FloatArray, wind_ne: FloatArray) -> None:
-        """Inner state as after a long flight at these velocities in this wind."""
+        """Set the inner state to that of steady flight at these velocities in this wind."""
         ...
 
 
@@ -96,7 +97,7 @@ class _IdealGroup:
 
 
 class _ShapedGroup:
-    """ArduPilot's shaping: a square-root controller asks for acceleration, jerk limits how fast it comes."""
+    """ArduPilot's shaping: a square-root controller demands acceleration, and jerk limits its rate of change."""
 
     def __init__(self, models: Sequence[ShapedTarget]) -> None:
         self._acceleration_limit = _column(models, "acceleration_mps2")
@@ -138,7 +139,7 @@ class _ShapedGroup:
         return followed
 
     def _sqrt_controller(self, error: FloatArray, limit: FloatArray) -> FloatArray:
-        """Rate of correction that can still be taken back with ``limit``; linear near zero."""
+        """Rate of correction from which a stop is possible with ``limit``; linear near zero."""
         linear = limit / self._gain**2
         curved = np.sqrt(np.maximum(2.0 * limit * (error - 0.5 * linear), 0.0))
         return np.where(error > linear, curved, self._gain * error)
@@ -178,7 +179,7 @@ class _FeedbackGroup:
         possible = asked.copy()
         possible[:, :2] = limit_norm(asked[:, :2], self._limit)
         possible[:, 2] = np.clip(asked[:, 2], -self._climb_limit, GRAVITY_MPS2)
-        # what cannot be had is taken off the error that is integrated (PositionControl's anti-windup gain 2 / P)
+        # anti-windup: the unreachable part is subtracted from the integrated error (PositionControl's gain 2 / P)
         self._integral += self._i * (error - (asked - possible) * (2.0 / self._p)) * TICK_S
         self._tilting += self._blend * (self._delay.push(possible) - self._tilting)
         self._thrust[:, :2] += self._second_blend * (self._tilting[:, :2] - self._thrust[:, :2])
@@ -198,18 +199,19 @@ class _FeedbackGroup:
 
 
 class FleetDynamics:
-    """Positions and velocities of a fleet whose vehicles may each have a model of their own.
+    """Positions and velocities of a fleet; each vehicle may have its own model.
 
     Args:
-        models: One model a vehicle, or its name.
-        position_ned_m: Where they are, shape (n, 3).
-        velocity_ned_mps: How they fly, shape (n, 3); hovering unless given. The inner state is that of a long flight.
-        wind_ne_mps: In this wind, shape (2,); in calm air unless given.
+        models: One model per vehicle, or its name.
+        position_ned_m: Initial positions, shape (n, 3).
+        velocity_ned_mps: Initial velocities, shape (n, 3); by default hovering. The inner state is that of steady
+            flight.
+        wind_ne_mps: Wind of the steady flight, shape (2,); by default calm air.
 
     Attributes:
         position_ned_m: Shape (n, 3).
         velocity_ned_mps: Shape (n, 3).
-        acceleration_ned_mps2: Mean over the last tick, shape (n, 3).
+        acceleration_ned_mps2: Mean acceleration over the last tick, shape (n, 3).
 
     Raises:
         ValueError: If a model is unknown or shapes do not fit.
@@ -247,9 +249,9 @@ class FleetDynamics:
         """Fly for ``dt_s`` towards the commanded velocities.
 
         Args:
-            command_velocity_ned_mps: Shape (n, 3), finite; beyond a vehicle's limits it is taken at the limit.
+            command_velocity_ned_mps: Shape (n, 3), finite; it is clamped to a vehicle's limits.
             dt_s: A multiple of ``TICK_S``.
-            airborne: Shape (n,); the others stand still where they are and forget their inner state.
+            airborne: Mask, shape (n,); the others stand still and their inner state is reset.
             wind_ne_mps: Velocity of the air, shape (n, 2) or (1, 2); an ideal vehicle does not feel it.
 
         Raises:
@@ -274,7 +276,7 @@ class FleetDynamics:
         velocity_ned_mps: npt.ArrayLike = 0.0,
         wind_ne_mps: npt.ArrayLike = 0.0,
     ) -> None:
-        """Put one vehicle (or several) somewhere, flying steadily at a velocity in a wind."""
+        """Place one vehicle (or several) in steady flight at a position and velocity, in a wind."""
         rows = np.atleast_1d(np.asarray(index, dtype=np.int64))
         self.position_ned_m[rows] = position_ned_m
         velocity = np.broadcast_to(np.asarray(velocity_ned_mps, dtype=np.float64), (len(rows), 3))
@@ -297,7 +299,7 @@ class FleetDynamics:
         self.acceleration_ned_mps2 = (after - before) / TICK_S
         if len(standing):
             self._settle(standing, np.zeros((len(standing), 3)), np.zeros((len(standing), 2)))
-        # with the velocity after the change: an ideal vehicle has it for the whole tick
+        # use the new velocity: an ideal vehicle has it for the whole tick
         self.position_ned_m = self.position_ned_m + self.velocity_ned_mps * TICK_S
 
 

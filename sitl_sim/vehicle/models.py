@@ -1,6 +1,6 @@
-"""The response models of a vehicle, as figures: what each needs to know.
+"""Parameters of the response models of a vehicle.
 
-Units: metres, seconds, radians. Where the figures come from stands in the TOML files of ``airframes``.
+Units: metres, seconds, radians. The TOML files of ``airframes`` give the sources of the parameters.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class ShapedTarget:
     """ArduPilot: a target limited in jerk and acceleration, followed exactly after a delay and a lag.
 
     Args:
-        speed_limit_mps: Where the lean angle (ANGLE_MAX) balances the drag.
+        speed_limit_mps: Speed at which the lean angle (ANGLE_MAX) balances the drag.
         climb_limit_mps, descent_limit_mps: WPNAV_SPEED_UP and _DN do not clip a velocity setpoint; these do.
         acceleration_mps2, jerk_mps3: WPNAV_ACCEL and PSC_JERK_XY.
         vertical_acceleration_mps2, vertical_jerk_mps3: WPNAV_ACCEL_Z and PSC_JERK_Z.
         gain_per_s: Slope of the square-root controller near its target.
         delay_s, lag_s: Pure delay and first-order lag behind the target.
-        gust_per_s: Acceleration by a gust for each m/s of it, before the controller takes it back.
+        gust_per_s: Acceleration for each m/s of a gust, before the controller compensates it.
     """
 
     speed_limit_mps: float
@@ -71,7 +71,8 @@ class VelocityFeedback:
         delay_s, vertical_delay_s: Pure delay of the loop.
         lag_s, second_lag_s: First-order lags of attitude, one behind the other.
         vertical_lag_s: Lag of thrust.
-        climb_acceleration_mps2: Upwards at full thrust, gravity taken off; downwards it is gravity at no thrust.
+        climb_acceleration_mps2: Upward acceleration at full thrust, less gravity; downwards it is gravity at zero
+            thrust.
     """
 
     speed_limit_mps: float
@@ -99,8 +100,8 @@ Model = Ideal | ShapedTarget | VelocityFeedback
 def made_for_speed(model: Model, speed_mps: float) -> Model:
     """The model, made fast enough for a cruise speed.
 
-    A vehicle that cruises faster than its limit was built and set up for it: its speed limit is raised to the cruise
-    speed, and its drag is smaller in proportion, or it could never get there.
+    If the cruise speed exceeds the limit, the speed limit is raised to it and the drag is reduced in proportion;
+    otherwise the vehicle could not reach the speed.
     """
     if speed_mps <= model.speed_limit_mps:
         return model

@@ -1,4 +1,4 @@
-"""Wind over a fleet: a mean, and gusts that each vehicle meets on its own.
+"""Wind over a fleet: a mean, and independent gusts for each vehicle.
 
 Units and axes: m/s, the air's velocity north and east (where it blows to). Gusts are Gauss-Markov per axis, the
 first-order form of Dryden's spectrum; vehicles tens of metres apart are in different gusts.
@@ -43,7 +43,7 @@ class FleetWind:
             self._update()
 
     def step(self) -> None:
-        """One tick on."""
+        """Advance by one tick."""
         if self._sigma_mps > 0.0 and len(self._unit):
             self._unit = self._keep * self._unit + math.sqrt(1.0 - self._keep**2) * self._draws.next()
             self._update()
