@@ -38,8 +38,9 @@ def file_part(text: str) -> str:
 
 
 def open_at_once(path: str | os.PathLike[str], mode: str, buffering: int = -1) -> BinaryIO:
-    """Open a file for this process alone to write to. A pipe without a reader is an error; otherwise the open would wait,
-    deaf to signals.
+    """Open a file for writing, for this process alone.
+
+    A pipe without a reader is an error; otherwise the open would wait, deaf to signals.
 
     Args:
         path: The file.
