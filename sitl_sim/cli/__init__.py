@@ -1,4 +1,4 @@
-"""The simulator's commands, hung into ``ridlink`` by the entry-point group ``ridlink.commands``."""
+"""The commands of the emulator, added to ``ridlink`` by the entry-point group ``ridlink.commands``."""
 
 from __future__ import annotations
 

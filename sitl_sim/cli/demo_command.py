@@ -1,4 +1,4 @@
-"""``ridlink demo``: an emulated fleet and its avoidance daemons, flown and judged."""
+"""``ridlink demo``: flies an emulated fleet with its avoidance daemons, and judges the flight."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def demo(
         raise click.UsageError("--stay, --open and --view-port are about the page, which is not served here")
     if any_ports and view_port is None:
         view_port = 0
-    scenario_of(options)  # what cannot be flown needs no page
+    scenario_of(options)  # fails before a page is opened if the scenario is wrong
     end_by_interrupts()
     printer = Printer()
     screen = Screen(printer.stream(error=True), table=not headless)
@@ -160,7 +160,7 @@ def demo(
                 printer.put(f"ridlink: the page stays at {page.server.url} until Ctrl-C\n", error=True)
                 await stopped_by_signals(asyncio.get_running_loop()).wait()
             else:
-                printer.patience_s = PAGING_S  # nobody has asked for the end, so nobody waits for it
+                printer.patience_s = PAGING_S  # nobody asked for the end, so the reader may take longer
         finally:
             if page is not None:
                 await page.close()
@@ -174,7 +174,7 @@ def demo(
 
 
 def _compared(options: DemoOptions) -> list[DemoOptions]:
-    """The same flight under every definition that is compared, each with a log of its own."""
+    """Options of the same flight under every definition to compare, each with its own log."""
     from dataclasses import replace
 
     from ridlink.separation.definitions import Definition
@@ -189,7 +189,7 @@ def _compared(options: DemoOptions) -> list[DemoOptions]:
 def _words(
     printer: Printer, screen: Screen, *, compare: bool, as_json: bool
 ) -> tuple[Callable[[dict[str, Any]], None], Callable[[list[dict[str, Any]]], None]]:
-    """What is said of one flight when it is over, and of all of them at the end."""
+    """Two functions: one prints a flight when it is over, the other all flights at the end."""
     import msgspec
 
     from sitl_sim.demo.screen import comparison_table, held_up_by, show, verdict_table
@@ -216,7 +216,7 @@ def _words(
 
 
 async def _open_page(screen: Screen, printer: Printer, port: int | None, opens: bool) -> Page | None:
-    """The page, or a word on why there is none."""
+    """The page; None, with the reason printed, if there is none."""
     try:
         from sitl_sim.demo.page import Page
     except MissingExtraError as error:
@@ -237,7 +237,7 @@ async def _open_page(screen: Screen, printer: Printer, port: int | None, opens: 
 
 
 async def _until_signal(flight: Any, printer: Printer) -> dict[str, Any]:
-    """The flight, or a clean end of everything it started when Ctrl-C or SIGTERM comes, or the terminal goes."""
+    """The result of the flight. Ctrl-C, SIGTERM or the loss of the terminal ends everything that it started."""
     import asyncio
 
     task = asyncio.ensure_future(flight)

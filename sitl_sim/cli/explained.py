@@ -14,7 +14,7 @@ from sitl_sim.vehicle import AIRFRAMES, MEASURED, load_airframe, model_for_speed
 
 
 def everything() -> str:
-    """What there is to choose from."""
+    """Text of ``--list``: everything that the options can name."""
     lines = ["scenarios (--scenario):"]
     lines += [f"  {name:16}{(make.__doc__ or '').strip()}" for name, make in BUILT_IN.items()]
     lines += ["", "airframes (--airframe, or airframe of a vehicle):"]
@@ -32,10 +32,10 @@ def everything() -> str:
 
 
 def scenario_text(scenario: Scenario, config: FleetConfig) -> str:
-    """What a scenario contains, and how it would be flown.
+    """Text of ``--explain``: the contents of a scenario, and how it would be flown.
 
     Raises:
-        ConfigError: If it cannot be flown by such a fleet.
+        ConfigError: If such a fleet cannot fly it.
     """
     home = config.home_of(scenario)
     wind = scenario.wind
@@ -71,7 +71,7 @@ def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig, autopilot: str) -> 
     if vehicle.ghost:
         return f"{text}; a ghost"
     airframe = vehicle.airframe or config.airframe or MEASURED[autopilot]
-    model_for_speed(autopilot, vehicle.speed_mps, airframe)  # or it cannot be flown
+    model_for_speed(autopilot, vehicle.speed_mps, airframe)  # raises if it cannot be flown
     text += f"; {airframe}"
     habits = {
         f"{vehicle.autopilot}": vehicle.autopilot is not None,
@@ -85,5 +85,5 @@ def _vehicle_text(vehicle: VehicleSpec, config: FleetConfig, autopilot: str) -> 
 
 
 def _interval_s(wanted_s: float, config: FleetConfig) -> float:
-    """Between two updates: nobody broadcasts more often than the technology does."""
+    """Broadcast period: the wanted one, but not shorter than that of the technology."""
     return max(wanted_s, TECHNOLOGIES[config.technology].period_s)

@@ -1,4 +1,4 @@
-"""What ``ridlink sim`` says on stderr while it flies: each thing once, when it has happened."""
+"""Notices of ``ridlink sim`` on stderr during a flight, each once."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ if TYPE_CHECKING:
     from sitl_sim.server import FleetServer
 
 PLACELESS = 30
-"""So many broadcasts from nobody knows where are more than what comes before a first LOCATION."""
+"""A notice is due from so many broadcasts without a position: more than come before a first LOCATION."""
 
 STOOD_STILL_MS = 10_000
-"""Of the fleet's time: more than others on the machine take now and then."""
+"""A notice is due if the fleet's time lost so much: more than other programs take now and then."""
 
 FATES = {Outcome.COLLIDED: "has collided", Outcome.HIT_OBSTACLE: "flew into an obstacle"}
 
 
 class Notices:
-    """What is to be said about a fleet.
+    """Notices about a fleet.
 
     Args:
         server: The fleet.
@@ -30,7 +30,7 @@ class Notices:
         self._said: set[str] = set()
 
     def fresh(self) -> list[str]:
-        """Lines that have not been said yet."""
+        """Lines that have not been returned yet."""
         known = (*self._of_the_machine(), *self._of_the_air(), *self._of_vehicles())
         lines = [line for line in known if line not in self._said]
         self._said.update(lines)

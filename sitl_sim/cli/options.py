@@ -1,4 +1,4 @@
-"""Options that every command with a fleet has: what is flown, by whom, with which receiver and radio, where."""
+"""Options of all commands with a fleet: scenario, autopilot, receiver, radio, place."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 AUTOPILOTS = ("px4", "ardupilot", "ideal")
 ACCURACY_CLASSES = {"zero-age": 1.9, "all-ages": 3.5, "any-age": 4.85, "worst-case": 10.0}
-"""GPS standards of Table II by their short names: one sigma per axis [m]."""
+"""GPS standards of Table II by short names: one sigma per axis [m]."""
 
 
 class Sigma(Within):
@@ -87,7 +87,7 @@ _NAMES = ("scenario", "count", "seed", "autopilot", "speed_mps", "gnss", "sigma_
 
 
 def fleet_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: adds the options, and hands them over as one dictionary, the argument ``fleet``."""
+    """Decorator that adds the options, and passes their values as one dictionary, the argument ``fleet``."""
 
     @functools.wraps(command)
     def collected(**given: Any) -> Any:
@@ -102,8 +102,8 @@ def fleet_config(fleet: dict[str, Any], start: Start, **ports_and_more: Any) -> 
     """The configuration that the options describe.
 
     Args:
-        fleet: As `fleet_options` hands it over.
-        start: How the fleet begins.
+        fleet: Values from `fleet_options`.
+        start: Initial state of the fleet.
         ports_and_more: Further fields of `FleetConfig`.
 
     Raises:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 REPORT_S = 1.0
 LONGEST_LINE = 65536
 REFUSED_ON_AIR = ("malformed", "no_position", "refused", "overflow")
-"""Of the air's counters, what came and was heard by nobody, or by observers alone."""
+"""Counters of the air for datagrams that no receiver, or only observers, got."""
 
 
 @click.command(short_help="Emulate a fleet that MAVSDK, mavutil and MAVProxy take for real.")
@@ -172,8 +172,8 @@ async def _run(
     as_json: bool,
     from_stdin: bool,
 ) -> int:
-    """Fly until time is up, all is over, whoever read the lines has gone or a signal comes; a second signal ends the
-    process at once."""
+    """Fly until time is up, the flight is over, the reader of the lines has gone, or a signal comes. A second signal
+    ends the process at once."""
     import asyncio
     import json
 
@@ -190,7 +190,7 @@ async def _run(
             printer.put(f"ridlink sim: {line}\n", error=True)
 
     def end() -> None:
-        printer.patience_s = PAGING_S  # nobody has asked for the end, so nobody waits for it
+        printer.patience_s = PAGING_S  # nobody asked for the end, so the reader may take longer
         stop.set()
 
     try:
@@ -223,9 +223,9 @@ async def _run(
 
 
 def _read_faults(server: FleetServer, printer: Printer) -> None:
-    """Inject what comes on stdin, one JSON object a line; a wrong line is told and forgotten.
+    """Inject events from stdin, one JSON object a line; a wrong line is reported and skipped.
 
-    A thread reads it: an event loop waits for pipes and terminals only, and stdin may as well be a file or /dev/null.
+    Runs in a thread: an event loop can wait only for pipes and terminals, and stdin may also be a file or /dev/null.
     """
     import asyncio
     import contextlib
@@ -274,7 +274,7 @@ def _read_faults(server: FleetServer, printer: Printer) -> None:
 def _greeting(server: FleetServer) -> str:
     ports, config, vehicles = server.ports, server.config, len(server.autopilots)
     if not vehicles:
-        return f"ridlink sim: 0 vehicles, air {ports.air}"  # nobody flies the scenario
+        return f"ridlink sim: 0 vehicles, air {ports.air}"  # no vehicle flies the scenario
     text = f"ridlink sim: {server.scenario.name}, {counted(vehicles, 'vehicle')}"
     text += f" ({config.autopilot}, {config.start}) on UDP {_range(ports.vehicles)}"
     if config.companion_port:
