@@ -1,8 +1,8 @@
-"""Does somebody else's XML say the same as ours on the wire?
+"""Compares another MAVLink definition with ours: whether both mean the same on the wire.
 
-Ids, names, sizes, CRC_EXTRA and fields of every message, and the values of enum entries, are compared. Of our own
-messages so is what their numbers mean, units, enums and values for unknown: upstream's are corrected now and then, ours
-are fixed. What only they have is no difference, unless it takes a number that is ours.
+It compares ids, names, sizes, CRC_EXTRA and fields of every message, and the values of enum entries. For our own
+messages it also compares the meaning of numbers: units, enums and values for unknown. Upstream corrects its own now and
+then; ours are fixed. Additional messages or entries are no difference, unless they use a number of ours.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ OWN_IDS = range(61400, 61500)
 """Message ids that belong to ridlink; those not yet used are reserved."""
 
 OWN_ENUMS = "RIDLINK_"
-"""How the names of enums begin that belong to ridlink."""
+"""Prefix of the names of ridlink's enums."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One way in which a definition departs from ours: ``kind`` is missing, changed or collision.
+    """One difference from our definition: ``kind`` is missing, changed or collision.
 
-    ``msgid`` is None where it is about an enum.
+    ``msgid`` is None if it is about an enum.
     """
 
     kind: str
@@ -35,7 +35,7 @@ class Difference:
 
 
 def compare(theirs: Definitions, ours: Definitions) -> list[Difference]:
-    """How ``theirs`` departs from ``ours``: messages by id, then enums."""
+    """Differences of ``theirs`` from ``ours``: messages by id, then enums."""
     messages = sorted(_in_messages(theirs.messages, ours.messages), key=lambda each: (each.msgid or 0, each.kind))
     return messages + list(_in_enums(theirs, ours))
 
@@ -77,7 +77,7 @@ def _in_meanings(theirs: Definition, ours: Definition) -> Iterator[Difference]:
 
 
 def _in_enums(theirs: Definitions, ours: Definitions) -> Iterator[Difference]:
-    """Entries of one name and two values, and of our own enums those that give a value of ours another name."""
+    """Entries whose name has another value, and in our own enums those whose value has another name."""
     values = {(entry.enum, entry.name): entry.value for entry in ours.entries}
     names = {(entry.enum, entry.value): entry.name for entry in ours.entries if entry.enum.startswith(OWN_ENUMS)}
     for entry in dict.fromkeys(theirs.entries):

@@ -1,7 +1,7 @@
-"""MAVLink definitions of anybody, read: what the wire depends on in their messages, and the values of their enums.
+"""Reads any MAVLink definition: the parts of its messages that matter on the wire, and the values of its enums.
 
-A file may come from anywhere, so mavgen, which evaluates what it reads, never sees it: a small expat reader takes
-message ids, names, fields and enum entries, and refuses document types, in which entities would be declared.
+A file may come from an untrusted source, so mavgen, which evaluates values as Python, is not used. A small expat reader
+takes message ids, names, fields and enum entries. It refuses document types, which could declare entities.
 
 Source for CRC_EXTRA and the order of fields: https://mavlink.io/en/guide/serialization.html
 """
@@ -36,7 +36,7 @@ class DefinitionError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field: ``array_length`` is 0 for a scalar; ``meaning`` are its units, enum and value for unknown."""
+    """One field: ``array_length`` is 0 for a scalar; ``meaning`` is its units, enum and value for unknown."""
 
     name: str
     kind: str
@@ -52,7 +52,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """What the wire depends on in one message; ``fields`` in wire order, ``origin`` the file that defines it."""
+    """The parts of one message that matter on the wire; ``fields`` in wire order, ``origin`` the defining file."""
 
     msgid: int
     name: str
@@ -66,7 +66,7 @@ class Definition:
 
     @property
     def crc_extra(self) -> int:
-        """The checksum seed: name, types and names of the fields that are no extension."""
+        """The checksum seed, from the message name and from types and names of the fields without extensions."""
         text = f"{self.name} ".encode()
         for each in self.fields:
             if not each.extension:
@@ -79,7 +79,7 @@ class Definition:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One value of an enum: a number, or the text that stands for one in a way that is not read here."""
+    """One value of an enum: a number, or its text if it is an expression that is not evaluated here."""
 
     enum: str
     name: str
@@ -88,17 +88,17 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Definitions:
-    """Messages and enum entries of a file and of what it includes, in order of reading."""
+    """Messages and enum entries of a file and of its includes, in order of reading."""
 
     messages: list[Definition] = field(default_factory=list)
     entries: list[Entry] = field(default_factory=list)
 
 
 def read_definitions(path: Path) -> Definitions:
-    """Everything that a definition and what it includes define.
+    """All messages and enum entries of a definition and its includes.
 
-    An include is looked up beside the file that names it, then among the definitions that pymavlink ships; one that
-    lies in both places, letter for letter, is one.
+    An include is looked up beside the file that names it, then among the definitions of pymavlink. A file that is
+    identical in both places is read once.
 
     Raises:
         DefinitionError: If a file is malformed, or an include is not found.
@@ -146,13 +146,13 @@ def _content(path: Path) -> bytes:
 
 
 def _read_one(name: str, content: bytes, definitions: Definitions) -> list[str]:
-    """Add what one file defines; the names that it includes."""
+    """Add the definitions of one file. Returns the names of its includes."""
     reader = _Reader(name, definitions)
     try:
         reader.parser.Parse(content, True)
     except xml.parsers.expat.ExpatError as error:
         raise DefinitionError(f"{name}: {error}") from error
-    except (LookupError, ValueError) as error:  # an encoding that Python does not have
+    except (LookupError, ValueError) as error:  # an encoding unknown to Python
         raise DefinitionError(f"{name}: not readable: {error}") from error
     return [include.strip() for include in reader.includes]
 
@@ -227,7 +227,7 @@ class _Reader:
 
     def _name(self, attributes: dict[str, str], tag: str) -> str:
         name = self._attribute(attributes, "name", tag)
-        if not _NAME.fullmatch(name):  # it is printed: nothing that a terminal would obey
+        if not _NAME.fullmatch(name):  # it is printed, so it must have no control characters
             raise self._error(f"{name[:40]!a} is no name")
         return name
 
@@ -244,7 +244,7 @@ class _Reader:
         return Field(self._name(attributes, "field"), kind, length, self._extensions, meaning)
 
     def _entry(self, attributes: dict[str, str]) -> Entry:
-        """One entry; without a value it has the one behind the highest before it, as mavgen counts."""
+        """One entry; without a value it gets the highest value before it plus one, as in mavgen."""
         value: int | str = attributes.get("value", str(self._highest + 1)).strip()
         if _NUMBER.fullmatch(str(value)):
             value = int(str(value), 10 if str(value).isdecimal() else 0)

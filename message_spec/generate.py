@@ -1,10 +1,10 @@
 """mavgen as a library: one XML in, one language binding out.
 
-The build runs this file before ridlink exists as a package, so it imports nothing of ridlink. The dialect includes
-``common.xml``; mavgen resolves includes beside the including file only, so the definitions are copied into a
-temporary folder together with the ones that the pymavlink wheel ships.
+The build runs this file before the package ridlink exists, so it imports nothing of ridlink. The dialect includes
+``common.xml``; mavgen resolves includes beside the including file only, so the definitions are copied into a temporary
+folder together with the ones that the pymavlink wheel ships.
 
-mavgen evaluates enum values as Python: it is only ever given our own XML. ``check`` reads everybody else's.
+mavgen evaluates enum values as Python, so it is only used for our own XML. ``check`` reads any other XML.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from importlib import resources
 from pathlib import Path
 
 LANGUAGES = {"python": "Python3", "c": "C", "lua": "WLua", "typescript": "TypeScript"}
-"""Names of the bindings on our command line, and what mavgen calls them."""
+"""Names of the bindings on our command line, with mavgen's names for them."""
 
 SUFFIXES = {"python": ".py", "lua": ".lua"}
 """Bindings that are one file; the others are folders."""
@@ -27,11 +27,11 @@ UPSTREAM_XML = ("common.xml", "standard.xml", "minimal.xml")
 
 
 class GenerationError(Exception):
-    """mavgen refused the definition; the message is what it printed."""
+    """mavgen refused the definition; the message is its output."""
 
 
 def definition_files(dialect_xml: Path = DIALECT_XML) -> dict[str, bytes]:
-    """A dialect and the upstream definitions that it includes, by file name: complete in one folder."""
+    """Contents of a dialect and of the upstream definitions it includes, by file name, for one folder."""
     upstream = resources.files("pymavlink") / "dialects" / "v20"
     files = {name: (upstream / name).read_bytes() for name in UPSTREAM_XML}
     return files | {dialect_xml.name: dialect_xml.read_bytes()}
@@ -50,7 +50,7 @@ def render(language: str, stem: str = "ridlink", dialect_xml: Path = DIALECT_XML
     """
     if language not in LANGUAGES:
         raise GenerationError(f"unknown language {language!r}; known: {', '.join(LANGUAGES)}")
-    from pymavlink.generator import mavgen  # the generator costs 0.2 s and lxml: only those who generate pay
+    from pymavlink.generator import mavgen  # takes 0.2 s and needs lxml, so it is only imported here
 
     printed = io.StringIO()
     with tempfile.TemporaryDirectory() as folder:
@@ -74,7 +74,7 @@ def render(language: str, stem: str = "ridlink", dialect_xml: Path = DIALECT_XML
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; what is not a regular file (a device, a pipe) is written as it is.
+    """Write a file whole or not at all; a device or pipe is written directly.
 
     Raises:
         OSError: If the path cannot be written; ``filename`` is the path given.
@@ -103,7 +103,7 @@ def _umask() -> int:
 
 
 def write_files(folder: Path, files: dict[str, bytes]) -> None:
-    """Write files by relative path into a folder, which is made if need be.
+    """Write files by relative path into a folder, which is made if it does not exist.
 
     Raises:
         OSError: If a path cannot be written.
