@@ -1,11 +1,18 @@
-"""What tests on the loopback share: a loop, a turn of it, and ports."""
+"""What tests on the loopback share: a loop, a turn of it, patience, and ports."""
 
 from __future__ import annotations
 
 import asyncio
+import os
 import socket
 import types
 from collections.abc import Awaitable, Callable, Iterator
+
+from tests.conftest import QUICK
+
+PATIENCE_S = 8.0 if QUICK in os.environ else 60.0
+"""So long is waited for what comes at once on an idle machine. Where only failures are looked for, most of which are
+something that never comes, less."""
 
 
 def run(test: Callable[[], Awaitable[None]]) -> None:

@@ -11,11 +11,13 @@ import sys
 
 import pytest
 
+from tests.loopback import PATIENCE_S
+
 
 def test_it_carries_until_a_signal_and_says_what_it_did() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as far:
         far.bind(("127.0.0.1", 0))
-        far.settimeout(20.0)
+        far.settimeout(PATIENCE_S)
         command = [sys.executable, "-m", "ridlink", "impair", "--listen", "udpin:127.0.0.1:0"]
         command += ["--to", f"udpout:127.0.0.1:{far.getsockname()[1]}", "--duplicate", "1", "--json"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -27,7 +29,7 @@ def test_it_carries_until_a_signal_and_says_what_it_did() -> None:
                 assert [far.recv(100), far.recv(100)] == [b"hello", b"hello"]
             process.send_signal(signal.SIGTERM)
             summary = json.loads(process.stdout.read())
-            assert process.wait(10) == 0
+            assert process.wait(PATIENCE_S) == 0
     assert summary["there"] == {"received": 1, "passed": 2, "duplicated": 1}
 
 

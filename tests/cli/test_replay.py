@@ -16,6 +16,7 @@ import pytest
 
 from ridlink.mavlink.codec import Encoder
 from tests.captures.conftest import START_US, flight, tlog_bytes
+from tests.loopback import PATIENCE_S
 
 Arrivals = list[tuple[float, bytes]]
 
@@ -35,7 +36,7 @@ def ground() -> Iterator[tuple[socket.socket, str]]:
     """A bound socket, and the link that leads to it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind(("127.0.0.1", 0))
-        sock.settimeout(10)
+        sock.settimeout(PATIENCE_S)
         yield sock, f"udpout:127.0.0.1:{sock.getsockname()[1]}"
 
 
@@ -62,12 +63,11 @@ def test_frames_come_whole_in_order_and_when_they_are_due(tmp_path: Path) -> Non
     path, frames = spaced(tmp_path, [0.0, 0.01, 0.5, 0.51, 1.0])
     with ground() as (sock, url), replaying(path, "--out", url, "--speed", "2") as process:
         arrivals = receive(sock, 5)
-        out, err = process.communicate(timeout=10)
+        out, err = process.communicate(timeout=PATIENCE_S)
     assert [data for _, data in arrivals] == frames
     since = [at_s - arrivals[0][0] for at_s, _ in arrivals]
     # never early; how late depends on the machine
     assert all(arrived > due / 2 - 0.02 for arrived, due in zip(since, [0.0, 0.01, 0.5, 0.51, 1.0], strict=True))
-    assert since[-1] < 2.0
     assert process.returncode == 0 and err == ""
     assert re.fullmatch(rf"{url}: 5 messages in \d\.\d s\n", out)
 
@@ -79,7 +79,7 @@ def test_only_the_messages_asked_for_are_sent(tmp_path: Path) -> None:
         ground() as (sock, url),
         replaying(path, "--out", url, "--types", "OPEN_DRONE_ID_*", "--speed", "9") as process,
     ):
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=PATIENCE_S)
         arrivals = receive(sock, 3)
     assert [data for _, data in arrivals] == [frame for _, frame in flight(9)[1::3]]
     assert process.returncode == 0 and err == "" and ": 3 messages in" in out
@@ -90,7 +90,7 @@ def test_a_raw_stream_has_a_rate(tmp_path: Path) -> None:
     path.write_bytes(b"".join(frame for _, frame in flight(11)))
     with ground() as (sock, url), replaying(path, "--out", url, "--rate", "40") as process:
         arrivals = receive(sock, 11)
-        assert process.wait(timeout=10) == 0
+        assert process.wait(timeout=PATIENCE_S) == 0
     assert [data for _, data in arrivals] == [frame for _, frame in flight(11)]
     assert arrivals[-1][0] - arrivals[0][0] > 10 / 40 - 0.02
 
@@ -101,7 +101,7 @@ def test_a_loop_begins_again_until_a_signal_stops_it(tmp_path: Path, number: sig
     with ground() as (sock, url), replaying(path, "--out", url, "--loop") as process:
         arrivals = receive(sock, 7)
         process.send_signal(number)
-        out, err = process.communicate(timeout=10)
+        out, err = process.communicate(timeout=PATIENCE_S)
     assert [data for _, data in arrivals] == [frames[index % 2] for index in range(7)]
     assert process.returncode == 0 and err == "" and "messages in" in out
 
@@ -111,7 +111,7 @@ def test_a_signal_stops_a_long_wait(tmp_path: Path) -> None:
     with ground() as (sock, url), replaying(path, "--out", url) as process:
         receive(sock, 1)
         process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=10)
+        out, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0 and ": 1 message in" in out
 
 
@@ -128,7 +128,7 @@ def test_how_long_a_long_gap_lasts_is_said_once(tmp_path: Path, times_s: list[fl
         assert process.stderr is not None
         assert re.fullmatch(f"ridlink: {said}", process.stderr.readline())
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=10)
+        _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0 and err == ""
 
 
@@ -148,7 +148,7 @@ def test_a_time_that_goes_back_or_is_damaged_does_not_stop_it(tmp_path: Path) ->
     path.write_bytes(data)
     with ground() as (sock, url), replaying(path, "--out", url) as process:
         assert [data for _, data in receive(sock, 4)] == frames
-        assert process.wait(timeout=10) == 0
+        assert process.wait(timeout=PATIENCE_S) == 0
 
 
 def test_that_nobody_listens_is_said(tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_that_nobody_listens_is_said(tmp_path: Path) -> None:
     with ground() as (_, url):
         pass  # the port is nobody's again
     with replaying(path, "--out", url) as process:
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0 and out.startswith(f"{url}: 3 messages in ")
     assert err == f"ridlink: 2 messages came back: nobody listened on {url}\n"
 
@@ -169,7 +169,7 @@ def test_a_listening_link_waits_for_somebody(tmp_path: Path) -> None:
         assert found
         sock.sendto(b"here", ("127.0.0.1", int(found[1])))
         assert [data for _, data in receive(sock, 3)] == frames
-        assert process.wait(timeout=10) == 0
+        assert process.wait(timeout=PATIENCE_S) == 0
 
 
 @pytest.mark.parametrize(
@@ -189,5 +189,5 @@ def test_a_listening_link_waits_for_somebody(tmp_path: Path) -> None:
 def test_errors_are_one_line(tmp_path: Path, arguments: list[str], code: int) -> None:
     path, _ = spaced(tmp_path, [0.0])
     with replaying(*(argument.replace("{log}", str(path)) for argument in arguments)) as process:
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == code and len(err.splitlines()) == 1 and out == ""

@@ -20,6 +20,7 @@ from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import Location, Separation, SeparationFlags
 from tests.daemon.invariants import Observer, messages
+from tests.loopback import PATIENCE_S
 
 HOME = Geodetic(47.3977, 8.5456, 500.0)
 GEOID_M = 47.0
@@ -27,7 +28,6 @@ OFFBOARD, POSITION_MODE = 6 << 16, 3 << 16
 GUIDED, LOITER = 4, 5
 ON_GROUND, IN_AIR, TAKING_OFF = 1, 2, 3
 """MAV_LANDED_STATE."""
-PATIENCE_S = 8.0
 PERIOD_S = 0.02
 """Between two of the vehicle's words, as PX4's onboard link has it."""
 

@@ -399,7 +399,6 @@ def test_i3_two_daemons_on_one_vehicle_the_second_notices_and_stands_by() -> Non
             await vehicle.until(lambda: len(vehicle.setpoints()) >= count + 12)
             assert len(vehicle.second.setpoints) <= foreign + 1
             assert state(first) is State.ENGAGED and second.engine.rung.state is State.STANDBY
-            assert first.daemon.engine.counters["other_writer"] > 0
             stop.set()
             await task
 

@@ -304,7 +304,7 @@ def test_stopping_during_the_warm_up_is_prompt(monkeypatch: pytest.MonkeyPatch) 
             task = asyncio.create_task(AvoidDaemon(config).run(stop))
             await asyncio.wait_for(begun.wait(), PATIENCE_S)
             stop.set()
-            summary = await asyncio.wait_for(task, 1.0)
+            summary = await asyncio.wait_for(task, PATIENCE_S)
             assert summary.setpoints == 0
             release.set()
 

@@ -15,6 +15,7 @@ from numba.core import caching
 
 from ridlink.avoidance.types import SolverKind
 from ridlink.daemon.warming import warm_up_unless
+from tests.loopback import PATIENCE_S
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -81,7 +82,7 @@ def test_whoever_stops_waiting_ends_the_compiler(tmp_path: Path, monkeypatch: py
         compiler = Path("/proc", await asyncio.to_thread(pipe.read_text))
         assert compiler.exists()
         stop.set()
-        await asyncio.wait_for(warming, 5.0)
+        await asyncio.wait_for(warming, PATIENCE_S)
         assert not compiler.exists()
 
     asyncio.run(test())

@@ -8,8 +8,7 @@ import threading
 
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.watchdog import Watchdog
-
-PATIENCE_S = 10.0
+from tests.loopback import PATIENCE_S
 
 STUCK = """
 import asyncio, threading

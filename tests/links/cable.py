@@ -12,8 +12,7 @@ from pathlib import Path
 
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, FrameParser
-
-PATIENCE_S = 5.0
+from tests.loopback import PATIENCE_S
 
 
 class Plugged:

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from ridlink.links import Address, Link
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.signing import EPOCH_UTC_S, Signing
+from tests.loopback import PATIENCE_S
 
-PATIENCE_S = 8.0
 UTC_S = EPOCH_UTC_S + 400_000_000.0
 
 

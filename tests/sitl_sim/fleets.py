@@ -15,9 +15,12 @@ from ridlink.scenario import Scenario, built_in
 from sitl_sim.autopilot import Start
 from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.server import FleetServer
+from tests.loopback import PATIENCE_S
+
+FLIGHT_S = 60.0 + 4.0 * PATIENCE_S
+"""So long may last what is done with a fleet."""
 
 CLIENT = Path(__file__).with_name("mavutil_client.py")
-PATIENCE_S = 10.0
 ANY_PORT: dict[str, Any] = {"vehicle_port": 0, "companion_port": 0, "air_port": 0}
 
 
@@ -39,12 +42,12 @@ def fly_both_autopilots(act: Callable[[FleetServer], Awaitable[None]], start: St
     asyncio.run(fly_them())
 
 
-async def run(server: FleetServer, act: Callable[[FleetServer], Awaitable[None]], patience_s: float = 60.0) -> None:
+async def run(server: FleetServer, act: Callable[[FleetServer], Awaitable[None]]) -> None:
     await server.start()
     stop = asyncio.Event()
     flying = asyncio.create_task(server.run(stop))
     try:
-        await asyncio.wait_for(act(server), patience_s)
+        await asyncio.wait_for(act(server), FLIGHT_S)
     finally:
         stop.set()
         await flying
