@@ -19,10 +19,10 @@ from ridlink.errors import ConfigError, LinkError, MissingExtraError
 
 DEFAULT_HOST = "127.0.0.1"
 SILENT_S = 5.0
-"""A connection that sends nothing for so long is closed, and its thread ends."""
+"""A connection that sends nothing for this long is closed, and its thread ends."""
 
 MOST_THREADS = 64
-"""Threads of the process; with so many, no further connection is served."""
+"""Threads of the process; with this many, no further connection is served."""
 
 Value = float | Mapping[str, float]
 """One figure, or figures by the value of a label."""

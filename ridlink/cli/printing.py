@@ -18,10 +18,10 @@ QUEUED_LINES, QUEUED_CHARACTERS = 1000, 4_000_000
 """Most queued lines and characters; a line of a fleet of hundreds has tens of kilobytes."""
 
 PATIENCE_S = 1.0
-"""At the end, a reader that takes nothing for so long counts as stopped, ..."""
+"""At the end, a reader that takes nothing for this long counts as gone, ..."""
 
 PAGING_S = 60.0
-"""... and after so long if nobody asked for the end: a pager takes nothing while a person reads."""
+"""... and after this long if nobody asked for the end: a pager takes nothing while a person reads."""
 
 GONE = (errno.EPIPE, errno.EIO)
 """Errors of a pipe or terminal whose other end is closed; any other error is that of a disk."""

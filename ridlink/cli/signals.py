@@ -53,7 +53,7 @@ def end_by_interrupts() -> None:
 
 
 SAME_S = 0.02
-"""A repeated signal within so long is the same request: `timeout` sends it to the process, and then to its group."""
+"""A repeated signal within this time is the same request: `timeout` sends it to the process, and then to its group."""
 
 
 def ended_by_signals(loop: asyncio.AbstractEventLoop, end: Callable[[], None]) -> None:

@@ -219,7 +219,7 @@ COLUMNS = ("aircraft", "age s", "Hz", "position deg", "m/s", "error m", "size m"
 NAMES = ("aircraft", "tightest")
 SHORTEST_NAME = 8
 WIDE = 100
-"""From so many columns of the terminal on, all columns of the table fit."""
+"""Least width of a terminal, in columns, that all columns of the table fit into."""
 
 LEFT_OUT = {100: ("size m", "m"), 76: ("position deg", "error m")}
 """Columns of the table that are left out on a terminal with fewer columns than the key."""

@@ -38,7 +38,7 @@ AUTOPILOT_COMPONENT = 1
 MAV_CMD_DO_SET_MODE = 176
 PX4_OFFBOARD, PX4_HOLD = (6.0, 0.0), (4.0, 3.0)
 ARDUCOPTER_GUIDED, ARDUCOPTER_BRAKE = (4.0, 0.0), (17.0, 0.0)
-"""Main and sub mode. ArduPilot's LOITER reads the throttle stick of a pilot who is not there and sinks: hence BRAKE."""
+"""Main and sub mode. ArduPilot's LOITER reads the throttle stick, and sinks if nobody holds it: hence BRAKE."""
 
 LOOK_S = 0.1
 ASK_AGAIN_S = 1.0
@@ -46,7 +46,7 @@ SILENT_S = 5.0
 """How long to wait for a silent vehicle when the flight is to end; otherwise the usual limit applies."""
 DAEMON_HEARD_S = 20.0
 HAND_OVER_S = 90.0
-"""How long the first daemon on a machine may compile; the vehicle hovers meanwhile."""
+"""How long a daemon may take to engage: the first one on a machine compiles for this long, while the vehicle hovers."""
 SLOWEST_CLIMB_MPS = 0.5
 SLOWEST_DESCENT_MPS = 0.3
 MANOEUVRE_S = 20.0

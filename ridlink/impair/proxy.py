@@ -17,7 +17,7 @@ from ridlink.impair.model import Impairer, Impairment
 from ridlink.links import Address, Link, LinkUrl, Scheme, open_link
 
 FORGOTTEN_AFTER_S = 60.0
-"""The port of a peer may be closed when nothing was sent or answered for so long."""
+"""The port of a peer may be closed if nothing was sent or answered for this long."""
 
 MOST_SPEAKERS = 256
 

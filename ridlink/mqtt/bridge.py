@@ -38,7 +38,7 @@ except ImportError as error:
     raise MissingExtraError("mqtt", "publishing on a broker") from error
 
 FIRST_CONNECTION_S = 10.0
-"""A broker that does not answer for so long at the start is taken as a mistake of the user."""
+"""A broker that does not answer for this long at the start is taken as a mistake of the user."""
 
 BACK_OFF_S = (1.0, 30.0)
 ANSWER_S = 10.0

@@ -38,7 +38,7 @@ DISC_ENTERED, MAC = "disc_entered", "mac"
 
 @dataclass(frozen=True, slots=True)
 class PublisherSettings:
-    """What is published.
+    """Settings of a publisher.
 
     Args:
         topics: Topics to publish on.
@@ -68,7 +68,7 @@ class Publisher:
     """Turns received frames into messages for the broker.
 
     Args:
-        settings: What is published.
+        settings: Settings.
         version: Version of this program, for the ``info`` topic.
 
     Attributes:

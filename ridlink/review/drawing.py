@@ -118,7 +118,7 @@ class Frame:
 
 
 def round_numbers(span: tuple[float, float], most: int) -> list[float]:
-    """At most so many round numbers within a span, at equal distances."""
+    """Round numbers within a span at equal distances, at most ``most``."""
     low, high = span
     if not (math.isfinite(low) and math.isfinite(high) and high > low):
         return []

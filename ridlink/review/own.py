@@ -33,10 +33,10 @@ TELEMETRY_IDS = frozenset(
 )
 
 SILENT_S = 5.0
-"""A vehicle whose broadcast is not heard for so long is taken to have stopped broadcasting."""
+"""A vehicle whose broadcast is not heard for this long is taken to have stopped broadcasting."""
 
 SETTLED_S = 2.0
-"""New telemetry is not used for so long: the broadcast may be about to begin as well."""
+"""New telemetry is not used for this long: the broadcast may be about to begin as well."""
 
 RENEWED_S = 1.0
 

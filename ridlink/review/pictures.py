@@ -15,7 +15,7 @@ DISTANCE = (560.0, 400.0)
 LEAST_SPAN_M = 20.0
 TRACK_STYLES = ("one", "two")
 MOST_TIMES_ASKED = 3.0
-"""The axis of distances ends at so many times the greatest required distance."""
+"""The axis of distances ends at this many times the greatest required distance."""
 
 
 def style_of(definition: Definition) -> str:

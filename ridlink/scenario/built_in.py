@@ -125,7 +125,7 @@ def built_in(name: str, count: int | None = None, *, speed_mps: float = DEFAULT_
         speed_mps: Cruise speed (of the faster one in overtake); the cut-off follows it.
 
     Raises:
-        ConfigError: If there is no such scenario, or it cannot hold so many vehicles.
+        ConfigError: If there is no such scenario, or it cannot hold this many vehicles.
     """
     if name not in BUILT_IN:
         known = f"known are {', '.join(BUILT_IN)}, or the path of a .toml or .geojson file"

@@ -50,15 +50,15 @@ EVENTS: Mapping[str, Mapping[str, Figure]] = {
 """Kinds of events with their figures:
 
 - gnss-outage: no fix; the reported position drifts away.
-- gnss-jump: the reported position jumps by so much (multipath); the receiver does not notice.
-- gnss-spoof: the reported position is pulled away at so much a second; the receiver does not notice.
+- gnss-jump: the reported position jumps by an offset (multipath); the receiver does not notice.
+- gnss-spoof: the reported position is pulled away at a velocity; the receiver does not notice.
 - gnss-sigma: another error, and another reported accuracy (-1: the receiver reports the true one).
 - gnss-restore: the receiver works as at the start.
 - battery: the remaining charge, a share.
 - radio-off, radio-on: Remote ID is neither sent nor heard.
 - link-off, link-on: no MAVLink to or from the vehicle.
 - forced-landing: the vehicle lands where it is and obeys no command.
-- wind: for all vehicles, whatever vehicle is given.
+- wind: changes the wind for all vehicles; the vehicle number is ignored.
 """
 
 

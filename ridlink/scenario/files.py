@@ -42,7 +42,7 @@ def resolve_scenario(name_or_path: str, count: int | None = None, *, speed_mps: 
         speed_mps: Cruise speed of vehicles for which the file gives none.
 
     Raises:
-        ConfigError: If the name is unknown, the file is wrong, or there are not so many vehicles.
+        ConfigError: If the name is unknown, the file is wrong, or it has fewer vehicles than ``count``.
         OSError: If the file cannot be read.
     """
     if name_or_path.endswith((".geojson", ".json")):

@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from sitl_sim.server import FleetServer
 
 PLACELESS = 30
-"""A notice is due from so many broadcasts without a position: more than come before a first LOCATION."""
+"""A notice is due after this many broadcasts without a position: more than come before a first LOCATION."""
 
 STOOD_STILL_MS = 10_000
-"""A notice is due if the fleet's time lost so much: more than other programs take now and then."""
+"""A notice is due if the fleet has lost more time than this: more than other programs take now and then."""
 
 FATES = {Outcome.COLLIDED: "has collided", Outcome.HIT_OBSTACLE: "flew into an obstacle"}
 
