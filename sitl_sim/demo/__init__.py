@@ -1,4 +1,5 @@
-"""The demonstration: an emulated fleet, one avoidance daemon a vehicle, and a referee that alone knows the truth.
+"""The demonstration: an emulated fleet, one avoidance daemon per vehicle, and a referee, the only part that knows the
+truth.
 
-This is the only room that knows both sides. They still meet over MAVLink on UDP and nowhere else.
+This is the only package that imports both the emulator and the daemon. They still communicate only by MAVLink over UDP.
 """

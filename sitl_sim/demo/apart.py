@@ -1,4 +1,4 @@
-"""Processes that do not outlive the demonstration that started them."""
+"""Makes child processes end with the demonstration that started them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ _libc = ctypes.CDLL(None)
 
 
 def end_with_parent() -> None:
-    """In a child, before it becomes another program: SIGTERM when its parent is gone, however that came about.
+    """Call it in a child before exec: the child gets SIGTERM when its parent ends in any way.
 
-    Who is killed, or runs out of memory, stops nobody. Its daemons would stay, on ports that the next flight wants.
+    A process that is killed or runs out of memory cannot stop its daemons. They would stay, on ports that the next
+    flight needs.
     """
     _libc.prctl(PR_SET_PDEATHSIG, int(signal.SIGTERM))

@@ -1,4 +1,4 @@
-"""The conductors of a fleet that starts on the ground, seen from the demonstration: a process, and what it says."""
+"""The conductors of a fleet that starts on the ground, as seen by the demonstration: their process and its output."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ LANDED_S = 120.0
 
 
 class Conductors:
-    """A conductor for every vehicle that cooperates, all in one process with one MAVSDK.
+    """A conductor for every cooperative vehicle, all in one process with one MAVSDK.
 
     Args:
         urls: Link to each vehicle, in order of system ids.
-        heights_m: To climb to over home.
-        say: Called with a line for every vehicle that could not do something.
+        heights_m: Take-off heights above home.
+        say: Called with a line for every vehicle that failed at something.
 
     Attributes:
-        landed: System ids of those that have come down and disarmed.
+        landed: System ids of vehicles that have landed and disarmed.
 
     Raises:
         MissingExtraError: If MAVSDK is not installed.
@@ -44,10 +44,10 @@ class Conductors:
         self._reader: asyncio.Task[None] | None = None
 
     async def take_off(self) -> None:
-        """Arm all, and wait until all are up.
+        """Arm all vehicles, and wait until all are at their heights.
 
         Raises:
-            LinkError: If one of them is not; the text says why.
+            LinkError: If one does not get there; the text says why.
         """
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "sitl_sim.demo.from_ground", *self._arguments,
@@ -58,17 +58,17 @@ class Conductors:
         await self._until("up", UP_S)
 
     async def hand_over(self) -> None:
-        """Hand all of them over to their daemons.
+        """Hand all vehicles over to their daemons.
 
         Raises:
-            LinkError: If one of them is not.
+            LinkError: If one is not handed over.
         """
         assert self._process is not None and self._process.stdin is not None
         self._process.stdin.write(b"hand over\n")
         await self._until("handed_over", HANDED_OVER_S)
 
     async def wait_landed(self) -> None:
-        """Wait until all have landed or failed; who takes too long is not waited for."""
+        """Wait until all have landed or failed, or too much time has passed."""
         if self._reader is not None:
             done, _ = await asyncio.wait([self._reader], timeout=LANDED_S)
             for reader in done:

@@ -1,7 +1,7 @@
-"""Several avoidance daemons in one process, apart from the fleet: ``python -m sitl_sim.demo.crew CONFIG.toml ...``.
+"""Several avoidance daemons in one process, separate from the fleet: ``python -m sitl_sim.demo.crew CONFIG.toml ...``.
 
-Each is told what its file says, as ``ridlink avoid --config`` is. Its events are lines of JSON on stdout with the key
-``vehicle``, and so is its summary at the end. SIGTERM, SIGINT or SIGHUP ends all of them gently.
+Each reads its configuration file, as ``ridlink avoid --config`` does. Its events, and its summary at the end, are lines
+of JSON on stdout with the key ``vehicle``. SIGTERM, SIGINT or SIGHUP ends all of them gently.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def _say(vehicle: int | None, facts: dict[str, Any]) -> None:
     try:
         sys.stdout.write(json.dumps({"vehicle": vehicle, **facts}) + "\n")
         sys.stdout.flush()
-    except BrokenPipeError:  # the demonstration has gone, and its end is ours
+    except BrokenPipeError:  # the demonstration has ended, so end, too
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -1,6 +1,6 @@
-"""One avoidance daemon a vehicle: all in one process, or each in one of its own, never in the fleet's.
+"""One avoidance daemon per vehicle: all in one process, or each in its own, never in that of the fleet.
 
-Either way they are the daemon that ``ridlink avoid`` runs, on real sockets, told the same things.
+Either way they are the daemon that ``ridlink avoid`` runs, on real sockets, with the same configuration.
 """
 
 from __future__ import annotations
@@ -33,14 +33,15 @@ from sitl_sim.demo.apart import end_with_parent
 from sitl_sim.fleet_config import HOST, FleetConfig, FleetPorts
 
 READY_TIMEOUT_S = 90.0
-"""Compiling the kernels for the first time takes its time, twenty-four processes that load them do, too."""
+"""Time for the daemons to start: compiling the kernels for the first time is slow, and so is loading them in
+twenty-four processes."""
 
 STOP_TIMEOUT_S = 5.0
 SPEED_RESERVE = 1.25
-"""Limit of setpoints over cruise; only the clamp, not the solver, ever sees it."""
+"""Speed limit of setpoints divided by cruise speed; only the clamp uses it, not the solver."""
 
 UNLIMITED_MPS2 = 1e4
-"""Slew of setpoints for a vehicle that obeys at once."""
+"""Acceleration limit of setpoints for a vehicle that obeys at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +63,10 @@ def assignments(
     vertical: bool = False,
     accuracy_convention: AccuracyConvention = DEFAULT_CONVENTION,
 ) -> list[Assignment]:
-    """One daemon for every vehicle that cooperates, with its goal in degrees.
+    """One daemon for every cooperative vehicle, with its goal in degrees.
 
     With the documented ports it listens where the vehicle sends its telemetry, as an offboard program does with PX4.
-    Without them it speaks to the vehicle's port, and the vehicle answers there.
+    With other ports it sends to the vehicle's port, and the vehicle answers.
     """
     base = EngineConfig().limits
     ideal = fleet.autopilot == "ideal"
@@ -139,14 +140,14 @@ def daemon_toml(scenario: Scenario, fleet: FleetConfig, system_id: int) -> str:
 
 
 class Daemons:
-    """All daemons of one flight, in processes apart from the fleet: they cannot know more than they are sent.
+    """All daemons of one flight, in processes separate from the fleet, so that they know only what they receive.
 
     Args:
-        assigned: One daemon a vehicle.
-        each_its_own: Each in a process of its own, as ``ridlink avoid``; otherwise all of them share one.
+        assigned: One daemon per vehicle.
+        each_its_own: Whether each has its own process, as ``ridlink avoid``; otherwise all share one.
 
     Attributes:
-        status: Each daemon's last word on what it does, by system id.
+        status: Last reported status of each daemon, by system id.
     """
 
     def __init__(self, assigned: Sequence[Assignment], *, each_its_own: bool) -> None:
@@ -162,10 +163,10 @@ class Daemons:
         self._summaries: dict[int, dict[str, Any]] = {}
 
     async def start(self) -> None:
-        """Start them, and wait until each has its links open.
+        """Start the daemons, and wait until each has its links open.
 
         Raises:
-            LinkError: If one does not come up.
+            LinkError: If one does not start.
         """
         configs = {each.system_id: Path(self._folder.name) / f"vehicle-{each.system_id}.toml" for each in self.assigned}
         for each in self.assigned:
@@ -181,7 +182,7 @@ class Daemons:
             raise LinkError(f"the daemons did not come up within {READY_TIMEOUT_S:g} s") from None
 
     def check(self) -> None:
-        """See that all of them still fly: without their daemons vehicles stand in the air until the time is up.
+        """Check that all daemons still run: vehicles without their daemons would hover until the time is up.
 
         Raises:
             LinkError: If one has ended.
@@ -195,7 +196,7 @@ class Daemons:
                 raise LinkError(f"the daemon of vehicle {vehicles} ended in flight ({how})")
 
     async def stop(self) -> list[dict[str, Any]]:
-        """Stop them gently; their summaries. May be called twice, and before they have started."""
+        """Stop the daemons gently; returns their summaries. May be called twice, and before they have started."""
         for process in self._processes:
             if process.returncode is None:
                 process.send_signal(signal.SIGTERM)

@@ -35,14 +35,14 @@ HAND_OVER_TIMEOUT_S = 20.0
 LOOK_S = 0.2
 WORTH_A_WORD_S = 1.0
 LONGEST_NAME = 40
-"""Characters of a scenario's name in that of its log: in UTF-8 they fit into any file system."""
+"""Characters of a scenario's name in the name of its log: in UTF-8 they fit into any file system."""
 
 
 def scenario_of(options: DemoOptions) -> Scenario:
-    """What is to be flown.
+    """The scenario of a flight.
 
     Raises:
-        ConfigError: If there is no such scenario, something is wrong with it, or nobody flies in it.
+        ConfigError: If there is no such scenario, it is wrong, or it has no vehicles.
         OSError: If its file cannot be read.
     """
     scenario = resolve_scenario(options.scenario, options.count, speed_mps=options.speed_mps)
@@ -53,13 +53,13 @@ def scenario_of(options: DemoOptions) -> Scenario:
 
 
 class Onlooker:
-    """Who looks on while a flight lasts: as it stands, nobody."""
+    """An observer of a flight; this base class does nothing."""
 
     def ready(self) -> None:
-        """The fleet has its ports: nothing stands in the way of the flight."""
+        """The fleet has its ports, so the flight can begin."""
 
     async def begin(self, fleet: FleetServer, title: str, options: DemoOptions) -> None:
-        """The fleet is there, and the solver has been loaded."""
+        """The fleet is ready, and the solver has been loaded."""
 
     def hear(self, data: bytes) -> None:
         """A datagram of the air."""
@@ -69,12 +69,12 @@ class Onlooker:
 
 
 async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = None) -> dict[str, Any]:
-    """Fly once; the result has the keys of ``ridlink demo --json`` and, beside them, ``passed`` and ``details``.
+    """Fly once; the result has the keys of ``ridlink demo --json``, and ``passed`` and ``details``.
 
     Raises:
         ConfigError: If the scenario is wrong.
-        LinkError: If a port is in use, a daemon does not come up or ends too early, or a vehicle is not handed over.
-        OSError: If the scenario cannot be read or the log not be written.
+        LinkError: If a port is in use, a daemon does not start or ends too early, or a vehicle is not handed over.
+        OSError: If the scenario cannot be read or the log cannot be written.
     """
     scenario = scenario_of(options)
     title = _title(options, scenario)
@@ -82,7 +82,7 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
     judged_by = pair_radius_under(options.definition, options.eta, options.accuracy_convention)
     server = FleetServer(scenario, options.fleet, pair_radius=judged_by)
     conductors: Conductors | None = None
-    async with AsyncExitStack() as ends:  # what has begun last ends first
+    async with AsyncExitStack() as ends:  # what began last ends first
         await _open(server)
         ends.push_async_callback(server.close)
         log = _log_path(options, scenario)
@@ -120,7 +120,7 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
             await conductors.hand_over()
         else:
             await station.hand_over([each.system_id for each in assigned], HAND_OVER_TIMEOUT_S)
-        if not server.mission_begun:  # by those who are handed over, or where nobody cooperates
+        if not server.mission_begun:  # the handover may have begun it
             server.begin_mission()
         slipped_ms = server.counters["slipped_ms"]
         await _watch(server, daemons, screen, title)
@@ -136,7 +136,7 @@ async def fly(options: DemoOptions, screen: Screen, onlooker: Onlooker | None = 
 
 
 async def _end_recording(recorder: Recorder, log: Path, screen: Screen) -> None:
-    """Write what waits, and complain of what is not there."""
+    """Write queued records, and report what is missing."""
     await asyncio.to_thread(recorder.close)
     if recorder.error is not None:
         screen.complain(f"{log}: the recording ended early: {recorder.error.strerror}")
@@ -174,7 +174,7 @@ def _title(options: DemoOptions, scenario: Scenario) -> str:
 
 
 async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int) -> None:
-    """Load the solver before anybody flies, and say so where that takes a while; a signal must not wait for it."""
+    """Load the solver before the flight, and say so if that takes long; a signal must not wait for it."""
     warming = asyncio.create_task(warm_up_unless(asyncio.Event(), solver))
     done, _ = await asyncio.wait([warming], timeout=WORTH_A_WORD_S)
     if not done:
@@ -185,7 +185,7 @@ async def _warm(screen: Screen, solver: SolverKind, processes: bool, count: int)
 
 
 async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: str) -> None:
-    """Show the flight until nobody is left to wait for."""
+    """Show the flight until there is nothing to wait for."""
     if not screen.has_table:
         screen.say(f"Flying {title} (at most {server.scenario.duration_s:.0f} s) ...")
     with screen.flight(title):
@@ -196,7 +196,7 @@ async def _watch(server: FleetServer, daemons: Daemons, screen: Screen, title: s
 
 
 def _all_stand(server: FleetServer) -> bool:
-    """Whether all who have not arrived stand, disarmed: daemons arm nobody, so that they will get nowhere."""
+    """Whether all that have not arrived are on the ground and disarmed: daemons arm nobody, so they will not fly."""
     world = server.world
     waited_for = np.flatnonzero(~(world.arrived | world.is_ghost | (world.state == VehicleState.GONE))).tolist()
     return all(
@@ -207,7 +207,7 @@ def _all_stand(server: FleetServer) -> bool:
 def _result(
     options: DemoOptions, server: FleetServer, summaries: Sequence[dict[str, Any]], log: Path, landed: int | None
 ) -> dict[str, Any]:
-    """What a flight came to; a fleet from the ground must have come down as well."""
+    """The result of a flight; a fleet from the ground must have landed, too."""
     verdict = server.world.verdict()
     judged = verdict.as_dict()
     details = judged.pop("details", [])
@@ -234,5 +234,5 @@ def _result(
 
 
 def _worst(summaries: Sequence[dict[str, Any]], quantity: str, figures: Sequence[str]) -> dict[str, float | None]:
-    """The worst daemon's figure, each: no average hides a daemon that stutters. None without any daemon."""
+    """For each figure the worst daemon's value, since an average would hide a stuttering one. None without daemons."""
     return {figure: max((s[quantity][figure] for s in summaries), default=None) for figure in figures}

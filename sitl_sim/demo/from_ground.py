@@ -1,8 +1,8 @@
-"""Conductors for a whole fleet, in a process apart: ``python -m sitl_sim.demo.from_ground URL=HEIGHT ...``.
+"""Conductors for a whole fleet, in a separate process: ``python -m sitl_sim.demo.from_ground URL=HEIGHT ...``.
 
-Each vehicle has the conductor that ``ridlink fly`` has, all of them on one MAVSDK. They arm and climb; when a line
-comes on stdin they hand over together, wait until their daemons have arrived, and land. Lines of JSON on stdout say
-when all of them are `up` and `handed_over`, who has `landed`, and why one has `failed`.
+Each vehicle has the conductor of ``ridlink fly``, all on one MAVSDK. They arm and climb. When a line comes on stdin,
+they hand over together, wait until their daemons have arrived, and land. Lines of JSON on stdout say when all are `up`
+and `handed_over`, which have `landed`, and why one has `failed`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def _progress(system_id: int, text: str) -> None:
 
 
 async def _fleet(urls: Sequence[str], heights_m: Sequence[float]) -> None:
-    ready = asyncio.StreamReader()  # no thread: one that waits for a line would hold back the end, and why it came
+    ready = asyncio.StreamReader()  # no thread: a thread that waits for a line would delay the end and its error
     await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(ready), sys.stdin)
     async with mavsdk_ground_station() as mavsdk:
         for url in urls:
@@ -64,10 +64,10 @@ async def _fleet(urls: Sequence[str], heights_m: Sequence[float]) -> None:
 
 
 async def _systems(mavsdk: Any, count: int) -> dict[int, Any]:
-    """All vehicles by their system ids.
+    """Wait for all vehicles; returns them by system id.
 
     Raises:
-        LinkError: If they are not all heard.
+        LinkError: If not all are heard.
     """
     found: dict[int, Any] = {}
     for _ in range(round(DISCOVERY_S / LOOK_S)):
@@ -80,10 +80,10 @@ async def _systems(mavsdk: Any, count: int) -> dict[int, Any]:
 
 
 async def _together(work: dict[int, Awaitable[None]]) -> None:
-    """Do it for all vehicles; who cannot says so, and the first of them ends it when the others are done.
+    """Run work for all vehicles; failures are reported, and the first one is raised when the others are done.
 
     Raises:
-        FlightError: If one of them could not.
+        FlightError: If one of them failed.
     """
     results = await asyncio.gather(*work.values(), return_exceptions=True)
     failures = [(each, result) for each, result in zip(work, results, strict=True) if result is not None]
@@ -115,7 +115,7 @@ async def _down(system_id: int, conductor: Conductor) -> None:
 
 
 def main(vehicles: list[str]) -> int:
-    """Conduct the vehicles of these links to these heights."""
+    """Run the conductors for vehicles given as links with heights."""
     urls, heights = zip(*(each.rsplit("=", 1) for each in vehicles), strict=True)
     try:
         asyncio.run(_fleet(urls, [float(height) for height in heights]))

@@ -1,8 +1,8 @@
-"""The ground station of a demonstration: hands every vehicle over to its daemon, and hears everything for the log.
+"""The ground station of a demonstration: hands every vehicle over to its daemon, and receives everything for the log.
 
-It does what a person at a ground station does, over the same MAVLink: DO_SET_MODE to OFFBOARD (PX4) or GUIDED
-(ArduPilot), repeated until the vehicle's heartbeat confirms it. An acknowledgement is no proof (PX4 acknowledges twice,
-the second time perhaps with a refusal), the heartbeat is.
+It does what a person at a ground station does, by the same MAVLink: it sends DO_SET_MODE to OFFBOARD (PX4) or GUIDED
+(ArduPilot) until the vehicle's heartbeat confirms the mode. Only the heartbeat is proof: PX4 acknowledges twice, and
+the second acknowledgement may be a refusal.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class GroundStation:
     Args:
         vehicle_ports: UDP port of each vehicle on loopback, in order of their system ids from 1.
         air_port: UDP port of the air.
-        hear: Called with every datagram that arrives, for the log.
-        hear_air: Called with those of the air as well, for whoever looks on.
+        hear: Called with every received datagram, for the log.
+        hear_air: Called, too, with datagrams of the air, for observers.
     """
 
     def __init__(self, vehicle_ports: Sequence[int], air_port: int, hear: Hear, hear_air: Hear) -> None:
@@ -53,19 +53,20 @@ class GroundStation:
         self._links.append(await open_link(f"udpout:127.0.0.1:{self._air_port}", self._take_from_air))
 
     async def say_hello(self) -> None:
-        """Keep saying hello to every vehicle and to the air, until cancelled: they speak to whom they hear."""
+        """Keep sending heartbeats to every vehicle and to the air, until cancelled, so that they send to this
+        station."""
         while True:
             for link in self._links:
                 link.send(heartbeat(self._encoder))
             await asyncio.sleep(HEARTBEAT_EVERY_S)
 
     async def close(self) -> None:
-        """Hear nothing any more."""
+        """Close all links."""
         for link in self._links:
             link.close()
 
     async def hand_over(self, system_ids: Sequence[int], timeout_s: float) -> None:
-        """Bring vehicles into the mode in which they obey their daemons.
+        """Switch vehicles to the mode in which they obey their daemons.
 
         Raises:
             LinkError: If one of them does not confirm in time.

@@ -1,4 +1,4 @@
-"""What a demonstration flight is made of."""
+"""Options of a demonstration flight."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ class DemoOptions:
     Args:
         scenario: Name of a built-in scenario, or a TOML file.
         definition: Separation definition that every daemon flies under.
-        eta: Of the definition chance: probability, at any one instant, that no neighbour comes too close.
-        accuracy_convention: Of the definition odid-accuracy: what all take each other's accuracy codes for.
-        solver: What chooses the velocities.
-        vertical: Daemons may climb or descend, too.
-        count: Number of vehicles, where the scenario takes one.
-        speed_mps: Cruise speed of vehicles of which the scenario says nothing.
-        interval_s: Time between two Remote ID updates; None: the scenario's.
+        eta: For the definition chance: probability, at any one instant, that no neighbour comes too close.
+        accuracy_convention: For the definition odid-accuracy: how accuracy codes are read.
+        solver: The solver.
+        vertical: Whether daemons may also climb or descend.
+        count: Number of vehicles, if the scenario accepts one.
+        speed_mps: Cruise speed of vehicles without one in the scenario.
+        interval_s: Time between two Remote ID updates; None: that of the scenario.
         fleet: Seed, autopilot, GNSS, radio, home and ports of the fleet; it holds at its start until the handover, or
-            stands on the ground until it is conducted.
-        processes: Each daemon in a process of its own; otherwise all share one, apart from the fleet's.
-        log: Where the flight is recorded; None: a new file in the temporary folder.
+            is on the ground until it is conducted.
+        processes: Whether each daemon has its own process; otherwise all share one, separate from that of the fleet.
+        log: File of the recording; None: a new file in the temporary folder.
 
     Raises:
-        ConfigError: If these do not go together, or there is no folder for the log.
-        ValueError: If the fleet would begin by itself.
+        ConfigError: If the options contradict each other, or there is no folder for the log.
+        ValueError: If the mission of the fleet would begin by itself.
     """
 
     scenario: str = "circle8"

@@ -1,4 +1,4 @@
-"""The page of a demonstration: what is heard on the air beside what is true, flight after flight."""
+"""The page of a demonstration: shows received traffic with the true positions, flight after flight."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from sitl_sim.server import FleetServer
 
 
 class Page(Onlooker):
-    """Shows one flight after the other.
+    """Shows one flight after another.
 
     Args:
         on_ready: Called once, when the first flight has its ports.
 
     Attributes:
-        server: What serves it.
+        server: The server of the page.
     """
 
     def __init__(self, on_ready: Callable[[], None]) -> None:
@@ -43,13 +43,13 @@ class Page(Onlooker):
         """Listen.
 
         Args:
-            port: Where; None for the usual port, or any other if that is in use.
+            port: Port; None for the usual port, or any other if that is in use.
 
         Returns:
             False if the page is not at the usual port, because that is in use.
 
         Raises:
-            LinkError: If the port that is wanted is in use.
+            LinkError: If the requested port is in use.
         """
         for attempt in (DEFAULT_PORT, 0) if port is None else (port,):
             self.server = ViewServer(self._show, HOST, attempt, health=self._health)
@@ -69,7 +69,7 @@ class Page(Onlooker):
             self._on_ready = None
 
     async def begin(self, fleet: FleetServer, title: str, options: DemoOptions) -> None:
-        """Another flight is to be shown; its kernels have been loaded."""
+        """Show another flight; its kernels have been loaded."""
         await self.end()
         vehicles = fleet.scenario.vehicles
         names = [display_text(uas_id_of(row + 1)) for row in range(len(vehicles))]
@@ -103,7 +103,7 @@ class Page(Onlooker):
             self._receiver.hear(data)
 
     async def end(self) -> None:
-        """The flight is over; what was seen of it stays."""
+        """The flight is over; its history stays."""
         if self._receiver is not None:
             self._receiver = None
             await self._flight.aclose()
@@ -111,7 +111,7 @@ class Page(Onlooker):
             self.server.publish()
 
     async def close(self) -> None:
-        """Show nothing any more."""
+        """Close the page."""
         await self.end()
         await self._served.aclose()
 

@@ -1,6 +1,6 @@
-"""What a person sees of a flight: on a terminal a table that lives, and the verdict at the end.
+"""Text output of a flight: a live table on a terminal, and the verdict at the end.
 
-Progress goes to stderr; the verdict is a result and goes to stdout, unless that is kept for JSON.
+Progress goes to stderr; the verdict is a result and goes to stdout, unless stdout is reserved for JSON.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ _STATE = {
 
 
 class Screen:
-    """Progress for people: a live table, or a line, on a terminal, single lines elsewhere, nothing when ``quiet``.
+    """Progress of a flight: a live table, or a line, on a terminal; single lines elsewhere; nothing if ``quiet``.
 
     Args:
-        file: Where it goes; writing there must not wait for whoever reads it, the fleet flies on the same loop.
+        file: Output; writing must not wait for a reader, since the fleet flies in the same loop.
         quiet: Show nothing.
-        table: Show where everybody is, and not only how far the flight is.
+        table: Show the state of each vehicle, not only the progress of the flight.
     """
 
     def __init__(self, file: TextIO, *, quiet: bool = False, table: bool = True) -> None:
@@ -47,21 +47,21 @@ class Screen:
 
     @property
     def is_terminal(self) -> bool:
-        """Somebody watches."""
+        """Whether progress is shown on a terminal."""
         return self._console.is_terminal and not self._quiet
 
     @property
     def has_table(self) -> bool:
-        """The table shows what is flown."""
+        """Whether the table is shown."""
         return self.is_terminal and self._table
 
     def say(self, text: str) -> None:
-        """One line about what is going on."""
+        """Print one line about the progress."""
         if not self._quiet:
             self._console.print(text, markup=False, soft_wrap=True)
 
     def complain(self, text: str) -> None:
-        """One line about what went wrong, for those who want no progress, too."""
+        """Print one line about a failure, even if ``quiet``."""
         self._console.print(f"ridlink: {text}", markup=False, soft_wrap=True)
 
     @contextmanager
@@ -78,18 +78,18 @@ class Screen:
                 self._live = None
 
     def update(self, world: World, title: str, solver: dict[int, str]) -> None:
-        """Redraw it from the truth; ``solver`` is each daemon's last status by system id."""
+        """Redraw the table from the truth; ``solver`` is the last status of each daemon by system id."""
         if self._live is not None:
             self._live.update(flight_table(world, title, solver) if self._table else _how_far(world))
 
 
 def show(result: RenderableType, file: TextIO) -> None:
-    """Print a result as wide as it is."""
+    """Print a result at its full width."""
     Console(file=file, highlight=False, soft_wrap=True).print(result)
 
 
 def flight_table(world: World, title: str, solver: dict[int, str]) -> RenderableType:
-    """Where everybody is now."""
+    """The table of all vehicles."""
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for heading in ("vehicle", "state", "to goal m", "speed m/s", "nearest m", "with", "daemon"):
         table.add_column(heading, justify="left" if heading in ("state", "daemon") else "right")
@@ -125,7 +125,7 @@ def _colour(state: VehicleState) -> str:
 
 
 def verdict_table(result: dict[str, Any]) -> RenderableType:
-    """One flight in words."""
+    """The verdict of one flight as a table."""
     passed = result["passed"]
     head = Text.assemble(
         ("PASSED  " if passed else "FAILED  ", "bold green" if passed else "bold red"),
@@ -153,8 +153,7 @@ def verdict_table(result: dict[str, Any]) -> RenderableType:
 
 
 def held_up_by(result: dict[str, Any]) -> str:
-    """What is said where this machine kept a daemon from its vehicle, or the vehicles from flying, for so long that a
-    failsafe may have flown; empty where it did not."""
+    """The text if this machine was so slow that a failsafe of a vehicle may have acted; else empty."""
     if result["stood_still_ms"] > HELD_UP_MS:
         return f"was too busy: the vehicles stood still for {result['stood_still_ms'] / 1e3:.1f} s, and said nothing"
     gap_ms = result["setpoint_gap_ms"]["max"]
@@ -164,7 +163,7 @@ def held_up_by(result: dict[str, Any]) -> str:
 
 
 def _fate(outcome: str) -> str:
-    """What is said of a vehicle that has not arrived."""
+    """The text for a vehicle that has not arrived."""
     words = {Outcome.FLYING: "not arrived", Outcome.GROUNDED: "on the ground, not arrived"}
     return words.get(Outcome(outcome), outcome.replace("_", " "))
 
