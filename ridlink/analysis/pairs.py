@@ -88,7 +88,8 @@ class Dominance:
         setting: Definition and solver of the one.
         against: Definition and solver of the other.
         world: Common values of the cells: dynamics, sigma, interval, loss.
-        cells: How many. no_slower: Number of cells in which the median is not above that of the other.
+        cells: Number of compared cells.
+        no_slower: Number of cells in which the median is not above that of the other.
         no_more_macs: Number of cells in which no more flights collided.
         slower: Number of cells in which it is significantly slower.
         more_macs: Number of cells in which significantly more flights collided.
