@@ -1,11 +1,11 @@
-"""An emulated autopilot, PX4 or ArduPilot by choice, that MAVSDK, mavutil and MAVProxy take for real.
+"""An emulated autopilot, PX4 or ArduPilot, that works with MAVSDK, mavutil and MAVProxy like a real one.
 
-`board` is what every part knows of its vehicle. `pilot` steers by `navigation`, with `guidance` for what it flies by
-itself, `steering` for what comes from outside, `mission_flight` for its mission, `failsafes` for what nobody asked for,
-and its `home`. It can be told something by
-`setpoints`, `commands`, `orders`, `parameter_protocol` (of its `parameters`) and `mission_protocol`. `telemetry` is
-what it tells (`attitude`: how it leans), `streams` how often and `rates` if nobody asks. `autopilot` is its MAVLink
-face: `peers` with a `link` each, `answers` to what they say, `status_texts` for all of them.
+`board` has the facts of the vehicle that every part needs. `pilot` makes the decisions: it steers by `navigation`, with
+`guidance` for its own manoeuvres, `steering` for setpoints and sticks, `mission_flight` for its mission, `failsafes`,
+and its `home`. Its inputs are `setpoints`, `commands`, `orders`, `parameter_protocol` (of its `parameters`) and
+`mission_protocol`. `telemetry` makes its messages (`attitude`: roll and pitch), `streams` sets their rates, and `rates`
+has the default rates. `autopilot` is its MAVLink interface: `peers` with a `link` each, `answers` to their messages,
+`status_texts` for all of them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What comes of each message that a vehicle takes, and the answers to whoever sent it: one method a message."""
+"""The effects of received messages, and the answers to their senders: one method per message."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ THROTTLE_MIDDLE = (400, 600)
 """Stick positions of RC_CHANNELS_OVERRIDE and MANUAL_CONTROL that keep the height."""
 
 _FOR_EVERYBODY = (MavCommand.REQUEST_PROTOCOL_VERSION, MavCommand.REQUEST_AUTOPILOT_CAPABILITIES)
-"""Commands that PX4 takes without being named; ArduPilot takes all."""
+"""Commands that PX4 takes if they are addressed to all vehicles; ArduPilot takes all commands."""
 
 _MISSION_MESSAGES = (
     "COUNT", "ITEM_INT", "ITEM", "REQUEST_LIST", "REQUEST_INT", "REQUEST", "CLEAR_ALL", "SET_CURRENT",
@@ -42,7 +42,7 @@ _MISSION_MESSAGES = (
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """A message, the frame that it came in, the link of its sender, and when [s, monotonic]."""
+    """A message, its frame, the link of its sender, and its time of receipt [s, monotonic]."""
 
     message: Message
     frame: Frame
@@ -54,14 +54,14 @@ class Answers:
     """The answers of one vehicle.
 
     Args:
-        board: Whose habits it has.
+        board: The flight controller.
         pilot: Its flight logic.
         missions: The protocol of its missions.
-        streams: Whose rates can be asked for.
-        texts: What it says.
+        streams: Message rates, which clients can set.
+        texts: Its STATUSTEXT messages.
 
     Attributes:
-        daemon_heard_s: When an avoidance daemon of this vehicle was heard.
+        daemon_heard_s: Time when an avoidance daemon of this vehicle was last heard.
     """
 
     def __init__(
@@ -97,24 +97,24 @@ class Answers:
         self._handlers = {message_spec(name).msgid: handler for name, handler in handlers.items()}
 
     def __contains__(self, msgid: int) -> bool:
-        """Whether anything comes of a message with this id."""
+        """Whether a message with this id has an effect."""
         return msgid in self._handlers
 
     def to(self, heard: Heard) -> list[Reply]:
-        """Do what a message wants; the answers.
+        """Process a message; returns the answers.
 
         Raises:
-            KeyError: If nothing comes of it.
+            KeyError: If the message has no effect.
         """
         return self._handlers[heard.frame.msgid](heard)
 
     def repeated(self) -> list[bytes]:
-        """Payloads of ADSB_VEHICLE that are to be given out again, once."""
+        """Payloads of ADSB_VEHICLE to send out again, once."""
         repeated, self._repeated = self._repeated, []
         return repeated
 
     def for_others(self) -> list[tuple[Address, Reply]]:
-        """What is to be told, once, to all but the peer at that address, who has it already."""
+        """Messages to send, once, to all except the peer at the address, which has them already."""
         told, self._for_others = self._for_others, []
         return told
 
@@ -158,14 +158,13 @@ class Answers:
         return []
 
     def _adsb_vehicle(self, heard: Heard) -> list[Reply]:
-        """PX4 gives foreign traffic out again as its own."""
+        """PX4 sends out traffic of others again as its own."""
         if self._board.is_px4 and len(self._repeated) < MAX_PASSED_ON:
             self._repeated.append(heard.frame.payload)
         return []
 
     def _set_mode(self, heard: Heard) -> list[Reply]:
-        """The old message is acknowledged like a command: by PX4 as the one that it stands for, by ArduPilot as one of
-        its own number."""
+        """The old message is acknowledged like a command: by PX4 as DO_SET_MODE, by ArduPilot under its own number."""
         mode = self._board.flavour.mode_of(heard.message.custom_mode)
         if not heard.message.base_mode & MODE_FLAG_CUSTOM:
             result = self._orders.refuse("mode refused: no custom mode flag", Result.DENIED)
@@ -181,7 +180,7 @@ class Answers:
         return self._missions.receive(heard.message, sender, heard.link.address, heard.now_s)
 
     def _param_set(self, heard: Heard) -> list[Reply]:
-        """What has changed is told to everybody, by PX4 and by ArduPilot."""
+        """PX4 and ArduPilot both send a changed value to all peers."""
         replies, has_changed = self._parameters.set(heard.message)
         if has_changed and len(self._for_others) < MAX_PASSED_ON:
             self._for_others += [(heard.link.address, reply) for reply in replies]
@@ -200,7 +199,7 @@ class Answers:
         results = [result]
         acknowledged_twice = self._board.is_px4 and command.number == MavCommand.DO_SET_MODE
         if acknowledged_twice and result not in (Result.DENIED, Result.FAILED):
-            results.insert(0, Result.ACCEPTED)  # PX4 acknowledges twice, the first time whatever comes of it
+            results.insert(0, Result.ACCEPTED)  # PX4 acknowledges twice, the first time whatever the result
         acknowledgement = {"command": command.number, **_to(heard.frame)}
         return [*(("COMMAND_ACK", acknowledgement | {"result": int(each)}) for each in results), *asked_for]
 

@@ -1,4 +1,4 @@
-"""How a multirotor leans: its attitude follows from its acceleration and its heading."""
+"""Attitude of a multirotor, from its acceleration and its heading."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sitl_sim.vehicle import GRAVITY_MPS2
 
 
 def attitude_rad(acceleration_ned_mps2: Vector, yaw_rad: float) -> tuple[float, float, float]:
-    """Roll, pitch and yaw of a multirotor that thrusts as its acceleration demands."""
+    """Roll, pitch and yaw of a multirotor whose thrust gives its acceleration."""
     north, east, down = acceleration_ned_mps2
     forward = math.cos(yaw_rad) * north + math.sin(yaw_rad) * east
     right = -math.sin(yaw_rad) * north + math.cos(yaw_rad) * east
@@ -19,7 +19,7 @@ def attitude_rad(acceleration_ned_mps2: Vector, yaw_rad: float) -> tuple[float, 
 
 
 def quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
-    """The same as w, x, y, z."""
+    """The attitude as a quaternion w, x, y, z."""
     roll, pitch, yaw = roll_rad / 2.0, pitch_rad / 2.0, yaw_rad / 2.0
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(yaw), math.sin(yaw)

@@ -1,10 +1,10 @@
-"""The MAVLink face of one emulated vehicle: datagrams in, datagrams out, no socket and no clock.
+"""The MAVLink interface of one emulated vehicle: datagrams in, datagrams out, no socket and no clock.
 
-Each peer has a link of its own, as on a real autopilot, with its own message rates and sequence numbers, see `peers`.
-Answers go to whoever asked, served or not. What is meant for everybody or for somebody else is passed on to the other
-links untouched, as both real autopilots do.
+Each peer has its own link, as on a real autopilot, with its own message rates and sequence numbers, see `peers`.
+Answers go to the peer that asked, served or not. Messages for all or for another component are forwarded unchanged to
+the other links, as both real autopilots do.
 
-Nobody is authenticated: like a real autopilot, it obeys whoever speaks to it.
+There is no authentication: like a real autopilot, it obeys every peer.
 """
 
 from __future__ import annotations
@@ -37,20 +37,20 @@ DAEMON_SILENCE_S = 3.0
 
 
 class Autopilot:
-    """One vehicle as its clients see it.
+    """One vehicle as seen by its clients.
 
     Args:
-        world: Where it flies.
-        index: Its row there; its system id is one more.
+        world: The world.
+        index: Its row in the world; its system id is one more.
         navigation: The fleet's navigation solutions, refreshed by the caller before every tick.
         flavour: "px4", "ardupilot" or "ideal".
         utc_clock: Seconds since 1970, for SYSTEM_TIME.
-        start: How it begins.
-        companion: Address served from the start; None: only who speaks to it.
+        start: Initial state.
+        companion: Address served from the start; None: only peers that send first.
 
     Attributes:
         pilot: Its flight logic.
-        telemetry: What it tells.
+        telemetry: Its telemetry.
         counters: Events by cause: taken, bad_frame, refused_peer, not_passed_on.
     """
 
@@ -82,18 +82,18 @@ class Autopilot:
 
     @property
     def mode_name(self) -> str:
-        """Its mode as its ground stations call it."""
+        """Its mode, by the name that ground stations use."""
         return self._board.flavour.name_of(self.pilot.mode)
 
     @property
     def is_avoiding(self) -> bool:
-        """Whether an avoidance daemon is heard and its setpoints are flown, at the time of the last tick."""
+        """Whether an avoidance daemon was heard and its setpoints were flown at the last tick."""
         return self._now_s - self._answers.daemon_heard_s <= DAEMON_SILENCE_S and self.pilot.is_steered(self._now_s)
 
     # --- bytes out ----------------------------------------------------------------------------------------------------
 
     def tick(self, now_s: float) -> Outgoing:
-        """Let time pass, and give what is to be sent now."""
+        """Advance time; returns the datagrams to send now."""
         self._now_s = self._texts.now_s = now_s
         navigation = self._navigation[self._index]
         if navigation.state is VehicleState.GONE:
@@ -123,12 +123,12 @@ class Autopilot:
         return outgoing
 
     def _state(self) -> tuple[object, ...]:
-        """What is told at once when it changes."""
+        """The state whose changes are sent at once."""
         pilot = self.pilot
         return pilot.mode, pilot.armed, pilot.failsafe, pilot.mission.current, len(pilot.mission.plan)
 
     def _changed(self) -> tuple[str, ...]:
-        """Messages that are sent now whatever their rates are."""
+        """Messages that are sent now, independent of their rates."""
         before, self._announced = self._announced, self._state()
         return () if before == self._announced else ("HEARTBEAT", "MISSION_CURRENT")
 
@@ -146,7 +146,7 @@ class Autopilot:
     # --- bytes in -----------------------------------------------------------------------------------------------------
 
     def receive(self, datagram: bytes, address: Address, now_s: float) -> Outgoing:
-        """Take a datagram from a peer, and give the answers to it; never raises, whatever the bytes."""
+        """Process a datagram from a peer; returns the answers. Never raises, whatever the bytes."""
         self._now_s = self._texts.now_s = max(self._now_s, now_s)
         navigation = self._navigation[self._index]
         if navigation.state is VehicleState.GONE or not navigation.link_on:
@@ -158,7 +158,7 @@ class Autopilot:
                 self.counters["bad_frame"] += 1
                 continue
             if frame.sysid == self.system_id and frame.compid == AUTOPILOT_COMPONENT:
-                continue  # its own words, sent back
+                continue  # its own message, sent back
             link = link or self._peers.link_to(address, self._now_s)
             is_ours = frame.msgid in self._answers
             if not is_ours and len(self._peers) < 2:
@@ -172,7 +172,7 @@ class Autopilot:
         return [(answer, address) for answer in packed(frames)]
 
     def relay(self, datagram: bytes) -> None:
-        """Put frames of another component of this vehicle on all its links, with the next tick."""
+        """Send frames of another component of this vehicle on all its links, with the next tick."""
         self._peers.carry(datagram)
 
     def _is_for_us(self, message: Message) -> bool:

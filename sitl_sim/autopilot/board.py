@@ -1,4 +1,4 @@
-"""The flight controller of one vehicle: what every part of its autopilot has to know of it."""
+"""The flight controller of one vehicle: facts that every part of its autopilot needs."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from sitl_sim.autopilot.results import Say
 
 @dataclass(slots=True)
 class Board:
-    """One vehicle's; only its home, the height of its origin and the values of its parameters change.
+    """The facts of one vehicle; only its home, the height of its origin and the values of its parameters change.
 
     Args:
-        system_id: Of the vehicle.
+        system_id: System id of the vehicle.
         spec: Its part of the scenario.
-        flavour: Whose habits it has.
+        flavour: The autopilot that it emulates.
         parameters: Its parameters.
         scenario_home: Origin of the scenario's coordinates.
-        own_origin: Origin of its local frame: the ground below its start, as high as home.
-        own_home: The ground where it was switched on or armed, as high as its estimator said then: heights count from
-            there.
-        say: Called with what STATUSTEXT is to carry.
+        own_origin: Origin of its local frame: the ground below its start, at the height of home.
+        own_home: The ground where it was switched on or armed, at the height that its estimator had then; heights count
+            from there.
+        say: Called with severity and text of a STATUSTEXT.
     """
 
     system_id: int

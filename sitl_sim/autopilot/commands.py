@@ -1,7 +1,7 @@
-"""COMMAND_LONG and COMMAND_INT to what the pilot does, and the MAV_RESULT that goes back.
+"""COMMAND_LONG and COMMAND_INT to actions of the pilot, and the MAV_RESULT that is returned.
 
-Clients fill what they do not use with NaN (for PX4) or 0 (for ArduPilot), so both mean "as usual" nearly everywhere.
-Every command may come twice, because an acknowledgement was lost: none does more the second time.
+Clients fill unused parameters with NaN (for PX4) or 0 (for ArduPilot), so both mean "default" nearly everywhere. Every
+command may come twice, because an acknowledgement was lost; the second time has no further effect.
 """
 
 from __future__ import annotations
@@ -50,15 +50,15 @@ class MavCommand(IntEnum):
 REPOSITION_CHANGES_MODE = 1
 
 TAKEOFF_FRAME = 3
-"""MAV_FRAME_GLOBAL_RELATIVE_ALT: the one in which ArduPilot takes off."""
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT: the frame in which ArduPilot takes off."""
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command in either form. A COMMAND_LONG has no frame; places are in degrees.
+    """One command in either form. A COMMAND_LONG has no frame; positions are in degrees.
 
     Attributes:
-        given: Parameters 1 to 7; None where one is left open with NaN, or with the greatest integer for a place.
+        given: Parameters 1 to 7; None if not given, that is NaN, or the greatest integer for a position.
     """
 
     number: int
@@ -66,7 +66,7 @@ class Command:
     frame: int | None
 
     def __getitem__(self, number: int) -> float | None:
-        """Parameter 1 to 7; None where it says "as usual", be it with NaN or with 0."""
+        """Parameter 1 to 7; None if it is NaN or 0, which mean "default"."""
         return self.given[number - 1] or None
 
 
@@ -83,12 +83,12 @@ def read_command(message: Message) -> Command:
 
 
 class Commands:
-    """Commands of one vehicle. What concerns messages and their rates is the business of `Streams`.
+    """Commands of one vehicle. `Streams` processes commands about messages and their rates.
 
     Args:
-        board: Whose habits it has, and how its modes are numbered.
-        pilot: Who carries them out.
-        orders: What it can be told.
+        board: The flight controller, with the numbers of its modes.
+        pilot: The pilot that executes them.
+        orders: Its orders.
     """
 
     def __init__(self, board: Board, pilot: Pilot, orders: Orders) -> None:
@@ -111,7 +111,7 @@ class Commands:
             self._actions[MavCommand.CONDITION_YAW] = self._turn
 
     def execute(self, command: Command, now_s: float) -> Result:
-        """Do it, or say why not."""
+        """Execute a command, or say why not."""
         action = self._actions.get(command.number)
         return Result.UNSUPPORTED if action is None else action(command, now_s)
 
@@ -149,8 +149,8 @@ class Commands:
         return Result.ACCEPTED
 
     def _reposition(self, command: Command, now_s: float) -> Result:
-        """ArduPilot wants to know the frame, and a place. PX4 does not look at the frame: every altitude is one above
-        mean sea level, and what is left open stays as it is. Zero is a value like any other.
+        """ArduPilot needs the frame and a position. PX4 ignores the frame: every altitude is above mean sea level, and
+        values that are not given stay unchanged. Zero is a value like any other.
 
         Source: handle_message_command_int and the navigator of PX4; mav_frame_for_command_long and Location::sanitize
         of ArduPilot.
@@ -186,7 +186,7 @@ class Commands:
         return result
 
     def _pause_or_continue(self, command: Command, now_s: float) -> Result:
-        """Continue (1) goes on with the mission, pause (0) holds."""
+        """Continue (1) continues the mission, pause (0) holds."""
         if command[1] is not None:
             return self._orders.set_mode(Mode.MISSION, now_s)
         return self._orders.set_mode(Mode.HOLD if self._board.is_px4 else Mode.BRAKE, now_s)

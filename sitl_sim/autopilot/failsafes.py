@@ -1,12 +1,13 @@
-"""What an autopilot does by itself when something stays away: setpoints, the position, the ground station.
+"""Failsafes: what an autopilot does by itself when setpoints, the position or the ground station are lost.
 
-Times and consequences as both real autopilots showed them in their own simulators:
+Times and actions were measured on both autopilots in their own simulators:
 
-- Setpoints: PX4 leaves OFFBOARD after COM_OF_LOSS_T for what COM_OBL_RC_ACT says; the default wants a pilot, and
-  without one it returns home. (ArduPilot stays in GUIDED and brakes; that is no failsafe, see `pilot`.)
-- Position: ArduPilot lands 8.1 s after the last fix and does nothing else by itself. PX4 drops to altitude mode after
+- Setpoints: PX4 leaves OFFBOARD after COM_OF_LOSS_T for the mode of COM_OBL_RC_ACT. The default needs a pilot; without
+one it returns home. (ArduPilot stays in GUIDED and brakes; that is no failsafe, see `pilot`.)
+- Position: ArduPilot lands 8.1 s after the last fix and takes no other action by itself. PX4 drops to altitude mode
+after
   5.2 s, where without a pilot it sinks at 0.7 m/s, and returns home when the fix comes back.
-- Ground station: both do nothing unless told to, by NAV_DLL_ACT and FS_GCS_ENABLE.
+- Ground station: both do nothing unless NAV_DLL_ACT or FS_GCS_ENABLE is set.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ FIX_3D = 3
 
 PX4_POSITION_LOST_S = 5.2
 ARDUPILOT_POSITION_LOST_S = 7.2
-"""So long after the last fix the position is no longer claimed."""
+"""Time after the last fix from which the position counts as lost."""
 
 ARDUPILOT_LANDS_S = 8.1
 ARDUPILOT_SILENT_S = 15.0
-"""So long after the last fix LOCAL_POSITION_NED ceases."""
+"""Time after the last fix from which LOCAL_POSITION_NED is no longer sent."""
 
 _WITHOUT_POSITION = (Mode.MANUAL, Mode.ALTITUDE, Mode.LAND)
 _SETPOINTS_LOST = {3: Mode.RETURN, 4: Mode.LAND, 5: Mode.HOLD}
-"""COM_OBL_RC_ACT; 0 to 2 are modes for a pilot."""
+"""Modes by COM_OBL_RC_ACT; 0 to 2 are modes for a pilot."""
 
 _PX4_GROUND_STATION_LOST = {1: Mode.HOLD, 2: Mode.RETURN, 3: Mode.LAND}
 """NAV_DLL_ACT."""
@@ -37,7 +38,7 @@ _PX4_GROUND_STATION_LOST = {1: Mode.HOLD, 2: Mode.RETURN, 3: Mode.LAND}
 
 @dataclass(frozen=True, slots=True)
 class Failsafe:
-    """A change of mode that nobody asked for; `resumes`: the stream of setpoints takes it back."""
+    """A change of mode by the autopilot itself; `resumes`: whether the stream of setpoints reverts it."""
 
     mode: Mode
     text: str
@@ -45,7 +46,7 @@ class Failsafe:
 
 
 class Failsafes:
-    """The watch of one vehicle."""
+    """The failsafes of one vehicle."""
 
     def __init__(self, flavour: Flavour, parameters: Parameters, now_s: float) -> None:
         self._px4, self._parameters = flavour.is_px4, parameters
@@ -60,11 +61,11 @@ class Failsafes:
 
     @property
     def has_position(self) -> bool:
-        """Whether a position is claimed."""
+        """Whether it has a position."""
         return self.without_fix_s <= (PX4_POSITION_LOST_S if self._px4 else ARDUPILOT_POSITION_LOST_S)
 
     def note_ground_station(self, now_s: float) -> None:
-        """A heartbeat of a ground station."""
+        """Note a heartbeat of a ground station."""
         self._ground_station_s = now_s
 
     def watch(self, navigation: Navigation, mode: Mode, now_s: float) -> Failsafe | None:
@@ -80,7 +81,7 @@ class Failsafes:
         return self._position(mode, recovered) or self._ground_station(mode, now_s)
 
     def setpoints_lost(self) -> Failsafe:
-        """PX4's answer to silence in OFFBOARD."""
+        """PX4's failsafe when setpoints stop in OFFBOARD."""
         mode = _SETPOINTS_LOST.get(int(self._parameters["COM_OBL_RC_ACT"]), Mode.RETURN)
         return Failsafe(mode, f"Failsafe activated: no offboard signal, {mode}", resumes=True)
 
@@ -106,12 +107,12 @@ class Failsafes:
         heard_s = self._ground_station_s
         if action is None or heard_s is None or now_s - heard_s <= patience_s:
             return None
-        self._ground_station_s = None  # once; the next heartbeat arms it again
+        self._ground_station_s = None  # acts once; the next heartbeat enables it again
         if mode in (action, Mode.LAND, Mode.RETURN):
             return None
         return Failsafe(action, f"Failsafe activated: no ground station, {action}")
 
 
 def tells_position(px4: bool, without_fix_s: float) -> bool:
-    """Whether LOCAL_POSITION_NED is still sent: by PX4 always, however wrong it may be."""
+    """Whether LOCAL_POSITION_NED is still sent; PX4 always sends it, even if it is wrong."""
     return px4 or without_fix_s <= ARDUPILOT_SILENT_S

@@ -1,7 +1,7 @@
-"""What an autopilot flies by itself: climbing, going somewhere, coming down, turning its nose.
+"""Manoeuvres of an autopilot: climb, fly to a point, descend, turn.
 
-Units and axes: metres, seconds, radians; north-east-down about the scenario's home. Everything steers by a
-`SteeringEstimate`, never by the truth.
+Units and axes: metres, seconds, radians; north-east-down about the scenario's home. All manoeuvres use a
+`SteeringEstimate`, never the truth.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ from sitl_sim.world import DESCENT_MPS, FLARE_HEIGHT_M, TOUCHDOWN_MPS
 STILL: Vector = (0.0, 0.0, 0.0)
 
 BLEND_TIME_S = 10.0
-"""How fast the steering estimate follows the receiver horizontally: slowly, so that its noise does not shake the
-vehicle."""
+"""Time constant with which the steering estimate follows the receiver horizontally: slow, so that noise does not shake
+the vehicle."""
 
 APPROACH_PER_S = 0.6
-"""Speed by distance left; slow enough for the response of either autopilot."""
+"""Speed per remaining distance; slow enough for the response of either autopilot."""
 
 APPROACH_MPS2 = 1.5
 """Deceleration towards a point that either autopilot can fly."""
 
 LANDING_DRIFT_MPS = 1.0
-"""How fast a landing vehicle moves sideways onto its point."""
+"""Speed at which a landing vehicle moves sideways to its point."""
 
 HEIGHT_REACHED_M = 0.3
 YAW_RATE_RADPS = math.radians(60.0)
 
 MIN_NOSE_SPEED_MPS = 1.0
-"""Slower than this, a nose that follows the flight keeps its direction."""
+"""Below this speed, a nose that follows the flight keeps its direction."""
 
 
 class SteeringEstimate:
-    """Where a vehicle believes to be when it steers: velocity summed up, drawn slowly towards the receiver's position.
+    """The position that a vehicle steers by: integrated velocity, corrected slowly towards the receiver's position.
 
-    The height is not drawn at all. A barometer holds it within decimetres over a flight, which is what the summed
-    vertical velocity does here, whereas the receiver's altitude is metres off.
+    The height is not corrected. The integrated vertical velocity stands for a barometer, which holds the height within
+    decimetres over a flight, whereas the receiver's altitude is metres off.
     """
 
     def __init__(self, position_ned_m: Vector) -> None:
@@ -72,7 +72,7 @@ class Velocity:
 
 @dataclass(slots=True)
 class Accelerate:
-    """Fly an acceleration, up to these speeds; `velocity_ned_mps` is where it begins and how far it has come."""
+    """Fly an acceleration, up to these speeds; `velocity_ned_mps` is the initial and then the present velocity."""
 
     acceleration_ned_mps2: Vector
     velocity_ned_mps: Vector
@@ -111,14 +111,14 @@ class GoTo:
         return north + forward[0], east + forward[1], down + forward[2]
 
     def distance_m(self, estimate: SteeringEstimate) -> float:
-        """How far it is still."""
+        """Remaining distance."""
         gaps = zip(self.target_ned_m, (estimate.north_m, estimate.east_m, estimate.down_m), strict=True)
         return math.sqrt(sum((target - here) ** 2 for target, here in gaps))
 
 
 @dataclass(frozen=True, slots=True)
 class Climb:
-    """Straight up to a height above home."""
+    """Climb straight up to a height above home."""
 
     height_m: float
     speed_mps: float
@@ -126,7 +126,7 @@ class Climb:
     def command(self, estimate: SteeringEstimate) -> Vector:
         """Velocity to fly now [m/s]."""
         left_m = self.height_m + estimate.down_m
-        # no slower than this near the end: the last decimetres would take for ever
+        # a least speed, since the last decimetres would take too long
         return 0.0, 0.0, -min(self.speed_mps, max(APPROACH_PER_S * left_m, 0.3))
 
     def is_done(self, estimate: SteeringEstimate) -> bool:
@@ -136,7 +136,7 @@ class Climb:
 
 @dataclass(frozen=True, slots=True)
 class Descend:
-    """Down until the ground is there, slower near it; straight down, or onto a point (north, east)."""
+    """Descend to the ground, slower near it; straight down, or onto a point (north, east)."""
 
     onto_ne_m: tuple[float, float] | None = None
 
@@ -161,10 +161,10 @@ Guidance = Velocity | Accelerate | GoTo | Climb | Descend
 
 
 class Nose:
-    """Heading of a multirotor: turned towards what was asked at 60 degrees a second, or kept.
+    """Heading of a multirotor: turned towards a requested heading at 60 degrees a second, or kept.
 
     Args:
-        follows: Left alone it turns into the direction of flight, as ArduPilot's does.
+        follows: Whether it turns into the direction of flight without a request, as in ArduPilot.
     """
 
     def __init__(self, *, follows: bool = False) -> None:
@@ -179,8 +179,8 @@ class Nose:
         self._wanted_rad, self._wanted_rate_radps, self._follows = yaw_rad, None, False
 
     def turn_degrees(self, yaw_deg: float, *, relative: bool = False, direction: float = 1.0) -> None:
-        """Turn to a heading given in degrees, from north or from where the nose is, to the left of that where the
-        direction is negative; what is not finite is ignored."""
+        """Turn to a heading in degrees, from north or relative to the nose, to the left if the direction is negative;
+        values that are not finite are ignored."""
         if math.isfinite(yaw_deg):
             yaw_rad = math.radians(yaw_deg)
             if relative:
@@ -188,16 +188,16 @@ class Nose:
             self.turn_to(math.remainder(yaw_rad, math.tau))
 
     def turn_at(self, rate_radps: float) -> None:
-        """Keep turning, no faster than the vehicle can."""
+        """Keep turning at a rate, limited to that of the vehicle."""
         self._wanted_rad, self._follows = None, False
         self._wanted_rate_radps = min(max(rate_radps, -YAW_RATE_RADPS), YAW_RATE_RADPS)
 
     def let_go(self) -> None:
-        """Nobody asks for a heading any more, nor for a turn."""
+        """Clear the requested heading and turn rate."""
         self._follows, self._wanted_rate_radps = self._usually_follows, None
 
     def follow(self, velocity_ned_mps: Vector) -> None:
-        """Turn into the direction of flight, where it follows that; slower than 1 m/s, keep the last one."""
+        """Turn into the direction of flight, if it follows it; below 1 m/s keep the last direction."""
         if self._follows and math.hypot(velocity_ned_mps[0], velocity_ned_mps[1]) >= MIN_NOSE_SPEED_MPS:
             self._wanted_rad = math.atan2(velocity_ned_mps[1], velocity_ned_mps[0])
 

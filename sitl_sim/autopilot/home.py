@@ -1,7 +1,7 @@
-"""Where a vehicle has its home, and its local frame.
+"""Home and local frame of a vehicle.
 
 Units and axes: metres; north-east-down. Home is the ground where the vehicle was armed, or below its start; heights
-count from it. The local frame keeps its origin on the ground below the start, and is as high as home is.
+count from it. The origin of the local frame stays on the ground below the start, at the height of home.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ class Home:
     """The home of one vehicle.
 
     Args:
-        board: Keeps both in degrees, for whoever tells or reads them.
+        board: Stores both in degrees for other parts.
         navigation: The vehicle's navigation solution at the start.
-        down_m: How far below the scenario's home it is then.
+        down_m: Its down coordinate about the scenario's home at the start.
 
     Attributes:
         origin_ned_m: Origin of the local frame about the scenario's home.
-        place_ned_m: Home, likewise.
-        error_m: How far below the ground the estimator had it.
+        place_ned_m: Home about the scenario's home.
+        error_m: Height error of the estimator at home, positive below the ground.
     """
 
     def __init__(self, board: Board, navigation: Navigation, down_m: float) -> None:
@@ -35,12 +35,12 @@ class Home:
         self.set(navigation, (*self.origin_ned_m[:2], down_m))
 
     def set(self, navigation: Navigation, here_ned_m: Vector) -> None:
-        """Home is here from now on. Heights count from where the estimator believes the ground now, as on the real
-        ones: by how many metres the receiver is off at the start is not told as a height.
+        """Set home here. Heights count from the ground as the estimator has it now, as on the real ones, so a receiver
+        error at the start does not show as a height.
 
         Args:
             navigation: The vehicle's navigation solution.
-            here_ned_m: Where it steers by to be, about the scenario's home.
+            here_ned_m: Its steering position, about the scenario's home.
         """
         north, east, down = here_ned_m
         error_m = navigation.position_ned_m[2] - down
@@ -51,11 +51,11 @@ class Home:
         self.place_ned_m, self.error_m = (north, east, 0.0), error_m
 
     def local(self, navigation: Navigation) -> Vector:
-        """Where the vehicle believes to be, as LOCAL_POSITION_NED tells it."""
+        """Estimated position, as in LOCAL_POSITION_NED."""
         north, east, down = self.about_origin(navigation.position_ned_m)
         return north, east, down - self.error_m
 
     def about_origin(self, place_ned_m: Vector) -> Vector:
-        """A place about the scenario's home, in the local frame."""
+        """A position about the scenario's home, converted to the local frame."""
         origin = self.origin_ned_m
         return place_ned_m[0] - origin[0], place_ned_m[1] - origin[1], place_ned_m[2] - origin[2]

@@ -1,4 +1,4 @@
-"""One peer of a vehicle: its own message rates and its own sequence numbers, as on a real autopilot."""
+"""The link to one peer of a vehicle: it has its own message rates and sequence numbers, as on a real autopilot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Address = tuple[str, int]
 
 MIN_INTERVAL_S = 0.02
 MAX_DATAGRAM = 1200
-"""Messages that are due together share a datagram up to this size; MAVSDK reads into 2048 bytes."""
+"""Messages that are due together share a datagram up to this size; the buffer of MAVSDK has 2048 bytes."""
 
 
 class Link:
@@ -36,7 +36,7 @@ class Link:
         self._next_s = min(self._due_s.values(), default=math.inf)
 
     def interval_s(self, name: str) -> float | None:
-        """How often a message is sent; None: it is not."""
+        """Interval of a message [s]; None if it is not sent."""
         return self._interval_s.get(name)
 
     def due(self, now_s: float) -> list[str]:

@@ -1,6 +1,6 @@
-"""A mission in flight: which item, which velocity, what has been reached.
+"""A mission in flight: the present item, its velocity, and the items that were reached.
 
-Asked once a tick by the pilot while its mode is MISSION; it never changes a mode or arms by itself.
+The pilot calls it once a tick while its mode is MISSION; it never changes a mode or arms by itself.
 
 Positions are north-east-down about the scenario's home; heights count from the vehicle's own home.
 """
@@ -17,17 +17,17 @@ from sitl_sim.autopilot.mission_items import NAVIGATION, Item, MissionItem
 from sitl_sim.autopilot.speeds import Speeds
 
 AT_ONCE = 64
-"""Items done in one tick; more are a jump in a circle."""
+"""Limit of items per tick; more mean an endless loop of jumps."""
 
 _NO_MISSION, _NOT_STARTED, _ACTIVE, _PAUSED, _COMPLETE = 1, 2, 3, 4, 5
 """MISSION_STATE."""
 
 _OVERHEAD_M = 1.0
-"""So near to its point a landing goes down."""
+"""Distance to its point within which a landing descends."""
 
 
 class End(Enum):
-    """Why there is no velocity to fly."""
+    """Reasons why there is no velocity to fly."""
 
     FINISHED = "finished"
     RETURN = "return"
@@ -37,16 +37,16 @@ class MissionFlight:
     """The mission of one vehicle.
 
     Args:
-        board: Whose habits it has. ArduPilot's item 0 is home, and it begins with item 1. An item 0 that is no
-            placeholder for home is flown here: a real one would lose it, and MAVSDK's mission plugin with it its first
+        board: The flight controller. ArduPilot's item 0 is home, and it begins with item 1. An item 0 that is no
+            placeholder for home is flown here: a real one would lose it, and so MAVSDK's mission plugin its first
             waypoint.
         speeds: Its speeds; DO_CHANGE_SPEED changes them.
         nose: Its heading.
 
     Attributes:
         plan: Its items.
-        current: Sequence number of the item that is flown.
-        reached: Items that have been reached and not been told yet.
+        current: Sequence number of the present item.
+        reached: Items that were reached and are not reported yet.
         is_flown: Whether the mode is MISSION.
     """
 
@@ -66,7 +66,7 @@ class MissionFlight:
 
     @property
     def exists(self) -> bool:
-        """Whether there is anything to fly."""
+        """Whether there are items to fly."""
         return len(self.plan) > self._first
 
     @property
@@ -81,7 +81,7 @@ class MissionFlight:
         return first is not None and first.command == Item.TAKEOFF
 
     def load(self, items: Sequence[MissionItem]) -> None:
-        """Fly these from the first on."""
+        """Load a mission and start with its first item."""
         begins_with_home = bool(items) and not self._board.is_px4 and _is_home(items[0])
         if begins_with_home:
             items = [self._home_item(), *items[1:]]
@@ -90,7 +90,7 @@ class MissionFlight:
         self._rewind()
 
     def replace(self, first: int, items: Sequence[MissionItem]) -> None:
-        """Fly these in the place of others, from item `first` on, and go on where it is."""
+        """Replace items from `first` on, and continue at the present item."""
         if not self.plan:
             return self.load(items)
         plan = [*self.plan[:first], *items, *self.plan[first + len(items) :]]
@@ -101,7 +101,7 @@ class MissionFlight:
             self._go_on_with(self.current)
 
     def home_moved(self) -> None:
-        """The item that stands for home is where home is now."""
+        """Move the item for home to the present home."""
         if self._first:
             self.plan = (self._home_item(), *self.plan[1:])
 
@@ -121,7 +121,7 @@ class MissionFlight:
         self._held = False
 
     def set_current(self, seq: int) -> bool:
-        """Go on with an item; False if there is none."""
+        """Continue with an item; False if there is none."""
         if not 0 <= seq < len(self.plan):
             return False
         self._go_on_with(max(seq, self._first) if self.exists else seq)
@@ -144,24 +144,24 @@ class MissionFlight:
     # --- in flight ----------------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Begin, or go on where it was left; what is complete begins anew."""
+        """Begin, or continue where it was left; a complete mission begins again."""
         if self._complete:
             self._rewind()
         self._begun = True
         self._leg = None
 
     def landed(self) -> None:
-        """The ground was touched."""
+        """Note that the vehicle touched the ground."""
         if not self._complete and self.plan and self.plan[self.current].command == Item.LAND:
             self._arrive()
 
     def step(self, estimate: SteeringEstimate, now_s: float, *, grounded: bool) -> Guidance | End:
-        """What to fly now.
+        """The manoeuvre to fly now.
 
         Args:
-            estimate: Where the vehicle believes to be.
+            estimate: Its steering estimate.
             now_s: Monotonic time.
-            grounded: It stands.
+            grounded: Whether it is on the ground.
         """
         for _ in range(AT_ONCE):
             if self._complete or not self.exists:
@@ -190,7 +190,7 @@ class MissionFlight:
             self._leg = None
 
     def _do(self, item: MissionItem) -> None:
-        """Items that take no time."""
+        """Execute an item that takes no time."""
         match item.command:
             case Item.CHANGE_SPEED:
                 self._speeds.change(item.parameters[0], item.parameters[1])
@@ -213,7 +213,7 @@ class MissionFlight:
             return Climb(self._height_m(item), self._speeds.takeoff_mps)
         if grounded and item.command == Item.LAND:
             return Descend()
-        if grounded:  # as PX4 does: first straight up to the height of the waypoint
+        if grounded:  # as in PX4: first straight up to the height of the waypoint
             return Climb(max(self._height_m(item), self._board.parameters["MIS_TAKEOFF_ALT"]), self._speeds.takeoff_mps)
         if item.command == Item.LAND and item.latitude_longitude_deg is None:
             return Descend()
@@ -263,5 +263,5 @@ class MissionFlight:
 
 
 def _is_home(item: MissionItem) -> bool:
-    """Whether an item 0 stands for home, as clients of ArduPilot write it."""
+    """Whether an item 0 is the placeholder for home that clients of ArduPilot write."""
     return item.command == Item.WAYPOINT and (item.is_above_sea or item.latitude_longitude_deg is None)

@@ -1,6 +1,6 @@
-"""Items of a mission: what is taken, what is refused and why.
+"""Items of a mission: which are accepted, which are refused, and why.
 
-Kept as they came, in the integers of MISSION_ITEM_INT, so that a mission that is read back is the one that was written.
+They are stored unchanged, in the integers of MISSION_ITEM_INT, so that a client reads back exactly what it wrote.
 
 Source: https://mavlink.io/en/services/mission.html
 """
@@ -46,7 +46,7 @@ NAVIGATION = (*PLACES, Item.RETURN_TO_LAUNCH, Item.DELAY)
 """Items that take time; all others are done at once."""
 
 PAYLOAD = (195, 196, 197, 201, 203, 205, 206, 530, 1000, 1001, 2000, 2001, 2500, 2501)
-"""Regions of interest, gimbals and cameras: taken and passed over, as by an autopilot without any."""
+"""Regions of interest, gimbals and cameras: accepted and skipped, as by an autopilot without these devices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class MissionItem:
 
     @property
     def latitude_longitude_deg(self) -> tuple[float, float] | None:
-        """Where; None: wherever the vehicle is."""
+        """Position; None: the present position of the vehicle."""
         if (self.x, self.y) == (0, 0) or UNUSED_INT in (self.x, self.y):
             return None
         return self.x / 1e7, self.y / 1e7
@@ -74,12 +74,12 @@ class MissionItem:
         return self.frame in ALTITUDE_FRAMES
 
     def parameter(self, number: int) -> float | None:
-        """Parameter 1 to 4; None where it says "as usual"."""
+        """Parameter 1 to 4; None if it means "default"."""
         value = self.parameters[number - 1]
         return value if math.isfinite(value) and value != 0.0 else None
 
     def fields(self) -> dict[str, Any]:
-        """Fields of MISSION_ITEM_INT but for the sequence number and the addresses."""
+        """Fields of MISSION_ITEM_INT without sequence number and addresses."""
         named = {f"param{number}": value for number, value in enumerate(self.parameters, start=1)}
         return {
             **named,

@@ -1,10 +1,10 @@
-"""The mission protocol of MAVLink 2: up, down, clear, start somewhere. Sans-IO.
+"""The mission protocol of MAVLink 2: upload, download, clear, set the present item. Sans-IO.
 
-An upload replaces the mission when its last item has come and all were good; whatever goes wrong before leaves the old
-one in place. Only one peer uploads at a time. Reading needs no state: every item is answered for itself.
+An upload replaces the mission when its last item has arrived and all were good; after any error the old mission stays.
+Only one peer uploads at a time. A download needs no state: every request is answered separately.
 
-ArduPilot keeps home as item 0, see `mission_flight`. It asks for items with the old MISSION_REQUEST, replaces some of
-them where it is asked to, and while somebody uploads, nobody else clears and nobody reads.
+ArduPilot keeps home as item 0, see `mission_flight`. It requests items with the old MISSION_REQUEST, and can replace
+some items. During an upload, no other peer can clear, and nobody can read.
 
 Source: https://mavlink.io/en/services/mission.html, MissionItemProtocol.cpp of ArduPilot, mavlink_mission.cpp of PX4.
 """
@@ -25,7 +25,7 @@ MISSION, FENCE, RALLY, ALL = 0, 1, 2, 255
 
 REQUEST_AGAIN_S = 1.0
 GIVE_UP_AFTER = 5
-"""Requests for one item without an answer."""
+"""Requests for one item without an answer, after which an upload ends."""
 
 Sender = tuple[int, int]
 """System id and component id."""
@@ -33,7 +33,7 @@ Sender = tuple[int, int]
 
 @dataclass(slots=True)
 class _Upload:
-    """`count` items from number `first` on; of a whole mission, or in the place of others."""
+    """`count` items from number `first` on: a whole mission, or a replacement of some items."""
 
     peer: Hashable
     sender: Sender
@@ -46,32 +46,32 @@ class _Upload:
 
     @property
     def wanted(self) -> int:
-        """Number of the item that is to come now."""
+        """Number of the next item."""
         return self.first + len(self.items)
 
 
 class MissionProtocol:
-    """One vehicle's side.
+    """The vehicle's side of the protocol.
 
     Args:
-        board: PX4 asks again for the item that it wants, and acknowledges the last one again; ArduPilot refuses the one
-            that it did not ask for.
-        flight: Keeps the mission and flies it.
+        board: PX4 requests the wanted item again, and acknowledges the last one again; ArduPilot refuses an item that
+            it did not request.
+        flight: Stores the mission and flies it.
     """
 
     def __init__(self, board: Board, flight: MissionFlight) -> None:
         self._board, self._flight = board, flight
         self._upload: _Upload | None = None
         self._done: tuple[Hashable, Sender, int] | None = None
-        """Peer and sender of the mission that was written last, and its last item."""
+        """Peer and sender of the last uploaded mission, and its last item."""
 
     def receive(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> list[Reply]:
-        """Take one message of the protocol; the answers.
+        """Process one message of the protocol; returns the answers.
 
         Args:
-            message: MISSION_anything.
-            sender: Who says so.
-            peer: Where it came from; an upload continues there only.
+            message: Any message of the mission protocol.
+            sender: Its sender.
+            peer: Peer that it came from; an upload continues only with this peer.
             now_s: Monotonic time.
         """
         reads = message.name in ("MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_REQUEST")
@@ -98,11 +98,11 @@ class MissionProtocol:
                 return [self._begin_part(message, sender, peer, now_s)]
             case "MISSION_ACK":
                 if self._upload is not None and self._upload.peer == peer and message.type:
-                    self._upload = None  # called off by its sender
+                    self._upload = None  # cancelled by its sender
         return []
 
     def tick(self, now_s: float) -> tuple[Hashable, Reply] | None:
-        """Ask again for an item that did not come, with the peer to ask; give up after a while."""
+        """Request a missing item again; returns the peer and the request. Gives up after a while."""
         upload = self._upload
         if upload is None or now_s - upload.requested_s < REQUEST_AGAIN_S:
             return None
@@ -117,7 +117,7 @@ class MissionProtocol:
 
     def _begin(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> list[Reply]:
         kind, count = message.mission_type, message.count
-        if kind != MISSION:  # no fence and no rally points, but a client may make sure that there are none
+        if kind != MISSION:  # there are no fences and rally points, but a client may clear them
             fine = kind in (FENCE, RALLY) and count == 0
             return [
                 self._acknowledged(sender, kind) if fine else self._refused(sender, MissionResult.UNSUPPORTED, kind)
@@ -137,7 +137,7 @@ class MissionProtocol:
         return self._upload is not None and self._upload.peer != peer
 
     def _begin_part(self, message: Message, sender: Sender, peer: Hashable, now_s: float) -> Reply:
-        """ArduPilot: other items in the place of some, or behind the last one."""
+        """ArduPilot: replace some items, or add items after the last one."""
         first, last, count = message.start_index, message.end_index, len(self._flight.plan)
         if self._board.is_px4 or message.mission_type != MISSION:
             return self._refused(sender, MissionResult.UNSUPPORTED, message.mission_type)
@@ -158,7 +158,7 @@ class MissionProtocol:
             return [self._refused(sender, MissionResult.ERROR, message.mission_type)]
         wanted = upload.wanted
         if message.seq != wanted:
-            if self._board.is_px4 or message.seq < wanted:  # an item that came twice is no error
+            if self._board.is_px4 or message.seq < wanted:  # a repeated item is no error
                 return [self._request(upload)]
             return [self._refused(sender, MissionResult.INVALID_SEQUENCE)]
         whole = max(upload.first + upload.count, len(self._flight.plan) if upload.is_partial else 0)
@@ -194,7 +194,7 @@ class MissionProtocol:
         return [("MISSION_ITEM", _to(sender) | fields | degrees)]
 
     def _clear(self, message: Message, sender: Sender, peer: Hashable) -> list[Reply]:
-        """Somebody else's upload goes on; of ArduPilot it keeps the mission, too."""
+        """Clear the mission. An upload by another peer continues; on ArduPilot it also prevents clearing."""
         kind = message.mission_type
         if kind not in (MISSION, FENCE, RALLY, ALL):
             return [self._refused(sender, MissionResult.UNSUPPORTED, kind)]

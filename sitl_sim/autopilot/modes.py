@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Mode(StrEnum):
-    """Flight modes by what the vehicle does in them, which is what PX4 calls them."""
+    """Flight modes by the behaviour of the vehicle, with PX4's names."""
 
     MANUAL = "manual"
     ALTITUDE = "altitude"
@@ -24,18 +24,18 @@ class Mode(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Flavour:
-    """How one autopilot presents itself.
+    """The MAVLink identity and numbers of one autopilot.
 
     Args:
-        name: As ``--autopilot`` takes it.
+        name: Name for ``--autopilot``.
         autopilot: MAV_AUTOPILOT in HEARTBEAT.
-        base_mode: MAV_MODE_FLAG of a disarmed vehicle in any mode; `mode_flags`: what is added in some.
-        custom_modes: Numbers of the modes that it has.
-        ground_mode: Where a disarmed vehicle without a pilot rests.
+        base_mode: MAV_MODE_FLAG of a disarmed vehicle in any mode; `mode_flags`: flags added in some modes.
+        custom_modes: Numbers of its modes.
+        ground_mode: Mode of a disarmed vehicle without a pilot.
         capabilities: MAV_PROTOCOL_CAPABILITY in AUTOPILOT_VERSION.
-        version: Of the build that was measured, in AUTOPILOT_VERSION: bytes major, minor, patch, FIRMWARE_VERSION_TYPE.
-        refused: MAV_RESULT of a command at the wrong moment: PX4 says TEMPORARILY_REJECTED, ArduPilot FAILED.
-        mode_names: What its ground stations call modes that have another name here.
+        version: Version of the measured build, in AUTOPILOT_VERSION: bytes major, minor, patch, FIRMWARE_VERSION_TYPE.
+        refused: MAV_RESULT of a command at the wrong moment: TEMPORARILY_REJECTED on PX4, FAILED on ArduPilot.
+        mode_names: Names of ground stations for modes that have another name here.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Flavour:
         return self.autopilot == MAV_AUTOPILOT_PX4
 
     def name_of(self, mode: Mode) -> str:
-        """What its ground stations call a mode."""
+        """Name of a mode for ground stations."""
         return self.mode_names.get(mode, str(mode))
 
     def mode_of(self, custom_mode: int) -> Mode | None:
@@ -136,4 +136,5 @@ ARDUPILOT = Flavour(
 )
 
 FLAVOURS: dict[str, Flavour] = {"px4": PX4, "ardupilot": ARDUPILOT, "ideal": PX4}
-"""By the names that ``--autopilot`` takes. The ideal vehicle speaks like PX4; its response is the world's business."""
+"""Autopilots by their names for ``--autopilot``. The ideal vehicle uses PX4's MAVLink; only its response in the world
+differs."""

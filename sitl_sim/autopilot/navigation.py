@@ -1,7 +1,7 @@
-"""What a vehicle knows of itself: its navigation solution, with the error of its receiver in it.
+"""The navigation solution of a vehicle, with the error of its receiver.
 
-Units and axes: metres, metres a second; north-east-down about the scenario's home. Nothing here is the truth, except
-the acceleration, which an inertial sensor feels without any receiver.
+Units and axes: metres, metres a second; north-east-down about the scenario's home. No value is the truth, except the
+acceleration, which an inertial sensor measures without a receiver.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Vector = tuple[float, float, float]
 
 
 class Place(NamedTuple):
-    """On the ellipsoid: the estimator's, and the altitude of the receiver alone."""
+    """Geodetic position of the estimator, and the altitude of the receiver alone."""
 
     latitude_deg: float
     longitude_deg: float
@@ -58,8 +58,8 @@ class Navigation:
 
 
 class _Places:
-    """Of a fleet at one tick: worked out when one of them first tells where it is. Most ticks go by without it, and it
-    takes longer than all else that vehicles know of themselves."""
+    """Geodetic positions of a fleet at one tick, computed on first use: most ticks do not need them, and they take
+    longer than the rest of the navigation solution."""
 
     def __init__(
         self, position_ned_m: npt.NDArray[np.float64], receiver_down_m: npt.NDArray[np.float64], home: Geodetic
@@ -79,7 +79,7 @@ class _Places:
 
 
 class FleetNavigation:
-    """The navigation solutions of a fleet: taken from the world once a tick, handed out one by one.
+    """The navigation solutions of a fleet: copied from the world once a tick, returned one by one.
 
     The emulator's geoid is its ellipsoid: altitudes above mean sea level and above the ellipsoid are the same.
     """
@@ -91,7 +91,7 @@ class FleetNavigation:
         self.refresh()
 
     def refresh(self) -> None:
-        """Take the world as it is now."""
+        """Copy the present world."""
         world = self._world
         position = world.reported_position_ned_m
         places = _Places(position, world.receiver_down_m, self.home)

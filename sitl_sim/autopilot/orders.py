@@ -1,6 +1,6 @@
-"""What a vehicle can be told, and what it refuses: modes, arming, take-off, landing, going somewhere.
+"""Orders to a vehicle, and their refusals: modes, arming, take-off, landing, flying to a point.
 
-Every refusal comes with a STATUSTEXT that says why. Every order may come twice.
+Every refusal comes with a STATUSTEXT that gives the reason. Every order may be repeated.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from sitl_sim.world import VehicleState
 _NEEDS_POSITION = (Mode.POSITION, Mode.HOLD, Mode.TAKEOFF, Mode.MISSION, Mode.RETURN, Mode.OFFBOARD, Mode.BRAKE)
 
 _NOT_ARMABLE = (Mode.MISSION, Mode.LAND, Mode.RETURN)
-"""Modes of ArduPilot in which it does not arm: who has landed in one of them chooses another first."""
+"""Modes in which ArduPilot does not arm: after a landing in one of them, another mode must be chosen first."""
 
 
 class Orders:
     """Orders to one vehicle.
 
     Args:
-        board: Whose habits it has. A vehicle that is not cooperative flies its own mission and takes no orders.
-        pilot: Who carries them out.
+        board: The flight controller. A vehicle that is not cooperative flies its own mission and takes no orders.
+        pilot: The pilot that executes them.
     """
 
     def __init__(self, board: Board, pilot: Pilot) -> None:
         self._board, self._pilot = board, pilot
 
     def refuse(self, why: str, result: Result | None = None) -> Result:
-        """Say why; by default the result that this autopilot gives at a wrong moment."""
+        """Report the reason; by default returns the result of this autopilot for a wrong moment."""
         self._board.say(Severity.WARNING, why)
         return Result(self._board.flavour.refused) if result is None else result
 
     def no_such_mode(self, number: str) -> Result:
-        """There is no mode of this number: a wrong command for PX4, a change that fails for ArduPilot."""
+        """Refuse an unknown mode number: a wrong command on PX4, a failed change on ArduPilot."""
         return self.refuse(f"mode refused: there is no {number}", Result.DENIED if self._board.is_px4 else None)
 
     def _unavailable(self) -> Result | None:
-        """Why nothing can be commanded now, whatever it is."""
+        """The refusal if no order at all can be taken now."""
         if not self._board.spec.cooperative:
             return self.refuse("refused: flies its own mission")
         if self._pilot.navigation.state is VehicleState.LANDING:
@@ -69,7 +69,7 @@ class Orders:
             case Mode.MISSION:
                 return self._enter_mission()
             case _:
-                # asked to hold again, it goes on to where it was sent
+                # if it already holds, it continues to its last target
                 pilot.enter(mode, pilot.guidance if pilot.mode is mode and mode is Mode.HOLD else Velocity())
         return Result.ACCEPTED
 
@@ -98,7 +98,7 @@ class Orders:
         return Result.ACCEPTED
 
     def start_mission(self, now_s: float) -> Result:
-        """MAV_CMD_MISSION_START: PX4 arms for it; ArduPilot wants to be armed, and leaves the ground with it only."""
+        """MAV_CMD_MISSION_START: PX4 arms itself; ArduPilot must be armed, and leaves the ground only by it."""
         if not (self._board.is_px4 or self._pilot.armed):
             return self.refuse("mission refused: not armed")
         if self._board.is_px4 and not self._pilot.mission.exists:
@@ -112,7 +112,7 @@ class Orders:
     # --- arming, take-off, landing ------------------------------------------------------------------------------------
 
     def arm(self, wanted: bool, now_s: float) -> Result:
-        """Arm, or disarm on the ground; in the air the motors are not switched off, whoever asks."""
+        """Arm, or disarm on the ground; in the air the motors are never switched off."""
         if (refusal := self._unavailable()) is not None:
             return refusal
         pilot = self._pilot
@@ -138,7 +138,7 @@ class Orders:
     def take_off(self, height_m: float | None = None) -> Result:
         """Climb to a height above home; None: by MIS_TAKEOFF_ALT, which only PX4 has.
 
-        PX4 always takes it: unarmed it waits until it is armed, and where it is higher already it says so, and stays.
+        PX4 always accepts: unarmed it waits until it is armed; if it is already higher, it reports this and stays.
         ArduPilot takes off from the ground, armed and in GUIDED.
         """
         if (refusal := self._unavailable()) is not None:
@@ -177,7 +177,7 @@ class Orders:
         return Result.ACCEPTED
 
     def land(self) -> Result:
-        """Come down here."""
+        """Land here."""
         if self._board.spec.cooperative and self._pilot.navigation.state is VehicleState.LANDING:
             return Result.ACCEPTED
         if (refusal := self._unavailable()) is not None:

@@ -1,7 +1,7 @@
 """The OPEN_DRONE_ID messages that PX4 puts on every one of its links, from its own component.
 
-They are for a transmitter module on the vehicle; what goes over the air is the business of `sitl_sim.broadcast`. PX4
-gives no time of day and maps the receiver's one-sigma accuracy straight to the code, which understates it.
+They are for a transmitter module on the vehicle; `sitl_sim.broadcast` makes the messages on the air. PX4 sends no time
+of day and maps the receiver's one-sigma accuracy directly to the code, which understates the error.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _SERIAL_NUMBER, _MULTIROTOR, _TAKEOFF_LOCATION = 1, 2, 0
 
 
 class Motion(TypedDict):
-    """Arguments of `Location`: place and motion."""
+    """Arguments of `Location`: position and motion."""
 
     status: int
     direction_deg: float
@@ -35,7 +35,7 @@ class Motion(TypedDict):
 
 
 def motion_of(navigation: Navigation, home: Geodetic) -> Motion:
-    """What a navigation solution says of place and motion; nothing of how good it is, nor of when."""
+    """Position and motion of a navigation solution, without accuracies and time."""
     north, east, down = navigation.velocity_ned_mps
     return Motion(
         status=_AIRBORNE if navigation.in_air else _GROUND,

@@ -1,6 +1,6 @@
-"""The parameter protocol of MAVLink: all of them, one, and another value for one. Sans-IO.
+"""The parameter protocol of MAVLink: read all, read one, set one. Sans-IO.
 
-What is refused is answered with a STATUSTEXT and the value that stays.
+A refused value is answered with a STATUSTEXT and the present value.
 
 Source: https://mavlink.io/en/services/parameter.html
 """
@@ -17,7 +17,7 @@ class ParameterProtocol:
     """Answers to PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
 
     Args:
-        board: Whose parameters. PX4 says in words what it does not have, ArduPilot says nothing.
+        board: The flight controller. PX4 reports an unknown parameter with a STATUSTEXT, ArduPilot does not answer.
     """
 
     def __init__(self, board: Board) -> None:
@@ -28,12 +28,12 @@ class ParameterProtocol:
         return [self._value(index) for index in range(len(self._parameters))]
 
     def read(self, message: Message) -> list[Reply]:
-        """One, by name or by index."""
+        """One parameter, by name or by index."""
         index = self._parameters.find(message.param_id, message.param_index)
         return self._unknown(message.param_id, message.param_index) if index is None else [self._value(index)]
 
     def set(self, message: Message) -> tuple[list[Reply], bool]:
-        """The value that holds from now on, and whether it is the new one: then it is for everybody."""
+        """The present value after the request, and whether it changed: then all peers get it."""
         index = self._parameters.find(message.param_id)
         if index is None:
             return self._unknown(message.param_id, -1), False

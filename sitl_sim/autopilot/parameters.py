@@ -1,10 +1,10 @@
-"""The parameters of an emulated autopilot: those that clients ask for, and those that change how it flies.
+"""The parameters of an emulated autopilot: those that clients request, and those that change its flight.
 
 PX4 puts the bits of an integer into the float of PARAM_VALUE, ArduPilot casts it; clients choose by the autopilot field
-of HEARTBEAT. PX4 takes a PARAM_SET of the right type only, ArduPilot does not look at the type. A value outside the
-range of its parameter is refused by both.
+of HEARTBEAT. PX4 takes only a PARAM_SET of the right type, ArduPilot ignores the type. Both refuse a value outside the
+range of its parameter.
 
-``docs/emulator.md`` lists them all; a test holds it to that.
+``docs/emulator.md`` lists them all, which a test checks.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ REAL32 = 9
 
 @dataclass(slots=True)
 class Parameter:
-    """One parameter; `kind` is MAV_PARAM_TYPE, `low` and `high` are the ends of what is taken."""
+    """One parameter; `kind` is MAV_PARAM_TYPE, `low` and `high` are the limits of allowed values."""
 
     name: str
     value: float
@@ -86,13 +86,13 @@ class Parameters:
         return list(self._index)
 
     def find(self, param_id: bytes, index: int = -1) -> int | None:
-        """Index of a parameter by name, or by index where that is not negative."""
+        """Index of a parameter by name, or by index if that is not negative."""
         if index >= 0:
             return index if index < len(self._parameters) else None
         return self._index.get(parameter_name(param_id))
 
     def set(self, index: int, wire_value: float, kind: int) -> str | None:
-        """Take the value of a PARAM_SET; None, or why it is refused."""
+        """Set the value of a PARAM_SET; returns None, or why it is refused."""
         parameter = self._parameters[index]
         if self._bytewise and kind != parameter.kind:
             return f"{parameter.name}: wrong type"
@@ -128,5 +128,5 @@ class Parameters:
 
 
 def parameter_name(param_id: bytes) -> str:
-    """The name in a message: its printable characters, for the name of a parameter is ASCII."""
+    """The name in a message: its printable characters, since parameter names are ASCII."""
     return "".join(c for c in param_id.split(b"\x00")[0].decode("ascii", "replace") if " " < c < "\x7f")

@@ -1,7 +1,7 @@
-"""Who is served: one link a peer, each with its own rates, and what one of them says that is meant for others.
+"""The served peers: one link per peer, each with its own rates, and the forwarding of messages between them.
 
 One peer, the companion computer's, is served from the start; up to four others (a conductor, a ground station) are
-served from when they speak until they have been silent for 10 s. Whoever finds no place among them gets answers only.
+served from their first message until they have been silent for 10 s. Further peers get answers only.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ AUTOPILOT_COMPONENT = 1
 MAX_OTHERS = 4
 SILENCE_S = 10.0
 MAX_PASSED_ON = 64
-"""Frames passed on between two ticks; a flood from one peer is not carried to the others."""
+"""Limit of frames forwarded between two ticks, so that a flood from one peer does not reach the others."""
 
 _NEVER_PASSED_ON = ("TIMESYNC", "PING")
 
@@ -27,10 +27,10 @@ class Peers:
     """The peers of one vehicle.
 
     Args:
-        system_id: Of the vehicle.
-        companion: Address served from the start; None: only who speaks to it.
-        streams: Gives a fresh link its usual rates.
-        counters: Events by cause are counted there: refused_peer, not_passed_on.
+        system_id: System id of the vehicle.
+        companion: Address served from the start; None: only peers that send first.
+        streams: Sets the default rates of a new link.
+        counters: Counts events by cause: refused_peer, not_passed_on.
     """
 
     def __init__(self, system_id: int, companion: Address | None, streams: Streams, counters: Counter[str]) -> None:
@@ -42,7 +42,7 @@ class Peers:
         return len(self._links)
 
     def link_to(self, address: Address, now_s: float) -> Link:
-        """The link of a peer that is heard now; for whoever finds no place, one that nothing is streamed to."""
+        """The link of a peer that sends now; for a peer without a place, a link without streams."""
         link = self._links.get(address)
         if link is None:
             others = len(self._links) - (self._companion in self._links)
@@ -54,12 +54,12 @@ class Peers:
         return link
 
     def serve_companion(self, now_s: float) -> None:
-        """Open its link, if it has none yet."""
+        """Open the companion's link, if it has none yet."""
         if self._companion is not None and self._companion not in self._links:
             self._open(self._companion, math.inf, now_s)
 
     def served(self, now_s: float) -> Iterator[Link]:
-        """The links of those who are served now; who has been silent is dropped."""
+        """The links of served peers; silent ones are dropped."""
         for link in list(self._links.values()):
             if now_s - link.heard_s > SILENCE_S:
                 del self._links[link.address]
@@ -77,7 +77,7 @@ class Peers:
     # --- from one to the others ---------------------------------------------------------------------------------------
 
     def pass_on(self, message: Message, frame: bytes, source: Address) -> None:
-        """Take a frame of a peer to the others with the next tick, unless it is for this autopilot alone."""
+        """Forward a frame of a peer to the others with the next tick, unless it is for this autopilot alone."""
         if len(self._links) < 2 or message.name in _NEVER_PASSED_ON:
             return
         targets = message.fields.get("target_system", 0), message.fields.get("target_component", 0)
@@ -85,16 +85,16 @@ class Peers:
             self.carry(frame, source)
 
     def carry(self, frames: bytes, source: Address | None = None) -> None:
-        """Take bytes to all links but that of their source with the next tick."""
+        """Send bytes to all links except that of their source with the next tick."""
         if len(self._passed_on) >= MAX_PASSED_ON:
             self._counters["not_passed_on"] += 1
         else:
             self._passed_on.append((source, frames))
 
     def carried(self, link: Link) -> list[bytes]:
-        """What is taken to a link in this tick."""
+        """Frames that are forwarded to a link in this tick."""
         return [frames for source, frames in self._passed_on if source != link.address]
 
     def end_tick(self) -> None:
-        """All that waited has been taken to everybody."""
+        """Clear the forwarded frames, which all links have got."""
         self._passed_on.clear()

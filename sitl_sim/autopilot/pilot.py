@@ -1,12 +1,12 @@
-"""What the autopilot decides: mode, arming, what it flies now.
+"""The decisions of the autopilot: mode, arming, present manoeuvre.
 
-It steers by `Navigation` and commands the world's velocity; it knows no addresses and sends nothing. Time-outs are
+It steers by `Navigation` and commands the velocity in the world. It knows no addresses and sends nothing. Time-outs are
 those of the real autopilots with their default parameters:
 
 - PX4 refuses OFFBOARD in the air without a fresh stream of setpoints, leaves it after COM_OF_LOSS_T of silence, and
   takes it up again by itself when the stream returns. On the ground it accepts OFFBOARD and then refuses to arm.
 - ArduPilot keeps the last velocity for GUID_TIMEOUT, then brakes and stays in GUIDED. In modes for a pilot it sinks
-  unless somebody holds the throttle stick in the middle.
+unless the throttle stick is held in the middle.
 """
 
 from __future__ import annotations
@@ -43,49 +43,49 @@ from sitl_sim.world import VehicleState, World
 HOME_REACHED_M = 1.0
 
 LIFT_OFF_MPS = 0.1
-"""A vehicle that stands armed in OFFBOARD leaves the ground when asked to climb faster than this."""
+"""A vehicle that stands armed in OFFBOARD leaves the ground if it is commanded to climb faster than this."""
 
 BLIND_MPS = 0.7
 """Descent of PX4 in altitude mode without a pilot (measured)."""
 
 _NEVER_ARMED = (Mode.LAND, Mode.RETURN)
-"""Modes that PX4 leaves when it is disarmed, for the one before."""
+"""Modes that PX4 leaves for the previous one when it is disarmed."""
 
 _STICK_MODES = (Mode.MANUAL, Mode.ALTITUDE, Mode.POSITION, Mode.HOLD)
 """ArduPilot's modes that read the throttle stick; HOLD is LOITER there."""
 
 
 class Start(StrEnum):
-    """How a fleet begins."""
+    """Initial state of a fleet."""
 
     GROUND = "ground"
     """Unarmed, below the start."""
     AIRBORNE = "airborne"
     """Hovering at the start, armed, and already obeying setpoints."""
     HOLDING = "holding"
-    """Hovering at the start, armed, until somebody changes the mode."""
+    """Hovering at the start, armed, until the mode is changed."""
 
 
 class Pilot:
     """The flight logic of one vehicle.
 
     Args:
-        board: Whose habits it has, and its parameters; time-outs and speeds are read from them.
-        world: Where it flies.
+        board: The flight controller; time-outs and speeds are read from its parameters.
+        world: The world.
         navigation: Its navigation solution at the start.
-        start: How it begins.
+        start: Initial state.
 
     Attributes:
-        mode, armed: As HEARTBEAT tells them.
+        mode, armed: As in HEARTBEAT.
         failsafe: Whether a failsafe chose the mode.
         command_ned_mps: The velocity that it flies now.
         yaw_rad: Its heading.
         home: Its home and its local frame.
-        steering: What comes to it from outside.
-        guidance: What it flies now; None: what the world makes it fly.
+        steering: Setpoints and stick from outside.
+        guidance: The present manoeuvre; None: the world flies it.
         mission: Its mission; `mission_started`: whether MAV_CMD_MISSION_START has let ArduPilot leave the ground.
-        speeds, nose: How fast it flies, where it points.
-        failsafes: What it does by itself.
+        speeds, nose: Its speeds and its heading.
+        failsafes: Its failsafes.
     """
 
     def __init__(self, board: Board, world: World, navigation: Navigation, start: Start) -> None:
@@ -112,7 +112,7 @@ class Pilot:
             self.armed = True
         elif start is Start.AIRBORNE:
             self.mode = Mode.OFFBOARD
-        elif start is Start.HOLDING:  # ArduPilot's LOITER wants a pilot
+        elif start is Start.HOLDING:  # ArduPilot's LOITER needs a pilot
             self.mode = Mode.HOLD if flavour.is_px4 else Mode.BRAKE
         else:
             self.mode = flavour.ground_mode
@@ -127,29 +127,29 @@ class Pilot:
 
     @property
     def is_climbing_out(self) -> bool:
-        """Whether it is on its way up from the ground."""
+        """Whether it climbs after a take-off."""
         return isinstance(self.guidance, Climb) and self.mode is not Mode.RETURN
 
     @property
     def is_landing(self) -> bool:
-        """Whether it is on its way down to the ground."""
+        """Whether it descends to land."""
         return self.navigation.state is VehicleState.LANDING or isinstance(self.guidance, Descend)
 
     @property
     def local_position_ned_m(self) -> Vector:
-        """Where it believes to be in its local frame, as LOCAL_POSITION_NED tells it."""
+        """Estimated position in its local frame, as in LOCAL_POSITION_NED."""
         return self.home.local(self.navigation)
 
     @property
     def position_target_ned_m(self) -> Vector | None:
-        """Where it is going, in its local frame, also on its way up; None while it flies a velocity."""
+        """Target position in its local frame, also during a climb; None while it flies a velocity."""
         if isinstance(self.guidance, Climb):
             north, east, _ = self.local_position_ned_m
             return north, east, -self.guidance.height_m
         return self.home.about_origin(self.guidance.target_ned_m) if isinstance(self.guidance, GoTo) else None
 
     def is_steered(self, now_s: float) -> bool:
-        """Whether it flies what fresh setpoints ask for."""
+        """Whether it flies fresh setpoints."""
         return (
             self.steering.is_flown
             and self.mode is Mode.OFFBOARD
@@ -160,7 +160,7 @@ class Pilot:
     # --- time ---------------------------------------------------------------------------------------------------------
 
     def update(self, navigation: Navigation, now_s: float) -> None:
-        """Let time pass: failsafes, the current manoeuvre, the velocity to command."""
+        """Advance time: failsafes, the present manoeuvre, the velocity to command."""
         dt_s = navigation.time_s - self._time_s
         self._time_s, self._now_s, self.navigation = navigation.time_s, now_s, navigation
         self.estimate.update(navigation, dt_s)
@@ -188,7 +188,7 @@ class Pilot:
         self.nose.update(dt_s)
 
     def begin_mission(self) -> None:
-        """For a vehicle that avoids nobody: fly to the goal now, or as soon as it is up there."""
+        """For a vehicle that avoids nobody: fly to the goal now, or as soon as it has climbed."""
         self._sets_out = True
 
     def _fly_own_mission(self) -> None:
@@ -201,14 +201,14 @@ class Pilot:
             self.guidance = None
 
     def fail(self, unit: int, kind: int) -> bool:
-        """Let something of this vehicle fail (FAILURE_UNIT, FAILURE_TYPE); whether it can."""
+        """Inject a failure into this vehicle (FAILURE_UNIT, FAILURE_TYPE); returns whether that is possible."""
         event = failure_event(unit, kind, self._index + 1)
         if event is not None:
             self._world.inject(event)
         return event is not None
 
     def _follow_world(self) -> None:
-        """Notice what happened to the vehicle: touched the ground, or told to land because it has arrived."""
+        """Follow changes by the world: the vehicle touched the ground, or lands because it has arrived."""
         state, in_air = self.navigation.state, self.navigation.in_air
         if state is VehicleState.LANDING and self.mode is not Mode.LAND:
             self.enter(Mode.LAND, None)
@@ -298,16 +298,16 @@ class Pilot:
             self.guidance = Descend(guidance.target_ned_m[:2])
 
     def _leaves_the_ground(self) -> bool:
-        """Whether it stands, and what it is asked for leads up: enough for PX4, in OFFBOARD."""
+        """Whether it is on the ground and is commanded upwards, which is enough for PX4 in OFFBOARD."""
         stands = self.armed and self.navigation.state is VehicleState.GROUNDED
         return stands and self._board.is_px4 and self.mode is Mode.OFFBOARD and -self.command_ned_mps[2] > LIFT_OFF_MPS
 
     # --- setpoints ----------------------------------------------------------------------------------------------------
 
     def take_setpoint(self, message: Message, now_s: float) -> None:
-        """Fly a SET_POSITION_TARGET; outside of OFFBOARD and GUIDED it is dropped without a word.
+        """Fly a SET_POSITION_TARGET; outside of OFFBOARD and GUIDED it is silently dropped.
 
-        One that cannot be taken is ignored by PX4, which then misses its stream; ArduPilot stops.
+        PX4 ignores a setpoint that it cannot take, and then misses its stream; ArduPilot stops.
         """
         try:
             here = Here(self.local_position_ned_m, self.yaw_rad, self._board.own_origin, self._board.is_px4)
@@ -341,7 +341,7 @@ class Pilot:
     # --- manoeuvres ---------------------------------------------------------------------------------------------------
 
     def enter(self, mode: Mode, guidance: Guidance | None) -> None:
-        """Change the mode, whatever was before; None: the world flies it."""
+        """Change the mode unconditionally; without a manoeuvre, the world flies the vehicle."""
         self.mode, self.guidance = mode, guidance
         if mode not in _NEVER_ARMED:
             self._chosen = Mode.HOLD if mode is Mode.TAKEOFF else mode
@@ -352,7 +352,7 @@ class Pilot:
         self.steering.let_go()
 
     def enter_offboard(self) -> None:
-        """Obey setpoints, at once where there is a fresh one."""
+        """Obey setpoints, at once if there is a fresh one."""
         self.enter(Mode.OFFBOARD, Velocity())
         setpoint = self.steering.setpoint
         if self._board.is_px4 and setpoint is not None and self.steering.has_stream(self._now_s):
@@ -368,7 +368,7 @@ class Pilot:
         self.armed = wanted
 
     def set_home(self) -> None:
-        """Home is here from now on."""
+        """Set home here."""
         estimate = self.estimate
         self.home.set(self.navigation, (estimate.north_m, estimate.east_m, estimate.down_m))
         self.mission.home_moved()
@@ -376,22 +376,22 @@ class Pilot:
     def lift_off(self) -> None:
         """Leave the ground; it climbs when commanded to."""
         self._world.lift_off(self._index)
-        self.command_ned_mps = STILL  # the world forgets what was commanded before
+        self.command_ned_mps = STILL  # the world drops earlier commands
 
     def come_down(self) -> None:
-        """Land here; on the ground: disarm."""
+        """Land here; on the ground, disarm."""
         if not self.navigation.in_air:
             self._stand_down(Mode.LAND)
         elif self.mode is not Mode.LAND:
             self.enter(Mode.LAND, Descend())
 
     def _stand_down(self, mode: Mode) -> None:
-        """Be told to come down while it stands."""
+        """Handle an order to land while it is on the ground."""
         self.enter(mode, Velocity())
         self.arm(False)
 
     def fly_home(self) -> None:
-        """First up to the height of the way home, then there, then down; on the ground: disarm."""
+        """Climb to the return height, fly home, land; on the ground, disarm."""
         if not self.navigation.in_air:
             self._stand_down(Mode.RETURN)
         elif self.mode is not Mode.RETURN:

@@ -1,4 +1,4 @@
-"""Which messages an emulated autopilot has, and how often it sends them unasked."""
+"""The messages of an emulated autopilot, and their default rates."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ _PX4_ON_REQUEST = ("OPEN_DRONE_ID_BASIC_ID",)
 
 
 def default_intervals(flavour: Flavour) -> dict[str, float]:
-    """Time between two of each message on a fresh link [s].
+    """Interval of each message on a new link [s].
 
-    A client that waits for one that never comes waits for ever. ArduPilot sends nothing of its position before it is
-    asked or told by its SR parameters; here it is as with these set.
+    A client that waits for a missing message waits forever. ArduPilot sends no position before a request, unless its SR
+    parameters are set; the emulator behaves as if they were set.
     """
     return DEFAULT_INTERVAL_S | (_PX4_INTERVAL_S if flavour.is_px4 else _ARDUPILOT_INTERVAL_S)
 
 
 def on_request(flavour: Flavour) -> tuple[str, ...]:
-    """Messages that are sent when somebody asks for them, and not before."""
+    """Messages that are sent only on request."""
     return (*_ON_REQUEST, *_PX4_ON_REQUEST) if flavour.is_px4 else _ON_REQUEST
 
 

@@ -1,4 +1,4 @@
-"""What an autopilot answers with: messages, MAV_RESULT, MAV_MISSION_RESULT, MAV_SEVERITY."""
+"""Types of an autopilot's answers: messages, MAV_RESULT, MAV_MISSION_RESULT, MAV_SEVERITY."""
 
 from __future__ import annotations
 
@@ -49,4 +49,4 @@ class Severity(IntEnum):
 
 
 Say = Callable[[Severity, str], None]
-"""Takes what STATUSTEXT is to carry."""
+"""Called with severity and text of a STATUSTEXT."""

@@ -1,9 +1,9 @@
-"""SET_POSITION_TARGET_LOCAL_NED (84) and _GLOBAL_INT (86) to what the vehicle is asked to fly.
+"""Decodes SET_POSITION_TARGET_LOCAL_NED (84) and _GLOBAL_INT (86).
 
 The mask is read bit by bit, because every client sets its own: MAVSDK 0x09C7, MAVProxy 0x0FC7, ArduPilot's examples
-0x0DC7. A set bit means "ignore". What both real autopilots do is kept: a mask that ignores only some velocity axes is
-no velocity at all and stops the vehicle, and what is not finite (or beyond all reason) is not taken. Bit 0x200 would
-make an acceleration a force: PX4 refuses it, ArduPilot does not look at it.
+0x0DC7. A set bit means "ignore". As on both real autopilots, a mask that ignores only some velocity axes is no velocity
+at all and stops the vehicle, and values that are not finite (or unreasonably large) are not taken. Bit 0x200 would make
+an acceleration a force: PX4 refuses it, ArduPilot ignores it.
 
 Axes: north-east-down about the vehicle's own origin; frames 8 and 9 turn with its heading. The ground is flat:
 altitudes over terrain are altitudes over home. PX4 takes fewer frames than ArduPilot, and no position in frame 8.
@@ -26,7 +26,7 @@ from sitl_sim.autopilot.navigation import Vector
 from sitl_sim.autopilot.speeds import Speeds
 
 LARGEST = 1e6
-"""Most metres, metres a second or m/s^2 that are taken; figures near the end of a float do not survive a rotation."""
+"""Largest accepted value in metres, m/s or m/s^2; values near the end of a float's range overflow in a rotation."""
 
 ALTITUDE_FRAMES = (0, 5)
 """MAV_FRAME_GLOBAL and _INT: altitudes above mean sea level."""
@@ -57,19 +57,19 @@ class LocalFrame(IntEnum):
 
 PX4_LOCAL_FRAMES = (LocalFrame.LOCAL_NED, LocalFrame.BODY_NED)
 PX4_GLOBAL_FRAMES = (5, 6, 11)
-"""Those of a position; PX4 does not look at the frame of a global velocity."""
+"""Those of a position; Frames of a global position; PX4 ignores the frame of a global velocity."""
 
 
 @dataclass(frozen=True, slots=True)
 class Here:
-    """What a setpoint is relative to.
+    """Reference of a setpoint.
 
     Args:
-        position_ned_m: Where the vehicle believes to be, about its own origin; for frames that give an offset.
-        yaw_rad: Its heading; for frames that turn with it.
-        origin: Of its local frame; for global frames.
-        px4: Whose frames are taken. A heading of PX4's counts from north, of ArduPilot's from the nose, beside a frame
-            that turns with it.
+        position_ned_m: Estimated position about its own origin; for frames with an offset.
+        yaw_rad: Its heading; for frames that turn with the vehicle.
+        origin: Origin of its local frame; for global frames.
+        px4: Whether PX4's rules apply. In frames that turn with the vehicle, PX4's heading counts from north,
+            ArduPilot's from the nose.
     """
 
     position_ned_m: Vector
@@ -83,10 +83,10 @@ class Setpoint:
     """A usable setpoint; None: not given.
 
     Args:
-        velocity_ned_mps: What to fly; beside a position, what to add to the way there.
-        position_ned_m: Where to fly, about the vehicle's origin.
-        acceleration_ned_mps2: How to accelerate, where it stands alone. With none of the three, the vehicle stops.
-        yaw_rad, yaw_rate_radps: Heading, or how fast to turn.
+        velocity_ned_mps: Velocity to fly; with a position, a velocity added on the way.
+        position_ned_m: Target position about the vehicle's origin.
+        acceleration_ned_mps2: Acceleration, if it is alone. With none of the three, the vehicle stops.
+        yaw_rad, yaw_rate_radps: Heading, or turn rate.
     """
 
     velocity_ned_mps: Vector | None = None
@@ -101,15 +101,15 @@ class RefusedSetpoint(Exception):
 
 
 def decode_setpoint(message: Message, here: Here) -> Setpoint:
-    """What a setpoint asks for.
+    """Decode a setpoint.
 
     Args:
         message: SET_POSITION_TARGET_LOCAL_NED or SET_POSITION_TARGET_GLOBAL_INT.
-        here: What it is relative to.
+        here: Its reference.
 
     Raises:
-        RefusedSetpoint: If the frame is unknown, a figure that is used is not finite or no place on Earth, or PX4 finds
-            nothing in it to fly, or a force.
+        RefusedSetpoint: If the frame is unknown, a used value is not finite or no position on Earth, or, for PX4, if
+            there is nothing to fly, or a force.
     """
     mask = message.type_mask
     velocity = acceleration = position = None
@@ -134,7 +134,7 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
     if position is not None and is_local and message.coordinate_frame != LocalFrame.LOCAL_NED:
         position = _sum(position, here.position_ned_m)
     if velocity is None and mask & TypeMask.VELOCITY != TypeMask.VELOCITY:
-        position = acceleration = None  # only some axes ignored: no valid velocity, and no way to guess what was meant
+        position = acceleration = None  # only some axes ignored: no valid velocity
     return Setpoint(
         velocity,
         position,
@@ -145,14 +145,14 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
 
 
 def guidance_of(setpoint: Setpoint, speeds: Speeds, origin_ned_m: Vector, flown_ned_mps: Vector, px4: bool) -> Guidance:
-    """What to fly for a setpoint. A velocity wins over an acceleration; one beside anything else is not flown.
+    """The manoeuvre for a setpoint. An acceleration counts only if it is alone.
 
     Args:
-        setpoint: What is asked for.
-        speeds: The vehicle's.
-        origin_ned_m: Of its local frame, about the scenario's home.
-        flown_ned_mps: The velocity that it flies now; an acceleration goes on from there.
-        px4: ArduPilot has no controller for a position with an acceleration alone: it stops.
+        setpoint: The setpoint.
+        speeds: Speeds of the vehicle.
+        origin_ned_m: Origin of its local frame, about the scenario's home.
+        flown_ned_mps: Its present velocity, from which an acceleration starts.
+        px4: Whether it is PX4. ArduPilot has no controller for a position with only an acceleration: it stops.
     """
     velocity, position, acceleration = (
         setpoint.velocity_ned_mps,
@@ -179,8 +179,8 @@ def _check_frame(message: Message, is_local: bool, *, px4: bool) -> None:
 
 
 def _check_use(mask: int, turns: bool) -> None:
-    """What PX4 does not take: a force, and a setpoint with nothing in it to fly. In a frame that turns it leaves out
-    the position, and a velocity or an acceleration of which an axis is ignored."""
+    """Refuse what PX4 does not take: a force, and a setpoint with nothing to fly. In a frame that turns with the
+    vehicle, PX4 ignores the position, and a velocity or an acceleration with an ignored axis."""
     moves = (TypeMask.VELOCITY, TypeMask.ACCELERATION)
     if mask & TypeMask.FORCE and mask & TypeMask.ACCELERATION != TypeMask.ACCELERATION:
         raise RefusedSetpoint("setpoint: force not supported")

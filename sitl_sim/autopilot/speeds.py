@@ -1,4 +1,4 @@
-"""How fast and how high: the figures that an autopilot takes from its parameters, in SI units."""
+"""Speeds and heights from the parameters of an autopilot, in SI units."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from sitl_sim.autopilot.navigation import Vector
 from sitl_sim.autopilot.parameters import Parameters
 
 CRUISE, CLIMB, DESCENT = 1, 2, 3
-"""SPEED_TYPE of DO_CHANGE_SPEED; all others are of the cruise, too."""
+"""SPEED_TYPE of DO_CHANGE_SPEED; all other values mean cruise, too."""
 
 
 class Speeds:
-    """Speeds, heights and radii of one vehicle, read anew each time: parameters change in flight.
+    """Speeds, heights and radii of one vehicle, read each time, since parameters change in flight.
 
     Args:
-        flavour: Whose parameters they are.
-        parameters: PX4's are in metres, ArduPilot's in centimetres.
+        flavour: The autopilot.
+        parameters: Parameters, in metres for PX4, in centimetres for ArduPilot.
     """
 
     def __init__(self, flavour: Flavour, parameters: Parameters) -> None:
@@ -24,10 +24,10 @@ class Speeds:
         self._asked_mps: dict[int, float] = {}
 
     def change(self, kind: float, speed_mps: float) -> bool:
-        """DO_CHANGE_SPEED; whether it is taken.
+        """Execute DO_CHANGE_SPEED; returns whether it is accepted.
 
-        PX4 does not look at the kind, and goes back to its parameter for a speed that is not above zero; ArduPilot does
-        not take such a one.
+        PX4 ignores the kind, and returns to its parameter for a speed that is not above zero; ArduPilot refuses such a
+        speed.
         """
         if speed_mps > 0.0:
             self._asked_mps[int(kind) if kind in (CLIMB, DESCENT) and not self._px4 else CRUISE] = speed_mps
@@ -41,12 +41,12 @@ class Speeds:
 
     @property
     def fastest_mps(self) -> float:
-        """Towards a position setpoint."""
+        """Speed towards a position setpoint."""
         return self._figure("MPC_XY_VEL_MAX", "WPNAV_SPEED")
 
     @property
     def cruise_mps(self) -> float:
-        """Of missions, repositions and the way home."""
+        """Speed of missions, repositions and the return."""
         return self._asked_mps.get(CRUISE) or self._figure("MPC_XY_CRUISE", "WPNAV_SPEED")
 
     @property
@@ -66,12 +66,12 @@ class Speeds:
 
     @property
     def return_height_m(self) -> float:
-        """Least height of the way home."""
+        """Least height of the return."""
         return self._figure("RTL_RETURN_ALT", "RTL_ALT")
 
     @property
     def acceptance_radius_m(self) -> float:
-        """A waypoint that is so near counts as reached."""
+        """Distance at which a waypoint counts as reached."""
         return self._figure("NAV_ACC_RAD", "WPNAV_RADIUS")
 
     def way_to(

@@ -1,7 +1,7 @@
-"""How long a vehicle stands armed before it disarms itself.
+"""Automatic disarming of a vehicle that stands armed.
 
-PX4 waits for COM_DISARM_PRFLT without a flight and for COM_DISARM_LAND after one, ArduPilot for DISARM_DELAY. Zero and
-less: for ever.
+PX4 waits for COM_DISARM_PRFLT without a flight and for COM_DISARM_LAND after one, ArduPilot for DISARM_DELAY. Zero or
+less: never.
 
 Source: Commander::handleAutoDisarm of PX4, Copter::auto_disarm_check of ArduPilot.
 """
@@ -12,10 +12,10 @@ from sitl_sim.autopilot.board import Board
 
 
 class Standing:
-    """The watch of one vehicle.
+    """The time that one vehicle has stood armed.
 
     Args:
-        board: Whose habits it has, and its parameters.
+        board: The flight controller, with its parameters.
     """
 
     def __init__(self, board: Board) -> None:
@@ -27,9 +27,9 @@ class Standing:
         """Whether it disarms now.
 
         Args:
-            armed, in_air: What it does.
-            is_kept: Somebody wants it to stay armed for now.
-            time_s: Now.
+            armed, in_air: State of the vehicle.
+            is_kept: Whether it is to stay armed for now.
+            time_s: Present time.
         """
         self._has_flown = armed and (in_air or self._has_flown)
         if not armed or in_air or is_kept:
@@ -47,5 +47,5 @@ class Standing:
 
     @property
     def px4_words(self) -> str:
-        """What PX4 says of it."""
+        """PX4's STATUSTEXT about it."""
         return "Disarmed by landing" if self._has_flown else "Disarmed by auto preflight disarming"

@@ -1,4 +1,4 @@
-"""STATUSTEXT for everybody, until the next tick sends it; the same text at most once a second."""
+"""Queue of STATUSTEXT for all peers until the next tick; the same text at most once a second."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from sitl_sim.autopilot.results import Reply, Severity
 REPEAT_S = 1.0
 MAX_WAITING = 16
 MAX_LENGTH = 50
-"""Bytes of text that one message carries."""
+"""Bytes of text in one message."""
 
 
 class StatusTexts:
-    """What one vehicle says.
+    """STATUSTEXT messages of one vehicle.
 
     Attributes:
         now_s: Monotonic time; its owner sets it as time passes.
-        said: How often something was to be said, with what was held back.
+        said: Number of texts, including those held back.
     """
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class StatusTexts:
         self._said_s: dict[str, float] = {}
 
     def say(self, severity: Severity, text: str) -> None:
-        """Say this with the next tick, unless it was said within a second."""
+        """Send this with the next tick, unless it was sent within a second."""
         self.said += 1
         if self.now_s - self._said_s.get(text, -math.inf) >= REPEAT_S:
             self._said_s = {old: at for old, at in self._said_s.items() if self.now_s - at < REPEAT_S}
@@ -37,7 +37,7 @@ class StatusTexts:
                 self._waiting.append((severity, text))
 
     def taken(self) -> list[Reply]:
-        """What waits, and no longer does."""
+        """Remove and return the queued messages."""
         texts = [(int(severity), text[:MAX_LENGTH]) for severity, text in self._waiting]
         self._waiting.clear()
         return [("STATUSTEXT", {"severity": severity, "text": text}) for severity, text in texts]

@@ -1,4 +1,4 @@
-"""How often each link gets which message: SET_MESSAGE_INTERVAL, REQUEST_MESSAGE, REQUEST_DATA_STREAM and their kin."""
+"""Message rates of each link: SET_MESSAGE_INTERVAL, REQUEST_MESSAGE, REQUEST_DATA_STREAM and similar ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MESSAGES_OF_COMMANDS: dict[int, str] = {
     MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: "AUTOPILOT_VERSION",
     MavCommand.REQUEST_PROTOCOL_VERSION: "AUTOPILOT_VERSION",
 }
-"""Older commands that ask for one message. PROTOCOL_VERSION is not in the dialect: AUTOPILOT_VERSION says MAVLink 2."""
+"""Older commands that request one message. PROTOCOL_VERSION is not in the dialect: AUTOPILOT_VERSION says MAVLink 2."""
 
 Answer = tuple[Result, list[Reply]]
 
@@ -29,9 +29,9 @@ class Streams:
     """The rates of one vehicle's links.
 
     Args:
-        board: Streams of different vehicles fall into different moments. PX4 accepts any message for a stream and sends
-            nothing; ArduPilot refuses what it does not have.
-        telemetry: What can be sent.
+        board: The flight controller. Streams of different vehicles have different phases. PX4 accepts a stream of any
+            message and sends nothing if it does not have it; ArduPilot refuses it.
+        telemetry: Messages that can be sent.
     """
 
     def __init__(self, board: Board, telemetry: Telemetry) -> None:
@@ -39,12 +39,12 @@ class Streams:
         self._default_interval_s = default_intervals(board.flavour)
 
     def begin(self, link: Link, now_s: float) -> None:
-        """The usual rates, on a fresh link."""
+        """Set the default rates of a new link."""
         for name, interval_s in self._default_interval_s.items():
             self._stream(link, name, interval_s, now_s)
 
     def command(self, command: Command, link: Link, now_s: float) -> Answer | None:
-        """The answer to a command about messages; None: it is about something else."""
+        """The answer to a command about messages; None for other commands."""
         if command.number == MavCommand.SET_MESSAGE_INTERVAL:
             return self._set_interval(command, link, now_s), []
         if command.number == MavCommand.GET_MESSAGE_INTERVAL:
@@ -69,7 +69,7 @@ class Streams:
         return Result.ACCEPTED, [(name, self._telemetry.fields(name))]
 
     def _tell_interval(self, msgid: int, link: Link) -> Answer:
-        """In microseconds; -1: it is not sent, 0: there is none."""
+        """The interval in microseconds; -1: not sent, 0: no such message."""
         name = self._name(msgid)
         interval_s = None if name is None else link.interval_s(name)
         interval_us = (0 if name is None else -1) if interval_s is None else round(interval_s * 1e6)
@@ -80,7 +80,7 @@ class Streams:
         name, interval_us = self._name(command[1]), command[2]
         if name is None:
             if self._board.is_px4:
-                return Result.ACCEPTED  # as PX4 answers, although nothing will come
+                return Result.ACCEPTED  # PX4's answer, although it will not send it
             self._board.say(Severity.WARNING, "message interval refused: unknown message")
             return Result.DENIED
         if interval_us is None:

@@ -1,8 +1,8 @@
-"""What an emulated autopilot reports: one function a message.
+"""The messages of an emulated autopilot: one function per message.
 
-Everything is the navigation solution of `Navigation`, with the receiver's error in it. Habits of real autopilots are
-kept because a reader must survive them: PX4 sends GPS_RAW_INT with a time of 0, and ArduPilot goes on telling its last
-h_acc after it has lost its fix, and at last ceases to send LOCAL_POSITION_NED.
+All values come from `Navigation`, with the receiver's error. Peculiarities of real autopilots are kept, since readers
+must cope with them: PX4 sends GPS_RAW_INT with a time of 0, and ArduPilot keeps sending its last h_acc after it has
+lost its fix, and finally stops sending LOCAL_POSITION_NED.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SENSORS = 0x1 | 0x2 | 0x4 | 0x8 | 0x20 | 0x200000 | 0x2000000 | 0x10000000
 
 _GPS_SENSOR, _PREARM_CHECK = 0x20, 0x10000000
 _GEOFENCE = 0x100000
-"""A fence that is not there is not breached either: ArduPilot says that it is healthy, and ground stations look."""
+"""ArduPilot reports a missing fence as healthy, and ground stations check this."""
 _RTK_FIXED, _NO_FIX_ARDUPILOT = 6, 1
 _LOST_H_ACC_MM = 100_000
 
@@ -47,7 +47,7 @@ class Telemetry:
     """Fields of every message that one vehicle can send.
 
     Args:
-        board: Whose habits it has.
+        board: The flight controller.
         pilot: The vehicle.
         utc_clock: Seconds since 1970.
     """
@@ -63,11 +63,11 @@ class Telemetry:
 
     @property
     def home(self) -> Geodetic:
-        """Where the vehicle took off, as it believes."""
+        """Estimated take-off position."""
         return self._board.own_home
 
     def tells(self, name: str) -> bool:
-        """Whether a message is sent now, where it is due."""
+        """Whether a message is sent now, if it is due."""
         if name != "LOCAL_POSITION_NED":
             return True
         return tells_position(self._board.is_px4, self._pilot.failsafes.without_fix_s)
@@ -115,7 +115,7 @@ class Telemetry:
         return {
             "type": 1,
             "temperature": _INT16_MAX,
-            # the first entry is the whole battery where cells are not measured one by one
+            # the first entry is the whole battery if cells are not measured singly
             "voltages": (round(navigation.battery_v * 1e3), *(_UINT16_UNKNOWN,) * 9),
             "current_battery": _centiamperes(navigation.battery_a),
             "current_consumed": -1,
@@ -190,7 +190,7 @@ class Telemetry:
         navigation = self._pilot.navigation
         north, east, down = navigation.velocity_ned_mps
         return {
-            # without a sensor: PX4 knows of none, ArduPilot takes the air to stand still
+            # without a sensor: unknown on PX4; ArduPilot assumes calm air
             "airspeed": math.nan if self._board.is_px4 else math.hypot(north, east, down),
             "groundspeed": math.hypot(north, east),
             "heading": _cdeg(self._pilot.yaw_rad) // 100,
@@ -318,7 +318,7 @@ class Telemetry:
 
     def _autopilot_version(self) -> Fields:
         flavour = self._board.flavour
-        below = flavour.version if flavour.is_px4 else 0  # ArduPilot says nothing of what it stands on
+        below = flavour.version if flavour.is_px4 else 0  # ArduPilot does not report it
         return {
             "capabilities": flavour.capabilities,
             "flight_sw_version": flavour.version,
