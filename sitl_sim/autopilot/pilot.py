@@ -6,7 +6,7 @@ those of the real autopilots with their default parameters:
 - PX4 refuses OFFBOARD in the air without a fresh stream of setpoints, leaves it after COM_OF_LOSS_T of silence, and
   takes it up again by itself when the stream returns. On the ground it accepts OFFBOARD and then refuses to arm.
 - ArduPilot keeps the last velocity for GUID_TIMEOUT, then brakes and stays in GUIDED. In modes for a pilot it sinks
-unless the throttle stick is held in the middle.
+  unless the throttle stick is held in the middle.
 """
 
 from __future__ import annotations

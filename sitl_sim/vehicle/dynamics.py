@@ -1,5 +1,4 @@
-"""Response of vehicles to velocity setpoints: kinematics of an ideal vehicle, PX4 and ArduPilot, for a whole fleet at
-once.
+"""Response of a fleet to velocity setpoints: kinematics of an ideal vehicle, of PX4 and of ArduPilot.
 
 Units and axes: metres, seconds; north-east-down. Arrays are (n, 3), one row per vehicle; a batch of worlds is one long
 fleet. The models were fitted to step responses of both autopilots in their own simulators (ArduPilot Copter 4.6 "quad",
@@ -8,7 +7,7 @@ PX4 1.17 "SIH quad X"): ``tests/sitl_sim/measured.py`` has the measured tables, 
 - ideal: the commanded velocity at once, within the limits of speed.
 - ArduPilot shapes the target (limits of jerk and acceleration), then follows it: slow, but exact.
 - PX4 does not shape in OFFBOARD. It uses proportional, integral and derivative feedback of velocity, limited by tilt,
-against a drag that is unusually large in its simulator: quick, but for seconds 12-17 % short of the commanded speed.
+  against a drag that is unusually large in its simulator: quick, but for seconds 12-17 % short of the commanded speed.
 
 The world is stepped in ticks of 20 ms, the period at which both autopilots stream and a tenth of their lag.
 """
