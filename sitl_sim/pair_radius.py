@@ -65,7 +65,7 @@ def pair_radius_under(
     """Pair radii of a whole fleet under a definition, shape (n, n), from what the vehicles broadcast of themselves.
 
     These are the data that others can know, as in a recording: a vehicle that sends standard Remote ID alone has
-    neither size nor error. For a vehicle that broadcasts nothing the true values are used.
+    neither size nor error. For a vehicle that broadcasts nothing, its own size and error are used.
 
     Args:
         definition: Separation definition, which decides what fields count.

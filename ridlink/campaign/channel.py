@@ -27,7 +27,7 @@ class Channel:
         burst: Mean number of reports lost in a row, from a model of two states with geometric durations (Gilbert and
             Elliott); None: independent losses, with a mean of `1 / (1 - loss)`.
         latency_s: Time from sending to receipt, uniform between the two values.
-        edge_loss: Additional share lost at the end of the range; it falls with the fourth power of the distance.
+        edge_loss: Additional share lost at the end of the range; it grows with the fourth power of the distance.
         crowding: Probability that one more sender in range of the receiver destroys a report.
 
     Raises:

@@ -31,8 +31,8 @@ def clopper_pearson(events: int, trials: int) -> Interval:
     Source: Clopper and Pearson (1934), by bisection of the binomial distribution.
 
     Args:
-        events: How often it happened.
-        trials: How often it could have.
+        events: Number of events.
+        trials: Number of trials.
 
     Raises:
         ValueError: If there are no trials, or not 0 <= events <= trials.
