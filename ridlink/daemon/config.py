@@ -177,9 +177,12 @@ def configured(config_file: str | None, over: Mapping[str, Any]) -> DaemonConfig
     try:
         return daemon_config(overridden(flat, over), config_file)
     except ConfigError as error:
-        for key, others in _without_each(flat):
+        for table, key, others in _without_each(flat):
             if _complaint(overridden(others, over), config_file) != str(error):
-                raise ConfigError(f"{config_file}{line_of(text, key)}: {_with_name(key, error)}") from error
+                line = line_of(text, key, table)
+                if key == "obstacle" and (named := re.match(r"obstacle (\d+)", str(error))):
+                    line = line_of(text, "polygon", key, int(named[1]))
+                raise ConfigError(f"{config_file}{line}: {_with_name(key, error)}") from error
         for key in (name for name, value in over.items() if value is not None):
             if _complaint(overridden(flat, {**over, key: None}), config_file) != str(error):
                 raise ConfigError(_with_name(key.replace("_", "-"), error)) from error
@@ -192,15 +195,15 @@ def _with_name(key: str, error: ConfigError) -> str:
     return str(error) if named else f"{key}: {error}"
 
 
-def _without_each(flat: FlatConfig) -> Iterator[tuple[str, FlatConfig]]:
-    """Each key that is given, also in the tables of solvers, and the configuration without it."""
+def _without_each(flat: FlatConfig) -> Iterator[tuple[str, str, FlatConfig]]:
+    """Each key that is given, with its table ("": the top), and the configuration without it."""
     for key, value in msgspec.structs.asdict(flat).items():
         if isinstance(value, dict):
             for inner in value:
                 others = {name: number for name, number in value.items() if name != inner}
-                yield inner, msgspec.structs.replace(flat, **{key: others})
+                yield key, inner, msgspec.structs.replace(flat, **{key: others})
         elif value is not None:
-            yield key, msgspec.structs.replace(flat, **{key: None})
+            yield "", key, msgspec.structs.replace(flat, **{key: None})
 
 
 def _complaint(flat: FlatConfig, config_file: str | None) -> str:

@@ -31,7 +31,7 @@ import msgspec
 
 from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.avoidance.types import SolverKind
-from ridlink.checked_toml import MOST_FAULTS, parse_toml
+from ridlink.checked_toml import MOST_FAULTS, TomlSource, parse_toml
 from ridlink.errors import ConfigError
 from ridlink.words import did_you_mean
 
@@ -114,33 +114,40 @@ class FlatConfig(msgspec.Struct, kw_only=True, frozen=True):
     obstacle: list[ObstacleTable] | None = None
 
 
-def line_of(text: str, key: str) -> str:
-    """ ":line" of a key or table in a TOML text, empty if it is unknown."""
-    pattern = re.compile(rf"\s*(?:\[+\s*)?[\"']?{re.escape(key)}[\"']?\s*(?:=|\])")
-    for number, line in enumerate(text.splitlines(), start=1):
-        if pattern.match(line):
-            return f":{number}"
-    return ""
+def line_of(text: str, key: str, table: str = "", number: int = 0) -> str:
+    """ ":line" of a key or table in a TOML text, empty if it is unknown.
+
+    Args:
+        text: TOML.
+        key: The key, or a table at the top. If the table does not have it, the line of the table counts.
+        table: The table with the key; empty at the top.
+        number: Which of several tables of that name, from 1; 0 if there is one.
+    """
+    source = TomlSource("", text)
+    line = source.line(table, number, key) or source.line("", 0, table) or source.line(key, 0, "")
+    return f":{line}" if line else ""
 
 
-def _unknown(given: Mapping[str, Any], known: Sequence[str], where: str, text: str) -> Iterator[str]:
+def _unknown(
+    given: Mapping[str, Any], known: Sequence[str], where: str, text: str, table: str = "", number: int = 0
+) -> Iterator[str]:
     for key in given:
         if key not in known:
             hint = did_you_mean(key.replace("-", "_"), known) or f": known are {', '.join(known)}"
-            yield f"{where}{line_of(text, key)}: unknown key {key!r}{hint}"
+            yield f"{where}{line_of(text, key, table, number)}: unknown key {key!r}{hint}"
 
 
-def _not_finite(value: Any, key: str, where: str, text: str) -> Iterator[str]:
+def _not_finite(value: Any, key: str, where: str, text: str, table: str = "", number: int = 0) -> Iterator[str]:
     if isinstance(value, float) and not math.isfinite(value):
-        yield f"{where}{line_of(text, key)}: {key} must be a finite number, not {value}"
+        yield f"{where}{line_of(text, key, table, number)}: {key} must be a finite number, not {value}"
     if isinstance(value, dict):
         for name, inner in value.items():
             # In the table of a solver infinite is allowed: it means "stops at once".
             if key not in SOLVER_TABLES or inner != math.inf:
-                yield from _not_finite(inner, name, where, text)
+                yield from _not_finite(inner, name, where, text, key, number)
     if isinstance(value, list):
-        for inner in value:
-            yield from _not_finite(inner, key, where, text)
+        for at, inner in enumerate(value, start=1):
+            yield from _not_finite(inner, key, where, text, table, at if isinstance(inner, dict) else number)
 
 
 def config_text(path: str | Path) -> str:
@@ -194,28 +201,37 @@ def _faults(document: Mapping[str, Any], where: str, text: str) -> Iterator[str]
     yield from _unknown(document, known, where, text)
     for key, value in document.items():
         found = [*dict.fromkeys(_not_finite(value, key, where, text))]
-        if key in SOLVER_TABLES and isinstance(value, dict):
-            found += _unknown(value, [item.name for item in fields(SOLVER_TABLES[SolverKind(key)])], where, text)
+        of_solver = key in SOLVER_TABLES and isinstance(value, dict)
+        if of_solver:
+            found += _unknown(value, [item.name for item in fields(SOLVER_TABLES[SolverKind(key)])], where, text, key)
         if key == "obstacle" and isinstance(value, list):
-            found += [line for one in value if isinstance(one, dict) for line in _unknown(one, POLYGON, where, text)]
+            for number, one in enumerate(value, start=1):
+                found += _unknown(one, POLYGON, where, text, key, number) if isinstance(one, dict) else ()
         yield from found
-        if not found:
-            try:
-                msgspec.convert({key: value}, FlatConfig)
-            except msgspec.ValidationError as error:
-                yield f"{where}{line_of(text, key)}: {_explained(key, error)}"
+        if not found and of_solver:
+            for name, inner in value.items():
+                yield from _wrong_kind(name, {key: {name: inner}}, where, text, key)
+        elif not found:
+            yield from _wrong_kind(key, {key: value}, where, text)
 
 
-def _explained(key: str, error: Exception) -> str:
-    if key == "goal":
-        return "goal must be [latitude, longitude] or [latitude, longitude, altitude]"
-    said, _, path = str(error).partition(" - at")
-    if found := _IN_OBSTACLE.search(path):
-        obstacle, vertex = (None if index is None else int(index) + 1 for index in found.groups())
-        key = f"obstacle {obstacle}" + (f", vertex {vertex}" if vertex else "")
-    for kind, words in KINDS.items():
-        said = said.replace(f"`{kind} | null`", words).replace(f"`{kind}`", words)
-    return f"{key}: {said[:1].lower()}{said[1:]}"
+def _wrong_kind(key: str, document: Mapping[str, Any], where: str, text: str, table: str = "") -> Iterator[str]:
+    try:
+        msgspec.convert(document, FlatConfig)
+    except msgspec.ValidationError as error:
+        said, _, path = str(error).partition(" - at")
+        line = line_of(text, key, table)
+        if key == "goal":
+            said = "goal must be [latitude, longitude] or [latitude, longitude, altitude]"
+        else:
+            for kind, words in KINDS.items():
+                said = said.replace(f"`{kind} | null`", words).replace(f"`{kind}`", words)
+            if found := _IN_OBSTACLE.search(path):
+                obstacle, vertex = (None if index is None else int(index) + 1 for index in found.groups())
+                line = line_of(text, "polygon", "obstacle", obstacle or 0)
+                key = f"obstacle {obstacle}" + (f", vertex {vertex}" if vertex else "")
+            said = f"{key}: {said[:1].lower()}{said[1:]}"
+        yield f"{where}{line}: {said}"
 
 
 def overridden(flat: FlatConfig, over: Mapping[str, Any]) -> FlatConfig:

@@ -106,6 +106,9 @@ def test_flag_over_file_over_default(write) -> None:
     assert config.engine.halfplane.response_time_s == 0.0
 
 
+WALL = "[[obstacle]]\npolygon = [[47.0, 8.0], [47.1, 8.0], [47.1, 8.1]]\n"
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -126,10 +129,10 @@ def test_flag_over_file_over_default(write) -> None:
         ("goal = 47.0", [":1", "[latitude, longitude]"]),
         (
             "[[obstacle]]\npolygon = [[47.0, 8.0]]\n[[obstacle]]\npolygon = [[47.0, 8.0], [47.0, 8.0, 1.0]]",
-            [":1: obstacle 2, vertex 2: expected a list of length 2, got 3"],
+            [":4: obstacle 2, vertex 2: expected a list of length 2, got 3"],
         ),
-        ('[[obstacle]]\npolygon = [[47.0, "8"]]', [":1: obstacle 1, vertex 1: expected a number, got text"]),
-        ("[[obstacle]]\npolygon = 47.0", [":1: obstacle 1: expected a list, got a number"]),
+        ('[[obstacle]]\npolygon = [[47.0, "8"]]', [":2: obstacle 1, vertex 1: expected a number, got text"]),
+        ("[[obstacle]]\npolygon = 47.0", [":2: obstacle 1: expected a list, got a number"]),
         ("obstacle = 1", [":1", "obstacle: expected a list, got a whole number"]),
         ("obstacle = [1]", [":1: obstacle 1: expected a table, got a whole number"]),
         ("halfplane = 1", [":1", "halfplane: expected a table, got a whole number"]),
@@ -178,6 +181,27 @@ def test_f34_all_mistakes_are_told_at_once_and_none_twice(write) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[halfplane]\nsmoothing = 0.4\n[rotation]\nsmoothing = nan", ":4: smoothing must be a finite number"),
+        ("[halfplane]\nsmoothing = 0.4\n[rotation]\nsmoothing = 7.0", ":4: smoothing must lie in"),
+        ('[halfplane]\nsmoothing = 0.4\n\nstart_turn_rad = "x"', ":4: start_turn_rad: expected a number, got text"),
+        ("[graded]\nfade_s = 5.0\n[rotation]\nfade_s = 5.0", ":4: unknown key 'fade_s'"),
+        (WALL + "[[obstacle]]\npolygon = [[47.0, nan]]", ":4: polygon must be a finite number"),
+        (WALL + "[[obstacle]]\npolygon = [[47.0, 8.0]]", ":4: obstacle 2 needs"),
+        (WALL + "[[obstacle]]\n", ":3: obstacle 2: object missing"),
+        ("halfplane = {smoothing = 7.0}", ":1: smoothing must lie in"),
+        ("obstacle = [{polygon = [[47.0, 8.0]]}]", ":1: obstacle 1 needs"),
+    ],
+)
+def test_f34_the_line_is_that_of_the_table_with_the_mistake(write, text: str, said: str) -> None:
+    path = write(text)
+    with pytest.raises(ConfigError) as caught:
+        configured(str(path), {})
+    assert str(caught.value).startswith(f"{path}{said}")
+
+
+@pytest.mark.parametrize(
     ("text", "over", "said"),
     [
         ("\ncruise = -1.0", {}, ":2: cruise must be positive, got -1.0 m/s"),
@@ -187,7 +211,7 @@ def test_f34_all_mistakes_are_told_at_once_and_none_twice(write) -> None:
         ("[halfplane]\nhorizon_s = inf", {}, ":2: horizon_s must be finite"),
         ("v_max = 9.0\ncruise = 12.0", {}, ":2: cruise of 12 m/s is above v-max of 9 m/s"),
         ("v_max = 9.0", {"cruise": 12.0}, ":1: cruise of 12 m/s is above v-max of 9 m/s"),
-        ("[[obstacle]]\npolygon = [[47.0, 8.0]]", {}, ":1: obstacle"),
+        ("[[obstacle]]\npolygon = [[47.0, 8.0]]", {}, ":2: obstacle 1 needs"),
     ],
 )
 def test_f34_a_value_out_of_range_is_told_with_its_line(write, text: str, over: dict[str, Any], said: str) -> None:
