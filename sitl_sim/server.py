@@ -167,7 +167,7 @@ class FleetServer:
         return self._fleet.mission_begun
 
     def begin_mission(self) -> None:
-        """Mission time counts from now, and those who avoid nobody set out.
+        """Start mission time, and send off the vehicles that avoid nobody.
 
         An airborne fleet begins with `run`. One from the ground begins when all cooperative vehicles obey setpoints in
         the air. A holding one begins when its owner calls this method.

@@ -130,7 +130,7 @@ class Answers:
     def _ping(self, heard: Heard) -> list[Reply]:
         message = heard.message
         if message.target_system or message.target_component:
-            return []  # an answer to somebody
+            return []  # with a target it is a reply
         return [("PING", {"time_usec": message.time_usec, "seq": message.seq, **_to(heard.frame)})]
 
     def _file_transfer(self, heard: Heard) -> list[Reply]:

@@ -11,10 +11,10 @@ OK, OFF, WRONG = 0, 1, 4
 """FAILURE_TYPE."""
 
 WRONG_BY_M = 50.0
-"""How far a receiver that is told to be wrong is off, to the north."""
+"""Error, to the north, of a receiver that is set to be wrong."""
 
 LINK_OFF_S = 10.0
-"""How long a link stays away that was told to: nobody could call it back."""
+"""How long a link that is switched off stays off: no command could switch it on again."""
 
 _FAILURES: dict[tuple[int, int], tuple[str, dict[str, float]]] = {
     (GPS, OK): ("gnss-restore", {}),

@@ -1,7 +1,7 @@
-"""MAVLink FTP, of which nothing is here: every request is refused at once, so that clients go on without it.
+"""MAVLink FTP, which is not supported: every request is refused at once, so that clients go on without it.
 
-Ground stations try it for the parameters first. One that is not answered waits for seconds before it asks for them one
-by one, and believes meanwhile that there are none: MAVProxy says "Arming checks disabled" to who arms in that time.
+Ground stations first try to read the parameters by it. Without an answer they wait for seconds before they ask for
+single parameters, and until then take it that there are none: MAVProxy then reports "Arming checks disabled" on arming.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _UNKNOWN_COMMAND = 7
 
 
 def refuse_file_transfer(message: Message, system_id: int, component_id: int) -> list[Reply]:
-    """The answer to FILE_TRANSFER_PROTOCOL (110): ending what never began is acknowledged, everything else unknown."""
+    """The answer to FILE_TRANSFER_PROTOCOL (110): ends of sessions are acknowledged, all else is unknown."""
     sequence, session, opcode, _, _, _, _, offset = _HEADER.unpack_from(bytes(message.payload))
     if opcode in (_ACK, _NAK):
-        return []  # an answer to somebody
+        return []  # a reply, not a request
     ends = opcode in (_TERMINATE_SESSION, _RESET_SESSIONS)
     result, data = (_ACK, b"") if ends else (_NAK, bytes([_UNKNOWN_COMMAND]))
     answer = _HEADER.pack((sequence + 1) & 0xFFFF, session, result, len(data), opcode, 0, 0, offset) + data

@@ -221,7 +221,8 @@ class Pilot:
         self._was_in_air = in_air
 
     def _watch_standing(self) -> None:
-        """Disarm who has stood armed for long, unless that is a mission with more to fly, or a stick in its middle."""
+        """Disarm a vehicle that has stood armed for long. An unfinished mission prevents it on PX4, a throttle stick
+        held in the middle on ArduPilot."""
         px4 = self._board.is_px4
         in_mission = self.mode is Mode.MISSION and not self.mission.is_complete
         is_over = self._standing.is_over(
@@ -359,8 +360,8 @@ class Pilot:
             self._obey(setpoint)
 
     def arm(self, wanted: bool) -> None:
-        """Switch the motors on or off, whatever speaks against it. ArduPilot says so; PX4, disarmed after a landing, is
-        in the mode again that somebody had chosen before."""
+        """Switch the motors on or off, without checks. ArduPilot reports it; PX4, disarmed after a landing, returns to
+        the mode that was chosen before."""
         if wanted != self.armed and not self._board.is_px4:
             self._board.say(Severity.INFO, "Arming motors" if wanted else "Disarming motors")
         if self.armed and not wanted and self._board.is_px4 and self.mode in _NEVER_ARMED:
