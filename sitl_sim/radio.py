@@ -5,7 +5,7 @@ broadcasts of others within radio range, some of them lost, all of them a little
 receives everything at once. All other messages are broadcast: a transmitter need not subscribe.
 
 The module ``listeners`` has the positions of senders and receivers. A subscriber that has never reported its position
-hears everybody (it may be about to be hit). A sender that has never reported its position is heard by observers only,
+hears all senders (it may be about to be hit). A sender that has never reported its position is heard by observers only,
 except for relayed messages: these are heard around the relayed aircraft.
 
 Positions are in metres, north-east-down about home; times are the caller's ``now_s``.

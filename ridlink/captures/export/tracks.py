@@ -1,4 +1,4 @@
-"""Positions by track, to be written when all of them are known; in constant memory, however long the tracks are."""
+"""Positions by track, written when all are known; in constant memory for tracks of any length."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ridlink.captures.tlog import LATEST_TIME_US
 NO_TIME_US = -1
 HALF_TURN_DEG = 180.0
 POSITIONS_IN_MEMORY = 512
-"""Of each track; 32 bytes each."""
+"""Positions of each track in memory; 32 bytes each."""
 
 
 class Position(NamedTuple):
@@ -29,7 +29,7 @@ class Position(NamedTuple):
 
 
 class Tracks:
-    """Positions of all tracks, packed, of which a file without a name takes what memory should not hold.
+    """Positions of all tracks, packed; an unnamed temporary file holds those that exceed the limit in memory.
 
     Attributes:
         by_name: The tracks, in the order in which they began.

@@ -20,7 +20,7 @@ from ridlink.captures.tlog import LATEST_TIME_US as _LATEST
 from ridlink.captures.tlog import PLAUSIBLE_STEP_US as _STEP
 
 LOOKAHEAD = TIME_LENGTH + 280 + TIME_LENGTH + 1
-"""With so many bytes ahead a record of a tlog is judged as with the whole file ahead."""
+"""With this many bytes ahead, a record of a tlog is judged as with the whole file ahead."""
 
 AT, IN_STEP, HAS_REFERENCE, LAST_CAUSE, LAST_END = range(5)
 COUNTS = 8
@@ -45,7 +45,7 @@ def initial_state() -> np.ndarray:
 
 
 def no_sources() -> np.ndarray:
-    """Sources of which nothing has been heard."""
+    """Empty counts of all sources."""
     return np.zeros(65536 * SOURCE_LENGTH, np.int64)
 
 
