@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -12,7 +13,9 @@ from click.testing import CliRunner
 from ridlink.captures.export import geo
 from ridlink.captures.export.join import COLUMNS
 from ridlink.cli import cli
-from tests.captures.conftest import aircraft, tlog_bytes
+from ridlink.mavlink.codec import Encoder
+from ridlink.remote_id.messages import Location, System
+from tests.captures.conftest import aircraft, frame_of, tlog_bytes
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "captures.md").read_text()
 
@@ -56,3 +59,13 @@ def test_the_page_names_every_column_and_property() -> None:
     named = set(re.findall(r"`([a-z0-9_]+)`", TEXT))
     assert set(COLUMNS) <= named
     assert {*geo._POINT_PROPERTIES, "track", "time", "t", "positions", "first_time", "last_time"} <= named
+
+
+def test_the_time_of_a_joined_system_message_counts_from_the_year_that_the_page_says(tmp_path: Path) -> None:
+    encoder, new_year_2019_us = Encoder(1, 1), 1_546_300_800_000_000
+    sent = [System(timestamp_s=5.0), Location(latitude_deg=47.0, longitude_deg=8.0, timestamp_s=5.0)]
+    log = tmp_path / "flight.tlog"
+    log.write_bytes(tlog_bytes([(new_year_2019_us + 5_000_000, frame_of(message, encoder)) for message in sent]))
+    row = json.loads(CliRunner().invoke(cli, ["decode", str(log), "--join", "-f", "jsonl"]).stdout)
+    says = re.search(r"`system_timestamp_s`: seconds since (\d+)", TEXT)
+    assert says and says[1] == "2019" and row["system_timestamp_s"] == 5.0
