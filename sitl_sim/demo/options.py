@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -34,7 +35,8 @@ class DemoOptions:
         log: File of the recording; None: a new file in the temporary folder.
 
     Raises:
-        ConfigError: If the options contradict each other, or there is no folder for the log.
+        ConfigError: If the options contradict each other.
+        OSError: If there is no folder for the log.
         ValueError: If the mission of the fleet would begin by itself.
     """
 
@@ -64,7 +66,7 @@ class DemoOptions:
         if not 0.0 < self.eta < 1.0:
             raise ConfigError(f"eta must lie between 0 and 1, ends excluded, got {self.eta:g}")
         if self.log is not None and not self.log.resolve().parent.is_dir():
-            raise ConfigError(f"--log {self.log}: there is no folder {self.log.resolve().parent}")
+            raise OSError(errno.ENOENT, f"there is no folder {self.log.resolve().parent}", str(self.log))
 
 
 def any_free_ports(fleet: FleetConfig) -> FleetConfig:

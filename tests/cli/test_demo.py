@@ -214,7 +214,7 @@ def test_who_has_not_arrived_in_time_is_named(tmp_path: Path) -> None:
         (["--definition", "candidate3"], "candidate3", 2),
         (["--definition", "chance", "--eta", "0"], "got 0", 2),
         (["--solver", "grade"], "grade", 2),
-        (["--log", "/no/such/folder/flight.tlog"], "/no/such/folder", 2),
+        (["--log", "/no/such/folder/flight.tlog"], "flight.tlog: there is no folder /no/such/folder", 3),
         (["--scenario", "missing.toml"], "missing.toml", 3),
     ],
 )
