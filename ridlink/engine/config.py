@@ -172,8 +172,10 @@ class EngineConfig:
                 f"cruise of {self.cruise_mps:g} m/s is above v-max of {self.limits.horizontal_mps:g} m/s: lower the "
                 "one or raise the other"
             )
-        if not (math.isfinite(self.airframe_m) and self.airframe_m >= MIN_AIRFRAME_M):
-            raise ConfigError(f"airframe must be at least {MIN_AIRFRAME_M:g} m, got {self.airframe_m:g}")
+        if not MIN_AIRFRAME_M <= self.airframe_m <= AIRFRAME_CAP_M:  # discs count no larger one
+            raise ConfigError(
+                f"airframe must lie between {MIN_AIRFRAME_M:g} and {AIRFRAME_CAP_M:g} m, got {self.airframe_m:g}"
+            )
         if not (math.isfinite(self.height_m) and self.height_m > 0.0):
             raise ConfigError(f"airframe-height must be positive, got {self.height_m:g}")
         if not 0.0 <= self.vertical_cost <= 2.0:

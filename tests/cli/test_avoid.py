@@ -250,6 +250,7 @@ def test_a_goal_that_is_none(goal: str) -> None:
         (["--goal", "86,8"], "latitude"),
         (["--goal", "nan,8"], "finite"),
         (["--goal", "47,8", "--cruise", "16"], "v-max"),
+        (["--goal", "47,8", "--airframe", "60"], "airframe must lie between 0.1 and 30 m, got 60"),
         (["--goal", "47,8", "--vehicle", "udp:127.0.0.1:14540"], "udpin:127.0.0.1:14540"),
         (["--goal", "47,8", "--definition", "candidat1"], "candidate1"),
         (["--goal", "47,8", "--definition", "chance", "--eta", "1.5"], "got 1.5"),

@@ -128,7 +128,7 @@ def test_an_autopilot_that_speaks_mavlink_1_is_taken_when_that_is_allowed(allowe
         (["--vehicle", "udp:127.0.0.1:1"], 2, "udpin:127.0.0.1:1"),
         (["--relay-as", "zz"], 2, "'zz' is not an address in hexadecimal"),
         (["--to", "udpout:127.0.0.1:14540"], 2, "to udpout:127.0.0.1:14540 leads to the port that vehicle listens on"),
-        (["--airframe", "-1"], 2, "airframe must be at least 0.1 m"),
+        (["--airframe", "-1"], 2, "airframe must lie between 0.1 and 30 m, got -1"),
         (["--uas-id", "x" * 21], 2, "uas-id must have at most 20 bytes"),
         (["--vehicle", "udpin:192.0.2.1:14540"], 3, "no address of this machine"),
     ],
