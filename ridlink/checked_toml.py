@@ -229,12 +229,15 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         where: Name of its source, for the error text.
 
     Raises:
-        ConfigError: If the text is not TOML.
+        ConfigError: If the text is not TOML; the text names the line.
     """
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{where}: is not TOML: {' '.join(str(error).split())}") from error
+        said = " ".join(str(error).split())
+        place = re.search(r"\(at line (\d+), column \d+\)$", said)
+        line = place[1] if place else max(len(text.splitlines()), 1)  # else it says: at end of document
+        raise ConfigError(f"{where}:{line}: is not TOML: {said}") from error
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{where}: {UNREADABLE}") from error
 
