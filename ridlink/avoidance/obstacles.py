@@ -50,6 +50,7 @@ def _checked(polygon: ArrayLike, name: str) -> FloatArray:
     if not np.all(within):
         raise ValueError(f"{name} must be finite and within {FARTHEST:g}, got {vertices[~within][0].tolist()}")
     distinct = np.any(np.abs(vertices - np.roll(vertices, 1, axis=0)) > 1e-9, axis=1)
+    distinct[:1] |= not distinct.any()  # if all coincide, there is one
     vertices = vertices[distinct]
     if len(vertices) < 3:
         raise ValueError(f"{name} needs at least three distinct vertices, got {len(vertices)}")

@@ -61,7 +61,9 @@ def test_a_convex_polygon_stays_one_piece_and_an_l_needs_two():
 @pytest.mark.parametrize(
     ("polygon", "reason"),
     [
-        ([[0.0, 0.0], [1.0, 1.0]], "three distinct"),
+        (np.zeros((0, 2)), "three distinct vertices, got 0"),
+        ([[1.0, 1.0]], "three distinct vertices, got 1"),
+        ([[0.0, 0.0], [1.0, 1.0]], "three distinct vertices, got 2"),
         ([[0.0, 0.0], [1.0, 1.0], [1.0, 1.0]], "three distinct"),
         ([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]], "no area"),
         ([[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 3.0]], "crosses or touches itself, on its edge from vertex 1$"),
