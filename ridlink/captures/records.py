@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from operator import itemgetter
 from typing import NamedTuple, Self
 
 from ridlink.mavlink.frames import Frame
@@ -93,10 +92,10 @@ class Rejects:
         self.add(cause, offset)
         self._last_end = -1
 
-    def put_in_order(self) -> None:
-        """Sort the causes by first position, for readers that do not read from front to back."""
-        self.first_offset = dict(sorted(self.first_offset.items(), key=itemgetter(1)))
-        self.counts = Counter({cause: self.counts[cause] for cause in self.first_offset})
+    def by_count(self) -> list[tuple[str, int]]:
+        """Causes and their counts, the most frequent first, then those that come first in the file: the same order
+        for every reader, however it goes through the file."""
+        return sorted(self.counts.items(), key=lambda item: (-item[1], self.first_offset[item[0]], item[0]))
 
     def __len__(self) -> int:
         """Total of rejects."""
@@ -105,6 +104,5 @@ class Rejects:
     def __str__(self) -> str:
         """One line: causes, counts, first offsets."""
         return ", ".join(
-            f"{count} {cause} (first at {self.unit} {self.first_offset[cause]})"
-            for cause, count in self.counts.most_common()
+            f"{count} {cause} (first at {self.unit} {self.first_offset[cause]})" for cause, count in self.by_count()
         )

@@ -149,7 +149,7 @@ class Statistics:
                  f"first_{'offset' if capture.rejects.unit == 'byte' else capture.rejects.unit}":
                      capture.rejects.first_offset[cause]}
                 for capture in self.captures
-                for cause, count in capture.rejects.counts.most_common()
+                for cause, count in capture.rejects.by_count()
             ],
             "fields_out_of_range": dict(self.fields.most_common()),
         }  # fmt: skip
@@ -207,7 +207,7 @@ class Statistics:
         rejects = [
             (cause, f"{count:,}", f"{capture.rejects.first_offset[cause]:,}", *([capture.name] * (len(kinds) > 1)))
             for capture in self.captures
-            for cause, count in capture.rejects.counts.most_common()
+            for cause, count in capture.rejects.by_count()
         ]
         if rejects:
             units = {capture.rejects.unit for capture in self.captures if capture.rejects}

@@ -10,6 +10,7 @@ import pytest
 
 from ridlink.captures import Capture, CaptureKind, open_capture, read_messages, reader
 from ridlink.captures.reader import detect_kind
+from ridlink.captures.records import Rejects
 from ridlink.errors import CaptureError
 from ridlink.mavlink.frames import encode_frame
 from ridlink.remote_id.messages import Location, Separation
@@ -146,3 +147,18 @@ def test_what_comes_byte_by_byte_is_told_as_soon_as_it_is_enough(thousand: Recor
     stream = ByteByByte(tlog_bytes(thousand[:40]))
     assert Capture("pipe", stream, None).kind is CaptureKind.TLOG
     assert stream.tell() < len(stream.getvalue()) // 2
+
+
+def test_damage_is_told_in_one_order_however_it_was_found() -> None:
+    """Readers that take whole blocks find all of one cause before the next."""
+    found = [("garbage", 100), ("truncated", 100), ("crc", 40), ("unknown", 200), ("unknown", 300)]
+    told = set()
+    for order in (found, found[::-1]):
+        rejects = Rejects()
+        for cause, offset in order:
+            rejects.add_one(cause, offset)
+        told.add(str(rejects))
+    assert told == {
+        "2 unknown (first at byte 200), 1 crc (first at byte 40), 1 garbage (first at byte 100), "
+        "1 truncated (first at byte 100)"
+    }

@@ -148,8 +148,8 @@ class BlockReader:
     def _finish(self) -> None:
         counts = self._state[scanning.COUNTS : scanning.COUNTS + len(tables.CAUSES)].tolist()
         firsts = self._state[scanning.FIRST : scanning.FIRST + len(tables.CAUSES)].tolist()
-        for first, cause, count in sorted(zip(firsts, tables.CAUSES, counts, strict=True)):
-            if count:  # in the order in which they were met
+        for first, cause, count in zip(firsts, tables.CAUSES, counts, strict=True):
+            if count:
                 self.rejects.counts[str(cause)] = count
                 self.rejects.first_offset[str(cause)] = first
         seen = self._sources.reshape(-1, scanning.SOURCE_LENGTH)

@@ -28,7 +28,7 @@ def read_blocks(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Block | l
 
     Args:
         chunks: The file from its first byte.
-        rejects: As for `read_pcap`; complete, and in their order, at the end.
+        rejects: As for `read_pcap`; complete at the end.
 
     Raises:
         CaptureError: As `read_pcap`.
@@ -46,7 +46,6 @@ def read_blocks(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Block | l
         if not isinstance(item, Datagram):
             yield [item]
     yield from _taken(datagrams, rejects)
-    rejects.put_in_order()
 
 
 def _taken(datagrams: Sequence[Datagram], rejects: Rejects) -> Iterator[Block | list[Record]]:
