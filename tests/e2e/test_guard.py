@@ -74,7 +74,7 @@ def test_a_mission_of_mavsdk_across_somebodys_path(autopilot: str, manner: str) 
     async def act(server: FleetServer) -> None:
         seen.update(await flown(server, manner))
 
-    asyncio.run(run(server, act, 240.0))
+    asyncio.run(run(server, act))
     verdict = server.world.verdict().as_dict()
     print(f"{autopilot}, {manner}: {seen['modes']}, items {seen['progress']}, nearest {verdict['min_separation_m']} m")
     assert verdict["macs"] == 0
