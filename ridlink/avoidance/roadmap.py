@@ -74,9 +74,12 @@ class Roadmap(NamedTuple):
     room: FloatArray
 
 
-# Columns of room. Those of `ways.KEEP_COLUMNS`, then of a piece: its distance from own-ship and from the goal; of a
-# point: the length of the way past it, the share of the clearance that is left to its piece, and where it lies.
-(OWN_OFF, GOAL_OFF, LENGTH, SHARE, POINT, ROOM_COLUMNS) = (KEEP_COLUMNS + place for place in (0, 1, 2, 3, 4, 6))
+# Columns of room. Those of `ways.KEEP_COLUMNS`, then of a piece: its distance from own-ship and from the goal, and the
+# length of the shortest way past it; of a point: the length of the way past it, the share of the clearance that is left
+# to its piece, and where it lies.
+(OWN_OFF, GOAL_OFF, SHORTEST, LENGTH, SHARE, POINT, ROOM_COLUMNS) = (
+    KEEP_COLUMNS + place for place in (0, 1, 2, 3, 4, 5, 7)
+)
 
 
 def new_roadmap(obstacles: Obstacles) -> Roadmap:

@@ -18,6 +18,7 @@ from ridlink.avoidance.roadmap import (
     OWN_OFF,
     POINT,
     SHARE,
+    SHORTEST,
     STEPS_PER_M,
     WIDTHS,
     ways_to,
@@ -128,19 +129,22 @@ def choose_way(pieces, roadmap, way, p_1, p_2, goal_1, goal_2, memory):  # type:
                 length = norm(t_1 - p_1, t_2 - p_2)
                 room[n, LENGTH] = length + way[n, REMAINING] if length > TOUCH_M else math.inf
                 room[n, SHARE], room[n, POINT], room[n, POINT + 1] = share, t_1, t_2
+        room[piece, SHORTEST] = room[first_of_shortest(room, start, piece), LENGTH]
     if in_sight(pieces, room, p_1, p_2, goal_1, goal_2):
         return 0
 
     known = 0 < memory <= len(way)
     best, chosen, most = -1, -1, math.inf
     for _ in range(len(way)):
-        n, length = -1, math.inf
-        for k in range(len(way)):
-            if room[k, LENGTH] < length:
-                n, length = k, room[k, LENGTH]
-        if n < 0 or length > most:
+        piece, length = -1, math.inf
+        for k in range(len(start) - 1):
+            if room[k, SHORTEST] < length:
+                piece, length = k, room[k, SHORTEST]
+        if piece < 0 or length > most:
             break
+        n = first_of_shortest(room, start, piece)
         room[n, LENGTH] = math.inf
+        room[piece, SHORTEST] = room[first_of_shortest(room, start, piece), LENGTH]
         t_1, t_2 = room[n, POINT], room[n, POINT + 1]
         if known:
             preferred = leads_by(way, n, memory - 1) or leads_by(way, memory - 1, n)
@@ -153,6 +157,16 @@ def choose_way(pieces, roadmap, way, p_1, p_2, goal_1, goal_2, memory):  # type:
             best = n
             most = length + (max(DETOUR_M, DETOUR_SHARE * length) if known else TIE_M)
     return chosen + 1 if chosen >= 0 else NO_WAY
+
+
+@kernel(inner=True)
+def first_of_shortest(room, start, piece):  # type: ignore[no-untyped-def]
+    """Point of a piece past which the way is shortest, the first one of equal ones."""
+    n = ROUND * start[piece]
+    for k in range(n + 1, ROUND * start[piece + 1]):
+        if room[k, LENGTH] < room[n, LENGTH]:
+            n = k
+    return n
 
 
 @kernel(inner=True)

@@ -99,18 +99,27 @@ def in_sight(pieces, keep, p_1, p_2, t_1, t_2):  # type: ignore[no-untyped-def]
     return True
 
 
-@kernel(inner=True)
-def is_taut(pieces, piece, way, n, t_1, t_2):  # type: ignore[no-untyped-def]
-    """Whether a string from t that bends at point n, of a piece, touches that piece only there."""
+@kernel(forceinline=True, inner=True)
+def edges_at(pieces, points, way, n):  # type: ignore[no-untyped-def]
+    """The edges of a piece at point n: what leads from there to the points before and after it [m, north-east]."""
     _, start = pieces
+    piece = int(points[n, OWNER])
     first, last = ROUND * start[piece], ROUND * start[piece + 1]
     before, after = n - 1 if n > first else last - 1, n + 1 if n + 1 < last else first
-    e_1, e_2 = t_1 - way[n, NORTH], t_2 - way[n, EAST]
-    one = e_1 * (way[before, EAST] - way[n, EAST]) - e_2 * (way[before, NORTH] - way[n, NORTH])
-    other = e_1 * (way[after, EAST] - way[n, EAST]) - e_2 * (way[after, NORTH] - way[n, NORTH])
+    return (
+        way[before, NORTH] - way[n, NORTH], way[before, EAST] - way[n, EAST],
+        way[after, NORTH] - way[n, NORTH], way[after, EAST] - way[n, EAST],
+    )  # fmt: skip
+
+
+@kernel(forceinline=True, inner=True)
+def is_taut(edges, e_1, e_2):  # type: ignore[no-untyped-def]
+    """Whether a string that bends at a point and leads on by e [m, north-east] touches the piece with these edges only
+    there."""
+    before_1, before_2, after_1, after_2 = edges
+    one, other = e_1 * before_2 - e_2 * before_1, e_1 * after_2 - e_2 * after_1
     # A string along the edge to an adjacent point touches the piece, too, and by rounding may lie on either side.
-    least = TOUCH_M * norm(e_1, e_2)
-    return one * other >= 0.0 or min(abs(one), abs(other)) <= least
+    return one * other >= 0.0 or min(abs(one), abs(other)) <= TOUCH_M * norm(e_1, e_2)
 
 
 @kernel(inner=True)
@@ -147,24 +156,26 @@ def measure_ways(pieces, points, clearance_m, goal_1, goal_2, keep, outward, way
                     apart = nearest_point(vertex, start[piece], start[piece + 1], way[n, NORTH], way[n, EAST], outward)
                     settled = apart < keep[piece, KEEP] - TOUCH_M
         keep[n, SETTLED] = 1.0 if settled else 0.0
-    here, least, p_1, p_2 = -1, 0.0, goal_1, goal_2
+    # A string that ends at the goal does not bend there.
+    here, least, p_1, p_2, edges = -1, 0.0, goal_1, goal_2, (0.0, 0.0, 0.0, 0.0)
     for _ in range(len(way) + 1):
         following, next_least = -1, math.inf
         for n in range(len(way)):
             if keep[n, SETTLED] != 0.0:
                 continue
-            length = least + norm(way[n, NORTH] - p_1, way[n, EAST] - p_2)
-            if (
-                length < way[n, REMAINING]
-                and is_taut(pieces, int(points[n, OWNER]), way, n, p_1, p_2)
-                and (here < 0 or is_taut(pieces, int(points[here, OWNER]), way, here, way[n, NORTH], way[n, EAST]))
-                and in_sight(pieces, keep, way[n, NORTH], way[n, EAST], p_1, p_2)
-            ):
-                way[n, REMAINING], way[n, NEXT] = length, here
+            t_1, t_2 = way[n, NORTH], way[n, EAST]
+            if is_taut(edges, t_1 - p_1, t_2 - p_2):
+                length = least + norm(t_1 - p_1, t_2 - p_2)
+                if (
+                    length < way[n, REMAINING]
+                    and is_taut(edges_at(pieces, points, way, n), p_1 - t_1, p_2 - t_2)
+                    and in_sight(pieces, keep, t_1, t_2, p_1, p_2)
+                ):
+                    way[n, REMAINING], way[n, NEXT] = length, here
             if way[n, REMAINING] < next_least:
                 following, next_least = n, way[n, REMAINING]
         here, least = following, next_least
         if here < 0:
             break
         keep[here, SETTLED] = 1.0
-        p_1, p_2 = way[here, NORTH], way[here, EAST]
+        p_1, p_2, edges = way[here, NORTH], way[here, EAST], edges_at(pieces, points, way, here)

@@ -23,7 +23,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
 from ridlink.mavlink.frames import Frame, FrameParser, parse_datagram
 from ridlink.traffic.encounter import encounters
 from tests.avoidance import study_rvo2
-from tests.bench import avoidance, decode, fleet, response, start, view
+from tests.bench import avoidance, decode, fleet, response, start, view, ways
 from tests.bench.measure import ROUNDS, interleaved
 
 FRAMES = 20_000
@@ -175,6 +175,7 @@ def main() -> int:
             f"{row['ranked_p99_us']:>23.0f} us"
         )
     batch_rows = avoidance.report()
+    way_rows = ways.report()
     capture_rows = decode.report()
     response_rows = response.report((output.parent if output else _made(Path("build"))) / "step_responses.png")
     fleet_rows = fleet.report()
@@ -188,6 +189,7 @@ def main() -> int:
                     "wire": wire_rows,
                     "decisions": decision_rows,
                     **batch_rows,
+                    **way_rows,
                     **capture_rows,
                     **response_rows,
                     **fleet_rows,
