@@ -107,6 +107,8 @@ def read_contents(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Datagra
                 yield from streams.records(carried, packet.time_us, packet.offset)
             elif carried:
                 yield Datagram(packet.time_us, packet.offset, carried)
+            if streams.waiting_bytes:
+                yield from streams.overdue(packet.time_us)
         else:
             foreign.add(packet.link_type)
             rejects.add_one(f"link_type_{packet.link_type}", packet.offset)

@@ -1,4 +1,4 @@
-"""MAVLink over TCP in a capture: streams cut anywhere, what comes twice, what is missing, and other protocols."""
+"""MAVLink over TCP in a capture: streams cut anywhere, what comes twice, late or never, and other protocols."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ridlink.captures import tcp as tcp_streams
 from ridlink.captures.packets import read_pcap
 from ridlink.captures.raw import read_raw
 from ridlink.captures.records import Record, Rejects, TracedRecord
 from ridlink.captures.tcp import JUDGED_BYTES, MOST_STREAMS, REACH
 from tests.captures.command import run
 from tests.captures.conftest import flight
-from tests.captures.pcap_files import START_US, STEP_US, ethernet, ipv4, ipv6, pcap, tcp, timed
+from tests.captures.pcap_files import START_US, STEP_US, ethernet, ipv4, ipv6, pcap, tcp, timed, udp
 
 FRAMES = [frame for _, frame in flight(30)]
 STREAM = b"".join(FRAMES)
@@ -95,11 +96,63 @@ def test_what_is_missing_is_a_gap_and_costs_the_frames_in_it() -> None:
     assert rejects.counts["tcp_gap"] == 1
 
 
-def test_what_comes_late_is_missing() -> None:
+@settings(deadline=None)
+@given(st.randoms(use_true_random=False), st.integers(1, 60), st.booleans())
+def test_what_comes_late_takes_its_place(chance: random.Random, length: int, again: bool) -> None:
+    """Each segment up to half a second late, and some of them twice."""
+    sent = segments(STREAM, length)
+    places = [*range(len(sent)), *chance.sample(range(len(sent)), len(sent) // 3 if again else 0)]
+    places.sort(key=lambda place: place + chance.randrange(15))
+    records, rejects = read([packet(tcp(b"", FIRST - 1, syn=True)), *(sent[place] for place in places)])
+    assert frames_of(records) == FRAMES and not rejects
+    times = [record.time_us for record in records]
+    assert times == sorted(times)  # type: ignore[type-var]  # each when the last of it came
+
+
+def test_what_does_not_come_for_seconds_is_missing() -> None:
     sent = segments(STREAM, len(FRAMES[0]))
-    sent[3], sent[4] = sent[4], sent[3]
+    other = ethernet(ipv4(udp(b"x")))
+    records, rejects = read([*sent[:3], *sent[4:], *[other] * 100, sent[3]])
+    assert 25 <= len(records) < 30 and rejects.counts["tcp_gap"] == 1
+    assert records[-1].time_us == START_US + (len(sent) - 2) * STEP_US  # as it came
+
+
+def test_loss_everywhere_delays_nothing_for_good() -> None:
+    sent = [each for index, each in enumerate(segments(STREAM * 20, 33)) if index % 5]
     records, rejects = read(sent)
-    assert 20 <= len(records) < 30 and rejects.counts["tcp_gap"] == 1
+    assert len(records) > 300 and rejects.counts["tcp_gap"] > 50
+    latest = 0
+    for record in records:
+        assert record.time_us is not None and record.time_us > latest - STEP_US
+        latest = max(latest, record.time_us)
+    assert len({record.time_us for record in records}) > 250  # those behind a gap keep the times at which they came
+
+
+def test_a_segment_of_nobody_costs_nothing() -> None:
+    """Resets with a sequence number of their own, and bytes far ahead of all others."""
+    sent = segments(STREAM, len(FRAMES[0]))
+    nobodys = [packet(tcp(b"", 0)), packet(tcp(b"x" * 10, FIRST + REACH // 2))]
+    records, rejects = read(sent[:9] + nobodys + sent[9:])
+    assert frames_of(records) == FRAMES and rejects.first_offset["tcp_gap"] > 0
+
+
+def test_an_opening_segment_that_is_seen_twice_or_late_opens_once() -> None:
+    opening = packet(tcp(b"", FIRST - 1, syn=True))
+    sent = segments(STREAM, 50)
+    for packets in ([opening, opening, *sent], [sent[0], opening, *sent[1:]], [opening, *sent[:5], opening, *sent[5:]]):
+        records, rejects = read(packets)
+        assert frames_of(records) == FRAMES and not rejects
+
+
+def test_f33_what_waits_has_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tcp_streams, "MOST_WAITING_BYTES", 10_000)
+    rejects = Rejects()
+    streams = tcp_streams.TcpStreams(rejects)
+    for at in range(3000):
+        segment = tcp_streams.Segment((b"", b"", at % 30, 1), 8 + 70 * (at // 30), False, FRAMES[0])
+        assert len(list(streams.records(segment, START_US, at))) <= 40
+        assert streams.waiting_bytes <= 10_000
+    assert list(streams.finish()) and not streams.waiting_bytes and len(rejects) > 2000
 
 
 def test_a_capture_that_begins_within_a_frame_has_no_damage() -> None:
