@@ -28,7 +28,7 @@ from ridlink.remote_id.quantities import EPOCH_2019_S, SECONDS_PER_HOUR
 from ridlink.scenario import VehicleSpec
 from sitl_sim.autopilot.navigation import Navigation, Vector
 from sitl_sim.autopilot.own_remote_id import motion_of
-from sitl_sim.world import VehicleState
+from sitl_sim.vehicle import VehicleState
 
 STATIC_INTERVAL_S = 3.0
 """Time between two BASIC_ID or SYSTEM messages: ASTM F3411 requires static messages at least every 3 s."""

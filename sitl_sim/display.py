@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from ridlink.mavlink.codec import Encoder
 from ridlink.units import cmps_from_mps, dege7_from_deg, mm_from_m
 from sitl_sim.autopilot.navigation import Navigation
-from sitl_sim.world import VehicleState
+from sitl_sim.vehicle import VehicleState
 
 ADSB_COMPONENT = 156
 NEAREST = 10

@@ -18,7 +18,8 @@ from sitl_sim.display import TrafficDisplay
 from sitl_sim.draws import Stream, vehicle_generator
 from sitl_sim.fleet_config import HOST, FleetConfig
 from sitl_sim.radio import Air
-from sitl_sim.world import FloatArray, VehicleState, World
+from sitl_sim.vehicle import VehicleState
+from sitl_sim.world import FloatArray, World
 
 
 class Fleet:

@@ -13,7 +13,6 @@ flight, in real or in virtual time.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from enum import IntEnum
 from typing import Literal
 
 import numpy as np
@@ -34,36 +33,16 @@ from sitl_sim.vehicle import (
     FleetDynamics,
     FleetWind,
     Ideal,
+    VehicleState,
     load_airframe,
     model_for_speed,
 )
+from sitl_sim.vehicle.state import DESCENT_MPS, FLARE_HEIGHT_M, TOUCHDOWN_MPS
 from sitl_sim.verdict import Verdict
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
-
-DESCENT_MPS = 1.5
-"""Descent of a landing, PX4's MPC_Z_VEL_MAX_DN and ArduPilot's WPNAV_SPEED_DN."""
-
-TOUCHDOWN_MPS = 0.7
-"""Descent below ``FLARE_HEIGHT_M``, PX4's MPC_LAND_SPEED."""
-
-FLARE_HEIGHT_M = 10.0
-"""Height at which a landing slows down, PX4's MPC_LAND_ALT1."""
-
-
-class VehicleState(IntEnum):
-    """State of a vehicle."""
-
-    GROUNDED = 0
-    """On the ground, before the flight or after a landing."""
-    AIRBORNE = 1
-    """Flies the commanded velocity."""
-    LANDING = 2
-    """Comes down by itself; commands are ignored."""
-    GONE = 3
-    """Removed: it collided, or it arrived and arrival is "leave"."""
 
 
 class World:
@@ -87,6 +66,11 @@ class World:
 
     Raises:
         ValueError: If an autopilot or error model is unknown, or the number of autopilots is wrong.
+
+    Attributes:
+        state: A `VehicleState` for each vehicle, shape (n,).
+        receivers: Their receivers, with the figures that these report.
+        referee: The judge of this flight.
     """
 
     def __init__(
@@ -151,7 +135,7 @@ class World:
         self._dynamics = FleetDynamics(
             models, position, wind_ne_mps=scenario.wind.velocity_ne_mps if airborne else (0.0, 0.0)
         )
-        self._referee = Referee(scenario, position)
+        self.referee = Referee(scenario, position)
         self._pair_radius = pair_radius or eq8_pair_radius
         self._arrival = arrival
         self._command: FloatArray = np.zeros((count, 3))
@@ -182,16 +166,11 @@ class World:
     @property
     def arrived(self) -> BoolArray:
         """Mask of vehicles that have reached their goals, shape (n,)."""
-        return self._referee.arrived
-
-    @property
-    def referee(self) -> Referee:
-        """The judge of this flight."""
-        return self._referee
+        return self.referee.arrived
 
     def verdict(self) -> Verdict:
         """The judgement so far."""
-        return self._referee.verdict(self.state == VehicleState.GROUNDED)
+        return self.referee.verdict(self.state == VehicleState.GROUNDED)
 
     # --- what a vehicle may know of itself ----------------------------------------------------------------------------
 
@@ -213,29 +192,9 @@ class World:
         return self.velocity_ned_mps + np.where(self.in_air[:, None], self.receivers.velocity_error_ned_mps, 0.0)
 
     @property
-    def h_acc_m(self) -> FloatArray:
-        """Horizontal accuracy reported by the receivers, one sigma per axis, shape (n,)."""
-        return self.receivers.h_acc_m
-
-    @property
-    def v_acc_m(self) -> FloatArray:
-        """Vertical accuracy reported by the receivers, one sigma, shape (n,)."""
-        return self.receivers.v_acc_m
-
-    @property
-    def vel_acc_mps(self) -> FloatArray:
-        """Velocity accuracy reported by the receivers, one sigma per axis, shape (n,)."""
-        return self.receivers.vel_acc_mps
-
-    @property
     def bound_3sigma_m(self) -> FloatArray:
         """Three sigma per horizontal axis, as in RIDLINK_SEPARATION, shape (n,)."""
         return self.receivers.bound_3sigma_m
-
-    @property
-    def fix_type(self) -> IntArray:
-        """As in GPS_RAW_INT, shape (n,)."""
-        return self.receivers.fix_type
 
     # --- state --------------------------------------------------------------------------------------------------------
 
@@ -266,7 +225,7 @@ class World:
         if self._mission_from_s is None:
             return False
         return self.mission_time_s >= self.scenario.duration_s or bool(
-            np.all(self.arrived | self._referee.removed | self.is_ghost)
+            np.all(self.arrived | self.referee.removed | self.is_ghost)
         )
 
     # --- what the caller does -----------------------------------------------------------------------------------------
@@ -315,7 +274,7 @@ class World:
     def begin_mission(self) -> None:
         """Start mission time and reset all judgements."""
         self._mission_from_s = self.time_s
-        self._referee.begin()
+        self.referee.begin()
         for index in np.flatnonzero(self.is_ghost).tolist():
             self.fly_straight(index)
 
@@ -372,10 +331,14 @@ class World:
         in_air = in_air & ~self.is_ghost
         active = in_air & self.active
         position, reported = self.position_ned_m, self.reported_position_ned_m
-        collided = self._referee.observe(self.mission_time_s, TICK_S, position, reported, in_air=in_air, active=active)
+        collided = self.referee.observe(self.mission_time_s, TICK_S, position, reported, in_air=in_air, active=active)
         if self._ticks % self._ticks_per_report == 0 and np.count_nonzero(active) > 1:
-            self._referee.observe_reports(
-                position, reported, self._pair_radius(self), active=active, vertical_error_m=3.0 * self.v_acc_m
+            self.referee.observe_reports(
+                position,
+                reported,
+                self._pair_radius(self),
+                active=active,
+                vertical_error_m=3.0 * self.receivers.v_acc_m,
             )
         self.state[collided] = VehicleState.GONE
         done = self.arrived & (self.state == VehicleState.AIRBORNE)

@@ -115,9 +115,14 @@ WALLS_WITHIN = {
     "sitl_sim.fleet": ("ridlink.links", "sitl_sim.air_socket", "sitl_sim.clock", "sitl_sim.server"),
     "sitl_sim.autopilot.pilot": tuple(f"sitl_sim.autopilot.{part}" for part in ("link", "peers", "streams", "answers")),
     "sitl_sim.autopilot.peers": tuple(f"sitl_sim.autopilot.{part}" for part in ("pilot", "orders", "answers")),
+    **dict.fromkeys(
+        (*(f"sitl_sim.autopilot.{part}" for part in ("guidance", "orders", "telemetry")), "sitl_sim.broadcast"),
+        ("sitl_sim.world",),
+    ),
 }
 """What a module of a room does not know of it: a clock of signatures no link, a part of a distance no sum, a fleet no
-network, who flies none of those whom he is told by, and who serves them nothing of the flight."""
+network, who flies none of those whom he is told by, who serves them nothing of the flight, and who steers by what a
+vehicle knows, or tells it, not the truth."""
 
 FORBIDDEN_ON_THE_LINE = {"socket", "asyncio", "time", "datetime", "random", "threading", "select", "subprocess"}
 

@@ -29,7 +29,8 @@ from sitl_sim.autopilot.results import Reply
 from sitl_sim.autopilot.status_texts import StatusTexts
 from sitl_sim.autopilot.streams import Streams
 from sitl_sim.autopilot.telemetry import Telemetry
-from sitl_sim.world import VehicleState, World
+from sitl_sim.vehicle import VehicleState
+from sitl_sim.world import World
 
 Outgoing = list[tuple[bytes, Address]]
 

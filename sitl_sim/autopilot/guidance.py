@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from sitl_sim.autopilot.navigation import Navigation, Vector
-from sitl_sim.world import DESCENT_MPS, FLARE_HEIGHT_M, TOUCHDOWN_MPS
+from sitl_sim.vehicle.state import DESCENT_MPS, FLARE_HEIGHT_M, TOUCHDOWN_MPS
 
 STILL: Vector = (0.0, 0.0, 0.0)
 

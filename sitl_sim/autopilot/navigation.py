@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned
-from sitl_sim.world import VehicleState, World
+from sitl_sim.vehicle import VehicleState
+from sitl_sim.world import World
 
 Vector = tuple[float, float, float]
 
@@ -92,7 +93,7 @@ class FleetNavigation:
 
     def refresh(self) -> None:
         """Copy the present world."""
-        world = self._world
+        world, receivers = self._world, self._world.receivers
         position = world.reported_position_ned_m
         places = _Places(position, world.receiver_down_m, self.home)
         vectors = zip(
@@ -103,13 +104,13 @@ class FleetNavigation:
         )
         figures = zip(
             (partial(places.of, index) for index in range(len(position))),
-            world.h_acc_m.tolist(),
-            world.v_acc_m.tolist(),
-            world.vel_acc_mps.tolist(),
-            world.bound_3sigma_m.tolist(),
-            world.fix_type.tolist(),
-            world.receivers.ekf_h_acc_m.tolist(),
-            world.receivers.innovation_ratio.tolist(),
+            receivers.h_acc_m.tolist(),
+            receivers.v_acc_m.tolist(),
+            receivers.vel_acc_mps.tolist(),
+            receivers.bound_3sigma_m.tolist(),
+            receivers.fix_type.tolist(),
+            receivers.ekf_h_acc_m.tolist(),
+            receivers.innovation_ratio.tolist(),
             world.battery.remaining.tolist(),
             world.battery.voltage_v.tolist(),
             world.battery.current_a.tolist(),

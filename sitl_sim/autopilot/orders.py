@@ -12,7 +12,7 @@ from sitl_sim.autopilot.modes import Mode
 from sitl_sim.autopilot.navigation import Vector
 from sitl_sim.autopilot.pilot import Pilot
 from sitl_sim.autopilot.results import Result, Severity
-from sitl_sim.world import VehicleState
+from sitl_sim.vehicle import VehicleState
 
 _NEEDS_POSITION = (Mode.POSITION, Mode.HOLD, Mode.TAKEOFF, Mode.MISSION, Mode.RETURN, Mode.OFFBOARD, Mode.BRAKE)
 

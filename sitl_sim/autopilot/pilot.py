@@ -38,7 +38,8 @@ from sitl_sim.autopilot.setpoints import Here, RefusedSetpoint, Setpoint, decode
 from sitl_sim.autopilot.speeds import Speeds
 from sitl_sim.autopilot.standing import Standing
 from sitl_sim.autopilot.steering import OBEYING_S, Steering
-from sitl_sim.world import VehicleState, World
+from sitl_sim.vehicle import VehicleState
+from sitl_sim.world import World
 
 HOME_REACHED_M = 1.0
 

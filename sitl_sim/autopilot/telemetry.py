@@ -20,7 +20,7 @@ from sitl_sim.autopilot.modes import MODE_FLAG_ARMED
 from sitl_sim.autopilot.own_remote_id import basic_id_fields, location_fields, system_fields
 from sitl_sim.autopilot.pilot import Pilot
 from sitl_sim.autopilot.rates import default_intervals, on_request
-from sitl_sim.world import VehicleState
+from sitl_sim.vehicle import VehicleState
 
 Fields = dict[str, Any]
 

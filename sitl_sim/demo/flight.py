@@ -29,7 +29,7 @@ from sitl_sim.demo.screen import Screen
 from sitl_sim.fleet_config import HOST
 from sitl_sim.pair_radius import pair_radius_under
 from sitl_sim.server import FleetServer
-from sitl_sim.world import VehicleState
+from sitl_sim.vehicle import VehicleState
 
 HAND_OVER_TIMEOUT_S = 20.0
 LOOK_S = 0.2

@@ -16,8 +16,9 @@ from rich.table import Table
 from rich.text import Text
 
 from ridlink.words import counted
+from sitl_sim.vehicle import VehicleState
 from sitl_sim.verdict import Outcome
-from sitl_sim.world import VehicleState, World
+from sitl_sim.world import World
 
 MAX_ROWS = 24
 HELD_UP_MS = 1000.0

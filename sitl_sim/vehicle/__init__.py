@@ -1,4 +1,4 @@
-"""Models of a multirotor: response to velocity setpoints, airframe types, wind, battery."""
+"""Models of a multirotor: response to velocity setpoints, airframe types, wind, battery, state."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from sitl_sim.vehicle.airframe import AIRFRAMES, MEASURED, Airframe, load_airfra
 from sitl_sim.vehicle.battery import BatteryType, FleetBattery
 from sitl_sim.vehicle.dynamics import FleetDynamics
 from sitl_sim.vehicle.models import GRAVITY_MPS2, TICK_S, Ideal, Model, ShapedTarget, VelocityFeedback
+from sitl_sim.vehicle.state import VehicleState
 from sitl_sim.vehicle.wind import FleetWind
 
 AUTOPILOTS = ("ideal", "px4", "ardupilot")
@@ -25,6 +26,7 @@ __all__ = [
     "Ideal",
     "Model",
     "ShapedTarget",
+    "VehicleState",
     "VelocityFeedback",
     "load_airframe",
     "model_for_speed",

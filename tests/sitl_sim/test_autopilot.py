@@ -15,7 +15,7 @@ from ridlink.mavlink.codec import MESSAGES, message_spec
 from ridlink.mavlink.frames import encode_frame
 from sitl_sim.autopilot import Start
 from sitl_sim.autopilot.mission_items import UNUSED_INT
-from sitl_sim.world import VehicleState
+from sitl_sim.vehicle import VehicleState
 from tests.sitl_sim.flight import (
     ACCEPTED,
     ARM,

@@ -18,7 +18,7 @@ from ridlink.scenario import VehicleSpec
 from sitl_sim.autopilot import Navigation
 from sitl_sim.autopilot.navigation import Place
 from sitl_sim.broadcast import Broadcaster
-from sitl_sim.world import VehicleState
+from sitl_sim.vehicle import VehicleState
 
 HOME = Geodetic(47.397742, 8.545594, 488.0)
 UTC_S = 1_800_000_123.4

@@ -13,7 +13,8 @@ from sitl_sim.autopilot import FleetNavigation
 from sitl_sim.bus import BusReceiver, mac_of
 from sitl_sim.clock import FleetClock
 from sitl_sim.display import NEAREST, TrafficDisplay, icao_address
-from sitl_sim.world import VehicleState, World
+from sitl_sim.vehicle import VehicleState
+from sitl_sim.world import World
 from tests.sitl_sim.flight import HOME
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from ridlink.scenario import EVENTS, Event, Scenario, VehicleSpec, Wind, event_of
 from sitl_sim.autopilot import Start
-from sitl_sim.vehicle import TICK_S
-from sitl_sim.world import VehicleState, World
+from sitl_sim.vehicle import TICK_S, VehicleState
+from sitl_sim.world import World
 from tests.sitl_sim.flight import Flight, one_vehicle
 
 
@@ -35,30 +35,30 @@ def error_m(world: World, index: int = 0) -> Any:
 def test_an_event_happens_when_it_is_due_to_whom_it_names_and_ends() -> None:
     world = world_of(event("gnss-outage", 2, at_s=1.0, duration_s=2.0))
     world.step(0.98)
-    assert world.fix_type.tolist() == [3, 3, 3]
+    assert world.receivers.fix_type.tolist() == [3, 3, 3]
     world.step(0.06)
-    assert world.fix_type.tolist() == [3, 0, 3]
+    assert world.receivers.fix_type.tolist() == [3, 0, 3]
     world.step(1.9)
-    assert world.fix_type.tolist() == [3, 0, 3]
+    assert world.receivers.fix_type.tolist() == [3, 0, 3]
     world.step(0.2)
-    assert world.fix_type.tolist() == [3, 3, 3]
+    assert world.receivers.fix_type.tolist() == [3, 3, 3]
 
 
 def test_vehicle_0_is_everybody() -> None:
     world = world_of()
     world.inject(event("gnss-outage", 0))
-    assert world.fix_type.tolist() == [0, 0, 0]
+    assert world.receivers.fix_type.tolist() == [0, 0, 0]
     world.inject(event("gnss-restore", 0))
-    assert world.fix_type.tolist() == [3, 3, 3]
+    assert world.receivers.fix_type.tolist() == [3, 3, 3]
 
 
 def test_events_wait_for_the_mission() -> None:
     world = World(replace(world_of(event("gnss-outage", at_s=1.0)).scenario), airborne=False)
     world.step(5.0)
-    assert world.fix_type[0] == 3
+    assert world.receivers.fix_type[0] == 3
     world.begin_mission()
     world.step(1.1)
-    assert world.fix_type[0] == 0
+    assert world.receivers.fix_type[0] == 0
 
 
 def test_what_is_injected_ends_in_time_though_the_mission_has_not_begun() -> None:
@@ -73,12 +73,12 @@ def test_what_is_injected_ends_in_time_though_the_mission_has_not_begun() -> Non
 
 def test_a_jump_shows_in_the_reports_and_in_no_figure_of_the_receiver() -> None:
     world = world_of(sigma_m=2.0)
-    before, claimed = error_m(world), world.h_acc_m[0]
+    before, claimed = error_m(world), world.receivers.h_acc_m[0]
     world.inject(event("gnss-jump", north_m=30.0, east_m=-10.0, duration_s=3.0))
     assert world.receivers.innovation_ratio[0] > 1.0  # only the estimator is surprised
     world.step(0.1)
     assert error_m(world) - before == pytest.approx([30.0, -10.0, 0.0])
-    assert (world.h_acc_m[0], world.fix_type[0], world.bound_3sigma_m[0]) == (claimed, 3, 6.0)
+    assert (world.receivers.h_acc_m[0], world.receivers.fix_type[0], world.bound_3sigma_m[0]) == (claimed, 3, 6.0)
     world.step(3.1)
     assert error_m(world) == pytest.approx(before)
 
@@ -89,7 +89,7 @@ def test_a_spoofer_pulls_position_and_velocity_off_together() -> None:
     world.step(5.0)
     assert error_m(world)[0] == pytest.approx(10.0, abs=0.25)
     assert world.reported_velocity_ned_mps[0, 0] - world.velocity_ned_mps[0, 0] == pytest.approx(2.0)
-    assert world.h_acc_m[0] == pytest.approx(0.001)
+    assert world.receivers.h_acc_m[0] == pytest.approx(0.001)
     world.step(6.0)
     assert error_m(world) == pytest.approx([0.0, 0.0, 0.0])
 
@@ -97,13 +97,13 @@ def test_a_spoofer_pulls_position_and_velocity_off_together() -> None:
 def test_a_receiver_can_err_more_than_it_claims() -> None:
     world = world_of(sigma_m=1.0)
     world.inject(event("gnss-sigma", sigma_m=20.0, claimed_m=1.0))
-    assert world.h_acc_m[0] == 1.0
+    assert world.receivers.h_acc_m[0] == 1.0
     world.step(0.1)
     assert np.linalg.norm(error_m(world)) > 5.0
     world.inject(event("gnss-sigma", sigma_m=20.0))
-    assert world.h_acc_m[0] == 20.0
+    assert world.receivers.h_acc_m[0] == 20.0
     world.inject(event("gnss-restore"))
-    assert world.h_acc_m[0] == 1.0
+    assert world.receivers.h_acc_m[0] == 1.0
 
 
 def test_the_last_event_of_a_kind_counts() -> None:
@@ -113,7 +113,7 @@ def test_the_last_event_of_a_kind_counts() -> None:
     world.step(0.5)
     world.inject(event("gnss-outage"))
     world.step(5.0)
-    assert world.fix_type[0] == 0
+    assert world.receivers.fix_type[0] == 0
     world.inject(event("radio-off", duration_s=1.0))
     world.inject(event("radio-on"))
     assert world.radio_on[0]
@@ -268,7 +268,7 @@ def flown(flavour: str = "px4", seconds: float = 5.0) -> Flight:
 @pytest.mark.parametrize(
     "unit, kind, seen",
     [
-        (4, 1, lambda world: world.fix_type[0] == 0),
+        (4, 1, lambda world: world.receivers.fix_type[0] == 0),
         (4, 4, lambda world: world.reported_position_ned_m[0, 0] - world.position_ned_m[0, 0] > 45.0),
         (100, 1, lambda world: world.battery.remaining[0] == 0.0),
         (101, 1, lambda world: world.state[0] == VehicleState.LANDING),

@@ -13,8 +13,7 @@ from sitl_sim.autopilot.guidance import Velocity
 from sitl_sim.autopilot.modes import ARDUPILOT
 from sitl_sim.fleet import Fleet
 from sitl_sim.fleet_config import FleetConfig
-from sitl_sim.vehicle import TICK_S
-from sitl_sim.world import VehicleState
+from sitl_sim.vehicle import TICK_S, VehicleState
 from tests.sitl_sim.flight import UTC_S
 
 NEAR = VehicleSpec((0.0, 0.0, -50.0), (2.0, 0.0, -50.0))
@@ -48,13 +47,13 @@ def test_before_a_holding_fleet_is_handed_over_nothing_is_judged_and_nothing_goe
     world = fleet.world
     live_on(fleet, 5.0)
     assert not fleet.begins_by_itself and fleet.snapshot()["mission_time_s"] is None
-    assert world.mission_time_s == 0.0 and world.fix_type[0] == 3
+    assert world.mission_time_s == 0.0 and world.receivers.fix_type[0] == 3
     assert not world.arrived.any() and world.state[0] == VehicleState.AIRBORNE
     fleet.begin_mission()
     live_on(fleet, 0.9)
-    assert world.arrived.all() and world.fix_type[0] == 3
+    assert world.arrived.all() and world.receivers.fix_type[0] == 3
     live_on(fleet, 0.2)
-    assert world.fix_type[0] != 3
+    assert world.receivers.fix_type[0] != 3
 
 
 @pytest.mark.parametrize("mode", ARDUPILOT.custom_modes)

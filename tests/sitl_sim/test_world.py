@@ -10,9 +10,9 @@ import pytest
 from ridlink.scenario import Scenario, VehicleSpec, Wind, built_in
 from sitl_sim.gnss import ErrorModel
 from sitl_sim.pair_radius import eq8_pair_radius
-from sitl_sim.vehicle import TICK_S
+from sitl_sim.vehicle import TICK_S, VehicleState
 from sitl_sim.verdict import Outcome
-from sitl_sim.world import VehicleState, World
+from sitl_sim.world import World
 
 
 def alone(*, down_m: float = -50.0, goal_north_m: float = 60.0, **spec: object) -> Scenario:
