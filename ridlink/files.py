@@ -7,7 +7,7 @@ import fcntl
 import hashlib
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -99,6 +99,40 @@ def write_whole(path: Path, data: bytes) -> None:
         os.fsync(listing)
     finally:
         os.close(listing)
+
+
+def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder, all or none; existing ones are replaced.
+
+    Args:
+        folder: Folder, which is made if it does not exist.
+        files: Contents by path relative to it.
+
+    Raises:
+        OSError: If one of them cannot be written; it names that one, and neither files nor new folders remain.
+    """
+    made: list[Path] = []
+    targets = [folder / name for name in files]
+    try:
+        for target, content in zip(targets, files.values(), strict=True):
+            made += reversed([each for each in (target.parent, *target.parent.parents) if not each.exists()])
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if target.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
+            try:
+                unfinished(target).write_bytes(content)
+            except OSError as error:
+                error.filename = str(target)
+                raise
+        for target in targets:
+            os.replace(unfinished(target), target)
+    except BaseException:
+        with suppress(OSError):  # for example where nothing can be written
+            for target in targets:
+                unfinished(target).unlink(missing_ok=True)
+            for each in reversed(made):
+                each.rmdir()
+        raise
 
 
 @contextmanager

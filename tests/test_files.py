@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from ridlink.files import LONGEST_PART, file_part, unfinished, write_whole
+from ridlink.files import LONGEST_PART, file_part, unfinished, write_together, write_whole
+from tests.full_disk import files_below, largest_file
 
 SLOW = """
 import os, sys
@@ -45,6 +46,28 @@ def test_what_cannot_be_written_is_said_of_the_file_that_was_asked_for(tmp_path:
     with pytest.raises(IsADirectoryError) as refused:
         write_whole(path, b"")
     assert refused.value.filename == str(path)
+
+
+@pytest.mark.parametrize("folder", ["there", "new/one"])
+@pytest.mark.parametrize("too_large", [0, 1, 2])
+def test_a_full_disk_gets_all_files_or_none(tmp_path: Path, folder: str, too_large: int) -> None:
+    old = tmp_path / "there" / "a.h"
+    write_together(old.parent, {"a.h": b"old"})
+    files = {name: bytes(9000 if at == too_large else 9) for at, name in enumerate(("a.h", "deep/er/b.h", "c.h"))}
+    with largest_file(1000), pytest.raises(OSError) as refused:
+        write_together(tmp_path / folder, files)
+    assert refused.value.filename == str(tmp_path / folder / [*files][too_large])
+    assert [*tmp_path.iterdir()] == [old.parent] and [*old.parent.iterdir()] == [old] and old.read_bytes() == b"old"
+    write_together(tmp_path / folder, files)
+    written = {str(path.relative_to(tmp_path / folder)): path.read_bytes() for path in files_below(tmp_path / folder)}
+    assert written == files
+
+
+def test_a_folder_in_the_place_of_a_file_is_found_before_any_is_written(tmp_path: Path) -> None:
+    (tmp_path / "b").mkdir()
+    with pytest.raises(IsADirectoryError) as refused:
+        write_together(tmp_path, {"a": b"", "b": b""})
+    assert refused.value.filename == str(tmp_path / "b") and [*tmp_path.iterdir()] == [tmp_path / "b"]
 
 
 def test_any_text_may_be_part_of_a_file_name() -> None:

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ridlink.analysis.campaign import DEFINITION_NAMES, FlownCell, JudgedCell
 from ridlink.analysis.campaign_front import front_figure, sensitivity_figures
-from ridlink.analysis.figures import GREY, save_figure
+from ridlink.analysis.figures import GREY, draw_figure
 from ridlink.analysis.panels import (
     COLOUR_OF,
     WORLD,
@@ -34,8 +33,8 @@ MANY = 5
 """More labels than this are rotated."""
 
 
-def draw_campaign(flown: Sequence[FlownCell], judged: Sequence[JudgedCell], folder: Path) -> dict[str, list[Path]]:
-    """Draw all figures into a folder; returns the files of each, by name."""
+def draw_campaign(flown: Sequence[FlownCell], judged: Sequence[JudgedCell]) -> dict[str, bytes]:
+    """All figures as PNG and SVG; contents by file name."""
     rows = [cell.row for cell in flown]
     draw: dict[str, Callable[[], Figure]] = {}
     fronts = grouped(rows, WORLD)
@@ -48,7 +47,10 @@ def draw_campaign(flown: Sequence[FlownCell], judged: Sequence[JudgedCell], fold
         panels = panels_of(rows, numbers)
         draw[name_of("mission-times", rows, numbers, groups, by)] = partial(_times, panels, flown, judged)
         draw[name_of("collisions", rows, numbers, groups, by)] = partial(_collisions, panels, judged)
-    return {name: save_figure(figure, folder, name, formulas=False) for name, figure in draw.items()}
+    files: dict[str, bytes] = {}
+    for name, figure in draw.items():
+        files |= draw_figure(figure, name, formulas=False)
+    return files
 
 
 def _times(panels: Panels, flown: Sequence[FlownCell], judged: Sequence[JudgedCell]) -> Figure:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping, Sequence
 from html import escape
-from pathlib import Path
 
 from ridlink.analysis.campaign import DEFINITION_NAMES, TOLERANCE, Judged, JudgedCell, Verdict
 from ridlink.campaign.cell import world_words
@@ -30,7 +29,7 @@ ALTERNATIVES = {
 }
 
 
-def report_page(title: str, cells: Sequence[JudgedCell], tables: Sequence[str], figures: Mapping[str, Path]) -> str:
+def report_page(title: str, cells: Sequence[JudgedCell], tables: Sequence[str], figures: Mapping[str, bytes]) -> str:
     """The page.
 
     Args:
@@ -133,8 +132,8 @@ def _interval(interval: Sequence[float] | None, digits: int) -> str:
     return "" if interval is None else f"<small>{interval[0]:.{digits}f} to {interval[1]:.{digits}f}</small>"
 
 
-def _figure(name: str, file: Path) -> str:
-    drawn = base64.b64encode(file.read_bytes()).decode()
+def _figure(name: str, svg: bytes) -> str:
+    drawn = base64.b64encode(svg).decode()
     shown = next(words for kind, words in ALTERNATIVES.items() if name.startswith(kind))
     return f'<p><img alt="{shown}" src="data:image/svg+xml;base64,{drawn}"></p>'
 

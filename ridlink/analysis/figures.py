@@ -18,7 +18,7 @@ import numpy as np
 
 from ridlink.analysis.printed import PAPER_SIGMA_M, excess_distances
 from ridlink.errors import MissingExtraError
-from ridlink.files import write_whole
+from ridlink.files import write_together
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.components import displacement_line, localization_error, unmac_radius_distribution
 from ridlink.separation.reference import (
@@ -63,7 +63,7 @@ UNMAC_INTERVALS_S = (0.1, 0.5, 1.0, 3.0)
 
 
 def draw_figures(folder: Path) -> list[Path]:
-    """Draw every figure into a folder, which is created if it does not exist.
+    """Draw every figure into a folder, which is created if it does not exist; all of them or none.
 
     Returns:
         The files, in the order of the paper; existing ones are replaced.
@@ -73,36 +73,30 @@ def draw_figures(folder: Path) -> list[Path]:
     """
     if folder.exists() and not folder.is_dir():  # for a device, `mkdir` would report that it exists
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
-    folder.mkdir(parents=True, exist_ok=True)
-    files: list[Path] = []
+    files: dict[str, bytes] = {}
     for name, draw in FIGURES.items():
-        files += save_figure(draw, folder, name)
-    return files
+        files |= draw_figure(draw, name)
+    write_together(folder, files)
+    return [folder / name for name in files]
 
 
-def save_figure(draw: Callable[[], Figure], folder: Path, name: str, *, formulas: bool = True) -> list[Path]:
-    """Draw one figure in the common style and write it as PNG and SVG, with the same bytes every time.
+def draw_figure(draw: Callable[[], Figure], name: str, *, formulas: bool = True) -> dict[str, bytes]:
+    """One figure in the common style as PNG and SVG, with the same bytes every time; contents by file name.
 
     Args:
         draw: Function that draws it.
-        folder: Folder of the files.
         name: Name of the files, without a suffix.
         formulas: Whether text between dollar signs is a formula; False if names of scenes are drawn, which may contain
             dollar signs.
-
-    Raises:
-        OSError: If a file cannot be written; no partial file is left.
     """
-    files = []
+    files = {}
     with matplotlib.rc_context({**STYLE, "text.parse_math": formulas}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # a letter that is not in the font is drawn as a box
         figure = draw()
         for suffix, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
             drawn = io.BytesIO()
             figure.savefig(drawn, format=suffix, dpi=PNG_DPI, metadata=metadata)
-            file = folder / f"{name}.{suffix}"
-            write_whole(file, drawn.getvalue())
-            files.append(file)
+            files[f"{name}.{suffix}"] = drawn.getvalue()
     return files
 
 

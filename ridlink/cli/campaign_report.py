@@ -26,7 +26,7 @@ def report(folder: Path) -> None:
     from ridlink.analysis.campaign_pairs_page import dominance_table, pairs_table, pooled_table
     from ridlink.analysis.pairs import against_lossless, against_points, dominance, pooled
     from ridlink.campaign_runner.reading import read_campaign
-    from ridlink.files import write_whole
+    from ridlink.files import write_together
 
     configuration, flown = read_campaign(folder)
     as_printed = is_the_papers(configuration)
@@ -37,9 +37,9 @@ def report(folder: Path) -> None:
         pooled_table(together), dominance_table(above), pairs_table("Against the paper's Candidates", points),
         pairs_table("What lost reports cost", lossless),
     )  # fmt: skip
-    figures = draw_campaign(flown, judged, folder)
+    figures = draw_campaign(flown, judged)
     title = "The paper's simulation, flown again" if as_printed else "Campaign"
-    drawn = {name: next(file for file in files if file.suffix == ".svg") for name, files in figures.items()}
+    drawn = {name.removesuffix(".svg"): content for name, content in figures.items() if name.endswith(".svg")}
     document = {
         "configuration": configuration,
         "cells": [cell.as_dict() for cell in judged],
@@ -48,13 +48,11 @@ def report(folder: Path) -> None:
         "against_candidates": [pair.as_dict() for pair in points],
         "against_lossless": [pair.as_dict() for pair in lossless],
     }
-    written = [file for files in figures.values() for file in files]
-    for name, text in (
-        ("report.json", json.dumps(document, indent=1)),
-        ("report.html", report_page(title, judged, tables, drawn)),
-        ("report.md", markdown_report(flown, points, together)),
-    ):
-        write_whole(folder / name, text.encode())
-        written.append(folder / name)
-    for file in written:
-        click.echo(file)
+    files = figures | {
+        "report.json": json.dumps(document, indent=1).encode(),
+        "report.html": report_page(title, judged, tables, drawn).encode(),
+        "report.md": markdown_report(flown, points, together).encode(),
+    }
+    write_together(folder, files)
+    for name in files:
+        click.echo(folder / name)

@@ -10,6 +10,7 @@ import click
 
 from ridlink.cli.options import PATH
 from ridlink.errors import ConfigError
+from ridlink.files import write_together
 
 FORMS = {
     "xml": "The definition itself. Into a folder: with the upstream definitions that it includes.",
@@ -38,9 +39,9 @@ def _write(form: str, output: Path | None) -> None:
             raise click.UsageError(f"{form} makes many files: name a folder with -o FOLDER")
         click.echo(_single_file(form, "ridlink"), nl=False)
     elif form in FOLDERS_ONLY:
-        generate.write_files(output, _render(form, "ridlink"))
+        write_together(output, _render(form, "ridlink"))
     elif form == "xml" and (output.is_dir() or not (output.suffix or output.exists())):
-        generate.write_files(output, generate.definition_files())
+        write_together(output, generate.definition_files())
     elif output.is_dir():
         generate.write_file(output / f"ridlink{generate.SUFFIXES[form]}", _single_file(form, "ridlink"))
     else:

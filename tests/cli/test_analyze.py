@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ridlink.cli import cli
+from tests.full_disk import largest_file
 
 WITHOUT = """
 import sys
@@ -42,6 +43,18 @@ def test_the_table_has_both_numbers_a_verdict_and_a_reason() -> None:
     assert beacon.endswith("several m      2.8 to 9.0 m  equal")
     assert ["0.999", "43.7", "52.6", "78.0", "60.0"] in [line.split() for line in lines]
     assert max(map(len, lines)) <= 140
+
+
+def test_a_full_disk_gets_no_figure(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="figures need the extra 'plot'")
+    from ridlink.analysis.figures import draw_figures
+
+    files = draw_figures(tmp_path / "whole")
+    sizes = [file.stat().st_size for file in files]
+    assert sizes[0] < max(sizes) - 1  # one before it would fit
+    with largest_file(max(sizes) - 1):
+        result = invoke("--out", tmp_path / "new" / "folder")
+    assert isinstance(result.exception, OSError) and [*tmp_path.iterdir()] == [tmp_path / "whole"]
 
 
 def test_json_is_one_object() -> None:

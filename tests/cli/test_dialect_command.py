@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from message_spec.generate import DIALECT_XML, definition_files
+from message_spec import generate
+from message_spec.generate import DIALECT_XML, definition_files, render
 from ridlink.cli import cli
 from ridlink.errors import ConfigError
+from tests.full_disk import largest_file
 
 
 def invoke(*arguments: str | Path) -> Result:
@@ -69,6 +71,16 @@ class TestForms:
         assert f"{form} makes many files: name a folder with -o FOLDER" in without.stderr
         assert invoke(form, "-o", tmp_path / "new" / "folder").exit_code == 0
         assert (tmp_path / "new" / "folder" / file).is_file()
+
+    @pytest.mark.parametrize("form", ["xml", "c", "typescript"])
+    def test_a_full_disk_gets_no_part_of_a_folder(
+        self, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        rendered = {} if form == "xml" else render(form)  # before, since mavgen writes files of its own
+        monkeypatch.setattr(generate, "render", lambda *_: rendered)
+        with largest_file(20_000):
+            result = invoke(form, "-o", tmp_path / "new" / "folder")
+        assert isinstance(result.exception, OSError) and not any(tmp_path.iterdir())
 
     @pytest.mark.parametrize("form", ["xml", "python", "lua", "c", "typescript"])
     def test_a_path_that_cannot_be_written(self, tmp_path: Path, form: str) -> None:
