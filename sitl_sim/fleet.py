@@ -115,7 +115,7 @@ class Fleet:
         self.mission_begun = True
         self.world.begin_mission()
         for autopilot in self.autopilots:
-            autopilot.pilot.begin_mission()
+            autopilot.begin_mission()
 
     # --- one tick -----------------------------------------------------------------------------------------------------
 

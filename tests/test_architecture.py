@@ -113,7 +113,9 @@ WALLS_WITHIN = {
     "ridlink.links.signing_options": ("ridlink.links.link", "ridlink.links.opening"),
     "ridlink.separation.distributions": ("ridlink.separation.sums",),
     "sitl_sim.fleet": ("ridlink.links", "sitl_sim.air_socket", "sitl_sim.clock", "sitl_sim.server"),
-    "sitl_sim.autopilot.pilot": tuple(f"sitl_sim.autopilot.{part}" for part in ("link", "peers", "streams", "answers")),
+    "sitl_sim.autopilot.pilot": tuple(
+        f"sitl_sim.autopilot.{part}" for part in ("link", "peers", "streams", "answers", "routine")
+    ),
     "sitl_sim.autopilot.peers": tuple(f"sitl_sim.autopilot.{part}" for part in ("pilot", "orders", "answers")),
     **dict.fromkeys(
         (*(f"sitl_sim.autopilot.{part}" for part in ("guidance", "orders", "telemetry")), "sitl_sim.broadcast"),

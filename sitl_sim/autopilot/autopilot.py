@@ -26,6 +26,7 @@ from sitl_sim.autopilot.parameters import Parameters
 from sitl_sim.autopilot.peers import AUTOPILOT_COMPONENT, Peers
 from sitl_sim.autopilot.pilot import Pilot, Start
 from sitl_sim.autopilot.results import Reply
+from sitl_sim.autopilot.routine import Routine
 from sitl_sim.autopilot.status_texts import StatusTexts
 from sitl_sim.autopilot.streams import Streams
 from sitl_sim.autopilot.telemetry import Telemetry
@@ -72,6 +73,7 @@ class Autopilot:
         self._texts = StatusTexts()
         self._board = board = _board_of(world, index, flavour, navigation.home, self._texts)
         self.pilot = Pilot(board, world, navigation[index], start)
+        self._routine = Routine(board, world, self.pilot)
         self.telemetry = Telemetry(board, self.pilot, utc_clock)
         self._missions = MissionProtocol(board, self.pilot.mission)
         streams = Streams(board, self.telemetry)
@@ -91,6 +93,10 @@ class Autopilot:
         """Whether an avoidance daemon was heard and its setpoints were flown at the last tick."""
         return self._now_s - self._answers.daemon_heard_s <= DAEMON_SILENCE_S and self.pilot.is_steered(self._now_s)
 
+    def begin_mission(self) -> None:
+        """For a vehicle that avoids nobody: fly to the goal now, or as soon as it has climbed."""
+        self._routine.begin_mission()
+
     # --- bytes out ----------------------------------------------------------------------------------------------------
 
     def tick(self, now_s: float) -> Outgoing:
@@ -99,7 +105,7 @@ class Autopilot:
         navigation = self._navigation[self._index]
         if navigation.state is VehicleState.GONE:
             return []  # a wreck is silent
-        self.pilot.update(navigation, now_s)
+        self._routine.update(navigation, now_s)
         if not navigation.link_on:
             return []
         self._peers.serve_companion(now_s)
@@ -200,4 +206,5 @@ def _board_of(world: World, index: int, flavour: str, home: Geodetic, texts: Sta
         own_origin=ground,
         own_home=ground,
         say=texts.say,
+        inject=world.inject,
     )

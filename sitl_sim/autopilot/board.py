@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from ridlink.geodesy import Geodetic
-from ridlink.scenario import VehicleSpec
+from ridlink.scenario import Event, VehicleSpec
 from sitl_sim.autopilot.modes import Flavour
 from sitl_sim.autopilot.parameters import Parameters
 from sitl_sim.autopilot.results import Say
@@ -25,6 +26,7 @@ class Board:
         own_home: The ground where it was switched on or armed, at the height that its estimator had then; heights count
             from there.
         say: Called with severity and text of a STATUSTEXT.
+        inject: Called with a failure of the vehicle.
     """
 
     system_id: int
@@ -35,6 +37,7 @@ class Board:
     own_origin: Geodetic
     own_home: Geodetic
     say: Say
+    inject: Callable[[Event], None]
 
     @property
     def is_px4(self) -> bool:

@@ -14,6 +14,7 @@ from enum import IntEnum
 from ridlink.geodesy import ned_from_geodetic
 from ridlink.mavlink.codec import Message
 from sitl_sim.autopilot.board import Board
+from sitl_sim.autopilot.failures import failure_event
 from sitl_sim.autopilot.guidance import GoTo
 from sitl_sim.autopilot.mission_items import UNUSED_INT
 from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM, Mode, px4_custom_mode
@@ -129,8 +130,10 @@ class Commands:
 
     def _inject_failure(self, command: Command, now_s: float) -> Result:
         unit, kind = int(command[1] or 0), int(command[2] or 0)
-        if not self._pilot.fail(unit, kind):
+        event = failure_event(unit, kind, self._board.system_id)
+        if event is None:
             return self._orders.refuse(f"failure refused: none like {unit}/{kind}", Result.UNSUPPORTED)
+        self._board.inject(event)
         return Result.ACCEPTED
 
     def _take_off(self, command: Command, now_s: float) -> Result:

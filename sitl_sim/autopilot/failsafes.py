@@ -3,7 +3,7 @@
 Times and actions were measured on both autopilots in their own simulators:
 
 - Setpoints: PX4 leaves OFFBOARD after COM_OF_LOSS_T for the mode of COM_OBL_RC_ACT. The default needs a pilot; without
-  one it returns home. (ArduPilot stays in GUIDED and brakes; that is no failsafe, see `pilot`.)
+  one it returns home. (ArduPilot stays in GUIDED and brakes; that is no failsafe, see `routine`.)
 - Position: ArduPilot lands 8.1 s after the last fix and takes no other action by itself. PX4 drops to altitude mode
   after 5.2 s, where without a pilot it sinks at 0.7 m/s, and returns home when the fix comes back.
 - Ground station: both do nothing unless NAV_DLL_ACT or FS_GCS_ENABLE is set.

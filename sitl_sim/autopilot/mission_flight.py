@@ -1,6 +1,6 @@
 """A mission in flight: the present item, its velocity, and the items that were reached.
 
-The pilot calls it once a tick while its mode is MISSION; it never changes a mode or arms by itself.
+The routine calls it once a tick while its mode is MISSION; it never changes a mode or arms by itself.
 
 Positions are north-east-down about the scenario's home; heights count from the vehicle's own home.
 """

@@ -1,6 +1,6 @@
 """Inputs of a vehicle from outside: a stream of setpoints, and the throttle stick.
 
-It stores inputs and their times, and knows no modes: `pilot` decides what follows. Time-outs are those of the real
+It stores inputs and their times, and knows no modes: `pilot` and `routine` decide. Time-outs are those of the real
 autopilots with their default parameters.
 """
 

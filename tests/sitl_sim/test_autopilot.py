@@ -571,7 +571,7 @@ def test_who_avoids_nobody_flies_straight_to_its_goal_by_itself(flavour: str, st
     assert flight.armed and flight.mode == (0x04040000 if flavour == "px4" else 3)
     assert flight.set_mode(4, 3) == (TEMPORARILY_REJECTED if flavour == "px4" else FAILED)
     flight.world.begin_mission()
-    flight.autopilot.pilot.begin_mission()
+    flight.autopilot.begin_mission()
     flight.fly(3.0, 0.0, 5.0, 0.0)
     assert flight.velocity[0] > 4.0 and abs(flight.velocity[1]) < 0.1
     flight.advance(20.0)
