@@ -25,6 +25,8 @@ from ridlink.errors import UnknownMessageError
 from ridlink.mavlink.codec import message_spec
 
 NO_TIME_US = -1
+"""``t_us`` of a message without a time."""
+
 MAX_OVERHEAD = 12
 """Bytes of an unsigned MAVLink 2 frame beside its payload."""
 

@@ -35,8 +35,8 @@ from ridlink.mavlink.frames import (
 TIME_LENGTH = 8
 CHECKSUM_LENGTH = 2
 MAX_TIME_US = 2**64 - 1
-NO_TIME_US = MAX_TIME_US
-"""Time written by a logger without a clock: all bits set. The fast path also uses it for no time."""
+UNSET_TIME_US = MAX_TIME_US
+"""Time written by a logger without a clock: all bits set."""
 
 PLAUSIBLE_STEP_US = 3 * 24 * 3600 * 1_000_000
 EARLIEST_TIME_US = 946_684_800_000_000  # 2000-01-01
@@ -83,7 +83,7 @@ def read_tlog(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
                 reference_us = time_us
             else:  # position and checksum are right: only its time is damaged
                 rejects.add(BAD_TIMESTAMP, base + at, TIME_LENGTH)
-            yield Record(time_us if plausible and time_us != NO_TIME_US else None, found, base + at)
+            yield Record(time_us if plausible and time_us != UNSET_TIME_US else None, found, base + at)
             at += TIME_LENGTH + len(found.raw)
             in_step = True
             continue

@@ -14,8 +14,8 @@ import numpy as np
 
 from ridlink.captures import Capture, CaptureKind, Rejects, open_capture
 from ridlink.captures.fast import tables
-from ridlink.captures.fast.block import NO_TIME
 from ridlink.captures.fast.blocks import BlockReader
+from ridlink.captures.fast.scanning import NO_TIME
 from ridlink.captures.reader import is_large
 from ridlink.errors import CaptureError
 from ridlink.mavlink.codec import CRC_EXTRAS

@@ -7,7 +7,7 @@ import numpy as np
 from ridlink.captures.export.rows import Rows
 from ridlink.captures.export.si import Column
 from ridlink.captures.fast import writing
-from ridlink.captures.fast.block import NO_TIME
+from ridlink.captures.fast.scanning import NO_TIME
 from ridlink.captures.fast.tables import Layout
 from ridlink.captures.lines import DIGITS, NAME_WIDTH, NUMBER_WIDTH, SOURCE_WIDTH, TIME_WIDTH, cell, clock_time
 from ridlink.captures.messages import UNKNOWN

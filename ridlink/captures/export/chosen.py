@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ridlink.captures.export.selection import Selection
-from ridlink.captures.fast.block import NO_TIME, Block
+from ridlink.captures.fast.block import Block
+from ridlink.captures.fast.scanning import NO_TIME
 from ridlink.captures.fast.tables import Layout, layouts, slot_of
 from ridlink.captures.messages import MessageRecord, decode_records
 from ridlink.captures.records import Origin, TracedRecord

@@ -17,7 +17,8 @@ import numpy as np
 from ridlink.captures.export.chosen import chosen_frames
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.export.si import HAVE_RANGES, out_of_range
-from ridlink.captures.fast.block import NO_TIME, Block
+from ridlink.captures.fast.block import Block
+from ridlink.captures.fast.scanning import NO_TIME
 from ridlink.captures.fast.sources import count_sources
 from ridlink.captures.fast.tables import Layout, layouts, slot_of
 from ridlink.captures.statistics import Statistics

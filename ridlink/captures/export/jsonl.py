@@ -12,7 +12,7 @@ import numpy as np
 from ridlink.captures.export.rows import Rows
 from ridlink.captures.export.si import Column
 from ridlink.captures.fast import writing
-from ridlink.captures.fast.block import NO_TIME
+from ridlink.captures.fast.scanning import NO_TIME
 from ridlink.captures.fast.tables import Layout
 from ridlink.captures.lines import exact_seconds
 

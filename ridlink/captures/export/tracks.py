@@ -8,10 +8,10 @@ from array import array
 from collections.abc import Iterator
 from typing import IO, Any, NamedTuple, Self
 
+from ridlink.captures.columns import NO_TIME_US
 from ridlink.captures.lines import clock_time
 from ridlink.captures.tlog import LATEST_TIME_US
 
-NO_TIME_US = -1
 HALF_TURN_DEG = 180.0
 POSITIONS_IN_MEMORY = 512
 """Positions of each track in memory; 32 bytes each."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ridlink.captures.fast import copying, loading, tables
 from ridlink.captures.fast.calling import plain
+from ridlink.captures.fast.scanning import NO_TIME
 from ridlink.captures.records import Record
 from ridlink.mavlink.frames import (
     HEADER_LENGTH_V1,
@@ -21,7 +22,6 @@ from ridlink.mavlink.frames import (
 LONGER_BY_V1, LONGER_BY_V2 = HEADER_LENGTH_V1 + 2, HEADER_LENGTH_V2 + 2
 """Bytes of an unsigned frame beside its payload."""
 SHORTEST_FRAME = LONGER_BY_V1
-NO_TIME = np.uint64(2**64 - 1)
 
 
 class Block:

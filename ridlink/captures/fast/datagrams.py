@@ -11,8 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from ridlink.captures.fast import loading, scanning, tables
-from ridlink.captures.fast.block import NO_TIME, SHORTEST_FRAME, Block, Index, frame_ends, with_margins
+from ridlink.captures.fast.block import SHORTEST_FRAME, Block, Index, frame_ends, with_margins
 from ridlink.captures.fast.calling import announce, plain
+from ridlink.captures.fast.scanning import NO_TIME
 from ridlink.captures.packets import UDP_TRANSPORT, Datagram, read_contents, records_of
 from ridlink.captures.records import Record, Rejects
 

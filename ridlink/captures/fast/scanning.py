@@ -18,6 +18,7 @@ from ridlink.captures.statistics import LEAP
 from ridlink.captures.tlog import EARLIEST_TIME_US as _EARLIEST
 from ridlink.captures.tlog import LATEST_TIME_US as _LATEST
 from ridlink.captures.tlog import PLAUSIBLE_STEP_US as _STEP
+from ridlink.captures.tlog import UNSET_TIME_US
 
 LOOKAHEAD = TIME_LENGTH + 280 + TIME_LENGTH + 1
 """With this many bytes ahead, a record of a tlog is judged as with the whole file ahead."""
@@ -49,7 +50,9 @@ def no_sources() -> np.ndarray:
     return np.zeros(65536 * SOURCE_LENGTH, np.int64)
 
 
-_NO_TIME = np.uint64(2**64 - 1)
+NO_TIME = np.uint64(UNSET_TIME_US)
+"""Time of a frame that has none."""
+
 _EARLIEST_US = np.uint64(_EARLIEST)
 _LATEST_US = np.uint64(_LATEST)
 _STEP_US = np.uint64(_STEP)
@@ -200,7 +203,7 @@ def scan_raw(
         if cause < 0:
             starts[count] = at
             slots[count] = known >> 8
-            times[count] = _NO_TIME
+            times[count] = NO_TIME
             count += 1
             count_source(sources, sysid, compid, seq)
             at = end
@@ -296,7 +299,7 @@ def scan_tlog(
                 times[count] = time_us
             else:
                 reject(state, BAD_TIME, base + at, TIME_LENGTH)
-                times[count] = _NO_TIME
+                times[count] = NO_TIME
             starts[count] = start
             slots[count] = known >> 8
             count += 1
