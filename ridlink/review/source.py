@@ -43,7 +43,7 @@ class Source:
         name: Name to show.
         size, position: Bytes in all, None if unknown, and bytes read.
         rejects: Damage by cause.
-        error: The error that ended reading before the end of the file.
+        error: The error that ended reading before the end of the file; or that none of its frames has a time.
         needless: Called for the system ids whose telemetry is not needed at that time.
         on_progress: Called with the source and the number of new frames; for a large file once a block.
 
@@ -78,12 +78,15 @@ class Source:
 
     def __iter__(self) -> Iterator[Timed]:
         """Needed frames with microseconds since 1970; a frame without a time gets that of the one before."""
-        last_us = 0
+        last_us, latest_us = 0, -1
         try:
             for time_us, frame in self._frames():
                 last_us = last_us if time_us is None else time_us
                 if last_us and frame is not None:
                     yield last_us, frame
+                latest_us = max(latest_us, last_us)
+            if latest_us == 0:
+                raise CaptureError(f"{self.name}: none of its messages has a time, and encounters need them")
         except (CaptureError, OSError) as error:
             self.error = error
 

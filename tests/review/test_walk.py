@@ -15,6 +15,7 @@ from ridlink.errors import CaptureError
 from ridlink.observer import Scene
 from ridlink.review import Source, Walk, together
 from ridlink.review.approach import nearest_since
+from ridlink.view.recorded import read_history
 from tests.captures.conftest import START_US, tlog_bytes
 from tests.captures.pcap_files import ethernet, ipv4, pcap, udp
 from tests.observer.flights import Flyer, frames
@@ -127,6 +128,25 @@ def test_a_capture_without_times_is_refused(tmp_path: Path, suffix: str) -> None
     path.write_bytes(b"".join(said) if suffix == "mavlink" else b"\n".join(frame.hex().encode() for frame in said))
     with pytest.raises(CaptureError, match="has no times"):
         Source(str(path))
+
+
+@pytest.mark.parametrize("time_us", [0, 2**64 - 1])
+@pytest.mark.parametrize("large", [10**12, 0])
+def test_a_log_of_a_logger_without_a_clock_is_refused(
+    tmp_path: Path, time_us: int, large: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its times are all 0, or all bits are set; they were taken for those of a recording in which nobody is heard."""
+    monkeypatch.setattr(reader, "LARGE_BYTES", large)
+    path, other = tmp_path / "f.tlog", recorded(tmp_path / "other.tlog", [SOUTHBOUND], 1.0)
+    path.write_bytes(tlog_bytes([(time_us, frame) for _, frame in records([NORTHBOUND], 1.0)]))
+    source = Source(str(path))
+    assert (
+        not list(source) and str(source.error) == f"{path}: none of its messages has a time, and encounters need them"
+    )
+    with pytest.raises(CaptureError, match="none of its messages has a time"):
+        read_history([str(path)])
+    source = Source(str(other))
+    assert list(source) and source.error is None
 
 
 @given(st.lists(st.tuples(st.integers(0, 2**63), st.integers(0, 5)), max_size=40))
