@@ -101,7 +101,8 @@ class CheckedTable:
         owner = f"{self._name} {self._number}" if self._number else self._name
         return ConfigError(f"{where}: {': '.join(part for part in (owner, key) if part)} {text}")
 
-    def _fault(self, key: str, text: str) -> KeyFault:
+    def fault(self, key: str, text: str) -> KeyFault:
+        """The same for a mistake that is in one key alone, and hides none in the others."""
         return KeyFault(str(self.error(key, text)), key)
 
     def read(self, make: Callable[[CheckedTable], Made], faults: list[ConfigError]) -> Made | None:
@@ -145,21 +146,21 @@ class CheckedTable:
             return self._values.pop(key)
         if default is None:
             near = get_close_matches(key, self._values, n=1, cutoff=ALIKE)
-            raise self._fault(key, f"is missing: did you mean it by {near[0]}?" if near else "is missing")
+            raise self.fault(key, f"is missing: did you mean it by {near[0]}?" if near else "is missing")
         return default
 
     def text(self, key: str) -> str:
         """The value of a key that must be text: one line, not empty."""
         value = self.take(key)
         if not isinstance(value, str) or not value.strip() or not value.isprintable():
-            raise self._fault(key, "must be text of one line")
+            raise self.fault(key, "must be text of one line")
         return value
 
     def truth(self, key: str, default: bool) -> bool:
         """The value of a key that must be true or false."""
         value = self.take(key, default)
         if not isinstance(value, bool):
-            raise self._fault(key, f"must be true or false, not {value!r}")
+            raise self.fault(key, f"must be true or false, not {value!r}")
         return value
 
     def number(
@@ -168,43 +169,43 @@ class CheckedTable:
         """The value of a key that must be a finite number, greater than ``above`` and not less than ``least``."""
         value = self._finite(key, self.take(key, default))
         if above is not None and value <= above:
-            raise self._fault(key, f"must be greater than {above:g}, not {value:g}")
+            raise self.fault(key, f"must be greater than {above:g}, not {value:g}")
         if least is not None and value < least:
-            raise self._fault(key, f"must be at least {least:g}, not {value:g}")
+            raise self.fault(key, f"must be at least {least:g}, not {value:g}")
         return value
 
     def point(self, key: str, value: object, axes: str) -> tuple[float, ...]:
         """Coordinates, one for each of the axes named ("north, east"); ``value`` may be part of the key's value."""
         if not isinstance(value, list) or len(value) != axes.count(",") + 1:
-            raise self._fault(key, f"must be [{axes}] in metres, not {value!r}")
+            raise self.fault(key, f"must be [{axes}] in metres, not {value!r}")
         return tuple(self._finite(key, part) for part in value)
 
     def _finite(self, key: str, value: object) -> float:
         number = finite_number(value)
         if number is None:
-            raise self._fault(key, f"must be a finite number, not {reprlib.repr(value)}")
+            raise self.fault(key, f"must be a finite number, not {reprlib.repr(value)}")
         if abs(number) > LARGEST:
-            raise self._fault(key, f"must be at most {LARGEST:g} in size, not {number:g}")
+            raise self.fault(key, f"must be at most {LARGEST:g} in size, not {number:g}")
         return number
 
     def tables(self, key: str, *, needed: bool = True) -> Iterator[CheckedTable]:
         """The tables of an array of tables, in order."""
         value = self.take(key, None if needed else [])
         if not isinstance(value, list):
-            raise self._fault(key, f"must be written as [[{key}]]")
+            raise self.fault(key, f"must be written as [[{key}]]")
         return (CheckedTable(self._source, entry, key, number) for number, entry in enumerate(value, start=1))
 
     def table(self, key: str) -> CheckedTable:
         """A table within this one, written as ``[key]``."""
         value = self.take(key)
         if not isinstance(value, dict):
-            raise self._fault(key, f"must be written as [{key}]")
+            raise self.fault(key, f"must be written as [{key}]")
         return CheckedTable(self._source, value, key, 0)
 
     def nothing_else(self) -> None:
         """Refuse keys that were not read: otherwise a misspelt key would silently leave the default."""
         for key in self._values:
-            raise self._fault(key, f"is not known here: known are {', '.join(self._known)}")
+            raise self.fault(key, f"is not known here: known are {', '.join(self._known)}")
 
 
 def read_toml(path: str | Path) -> CheckedTable:

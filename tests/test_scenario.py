@@ -153,6 +153,22 @@ def test_all_mistakes_are_told_at_once_and_nothing_that_follows_from_one(write: 
     ]
 
 
+def test_what_a_key_may_not_say_hides_no_other_mistake(write: Write) -> None:
+    text = GOOD.replace("[200, 0, -50]", "[200, 0, 50]").replace("speed_mps = 15.4", "interval_s = 0.0")
+    text = text.replace("airframe_m = 0.6", 'autopilot = "inav"')
+    event = '\n[[event]]\nat_s = 1.0\nvehicle = 9\nwhat = "nothing"\n'
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(write(text + event))
+    lines = [line.split("scenario.toml:")[1] for line in (str(caught.value), *caught.value.others)]
+    assert [line.split(" is ")[0].split(" must ")[0].split(": ", 1)[1] for line in lines] == [
+        "vehicle 1: interval_s",
+        "vehicle 1: autopilot",
+        "vehicle 2: start_ned_m",
+        "event 1: vehicle",
+        "event 1: what",
+    ]
+
+
 def test_of_a_file_full_of_mistakes_five_are_told(write: Write) -> None:
     with pytest.raises(ConfigError) as caught:
         load_scenario(write(GOOD + "".join(f"key{number} = 1\n" for number in range(50))))

@@ -96,17 +96,17 @@ def read_event(table: CheckedTable, *, at_s: float | None = None, vehicles: int 
     when_s = table.number("at_s", at_s, least=0.0)
     vehicle = table.number("vehicle", float(EVERYBODY), least=0.0)
     if vehicle != int(vehicle):
-        raise table.error("vehicle", f"must be a system id, or 0 for all, not {vehicle:g}")
+        raise table.fault("vehicle", f"must be a system id, or 0 for all, not {vehicle:g}")
     if vehicles is not None and vehicle > vehicles:
-        raise table.error("vehicle", f"must be at most {vehicles}: there is no vehicle {vehicle:g}")
+        raise table.fault("vehicle", f"must be at most {vehicles}: there is no vehicle {vehicle:g}")
     what = table.text("what")
     if what not in EVENTS:
-        raise table.error("what", f"must be one of {', '.join(EVENTS)}, not '{what}'")
+        raise table.fault("what", f"must be one of {', '.join(EVENTS)}, not '{what}'")
     figures = {}
     for name, figure in EVENTS[what].items():
         figures[name] = table.number(name, figure.default, least=figure.least)
         if figures[name] > figure.most:
-            raise table.error(name, f"must be at most {figure.most:g}, not {figures[name]:g}")
+            raise table.fault(name, f"must be at most {figure.most:g}, not {figures[name]:g}")
     table.nothing_else()
     return Event(when_s, EVERYBODY if what == "wind" else int(vehicle), what, figures)
 

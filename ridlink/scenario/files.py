@@ -131,7 +131,7 @@ def _vehicle_spec(table: CheckedTable, speed_mps: float) -> VehicleSpec:
     points = [("route_ned_m", point) for point in spec.route_ned_m]
     for key, point in (("start_ned_m", spec.start_ned_m), ("goal_ned_m", spec.goal_ned_m), *points):
         if point[2] >= 0.0:
-            raise table.error(key, f"is not in the air: down must be negative (home is the ground), not {point[2]:g}")
+            raise table.fault(key, f"is not in the air: down must be negative (home is the ground), not {point[2]:g}")
     return spec
 
 
@@ -139,7 +139,7 @@ def _route(table: CheckedTable) -> tuple[Point3, ...]:
     key = "route_ned_m"
     value = table.take(key, [])
     if not isinstance(value, list):
-        raise table.error(key, "must list points [north, east, down]")
+        raise table.fault(key, "must list points [north, east, down]")
     points = (table.point(key, point, "north, east, down") for point in value)
     return tuple((north, east, down) for north, east, down in points)
 
@@ -160,7 +160,7 @@ def _home(top: CheckedTable) -> Point3:
     key = "home"
     latitude, longitude, altitude = top.point(key, top.take(key), "latitude [deg], longitude [deg], altitude")
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and -500.0 <= altitude <= 9000.0):
-        raise top.error(key, f"is no place on Earth: {latitude:g}, {longitude:g}, {altitude:g}")
+        raise top.fault(key, f"is no place on Earth: {latitude:g}, {longitude:g}, {altitude:g}")
     return latitude, longitude, altitude
 
 
@@ -173,13 +173,13 @@ def _obstacle_spec(table: CheckedTable) -> ObstacleSpec:
     key = "polygon_ne_m"
     value = table.take(key)
     if not isinstance(value, list) or len(value) < 3:
-        raise table.error(key, "must list at least three corners [north, east]")
+        raise table.fault(key, "must list at least three corners [north, east]")
     corners = tuple((corner[0], corner[1]) for corner in (table.point(key, corner, "north, east") for corner in value))
     table.nothing_else()
     if corners[-1] == corners[0] and len(corners) > 3:  # closed, as polygons of GeoJSON are
         corners = corners[:-1]
     if not _is_simple(corners):
-        raise table.error(key, "must be a polygon with an area whose edges do not cross")
+        raise table.fault(key, "must be a polygon with an area whose edges do not cross")
     return ObstacleSpec(corners)
 
 

@@ -38,5 +38,5 @@ def read_vehicle_keys(table: CheckedTable) -> VehicleKeys:
         autopilot=table.text("autopilot") if table.has("autopilot") else None,
     )
     if keys["autopilot"] not in (None, *AUTOPILOTS):
-        raise table.error("autopilot", f"must be {' or '.join(AUTOPILOTS)}, not {keys['autopilot']!r}")
+        raise table.fault("autopilot", f"must be {' or '.join(AUTOPILOTS)}, not {keys['autopilot']!r}")
     return keys
