@@ -70,6 +70,8 @@ class Feed:
             document = document["states"]
         rows = document if isinstance(document, list) else [document]
         frames: list[bytes] = []
+        if len(rows) > MOST_AIRCRAFT_A_MESSAGE:
+            self.counters["too_many"] += len(rows) - MOST_AIRCRAFT_A_MESSAGE
         for row in rows[:MOST_AIRCRAFT_A_MESSAGE]:
             frames += self._aircraft(row, utc_s)
         return frames

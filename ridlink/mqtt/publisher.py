@@ -49,7 +49,7 @@ class PublisherSettings:
         home_assistant: Announce every aircraft as a device tracker as well.
 
     Raises:
-        ConfigError: If the rate is not above 0 and at most 10.
+        ConfigError: If the rate is not above 0 and at most 10, or a batch is to feed device trackers.
     """
 
     topics: Topics
@@ -62,6 +62,8 @@ class PublisherSettings:
     def __post_init__(self) -> None:
         if not 0.0 < self.rate_hz <= 10.0:
             raise ConfigError(f"rate {self.rate_hz:g}: must be above 0 and at most 10 a second")
+        if self.batch and self.home_assistant:
+            raise ConfigError("home-assistant reads the state of each aircraft, which batch replaces: leave one out")
 
 
 class Publisher:

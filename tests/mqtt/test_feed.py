@@ -75,6 +75,12 @@ def test_what_is_no_aircraft_is_counted(payload: bytes, cause: str) -> None:
     assert feed.counters[cause] >= 1 and not feed.counters["aircraft"]
 
 
+def test_aircraft_beyond_those_of_one_message_are_counted() -> None:
+    feed = Feed()
+    feed.frames(json.dumps([{"id": f"N{number}", "lat": 47.4, "lon": 8.5} for number in range(503)]).encode(), UTC_S)
+    assert feed.counters == {"aircraft": 500, "too_many": 3}
+
+
 numbers = st.floats() | st.integers(-(10**400), 10**400)
 values = st.recursive(
     st.none() | st.booleans() | numbers | st.text(max_size=30),

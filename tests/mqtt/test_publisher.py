@@ -128,6 +128,11 @@ def test_home_assistant_gets_a_device_tracker_for_each() -> None:
     assert [one["topic"] for one in announced["availability"]] == hangs_on and announced["availability_mode"] == "all"
 
 
+def test_trackers_read_states_that_a_batch_replaces_so_that_both_are_refused() -> None:
+    with pytest.raises(ConfigError, match="batch"):
+        PublisherSettings(TOPICS, batch=True, home_assistant=True)
+
+
 def test_a_broker_that_kept_nothing_is_told_again_who_is_there_and_at_the_end_that_nobody_is() -> None:
     publisher = Publisher(PublisherSettings(TOPICS, home_assistant=True))
     for time_s, frame in frames([ONE], 0.3):
