@@ -224,6 +224,20 @@ def _avoid(
     return _fly(config, as_json)
 
 
+def configuration(context: click.Context) -> DaemonConfig:
+    """The configuration of a daemon that is started with the options of this context.
+
+    Raises:
+        ConfigError: If the daemon would refuse it.
+        OSError: If its file cannot be read.
+    """
+    from ridlink.daemon.config import configured
+
+    others = ("config_file", "replayed", "as_reference", "print_config", "as_json")
+    options = {name: value for name, value in context.params.items() if name not in others}
+    return configured(context.params["config_file"], options)
+
+
 def _replay(path: str, as_json: bool) -> int:
     from ridlink.daemon.input_log import replay
 

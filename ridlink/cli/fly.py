@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import time
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,6 +13,10 @@ from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
 from ridlink.cli.options import above_zero
 from ridlink.cli.printing import PAGING_S, Printer
 from ridlink.cli.signals import end_by_interrupts, stopped_by_signals
+
+if TYPE_CHECKING:
+    from ridlink.daemon.config import DaemonConfig
+    from ridlink.geodesy import Geodetic
 
 RUNNING = "running"
 
@@ -63,10 +68,12 @@ def fly(vehicle: str, height_m: float, daemon: str | None, land: bool, health_s:
     """
     import asyncio
 
+    from ridlink.cli.avoid import configuration
     from ridlink.conductor import ConductedFlight, FlightError
     from ridlink.links import parse_link_url
 
-    options = None if daemon in (None, RUNNING) else _split(daemon)
+    options, given = (None, None) if daemon in (None, RUNNING) else _split(daemon)
+    config = None if given is None else configuration(given)
     link = parse_link_url(vehicle)
     end_by_interrupts()
     printer = Printer()
@@ -83,6 +90,7 @@ def fly(vehicle: str, height_m: float, daemon: str | None, land: bool, health_s:
         lands=land,
         under_daemon=daemon is not None,
         daemon_options=options,
+        objection=lambda own: "" if config is None else _objection(own, config),
         say=say,
     )
 
@@ -103,7 +111,15 @@ def fly(vehicle: str, height_m: float, daemon: str | None, land: bool, health_s:
     return EXIT_DONE if flight.outcome == "done" else EXIT_NEGATIVE
 
 
-def _split(text: str | None) -> list[str]:
+def _objection(own: Geodetic, config: DaemonConfig) -> str:
+    """Why a daemon would not fly from this position; empty if it would."""
+    from ridlink.daemon.far_away import of_goal
+
+    goal, settings = config.engine.goal, config.engine.failsafe
+    return "" if goal is None or goal.away_m(own) <= settings.farthest_goal_m else of_goal(own, goal, settings)
+
+
+def _split(text: str | None) -> tuple[list[str], click.Context]:
     """The options of a daemon, checked before the flight.
 
     Raises:
@@ -113,8 +129,8 @@ def _split(text: str | None) -> list[str]:
 
     try:
         options = shlex.split(text or "")
-        avoid.make_context("ridlink avoid", list(options), resilient_parsing=False)
+        context = avoid.make_context("ridlink avoid", list(options), resilient_parsing=False)
     except (ValueError, click.UsageError) as error:
         words = error.format_message() if isinstance(error, click.UsageError) else str(error)
         raise click.UsageError(f"--daemon, options of 'ridlink avoid' such as '--goal 47.39,8.54': {words}") from None
-    return options
+    return options, context

@@ -13,6 +13,7 @@ from typing import Any
 from ridlink.conductor.outcome import End, FlightError, SilentError, TakenError
 from ridlink.conductor.station import connect, mavsdk_ground_station
 from ridlink.conductor.vehicle import Conductor
+from ridlink.geodesy import Geodetic
 from ridlink.links import LinkUrl
 
 DAEMON_ENDS_S = 5.0
@@ -40,6 +41,8 @@ class ConductedFlight:
         lands: Land at the end; otherwise the vehicle is left holding its position.
         under_daemon: Hand the vehicle over to a daemon.
         daemon_options: Start the daemon, `ridlink avoid`, with these options; None: start no daemon.
+        objection: Called with the position of the vehicle before it is armed; what it returns, if it is not empty,
+            prevents the flight.
         say: Called with a line for every step.
 
     Attributes:
@@ -56,10 +59,12 @@ class ConductedFlight:
         lands: bool,
         under_daemon: bool,
         daemon_options: Sequence[str] | None,
+        objection: Callable[[Geodetic], str],
         say: Callable[[str], None],
     ) -> None:
         self._link, self._height_m, self._health_s, self._lands = link, height_m, health_s, lands
         self._under_daemon, self._daemon_options, self._say = under_daemon, daemon_options, say
+        self._objection = objection
         self._process: Process | None = None
         self._began_s = time.monotonic()
         self.outcome, self.reason = "", ""
@@ -123,6 +128,8 @@ class ConductedFlight:
         if stop.is_set():
             self._stopped_on_the_ground()
             return
+        if objection := self._objection(await conductor.position()):
+            raise FlightError(objection)
         self._ordered = True
         await conductor.take_off(self._height_m)
         self._up = True

@@ -21,6 +21,7 @@ from typing import Any
 from ridlink.conductor.daemon_words import AVOIDANCE_COMPONENT, DaemonWords
 from ridlink.conductor.outcome import End, FlightError, SilentError, TakenError
 from ridlink.errors import MissingExtraError
+from ridlink.geodesy import Geodetic
 from ridlink.remote_id.text import display_name
 
 try:
@@ -144,6 +145,11 @@ class Conductor:
     async def _missing(self) -> list[str]:
         health = await self._telemetry.health()
         return [word for name, word in HEALTH.items() if not getattr(health, name)]
+
+    async def position(self) -> Geodetic:
+        """Its position, with the altitude above mean sea level."""
+        at = await self._telemetry.position()
+        return Geodetic(at.latitude_deg, at.longitude_deg, at.absolute_altitude_m)
 
     async def take_off(self, height_m: float) -> None:
         """Arm, climb to a height above home, and wait until the vehicle is there.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ridlink.engine import Engine, Goal
+from ridlink.failsafe import FailsafeSettings
 from ridlink.geodesy import Geodetic, great_circle_m
 
 FAR_GOAL_M = 100e3
@@ -26,11 +27,11 @@ class FarAway:
 
     def found(self, own: Geodetic) -> list[str]:
         """Warnings about what is far from the own position: each new goal, and, once, the first such obstacle."""
-        far = []
+        far: list[str] = []
         here = own.latitude_deg, own.longitude_deg
         goal, self._goal = self._goal, self._engine.goal
         if self._goal is not None and self._goal != goal:
-            far += _of_goal(own, self._goal, self._engine.config.failsafe.farthest_goal_m)
+            far += filter(None, [of_goal(own, self._goal, self._engine.config.failsafe)])
         if not self._obstacles_seen:
             self._obstacles_seen = True
             found = (
@@ -41,17 +42,18 @@ class FarAway:
         return far
 
 
-def _of_goal(own: Geodetic, goal: Goal, farthest_m: float) -> list[str]:
+def of_goal(own: Geodetic, goal: Goal, settings: FailsafeSettings) -> str:
+    """A warning about a goal that is far from the own position; empty if it is not."""
     away_m, swapped = goal.away_m(own), Goal(goal.longitude_deg, goal.latitude_deg)
     if away_m <= FAR_GOAL_M:
-        return []
+        return ""
     is_swapped = abs(swapped.latitude_deg) <= 90.0 and swapped.away_m(own) <= FAR_GOAL_M
     meant = f"{swapped.latitude_deg:.7g},{swapped.longitude_deg:.7g}"
-    return [
+    return (
         f"the goal is {away_m / 1e3:,.0f} km away"
-        + (" and is not flown to" if away_m > farthest_m else "")
+        + (" and is not flown to" if away_m > settings.farthest_goal_m else "")
         + (f": is {meant} meant? Latitude comes first" if is_swapped else "")
-    ]
+    )
 
 
 def _of_obstacle(number: int, away_m: float) -> list[str]:

@@ -342,9 +342,23 @@ def test_a_daemon_that_cannot_start_keeps_the_vehicle_on_the_ground() -> None:
 
 
 @needs_mavsdk
+def test_a_goal_with_latitude_and_longitude_swapped_keeps_the_vehicle_on_the_ground() -> None:
+    """It took off, and hovered for 90 s under a daemon that does not fly there."""
+
+    async def act(server: FleetServer) -> None:
+        daemon = " ".join(daemon_options(server, "8.545594,47.398668"))
+        code, lines, said = await conduct("--vehicle", vehicle_of(server), "--takeoff", "2", "--daemon", daemon)
+        assert code == 1 and not lines[-1]["took_off"] and not server.autopilots[0].pilot.armed
+        assert "not flown to: is 47.39867,8.545594 meant? Latitude comes first" in said.splitlines()[-1]
+
+    fly(built_in("circle8", 1), act, sigma_m=0.0, **ANY_PORT)
+
+
+@needs_mavsdk
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["--takeoff", "5", "--daemon", "--goal 1,2 --cruise 900"], "cruise"),
         (["--takeoff", "0"], "must be a number above 0"),
         (["--takeoff", "5", "--vehicle", "udp:127.0.0.1:14580"], "udpin:127.0.0.1:14580"),
         (["--takeoff", "5", "--daemon", "--gaol 1,2"], "such as '--goal 47.39,8.54': No such option '--gaol'"),
