@@ -102,7 +102,9 @@ def whole_output(path: str | None, read: Iterable[str] = ()) -> Iterator[BinaryI
 
 @contextmanager
 def whole_folder(path: str) -> Iterator[Path]:
-    """A folder to write into, which gets its name at the end; after an error it is removed.
+    """A folder to write files into, which gets its name at the end; after an error it is removed.
+
+    The files of a folder that exists, such as ``.`` or a disk, are moved into it at the end.
 
     Args:
         path: The folder; must not exist, or be empty.
@@ -113,12 +115,18 @@ def whole_folder(path: str) -> Iterator[Path]:
     target = Path(path)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise FileExistsError(errno.EEXIST, "exists and is not an empty folder; name a new one", path)
-    working = target.absolute().with_name(f".{target.name}.{secrets.token_hex(4)}")
+    hidden = f".{target.name}.{secrets.token_hex(4)}"
+    working = target / hidden if target.exists() else target.absolute().with_name(hidden)
     try:
         _made(working.mkdir, path)
         with removed_by_signals(lambda: shutil.rmtree(working, ignore_errors=True)), full_disk_named(path):
             yield working
-        os.replace(working, target)
+        if working.parent == target:
+            for file in working.iterdir():
+                os.replace(file, target / file.name)
+            working.rmdir()
+        else:
+            os.replace(working, target)
     except BaseException:
         shutil.rmtree(working, ignore_errors=True)
         raise

@@ -324,6 +324,22 @@ def test_folders_appear_whole_or_not_at_all(log: Path, tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == listing
 
 
+@pytest.mark.parametrize("name", [".", "link"])
+def test_an_empty_folder_that_cannot_be_replaced_is_filled(
+    log: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the one that a shell is in, a disk, or a link to one of them."""
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (tmp_path / "link").symlink_to(folder)
+    monkeypatch.chdir(folder if name == "." else tmp_path)
+    (tmp_path / "no.tlog").write_bytes(b"no frame in here")
+    assert run(tmp_path / "no.tlog", "-f", "csv", "-o", name).exception is not None and not [*folder.iterdir()]
+    assert run(log, "-f", "csv", "-o", name).return_value == 0
+    assert len([*folder.glob("*.csv")]) == len([*folder.iterdir()]) > 1
+    assert {path.name for path in tmp_path.iterdir()} == {"folder", "link", "no.tlog", log.name}
+
+
 # --- joined rows ---
 
 
