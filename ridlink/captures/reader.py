@@ -39,6 +39,9 @@ _FOREIGN = {
     b"\xa3\x95\x80\x80": "an ArduPilot dataflash log",
     b"\x1f\x8b": "a gzip file: unpack it first",
     b"\x28\xb5\x2f\xfd": "a zstd file: unpack it first",
+    b"BZh": "a bzip2 file: unpack it first",
+    b"\xfd7zXZ\x00": "an xz file: unpack it first",
+    b"PK\x03\x04": "a zip file: unpack it first",
 }
 
 

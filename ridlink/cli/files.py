@@ -38,8 +38,11 @@ def readable(files: tuple[str, ...]) -> tuple[str, ...]:
     """The files that can be opened. The others are reported at once, not after an hour of reading earlier files.
 
     Raises:
+        click.UsageError: If standard input is to be read twice.
         OSError: If none can be opened.
     """
+    if files.count("-") > 1:
+        raise click.UsageError("standard input can be read once: - only once")
     found = []
     for number, path in enumerate(files, 1):
         try:

@@ -29,8 +29,6 @@ def open_sources(files: tuple[str, ...], kind: str) -> tuple[list[Source], int]:
         OSError: If none of them can be read.
         click.UsageError: If standard input is to be read twice.
     """
-    if files.count("-") > 1:
-        raise click.UsageError("standard input can be read once: - only once")
     found = readable(files)
 
     from ridlink.review import Source  # takes half a second

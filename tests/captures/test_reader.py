@@ -50,7 +50,7 @@ def test_a_damaged_beginning_does_not_hide_the_format(thousand: Records) -> None
         (b"", "is empty"),
         (b"root:x:0:0:root:/root:/bin/bash\n", "no capture"),
         (b"ULog\x01\x12\x35" + bytes(50), "a PX4 ULog"),
-        (b"\x1f\x8b\x08" + bytes(50), "unpack it first"),
+        *((magic + bytes(50), "unpack it first") for magic in (b"\x1f\x8b", b"BZh9", b"\xfd7zXZ\x00", b"PK\x03\x04")),
     ],
 )
 def test_what_is_no_capture_is_refused_in_one_line(tmp_path: Path, content: bytes, says: str) -> None:

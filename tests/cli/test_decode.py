@@ -81,6 +81,13 @@ def test_limits_that_nothing_keeps_are_told(
     assert run(log, *limit, "--stats").stderr == ""
 
 
+@pytest.mark.parametrize("options", [(), ("-f", "geojson"), ("--join", "-f", "jsonl")])
+def test_standard_input_is_read_once(options: tuple[str, ...]) -> None:
+    """Its second reading was an empty file, after all of the first."""
+    done = run("-", "x.tlog", "-", *options)
+    assert done.stdout == "" and "standard input can be read once" in str(done.exception)
+
+
 @pytest.mark.parametrize("options", [(), ("--stats",), ("-f", "geojson"), ("--join", "-f", "jsonl")])
 @pytest.mark.parametrize("large", [10**12, 0], ids=["by message", "in blocks"])
 @pytest.mark.parametrize("suffix", ["mavlink", "hex"])
