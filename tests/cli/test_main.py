@@ -160,7 +160,7 @@ class TestUsage:
     def test_a_standard_stream_that_is_closed_leads_nowhere(self, tmp_path: Path, arguments: str) -> None:
         frame = Encoder(1, 1).encode("HEARTBEAT", type=2)
         (tmp_path / "f.hex").write_text(f"{frame.hex()}\n")
-        (tmp_path / "f.tlog").write_bytes(bytes(8) + frame)
+        (tmp_path / "f.tlog").write_bytes((1_700_000_000_000_000).to_bytes(8, "big") + frame)
         (tmp_path / "f.jsonl").write_text(f'{{"type":"HEARTBEAT","src":"1/1","t":1,"frame":"{frame.hex()}"}}\n')
         command = ["sh", "-c", f'"$0" -m ridlink {arguments} <&- >&-', sys.executable]
         environment = os.environ | {"PYTHONPATH": os.getcwd()}
