@@ -11,7 +11,7 @@ import click
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
 from ridlink.cli.flight_lines import FlightPrinter, HumanPrinter, JsonPrinter
-from ridlink.cli.options import ACCURACY_CONVENTION, NAME, signing_options
+from ridlink.cli.options import ACCURACY_CONVENTION, DEFINITION, ETA, NAME, signing_options
 from ridlink.cli.signals import ended_by_signals
 from ridlink.words import counted
 
@@ -63,14 +63,13 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
 @click.option(
     "--definition",
     metavar="NAME",
-    help="What sizes the discs: snmac, remote-id, odid-accuracy, candidate1, candidate2 or chance.  "
-    "[default: candidate2]",
+    help=f"{DEFINITION}  [default: candidate2]",
 )
 @click.option(
     "--eta",
     type=float,
     metavar="P",
-    help="Of chance: probability, at any one instant, that no neighbour comes too close.  [default: 0.999]",
+    help=f"{ETA}  [default: 0.999]",
 )
 @click.option(
     "--chance-bound",

@@ -49,8 +49,12 @@ campaign.add_command(report)
 @cell_options
 @air_options
 @fleet_options
-@click.option("--runs", type=click.IntRange(1, 1_000_000), default=500, show_default=True, help="Runs of each cell.")
-@click.option("--seed", type=click.IntRange(0, LARGEST), default=1, show_default=True)
+@click.option(
+    "--runs", type=click.IntRange(1, 1_000_000), default=500, show_default=True, metavar="N", help="Runs of each cell."
+)
+@click.option(
+    "--seed", type=click.IntRange(0, LARGEST), default=1, show_default=True, metavar="N", help="Of all draws."
+)
 @click.option(
     "--jobs",
     type=click.IntRange(1, 1024),
@@ -80,7 +84,8 @@ campaign.add_command(report)
     "--output",
     type=PATH,
     metavar="DIR",
-    help="Folder of the campaign: its configuration, shards and rows (extra: ridlink[export]).",
+    help="Folder of the campaign: its configuration, shards and rows (extra: ridlink[export]).  "
+    "[required; not with --only-run, which keeps nothing]",
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output instead of the table.")
 def run(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from ridlink.cli import options
 from ridlink.cli.options import GNSS_MODELS, TECHNOLOGIES, Within, accuracy_convention
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     Command = TypeVar("Command", bound=Callable[..., Any])
 
 BASELINE = "none"
-DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance", BASELINE)
+DEFINITIONS = (*options.DEFINITIONS, BASELINE)
 PAPER_DEFINITIONS = ("snmac", "remote-id", "candidate1", "candidate2")
 SOLVERS = ("halfplane", "graded", "rotation", "g2", "g3", "k", "k2")
 DYNAMICS = ("ideal", "px4", "ardupilot")
@@ -114,15 +115,17 @@ cell_options = option_group(
     ),
     click.option(
         "--definition", "definitions", type=Names(DEFINITIONS),
-        help="What sizes the discs; none: nobody avoids.  [default: all but none; paper: its four]",
+        help=f"{options.DEFINITION[:-1]}; none: nobody avoids.  [default: all but none; paper: its four]",
     ),
     click.option(
         "--gnss", type=Names(GNSS_MODELS),
-        help="How sigma becomes a position error.  [default: gauss-markov; paper: white-radial]",
+        help="How sigma becomes a position error: white, white-radial, gauss-markov or bias.  "
+        "[default: gauss-markov; paper: white-radial]",
     ),
     click.option(
         "--solver", "solvers", type=Names(SOLVERS),
-        help="Who decides; g2, g3, k and k2 are graded with other constants.  [default: halfplane; paper: rotation]",
+        help="What chooses the velocity: halfplane, graded (or g2, the same) or rotation; g3, k and k2 are graded with "
+        "other constants.  [default: halfplane; paper: rotation]",
     ),
     click.option(
         "--point", "points", type=Points(), metavar="DEFINITION/SOLVER,...",
@@ -130,7 +133,7 @@ cell_options = option_group(
     ),
     click.option(
         "--dynamics", type=Names(DYNAMICS), default="ideal", show_default=True,
-        help="How vehicles answer: at once, or as an autopilot.",
+        help="How vehicles answer: at once (ideal), or as px4 or ardupilot.",
     ),
     click.option(
         "--sigma", "sigmas_m", type=Figures(0.0, 1000.0), default="10", show_default=True, metavar="M,...",
@@ -201,7 +204,7 @@ fleet_options = option_group(
     ),
     click.option(
         "--eta", type=Within(0.5, 0.999999999), default=0.999, show_default=True, metavar="P",
-        help="Of the definition chance: probability per instant.",
+        help=options.ETA,
     ),
     accuracy_convention,
 )  # fmt: skip

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ridlink.cli.campaign_options import BASELINE, DEFINITIONS, Figures, Names
-from ridlink.cli.options import Within, accuracy_convention
+from ridlink.cli.campaign_options import Figures, Names
+from ridlink.cli.options import DEFINITION, DEFINITIONS, ETA, Within, accuracy_convention
 from ridlink.words import counted
 
 if TYPE_CHECKING:
@@ -21,8 +21,7 @@ CATEGORIES = ("1", "2", "3", "4")
 
 @click.command(short_help="How many drones per km2, and how many conflicts, for a definition.")
 @click.option(
-    "--definition", "definitions", type=Names([name for name in DEFINITIONS if name != BASELINE]),
-    help="What sizes the discs.  [default: all]",
+    "--definition", "definitions", type=Names(DEFINITIONS), help=f"{DEFINITION}  [default: all]",
 )  # fmt: skip
 @click.option(
     "--sigma", "sigmas_m", type=Figures(0.0, 1000.0), default="10", show_default=True, metavar="M,...",
@@ -46,10 +45,11 @@ CATEGORIES = ("1", "2", "3", "4")
 )  # fmt: skip
 @click.option(
     "--eta", type=Within(0.5, 0.999999999), default=0.999, show_default=True, metavar="P",
-    help="Of the definition chance: probability per instant.",
+    help=ETA,
 )  # fmt: skip
 @accuracy_convention
-@click.option("--worlds", type=click.IntRange(2, 100_000), default=400, show_default=True, help="Simulated worlds.")
+@click.option("--worlds", type=click.IntRange(2, 100_000), default=400, show_default=True, metavar="N",
+              help="Simulated worlds.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, metavar="N", help="Of all draws.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output instead of the table.")
 def capacity(

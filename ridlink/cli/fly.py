@@ -52,7 +52,7 @@ RUNNING = "running"
     show_default=True,
     callback=above_zero,
     metavar="S",
-    help="So long a vehicle may take to be ready once it is heard, for which it has 10 s.",
+    help="How long the vehicle may take to be ready once it is heard; it must be heard within 10 s.",
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a step on standard output.")
 def fly(vehicle: str, height_m: float, daemon: str | None, land: bool, health_s: float, as_json: bool) -> int:

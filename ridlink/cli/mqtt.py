@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import NAME, PATH, accuracy_convention, definition_of
+from ridlink.cli.options import NAME, PATH, accuracy_convention, definition, definition_of
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.errors import ConfigError
 from ridlink.words import counted
@@ -35,7 +35,7 @@ PASSWORD_VARIABLE = "RIDLINK_MQTT_PASSWORD"
     "--site", default=socket.gethostname, show_default="host name", metavar="NAME", help="Level of the topics."
 )
 @click.option("--prefix", default="ridlink", show_default=True, metavar="TOPIC", help="First level of the topics.")
-@click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
+@definition
 @accuracy_convention
 @click.option("--rate", type=float, default=1.0, show_default=True, metavar="HZ", help="States of each aircraft.")
 @click.option("--batch", is_flag=True, help="All states of an instant in one message.")

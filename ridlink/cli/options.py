@@ -42,6 +42,14 @@ def capture_kind(what: str) -> Callable[[Any], Any]:
 GNSS_MODELS = ("white", "white-radial", "gauss-markov", "bias")
 TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink", "flarm", "lora")
 
+DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance")
+DEFINITION = f"What sizes the discs: {', '.join(DEFINITIONS[:-1])} or {DEFINITIONS[-1]}."
+ETA = "Of chance: probability, at any one instant, that no neighbour comes too close."
+"""Help for ``--definition`` and ``--eta``."""
+
+definition = click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help=DEFINITION)
+"""``--definition``, for every command that observes under one definition."""
+
 ACCURACY_CONVENTIONS = ("letter", "one-sigma", "as-is")
 ACCURACY_CONVENTION = (
     "Of odid-accuracy: what senders mean by their accuracy codes: letter (95 % of positions, as the standard has it), "

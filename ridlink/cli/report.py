@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from ridlink.cli.files import refuse_to_replace, whole_output
-from ridlink.cli.options import accuracy_convention, capture_kind, definition_of
+from ridlink.cli.options import accuracy_convention, capture_kind, definition, definition_of
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 
 ROWS = 500
@@ -19,7 +19,7 @@ ROWS = 500
 @click.command(short_help="Who met whom in recorded traffic: JSON lines, and a page with pictures.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @capture_kind("Format of the files; auto tells it by content and suffix.")
-@click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="Whose discs count.")
+@definition
 @accuracy_convention
 @click.option("-o", "--output", metavar="F.jsonl", help="Where the lines go, if not to standard output; replaces it.")
 @click.option("--html", metavar="F.html", help="Where the page goes; replaces it.  [default: NAME-report.html, here]")

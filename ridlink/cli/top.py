@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import above_zero, accuracy_convention, definition_of, refuse_recording
+from ridlink.cli.options import above_zero, accuracy_convention, definition, definition_of, refuse_recording
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.words import or_dash
 
@@ -34,7 +34,7 @@ State = dict[str, Any]
 
 @click.command(short_help="Who is in the air, as a live table.")
 @click.argument("url", default="udpout:127.0.0.1:14650")
-@click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
+@definition
 @accuracy_convention
 @click.option("--interval", type=float, default=1.0, show_default=True, callback=above_zero, metavar="S",
               help="Time between two tables.")  # fmt: skip

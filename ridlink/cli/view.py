@@ -9,7 +9,7 @@ import click
 
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.files import refuse_unreadable
-from ridlink.cli.options import NAME, accuracy_convention, capture_kind, definition_of, refuse_recording
+from ridlink.cli.options import NAME, accuracy_convention, capture_kind, definition, definition_of, refuse_recording
 from ridlink.cli.progress import StatusLine
 from ridlink.cli.reviewing import exit_code
 from ridlink.cli.signals import stopped_by_signals
@@ -28,7 +28,7 @@ AIR = "udpout:127.0.0.1:14650"
 @click.option("--port", type=click.IntRange(0, 65535), default=8090, show_default=True, metavar="PORT", help="0 = any.")
 @click.option("--allow-host", "names", multiple=True, metavar="NAME",
               help="A name by which browsers may ask for the page, beside localhost and --host.")  # fmt: skip
-@click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help="What sizes the discs.")
+@definition
 @accuracy_convention
 @click.option("--memory", "memory_mb", type=click.IntRange(1, 65536), default=64, show_default=True, metavar="MB",
               help="Of the history.")  # fmt: skip

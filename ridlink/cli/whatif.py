@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli.files import refuse_to_replace, whole_output
-from ridlink.cli.options import accuracy_convention, capture_kind, definition_of
+from ridlink.cli.options import DEFINITION, ETA, accuracy_convention, capture_kind, definition_of
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 from ridlink.words import or_dash
 
@@ -32,12 +32,12 @@ def _share(_: click.Context, __: click.Parameter, value: float | None) -> float 
 @click.command(short_help="Recorded traffic judged under other definitions.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @capture_kind("Format of the files; auto tells it by content and suffix.")
-@click.option("--definition", "definitions", metavar="A,B,...", help="Which, one after the other.  [default: all]")
+@click.option("--definition", "definitions", metavar="A,B,...", help=f"{DEFINITION}  [default: all]")
 @click.option(
     "--ahead", type=float, callback=_seconds, metavar="S",
     help="How far ahead an entry into a disc is alerted.  [default: 8, as far as the daemon looks]",
 )  # fmt: skip
-@click.option("--eta", type=float, callback=_share, metavar="P", help="Probability of the definition chance.")
+@click.option("--eta", type=float, callback=_share, metavar="P", help=f"{ETA}  [default: 0.999]")
 @accuracy_convention
 @click.option("--json", "as_json", is_flag=True, help="One JSON object instead of a table.")
 @click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values instead of a table.")

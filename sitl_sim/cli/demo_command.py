@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
-from ridlink.cli.options import accuracy_convention
+from ridlink.cli.options import DEFINITIONS, ETA, accuracy_convention
 from ridlink.cli.printing import PAGING_S, Printer
 from ridlink.cli.signals import end_by_interrupts, ended_by_signals, stopped_by_signals
 from ridlink.cli.view import announce
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from sitl_sim.demo.page import Page
     from sitl_sim.demo.screen import Screen
 
-DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance")
 SOLVERS = ("halfplane", "graded", "rotation")
 COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
 
@@ -42,7 +41,7 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     default=0.999,
     show_default=True,
     metavar="P",
-    help="Of chance: probability, at any one instant, that no neighbour comes too close.",
+    help=ETA,
 )
 @accuracy_convention
 @click.option(

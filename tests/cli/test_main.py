@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,6 +13,10 @@ import click
 import pytest
 
 import ridlink.cli
+from ridlink.campaign.cell import BASELINE
+from ridlink.campaign.chance import ErrorModel
+from ridlink.campaign.response import Dynamics
+from ridlink.campaign_runner.choice import SOLVERS
 from ridlink.errors import (
     CaptureError,
     ConfigError,
@@ -23,6 +28,7 @@ from ridlink.errors import (
     UnknownMessageError,
 )
 from ridlink.mavlink.codec import Encoder
+from ridlink.separation.definitions import Definition
 
 HEAVY = ("numpy", "numba", "pymavlink", "pymap3d", "lxml", "mavsdk", "rich", "ridlink.mavlink")
 
@@ -31,6 +37,12 @@ def ridlink_process(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "ridlink", *arguments], capture_output=True, text=True, timeout=60, check=False
     )
+
+
+def words_of_help(command: str) -> set[str]:
+    """Words of the options of a command, as they are before lines are broken."""
+    options = ridlink_process(*command.split(), "--help").stdout.partition("Options:")[2]
+    return set(re.findall(r"[a-z0-9]+(?:-[a-z0-9]+)*", re.sub(r"-\n\s+", "-", options)))
 
 
 def interrupted_while(loading: str, *arguments: str, ignored: bool = False) -> subprocess.CompletedProcess[str]:
@@ -110,6 +122,15 @@ class TestHelp:
     )
     def test_what_writes_a_file_says_what_becomes_of_one_that_is_there(self, command: str) -> None:
         assert "replace" in ridlink_process(*command.split(), "--help").stdout
+
+    @pytest.mark.parametrize(
+        "command", ["avoid", "demo", "report", "whatif", "view", "top", "mqtt", "capacity", "campaign run"]
+    )
+    def test_help_names_the_definitions(self, command: str) -> None:
+        assert set(Definition) <= words_of_help(command)
+
+    def test_help_of_a_campaign_names_what_its_options_take(self) -> None:
+        assert {BASELINE, *ErrorModel, *SOLVERS, *Dynamics} <= words_of_help("campaign run")
 
     def test_version_names_the_generator(self) -> None:
         done = ridlink_process("--version")
