@@ -153,18 +153,21 @@ class Commands:
 
     def _reposition(self, command: Command, now_s: float) -> Result:
         """ArduPilot needs the frame and a position. PX4 ignores the frame: every altitude is above mean sea level, and
-        values that are not given stay unchanged. Zero is a value like any other.
+        values that are not given stay unchanged. Zero is a value like any other. Its commander takes the change of the
+        mode and nothing else, but in HOLD its navigator flies there, whatever the answer.
 
-        Source: handle_message_command_int and the navigator of PX4; mav_frame_for_command_long and Location::sanitize
+        Source: Commander::handle_command and Navigator::run of PX4; mav_frame_for_command_long and Location::sanitize
         of ArduPilot.
         """
         is_px4 = self._board.is_px4
         if not is_px4 and command.frame is None:
             return self._orders.refuse("reposition refused: wants COMMAND_INT", Result.UNSUPPORTED)
-        changes_mode = int(command[2] or 0) & REPOSITION_CHANGES_MODE
-        suited = Mode.HOLD if is_px4 else Mode.OFFBOARD
+        flags, suited = int(command[2] or 0), Mode.HOLD if is_px4 else Mode.OFFBOARD
+        is_supported = not is_px4 or flags == REPOSITION_CHANGES_MODE
+        changes_mode = is_supported and flags & REPOSITION_CHANGES_MODE
         if not changes_mode and self._pilot.mode is not suited:
-            return self._orders.refuse("reposition refused: another mode", Result.DENIED)
+            why = Result.DENIED if is_supported else Result.UNSUPPORTED
+            return self._orders.refuse("reposition refused: another mode", why)
         if not is_px4 and command.frame not in (*ALTITUDE_FRAMES, *HEIGHT_FRAMES):
             return self._orders.refuse(f"reposition refused: frame {command.frame}", Result.DENIED)
         *_, yaw_rad, latitude, longitude, altitude = command.given
@@ -186,7 +189,7 @@ class Commands:
         result = self._orders.go_to((target[0], target[1], target[2]), speed if speed and speed > 0.0 else None)
         if result is Result.ACCEPTED and is_px4 and yaw_rad is not None:
             self._pilot.nose.turn_to(yaw_rad)
-        return result
+        return result if is_supported else Result.UNSUPPORTED
 
     def _pause_or_continue(self, command: Command, now_s: float) -> Result:
         """Continue (1) continues the mission, pause (0) holds."""

@@ -186,13 +186,15 @@ class Orders:
         return Result.ACCEPTED
 
     def go_to(self, target_ned_m: Vector, speed_mps: float | None) -> Result:
-        """Fly to a point, about the scenario's home, and stay there."""
+        """Fly to a point, about the scenario's home, and stay there; on the ground, only the mode changes."""
         if (refusal := self._unavailable()) is not None:
             return refusal
         pilot = self._pilot
-        if not pilot.navigation.in_air:
-            return self.refuse("reposition refused: not in the air")
         if not pilot.failsafes.has_position:
             return self.refuse("reposition refused: no position")
-        pilot.enter(Mode.HOLD if self._board.is_px4 else Mode.OFFBOARD, pilot.speeds.way_to(target_ned_m, speed_mps))
+        flies = pilot.navigation.in_air
+        if self._board.is_px4 and pilot.armed and not flies:
+            return self.refuse("reposition refused: not in the air")
+        way = pilot.speeds.way_to(target_ned_m, speed_mps) if flies else Velocity()
+        pilot.enter(Mode.HOLD if self._board.is_px4 else Mode.OFFBOARD, way)
         return Result.ACCEPTED

@@ -449,6 +449,37 @@ def test_px4_keeps_what_a_reposition_leaves_open_and_takes_zero_for_a_value(form
     assert math.hypot(*target()[:2]) > 1e6
 
 
+@pytest.mark.parametrize("flags", [0.0, NAN, 2.0, 3.0])
+def test_px4_calls_a_reposition_without_the_flag_of_the_mode_unsupported_and_flies_there_in_hold(flags: float) -> None:
+    for mode, north_m in ((PX4_HOLD, START_NED_M[0] + 30.0), (PX4_OFFBOARD, START_NED_M[0])):
+        flight = airborne("px4")
+        if mode == PX4_HOLD:
+            flight.set_mode(4, 3)
+        assert reposition(flight, "COMMAND_INT", HOME.altitude_m + 50.0, param2=flags) == UNSUPPORTED
+        flight.fly(20.0, 0.0, 0.0, 0.0)
+        assert flight.mode == mode
+        assert flight.world.position_ned_m[0, 0] == pytest.approx(north_m, abs=1.5)
+
+
+def test_ardupilot_needs_no_flag_of_the_mode_in_guided() -> None:
+    flight = airborne("ardupilot")
+    assert reposition(flight, "COMMAND_INT", HOME.altitude_m + 50.0, param2=0.0) == ACCEPTED
+    flight.set_mode(17)
+    assert reposition(flight, "COMMAND_INT", HOME.altitude_m + 50.0, param2=0.0) == DENIED
+
+
+@both
+def test_a_reposition_on_the_ground_changes_the_mode_and_flies_nowhere(flavour: str) -> None:
+    flight = Flight(flavour)
+    flight.set_mode(2)
+    assert reposition(flight, "COMMAND_INT", HOME.altitude_m + 50.0) == ACCEPTED
+    flight.advance(1.0)
+    assert flight.mode == (PX4_HOLD if flavour == "px4" else GUIDED)
+    flight.command(ARM, 1)
+    flight.advance(5.0)
+    assert flight.height_m == 0.0
+
+
 def test_a_reposition_on_the_meridian_of_greenwich_is_no_other_than_elsewhere() -> None:
     for flavour in ("px4", "ardupilot"):
         flight = airborne(flavour)
