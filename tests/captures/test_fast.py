@@ -13,6 +13,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from ridlink.captures.export.aligned import AlignedRows
+from ridlink.captures.export.jsonl import JsonRows
+from ridlink.captures.export.rows import Rows
 from ridlink.captures.fast import copying, loading, tables
 from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.raw import read_raw
@@ -212,6 +215,19 @@ def test_the_compiler_is_announced_once_and_kept(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert [done.stdout for done in said] == ["3\n", "3\n"]
     assert "compiling the decoder" in said[0].stderr and said[1].stderr == ""
+
+
+@pytest.mark.parametrize("form", [JsonRows, AlignedRows])
+def test_f33_one_long_text_makes_no_room_for_itself_in_every_cell(form: type[Rows]) -> None:
+    """Lines of many cells and the bytes of one long frame: gigabytes were asked for, which a small machine refuses."""
+    rows = form(1000)
+    for _ in range(250):
+        rows.literal(",")
+        rows.numbers(np.zeros(1000, np.uint8))
+    rows.texts(["ab" * 280, *["ab" * 13] * 999])
+    rows.finish()
+    out, bounds = np.zeros(rows.longest(), np.uint8), np.zeros(1000, np.int64)
+    assert rows.write(out, 0, np.arange(1000), bounds, bounds.copy()) < len(out) < 10_000_000
 
 
 def test_every_message_of_the_dialect_has_a_layout_that_fits_its_payload() -> None:

@@ -43,6 +43,7 @@ class Rows(ABC):
         self._literals: list[bytes] = []
         self._kinds: list[int] = []
         self._cells: list[np.ndarray] = []
+        self._longest: list[int] = []
         self._floats: list[tuple[int, Column]] = []
         self._table: list[bytes] = [self.NOTHING.encode()]
 
@@ -87,23 +88,25 @@ class Rows(ABC):
     def texts(self, values: Sequence[str | None]) -> None:
         """Texts, or none; senders repeat themselves, so each is put down once."""
         places: dict[str | None, int] = {None: _NOTHING_AT}
+        first = len(self._table)
         for value in set(values):
             if value is not None:
                 places[value] = len(self._table)
                 self._table.append(self.text(value))
-        self.cells(writing.TEXT, np.array([places[value] for value in values], np.int64))
+        self._text_cells(np.array([places[value] for value in values], np.int64), first)
 
     def coded(self, values: np.ndarray, text_of: Callable[[int], str]) -> None:
         """Integers, each of which is written once."""
         different, places = np.unique(values, return_inverse=True)
-        self.cells(writing.TEXT, places + len(self._table))
+        first = len(self._table)
         self._table += [text_of(value).encode() for value in different.tolist()]
+        self._text_cells(places + first, first)
 
     def written(self, texts: Iterable[bytes]) -> None:
         """What somebody else has written."""
         first = len(self._table)
         self._table += texts
-        self.cells(writing.TEXT, np.arange(first, len(self._table)))
+        self._text_cells(np.arange(first, len(self._table)), first)
 
     def column(self, column: Column) -> None:
         """Whatever a column has."""
@@ -121,8 +124,13 @@ class Rows(ABC):
         else:
             self.numbers(values)
 
-    def cells(self, kind: int, values: np.ndarray) -> None:
-        """Cells of a kind of `writing`."""
+    def _text_cells(self, values: np.ndarray, first: int) -> None:
+        """Cells of texts, which are in the table from ``first`` on, or of nothing."""
+        self.cells(writing.TEXT, values, max(map(len, [self._table[_NOTHING_AT], *self._table[first:]])))
+
+    def cells(self, kind: int, values: np.ndarray, longest: int = writing.LONGEST_NUMBER) -> None:
+        """Cells of a kind of `writing`, each of so many bytes at most."""
+        self._longest.append(longest)
         self._literals.append(self._literal.encode())
         self._literal = ""
         self._kinds.append(kind)
@@ -156,8 +164,7 @@ class Rows(ABC):
 
     def longest(self) -> int:
         """More bytes than all lines can have."""
-        cell = max(writing.LONGEST_NUMBER, *map(len, self._table))
-        return self._rows * (sum(map(len, self._literals)) + len(self._kinds) * cell)
+        return self._rows * (sum(map(len, self._literals)) + sum(self._longest))
 
     def write(self, out: np.ndarray, at: int, entries: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> int:
         """Write them to ``out[at:]``, and by their places in the file where each starts and ends; the byte after."""

@@ -31,7 +31,7 @@ FIRST_TEXT = 1 << 62
 DECIMALS = 7
 DECIMALS_BITS = 4
 LONGEST_NUMBER = 24
-"""Characters that a cell takes at most, if it is no text."""
+"""Characters of a number at most, whoever has written it."""
 
 _TEN = np.uint64(10)
 _ZERO = np.uint64(ord("0"))
