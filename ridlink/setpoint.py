@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from ridlink.mavlink.codec import Encoder
+from ridlink.ranges import Range, check_ranges
 
 Velocity = tuple[float, float, float]
 
@@ -29,6 +32,9 @@ FLOAT32_MARGIN = 1e-6
 FASTEST_MPS = 100.0
 """No vehicle that takes velocity setpoints flies faster; a higher limit is a typing error."""
 
+SPEED_RANGE = Range(0.01, FASTEST_MPS, "m/s")
+"""Speeds and limits of them: from the cm/s in which messages count."""
+
 LONGEST_SLEW_S = 0.5
 """After a longer gap the slew is that of this time: a stalled loop must not allow a leap."""
 
@@ -43,21 +49,21 @@ class VelocityLimits:
         acceleration_mps2: Change of a setpoint per second. Less than 5 m/s^2 adds a lag to that of the autopilot.
 
     Raises:
-        ValueError: If one is not positive and finite, or a speed above 100 m/s.
+        ConfigError: If one is out of its range.
     """
 
     horizontal_mps: float = 15.0
     vertical_mps: float = 2.0
     acceleration_mps2: float = 5.0
 
+    RANGES: ClassVar[Mapping[str, Range]] = {
+        "horizontal_mps": SPEED_RANGE,
+        "vertical_mps": SPEED_RANGE,
+        "acceleration_mps2": Range(0.1, 10_000.0, "m/s^2"),  # from there on any change fits into a step of 0.02 s
+    }
+
     def __post_init__(self) -> None:
-        for name in ("horizontal_mps", "vertical_mps", "acceleration_mps2"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be positive and finite, got {value}")
-        for name in ("horizontal_mps", "vertical_mps"):
-            if getattr(self, name) > FASTEST_MPS:
-                raise ValueError(f"{name} must be at most {FASTEST_MPS:g}, got {getattr(self, name):g}")
+        check_ranges(self, self.RANGES)
 
 
 def clamp_velocity(wanted: Velocity, last: Velocity, elapsed_s: float, limits: VelocityLimits) -> Velocity:

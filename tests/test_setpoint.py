@@ -146,7 +146,7 @@ def test_limits_are_checked(field: str, value: float) -> None:
 
 def test_a_speed_limit_that_nothing_flies_is_refused() -> None:
     for field in ("horizontal_mps", "vertical_mps"):
-        with pytest.raises(ValueError, match=f"{field} must be at most 100"):
+        with pytest.raises(ValueError, match=f"{field} must lie between 0.01 and 100 m/s, got 101"):
             VelocityLimits(**{field: 101.0})
 
 

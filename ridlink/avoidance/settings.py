@@ -1,14 +1,21 @@
-"""Constants of the solvers. This module needs numpy only."""
+"""Constants of the solvers, and the range of each. This module needs numpy only.
+
+What lies outside of a range is not a matter of taste, but a mistake in a unit or in a digit; a range says nothing about
+what flies well.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ridlink.errors import ConfigError
+from ridlink.ranges import Range, check_ranges
 
 IDEAL_AGE_ACCELERATION_MPS2 = 10.0
 """Manoeuvre granted to an unheard neighbour that obeys at once. An autopilot gets 2.5 m/s^2 out of its vehicle. Four
@@ -21,26 +28,21 @@ def _vector(settings: Any) -> NDArray[np.float64]:
     return np.array([getattr(settings, item.name) for item in fields(settings)], dtype=np.float64)
 
 
-def _check(
-    settings: Any, positive: Iterable[str], may_be_infinite: Iterable[str], may_be_negative: Iterable[str] = ()
-) -> None:
-    """Every value is finite and not negative, those in `positive` are not zero either; `ValueError` names the first."""
-    infinite, signed = frozenset(may_be_infinite), frozenset(may_be_negative)
-    for item in fields(settings):
-        value = getattr(settings, item.name)
-        if not (math.isfinite(value) or (item.name in infinite and value == math.inf)):
-            raise ValueError(f"{item.name} must be finite, got {value}")
-        if value < 0.0 and item.name not in signed:
-            raise ValueError(f"{item.name} must not be negative, got {value}")
-    for name in positive:
-        if getattr(settings, name) <= 0.0:
-            raise ValueError(f"{name} must be positive, got {getattr(settings, name)}")
-
-
-def _check_shares(settings: Any, *names: str) -> None:
-    for name in names:
-        if not 0.0 < getattr(settings, name) <= 1.0:
-            raise ValueError(f"{name} must lie in (0, 1], got {getattr(settings, name)}")
+_TIME_AHEAD = Range(0.1, 60.0, "s")
+"""From one decision to the next, up to a minute: nobody is heard so far ahead, and no course is kept so long."""
+_RESPONSE = Range(0.0, 5.0, "s")
+"""A vehicle that has not obeyed after 5 s has lost its daemon, which then stops streaming (`failsafe`)."""
+_ACCELERATION = Range(0.0, 100.0, "m/s^2")
+"""Up to ten times gravity, which no airframe stands."""
+_BRAKING = Range(0.1, 100.0, "m/s^2", or_infinite=True)
+"""As `_ACCELERATION`; below, a stop from 10 m/s takes more than half a kilometre."""
+_SHARE = Range(0.0, 1.0)
+_STEP_SHARE = Range(0.01, 1.0)
+"""With less the command would need more than ten seconds to follow, and with 0 it never would."""
+_WEIGHT = Range(0.0, 100.0)
+"""A hundred times what it is weighed against decides alone."""
+_QUARTER_TURN = Range(-1.57, 1.57, "rad")
+"""Beyond a quarter turn the vehicle would fly away from its goal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +94,7 @@ class HalfplaneSettings:
             limit below 5 m/s^2 is a lag on top of its own, and costs metres.
 
     Raises:
-        ValueError: If a figure is out of its range, or not finite where it must be.
+        ConfigError: If a figure is out of its range.
     """
 
     horizon_s: float = 8.0
@@ -114,18 +116,29 @@ class HalfplaneSettings:
     contact_step_s: float = 0.0
     acceleration_mps2: float = math.inf
 
+    RANGES: ClassVar[Mapping[str, Range]] = {
+        "horizon_s": _TIME_AHEAD,
+        "response_time_s": _RESPONSE,
+        "barrier_gain_per_s": Range(0.0, 10.0, "1/s"),  # more would overshoot from one decision, 0.1 s, to the next
+        "barrier_share": _STEP_SHARE,
+        "smoothing": _STEP_SHARE,
+        "right_turn_rad": _QUARTER_TURN,
+        "start_turn_rad": _QUARTER_TURN,
+        "age_acceleration_mps2": _ACCELERATION,
+        "buffer_share": _SHARE,  # with 1 every error counts twice
+        "arrival_deceleration_mps2": _BRAKING,
+        "head_on_cosine": Range(-1.0, 0.0),
+        "head_on_speed_mps": Range(0.0, 100.0, "m/s"),
+        "obstacle_horizon_s": _TIME_AHEAD,
+        "obstacle_deceleration_mps2": _BRAKING,
+        "obstacle_response_s": _RESPONSE,
+        "route_margin_m": Range(0.0, 100.0, "m"),
+        "contact_step_s": Range(0.0, 1.0, "s"),  # nobody decides less often
+        "acceleration_mps2": _BRAKING,
+    }
+
     def __post_init__(self) -> None:
-        infinite = ("arrival_deceleration_mps2", "obstacle_deceleration_mps2", "acceleration_mps2")
-        turns = ("right_turn_rad", "start_turn_rad")
-        _check(
-            self, ("horizon_s", "obstacle_horizon_s", *infinite), infinite, may_be_negative=(*turns, "head_on_cosine")
-        )
-        _check_shares(self, "smoothing", "barrier_share")
-        for name in turns:
-            if abs(getattr(self, name)) > math.pi / 2:
-                raise ValueError(f"{name} must lie within a quarter turn, got {getattr(self, name)}")
-        if not -1.0 <= self.head_on_cosine <= 0.0:
-            raise ValueError(f"head_on_cosine must lie in [-1, 0], got {self.head_on_cosine}")
+        check_ranges(self, self.RANGES)
 
     def as_vector(self) -> NDArray[np.float64]:
         """Values in field order, the form in which the kernels take them, shape (18,)."""
@@ -150,7 +163,7 @@ class RotationSettings:
         smoothing: Part of the way from the last command to the new velocity that is taken per step.
 
     Raises:
-        ValueError: If a figure is not finite or out of its range, or candidates do not divide the circle.
+        ConfigError: If a figure is out of its range, or candidates do not divide the circle.
     """
 
     step_deg: float = 10.0
@@ -160,12 +173,20 @@ class RotationSettings:
     arrival_deceleration_mps2: float = 1.2
     smoothing: float = 0.5
 
+    RANGES: ClassVar[Mapping[str, Range]] = {
+        "step_deg": Range(0.5, 360.0, "deg"),
+        "left_weight": _WEIGHT,
+        "cost_weight": _WEIGHT,
+        "age_acceleration_mps2": _ACCELERATION,
+        "arrival_deceleration_mps2": _BRAKING,
+        "smoothing": _STEP_SHARE,
+    }
+
     def __post_init__(self) -> None:
-        _check(self, ("step_deg", "arrival_deceleration_mps2"), ("arrival_deceleration_mps2",))
-        _check_shares(self, "smoothing")
+        check_ranges(self, self.RANGES)
         turns = 360.0 / self.step_deg
-        if not (1.0 <= turns <= 720.0 and abs(turns - round(turns)) < 1e-9):
-            raise ValueError(f"step_deg must divide 360 degrees into at most 720, got {self.step_deg}")
+        if abs(turns - round(turns)) >= 1e-9:
+            raise ConfigError(f"step_deg must divide 360 degrees, got {self.step_deg:g}")
 
     @classmethod
     def paper(cls) -> RotationSettings:
@@ -211,7 +232,7 @@ class GradedSettings:
         smoothing: Part of the way from the last command to the new velocity that is taken per step.
 
     Raises:
-        ValueError: If a figure is not finite or out of its range.
+        ConfigError: If a figure is out of its range.
     """
 
     base_share: float = 12.5 / 60.0
@@ -233,15 +254,29 @@ class GradedSettings:
     arrival_deceleration_mps2: float = 1.2
     smoothing: float = 0.5
 
+    RANGES: ClassVar[Mapping[str, Range]] = {
+        "base_share": _SHARE,
+        "tail_share": _SHARE,
+        "crowd_share": _SHARE,
+        "crowd_from": Range(1.0, 1000.0),
+        "least_radius_m": Range(0.0, 100.0, "m"),
+        "risk_weight": Range(0.01, 100.0),
+        "fade_s": _TIME_AHEAD,
+        "wrong_side_factor": _WEIGHT,
+        "lean_rad": Range(0.0, _QUARTER_TURN.most, "rad"),
+        "lean_within_s": Range(0.0, _TIME_AHEAD.most, "s"),
+        "lean_radii": _WEIGHT,
+        "left_weight": _WEIGHT,
+        "smoothness": _WEIGHT,
+        "look_ahead_s": _TIME_AHEAD,
+        "response_time_s": _RESPONSE,
+        "age_acceleration_mps2": _ACCELERATION,
+        "arrival_deceleration_mps2": _BRAKING,
+        "smoothing": _STEP_SHARE,
+    }
+
     def __post_init__(self) -> None:
-        _check(
-            self,
-            ("crowd_from", "risk_weight", "fade_s", "look_ahead_s", "arrival_deceleration_mps2"),
-            ("arrival_deceleration_mps2",),
-        )
-        _check_shares(self, "smoothing")
-        if self.lean_rad > math.pi / 2:
-            raise ValueError(f"lean_rad must lie within a quarter turn, got {self.lean_rad}")
+        check_ranges(self, self.RANGES)
 
     @classmethod
     def g2(cls) -> GradedSettings:

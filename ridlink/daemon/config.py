@@ -12,16 +12,20 @@ from typing import Any
 
 import msgspec
 
+from ridlink.avoidance.settings import HalfplaneSettings
 from ridlink.avoidance.types import SolverKind
 from ridlink.daemon.config_file import SOLVER_TABLES, FlatConfig, config_text, line_of, overridden, read_config_text
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
 from ridlink.links import LinkUrl, SigningOptions, parse_link_url, refuse_to_speak_to_oneself
+from ridlink.links.signing_options import LINK_ID_RANGE
 from ridlink.metrics import parse_metrics_address
 from ridlink.own_ship.broadcast import Form
+from ridlink.ranges import Range
 from ridlink.remote_id.accuracy import AccuracyConvention
 from ridlink.separation.chance import ChanceBound
 from ridlink.separation.definitions import Definition
+from ridlink.setpoint import VelocityLimits
 from ridlink.words import unknown_name
 
 DEFAULT_VEHICLE = "udpin:127.0.0.1:14540"
@@ -59,6 +63,14 @@ ENGINE_KEYS = {
 
 LIMIT_KEYS = {"v_max": "horizontal_mps", "vz_max": "vertical_mps", "a_max": "acceleration_mps2"}
 """The same for `setpoint.VelocityLimits`."""
+
+KEY_RANGES: dict[str, Range] = {
+    **{key: EngineConfig.RANGES[name] for key, name in ENGINE_KEYS.items() if name in EngineConfig.RANGES},
+    **{key: VelocityLimits.RANGES[name] for key, name in LIMIT_KEYS.items()},
+    "response_time": HalfplaneSettings.RANGES["response_time_s"],
+    "signing_link_id": LINK_ID_RANGE,
+}
+"""Ranges of the keys whose values are numbers. Those of tables stand with the settings of the solvers."""
 
 NAMES: dict[str, type[StrEnum]] = {
     "definition": Definition,
@@ -132,6 +144,9 @@ def daemon_config(flat: FlatConfig, config_file: str | None = None) -> DaemonCon
     for key, kind in NAMES.items():
         if key in given:
             given[key] = _named(kind, key.replace("_", "-"), given[key])
+    for key, allowed in KEY_RANGES.items():
+        if key in given:
+            allowed.check(key.replace("_", "-"), given[key])
     tables = {table: dict(given.get(table, {})) for table in SOLVER_TABLES}
     if flat.response_time is not None:
         for table in (SolverKind.HALFPLANE, SolverKind.GRADED):

@@ -10,6 +10,8 @@ import types
 from collections.abc import Mapping
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
+from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
+from ridlink.daemon.config import KEY_RANGES
 from ridlink.daemon.config_file import SOLVER_TABLES, FlatConfig
 
 KINDS = {str: "text", bool: "true or false", int: "whole number", float: "number"}
@@ -20,8 +22,12 @@ HEAD = """# Configuration of `ridlink avoid`
 
 Made by `ridlink avoid --config-reference`. These are the keys of the TOML file given with `--config`. An option of the
 same name, with hyphens for underscores, wins over the file. An unknown key, a value of another kind, or a number that
-is none or out of range ends the program with exit code 2 and the line of the file. `--print-config` shows what would
-be flown.
+is none or out of its range ends the program with exit code 2 and the line of the file. `--print-config` shows what
+would be flown.
+
+A range holds its ends. It says nothing about what flies well: outside of it lies only what is a mistake in a unit or a
+digit, or what nothing can measure or fly. Its limits stand with their reasons where the values are used,
+`ridlink/avoidance/settings.py` for those of the solvers.
 """
 
 OBSTACLES = """## [[obstacle]]
@@ -45,14 +51,14 @@ def reference(helps: Mapping[str, str]) -> str:
         KeyError: If a key has no option.
     """
     hints = get_type_hints(FlatConfig, include_extras=True)
-    rows = ["| key | kind | default | meaning |", "| --- | --- | --- | --- |"]
+    rows = ["| key | kind | default | range | meaning |", "| --- | --- | --- | --- | --- |"]
     for key, hint in hints.items():
         if key in ELSEWHERE:
             continue
         text, _, default = " ".join(helps[key].split()).partition("[default:")
         kind = _kind(hint)
         default = default.rstrip("] ").strip() or ("false" if kind == KINDS[bool] else "")
-        rows.append(f"| `{key}` | {kind} | {default} | {text.strip()} |")
+        rows.append(f"| `{key}` | {kind} | {default} | {KEY_RANGES.get(key, '')} | {text.strip()} |")
     parts = [HEAD, "## Keys\n\n" + "\n".join(rows) + "\n"]
     for name, settings in SOLVER_TABLES.items():
         parts.append(_table(str(name), settings))
@@ -67,11 +73,13 @@ def _kind(hint: Any) -> str:
     return "list of numbers" if get_origin(hint) is list else KINDS[hint]
 
 
-def _table(name: str, settings: type) -> str:
+def _table(name: str, settings: type[HalfplaneSettings | GradedSettings | RotationSettings]) -> str:
     said = dict(re.findall(r"^    {4}(\w+): (.+(?:\n {12}.+)*)", inspect.getdoc(settings) or "", re.M))
     said |= dict(re.findall(r"^    (\w+): (.+(?:\n {8}.+)*)", inspect.getdoc(settings) or "", re.M))
-    rows = [f"## [{name}]\n\nConstants of that solver.\n\n| key | default | meaning |", "| --- | --- | --- |"]
+    rows = [f"## [{name}]\n\nConstants of that solver.\n\n| key | default | range | meaning |"]
+    rows.append("| --- | --- | --- | --- |")
     for item in dataclasses.fields(settings):
         default = "inf" if item.default == math.inf else item.default
-        rows.append(f"| `{item.name}` | {default} | {' '.join(said.get(item.name, '').split())} |")
+        allowed = settings.RANGES[item.name]
+        rows.append(f"| `{item.name}` | {default} | {allowed} | {' '.join(said.get(item.name, '').split())} |")
     return "\n".join(rows) + "\n"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import ClassVar
 
 from ridlink.avoidance.settings import GradedSettings, HalfplaneSettings, RotationSettings
 from ridlink.avoidance.types import SolverKind
@@ -13,18 +15,20 @@ from ridlink.errors import ConfigError
 from ridlink.failsafe import FailsafeSettings
 from ridlink.geodesy import Geodetic, great_circle_m
 from ridlink.own_ship.broadcast import BroadcastSettings, Form
+from ridlink.ranges import Range
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.quantities import ID_LENGTH
-from ridlink.separation.chance import DEFAULT_ETA, ChanceBound
+from ridlink.separation.chance import DEFAULT_ETA, ETA_RANGE, ChanceBound
 from ridlink.separation.definitions import Definition
 from ridlink.separation.reference import (
     AIRFRAME_CAP_M,
+    AIRFRAME_HEIGHT_RANGE,
+    AIRFRAME_RANGE,
     ERROR_CAP_M,
-    MIN_AIRFRAME_M,
     UNKNOWN_ERROR_BOUND_M,
     UNKNOWN_SPEED_MPS,
 )
-from ridlink.setpoint import VelocityLimits
+from ridlink.setpoint import SPEED_RANGE, VelocityLimits
 from ridlink.traffic.snapshot import PictureSettings
 
 
@@ -160,39 +164,37 @@ class EngineConfig:
             form=self.broadcast_form,
         )
 
+    RANGES: ClassVar[Mapping[str, Range]] = {
+        "eta": ETA_RANGE,
+        "cruise_mps": SPEED_RANGE,
+        "airframe_m": AIRFRAME_RANGE,
+        "airframe_height_m": AIRFRAME_HEIGHT_RANGE,
+        "vertical_cost": Range(0.0, 2.0),  # the largest deviation: back, at cruise speed
+        "vertical_band_m": Range(1.0, 20_000.0, "m"),  # from what a barometer holds, to all heights of a goal
+        "min_height_m": Range(0.0, 20_000.0, "m"),
+        "max_height_m": Range(0.0, 20_000.0, "m"),
+        "takeoff_height_m": Range(0.0, 1000.0, "m"),
+        "vehicle_sysid": Range(1, 255),
+    }
+
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
             object.__setattr__(self, name, _chosen(name, getattr(self, name), choices))
-        if not 0.0 < self.eta < 1.0:
-            raise ConfigError(f"eta must lie between 0 and 1, ends excluded, got {self.eta:g}")
-        if not (math.isfinite(self.cruise_mps) and self.cruise_mps > 0.0):
-            raise ConfigError(f"cruise must be positive, got {self.cruise_mps} m/s")
+        for name, allowed in self.RANGES.items():
+            value = getattr(self, name)
+            if value is not None:
+                allowed.check(name.removesuffix("_mps").removesuffix("_m").replace("_", "-"), value)
         if self.cruise_mps > self.limits.horizontal_mps:
             raise ConfigError(
                 f"cruise of {self.cruise_mps:g} m/s is above v-max of {self.limits.horizontal_mps:g} m/s: lower the "
                 "one or raise the other"
             )
-        if not MIN_AIRFRAME_M <= self.airframe_m <= AIRFRAME_CAP_M:  # discs count no larger one
+        if self.min_height_m >= self.max_height_m:
             raise ConfigError(
-                f"airframe must lie between {MIN_AIRFRAME_M:g} and {AIRFRAME_CAP_M:g} m, got {self.airframe_m:g}"
+                f"min-height must lie below max-height, got {self.min_height_m:g} and {self.max_height_m:g} m"
             )
-        if not (math.isfinite(self.height_m) and self.height_m > 0.0):
-            raise ConfigError(f"airframe-height must be positive, got {self.height_m:g}")
-        if not 0.0 <= self.vertical_cost <= 2.0:
-            raise ConfigError(f"vertical-cost must lie between 0 and 2, got {self.vertical_cost:g}")
-        if not (math.isfinite(self.vertical_band_m) and self.vertical_band_m > 0.0):
-            raise ConfigError(f"vertical-band must be positive, got {self.vertical_band_m:g} m")
-        if not 0.0 <= self.min_height_m < self.max_height_m < math.inf:
-            raise ConfigError(
-                f"min-height must not be negative and lie below max-height, got {self.min_height_m:g} and "
-                f"{self.max_height_m:g} m"
-            )
-        if not 0.0 <= self.takeoff_height_m <= 1000.0:
-            raise ConfigError(f"takeoff-height must lie between 0 and 1000 m, got {self.takeoff_height_m:g}")
         if self.guard and (self.goal is not None or self.standby):
             raise ConfigError("guard flies the autopilot's own plan: leave out goal and standby")
-        if self.vehicle_sysid is not None and not 1 <= self.vehicle_sysid <= 255:
-            raise ConfigError(f"vehicle-sysid must be between 1 and 255, got {self.vehicle_sysid}")
         if self.uas_id is not None and not 1 <= len(self.uas_id.encode()) <= ID_LENGTH:
             raise ConfigError(f"uas-id must have 1 to {ID_LENGTH} bytes, got {len(self.uas_id.encode())}")
         _ = self.broadcast_settings  # checks itself

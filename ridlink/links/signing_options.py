@@ -10,6 +10,9 @@ from pathlib import Path
 
 from ridlink.errors import ConfigError
 from ridlink.mavlink.signing import KEY_LENGTH
+from ridlink.ranges import Range
+
+LINK_ID_RANGE = Range(0, 255)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +49,7 @@ class SigningOptions:
                 raise ConfigError("require-signature, signing-link-id and signing-state need a key: give signing-key")
             return None
         link_id = signing_link_id or 0
-        if not 0 <= link_id <= 255:
-            raise ConfigError(f"signing-link-id must be between 0 and 255, got {link_id}")
+        LINK_ID_RANGE.check("signing-link-id", link_id)
         state = None if signing_state is None else Path(signing_state)
         return cls(Path(signing_key), bool(require_signature), link_id, state)
 

@@ -38,7 +38,7 @@ from ridlink.remote_id.messages import (
 )
 from ridlink.remote_id.quantities import EPOCH_2019_S, ID_LENGTH, SECONDS_PER_HOUR, write_id_or_mac
 from ridlink.remote_id.separation import authentication_of
-from ridlink.separation.reference import AIRFRAME_CAP_M, ERROR_CAP_M, MIN_AIRFRAME_M, UNKNOWN_ERROR_BOUND_M
+from ridlink.separation.reference import AIRFRAME_HEIGHT_RANGE, AIRFRAME_RANGE, ERROR_CAP_M, UNKNOWN_ERROR_BOUND_M
 from ridlink.setpoint import Velocity
 from ridlink.traffic.own_state import OwnState
 from ridlink.words import Named
@@ -104,12 +104,8 @@ class BroadcastSettings:
     relayed_as: bytes | None = None
 
     def __post_init__(self) -> None:
-        if not MIN_AIRFRAME_M <= self.airframe_m <= AIRFRAME_CAP_M:  # discs count no larger one
-            raise ConfigError(
-                f"airframe must lie between {MIN_AIRFRAME_M:g} and {AIRFRAME_CAP_M:g} m, got {self.airframe_m:g}"
-            )
-        if not (math.isfinite(self.airframe_height_m) and self.airframe_height_m > 0.0):
-            raise ConfigError(f"airframe-height must be positive, got {self.airframe_height_m:g}")
+        AIRFRAME_RANGE.check("airframe", self.airframe_m)
+        AIRFRAME_HEIGHT_RANGE.check("airframe-height", self.airframe_height_m)
         for name, value in (("uas-id", self.uas_id), ("operator-id", self.operator_id), ("relay-as", self.relayed_as)):
             if value is not None and len(value) > ID_LENGTH:
                 raise ConfigError(f"{name} must have at most {ID_LENGTH} bytes, got {len(value)}")

@@ -22,6 +22,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ridlink.ranges import Range
 from ridlink.separation.gaussian import normal_cdf, normal_quantile
 from ridlink.separation.volumes import checked_lengths
 from ridlink.words import Named
@@ -29,6 +30,10 @@ from ridlink.words import Named
 FloatArray = NDArray[np.float64]
 
 DEFAULT_ETA = 0.999
+
+ETA_RANGE = Range(0.5, 0.999999999)
+"""What may be asked for: below one half the exact constraint would take from the airframes, and what a receiver does
+beyond six standard deviations, nobody knows. The share of one of many neighbours may lie outside."""
 
 
 class ChanceBound(Named):

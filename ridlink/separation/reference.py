@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ridlink.ranges import Range
+
 MAX_AIRFRAME_M = 7.5
 """Largest airframe of the paper's database; stands in for an unknown one (section III)."""
 
@@ -17,6 +19,12 @@ MIN_AIRFRAME_M = 0.1
 AIRFRAME_CAP_M = 30.0
 """No unmanned aircraft of any category is larger: a larger report is clamped, so that one packet cannot block a whole
 sky."""
+
+AIRFRAME_RANGE = Range(MIN_AIRFRAME_M, AIRFRAME_CAP_M, "m")
+"""What an own airframe may be said to measure: discs count no other."""
+
+AIRFRAME_HEIGHT_RANGE = Range(0.01, AIRFRAME_CAP_M, "m")
+"""The same for its height, from the centimetre that RIDLINK_SEPARATION counts in."""
 
 UNKNOWN_ERROR_BOUND_M = 40.0
 """Upper bound of the localization error of one vehicle that reports none (160 m for a pair in Table IV is 2 (40 +

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from ridlink.avoidance import GradedSettings, RotationSettings, SolverKind
-from ridlink.daemon.config import DaemonConfig, as_toml, configured, daemon_config
-from ridlink.daemon.config_file import FlatConfig, overridden, read_config_file
+from ridlink.daemon.config import KEY_RANGES, DaemonConfig, as_toml, configured, daemon_config
+from ridlink.daemon.config_file import SOLVER_TABLES, FlatConfig, overridden, read_config_file
 from ridlink.engine import Goal
 from ridlink.errors import ConfigError
 from ridlink.links import parse_link_url
@@ -120,7 +123,7 @@ WALL = "[[obstacle]]\npolygon = [[47.0, 8.0], [47.1, 8.0], [47.1, 8.1]]\n"
         ("cruise = nan", [":1", "cruise must be a finite number, not nan"]),
         ("goal = [nan, 8.0]", [":1", "goal must be a finite number"]),
         ("[halfplane]\nhorizon_s = nan", [":2", "horizon_s must be a finite number"]),
-        ("[halfplane]\nhorizon_s = inf", ["horizon_s must be finite"]),
+        ("[halfplane]\nhorizon_s = inf", ["horizon_s must lie between 0.1 and 60 s, got inf"]),
         ("[[obstacle]]\npolygon = [[47.0, inf]]", ["polygon must be a finite number"]),
         ('cruise = "fast"', [":1", "cruise: expected a number, got text"]),
         ("guard = 3", [":1", "guard: expected true or false, got a whole number"]),
@@ -143,15 +146,15 @@ WALL = "[[obstacle]]\npolygon = [[47.0, 8.0], [47.1, 8.0], [47.1, 8.1]]\n"
         ('solver = "grade"', ["did you mean 'graded'?"]),
         ("[graded]\nlean = 0.1", [":2", "did you mean 'lean_rad'?"]),
         ("[graded]\nlean_rad = nan", [":2", "lean_rad must be a finite number"]),
-        ("[rotation]\nstep_deg = 7.0", ["step_deg must divide", "7.0"]),
+        ("[rotation]\nstep_deg = 7.0", ["step_deg must divide 360 degrees, got 7"]),
         ('definition = "chance"\neta = 1.0', ["eta", "got 1"]),
         ('chance_bound = "contour"', ["did you mean 'contours'?"]),
         ('accuracy_convention = "1-sigma"', ["accuracy-convention", "did you mean 'one-sigma'?"]),
         ('definition = "xyz"', ["known are snmac, remote-id"]),
         ('vehicle = "udp:127.0.0.1:14540"', ["udpin:127.0.0.1:14540"]),
         ("cruise = 16.0", ["above v-max"]),
-        ("v_max = -1.0", ["horizontal_mps must be positive"]),
-        ("response_time = -1.0", ["response_time_s must not be negative"]),
+        ("v_max = -1.0", ["v-max must lie between 0.01 and 100 m/s, got -1"]),
+        ("response_time = -1.0", ["response-time must lie between 0 and 5 s, got -1"]),
         ("goal = [86.0, 8.0]", ["latitude"]),
         ('rid = "udpout:127.0.0.1:14540"', ["rid udpout:127.0.0.1:14540", "vehicle listens on", "another port"]),
         ('vehicle = "udpin:0.0.0.0:1"\nbroadcast_to = "udpout:localhost:1"', ["broadcast-to", "heard here"]),
@@ -186,13 +189,16 @@ def test_f34_all_mistakes_are_told_at_once_and_none_twice(write) -> None:
     ("text", "said"),
     [
         ("[halfplane]\nsmoothing = 0.4\n[rotation]\nsmoothing = nan", ":4: smoothing must be a finite number"),
-        ("[halfplane]\nsmoothing = 0.4\n[rotation]\nsmoothing = 7.0", ":4: smoothing must lie in"),
+        (
+            "[halfplane]\nsmoothing = 0.4\n[rotation]\nsmoothing = 7.0",
+            ":4: smoothing must lie between 0.01 and 1, got 7",
+        ),
         ('[halfplane]\nsmoothing = 0.4\n\nstart_turn_rad = "x"', ":4: start_turn_rad: expected a number, got text"),
         ("[graded]\nfade_s = 5.0\n[rotation]\nfade_s = 5.0", ":4: unknown key 'fade_s'"),
         (WALL + "[[obstacle]]\npolygon = [[47.0, nan]]", ":4: polygon must be a finite number"),
         (WALL + "[[obstacle]]\npolygon = [[47.0, 8.0]]", ":4: obstacle 2 needs"),
         (WALL + "[[obstacle]]\n", ":3: obstacle 2: object missing"),
-        ("halfplane = {smoothing = 7.0}", ":1: smoothing must lie in"),
+        ("halfplane = {smoothing = 7.0}", ":1: smoothing must lie between 0.01 and 1, got 7"),
         ("obstacle = [{polygon = [[47.0, 8.0]]}]", ":1: obstacle 1 needs"),
     ],
 )
@@ -206,11 +212,11 @@ def test_f34_the_line_is_that_of_the_table_with_the_mistake(write, text: str, sa
 @pytest.mark.parametrize(
     ("text", "over", "said"),
     [
-        ("\ncruise = -1.0", {}, ":2: cruise must be positive, got -1.0 m/s"),
-        ('definition = "chance"\neta = 1.0', {}, ":2: eta must lie between 0 and 1, ends excluded, got 1"),
-        ("cruise = 9.0\nv_max = -1.0", {}, ":2: v_max: horizontal_mps must be positive and finite, got -1.0"),
+        ("\ncruise = -1.0", {}, ":2: cruise must lie between 0.01 and 100 m/s, got -1"),
+        ('definition = "chance"\neta = 1.0', {}, ":2: eta must lie between 0.5 and 0.999999999, got 1"),
+        ("cruise = 9.0\nv_max = -1.0", {}, ":2: v-max must lie between 0.01 and 100 m/s, got -1"),
         ('\nrid = "udp:a:1"', {}, ":2: rid: connection string 'udp:a:1'"),
-        ("[halfplane]\nhorizon_s = inf", {}, ":2: horizon_s must be finite"),
+        ("[halfplane]\nhorizon_s = inf", {}, ":2: horizon_s must lie between 0.1 and 60 s, got inf"),
         ("v_max = 9.0\ncruise = 12.0", {}, ":2: cruise of 12 m/s is above v-max of 9 m/s"),
         ("v_max = 9.0", {"cruise": 12.0}, ":1: cruise of 12 m/s is above v-max of 9 m/s"),
         ("[[obstacle]]\npolygon = [[47.0, 8.0]]", {}, ":2: obstacle 1 needs"),
@@ -226,8 +232,8 @@ def test_f34_a_value_out_of_range_is_told_with_its_line(write, text: str, over: 
 @pytest.mark.parametrize(
     ("over", "said"),
     [
-        ({"v_max": 200.0}, "v-max: horizontal_mps must be at most 100, got 200"),
-        ({"cruise": 7.0, "a_max": 0.0}, "a-max: acceleration_mps2 must be positive and finite, got 0.0"),
+        ({"v_max": 200.0}, "v-max must lie between 0.01 and 100 m/s, got 200"),
+        ({"cruise": 7.0, "a_max": 0.0}, "a-max must lie between 0.1 and 10000 m/s^2, got 0"),
         ({"rid": "udp:a:1"}, "rid: connection string 'udp:a:1'"),
         ({"vertical_cost": -1.0}, "vertical-cost must lie between 0 and 2"),
         ({"v_max": 9.0, "cruise": 12.0}, "cruise of 12 m/s is above v-max of 9 m/s"),
@@ -240,10 +246,42 @@ def test_f34_an_option_out_of_range_is_told_by_its_name(write, over: dict[str, A
         assert str(caught.value).startswith(said)
 
 
+NUMBERS = {key: (key.replace("_", "-"), f"{key} = ", ":2") for key in KEY_RANGES} | {
+    f"{table}.{name}": (name, f"[{table}]\n{name} = ", ":3")
+    for table, settings in SOLVER_TABLES.items()
+    for name in settings.RANGES
+}
+"""Every number of a configuration: its name in error texts, TOML up to its value, and the line below another."""
+
+
+def test_every_number_has_a_range_that_holds_its_default() -> None:
+    numbers = {item.name for item in msgspec.structs.fields(FlatConfig) if item.type in (int | None, float | None)}
+    assert KEY_RANGES.keys() == numbers
+    for settings in SOLVER_TABLES.values():
+        assert list(settings.RANGES) == [item.name for item in fields(settings)]
+        assert all(getattr(settings(), name) in allowed for name, allowed in settings.RANGES.items())
+    flat = {key: value for key, value in tomllib.loads(as_toml(DaemonConfig())).items() if key in KEY_RANGES}
+    assert flat and all(value in KEY_RANGES[key] for key, value in flat.items())
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_f34_a_number_beyond_either_end_of_its_range_is_refused_with_range_value_and_line(write, number: str) -> None:
+    name, text, line = NUMBERS[number]
+    table, _, key = number.rpartition(".")
+    allowed = SOLVER_TABLES[SolverKind(table)].RANGES[key] if table else KEY_RANGES[key]
+    for beyond in (allowed.least - 1, 1e9, -1e9):
+        value = f"{int(beyond)}" if isinstance(allowed.least, int) else f"{beyond}"
+        path = write(f"standby = true\n{text}{value}")
+        with pytest.raises(ConfigError) as caught:
+            configured(str(path), {"signing_key": "key"} if "signing" in number else {})
+        assert str(caught.value).startswith(f"{path}{line}: {name} must lie between {allowed.least:.12g} and ")
+        assert str(caught.value).endswith(f", got {beyond:.12g}")
+
+
 def test_what_is_wrong_with_an_option_is_not_blamed_on_the_file(write) -> None:
-    with pytest.raises(ConfigError, match=r"^cruise must be positive, got -2.0 m/s$"):
+    with pytest.raises(ConfigError, match=r"^cruise must lie between 0.01 and 100 m/s, got -2$"):
         configured(str(write("cruise = -1.0")), {"cruise": -2.0})
-    with pytest.raises(ConfigError, match=r"^cruise must be positive"):
+    with pytest.raises(ConfigError, match=r"^cruise must lie between"):
         configured(None, {"cruise": -2.0})
     assert configured(str(write("cruise = -1.0")), {"cruise": 7.0}).engine.cruise_mps == 7.0
 
