@@ -11,7 +11,7 @@ import click
 
 from ridlink.cli import EXIT_DONE, EXIT_INTERNAL, EXIT_NEGATIVE
 from ridlink.cli.flight_lines import FlightPrinter, HumanPrinter, JsonPrinter
-from ridlink.cli.options import ACCURACY_CONVENTION, DEFINITION, ETA, NAME, signing_options
+from ridlink.cli.options import ACCURACY_CONVENTION, DEFINITION, NAME, eta_option, signing_options
 from ridlink.cli.signals import ended_by_signals
 from ridlink.words import counted
 
@@ -65,12 +65,7 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     metavar="NAME",
     help=f"{DEFINITION}  [default: candidate2]",
 )
-@click.option(
-    "--eta",
-    type=float,
-    metavar="P",
-    help=f"{ETA}  [default: 0.999]",
-)
+@eta_option(None)
 @click.option(
     "--chance-bound",
     metavar="NAME",

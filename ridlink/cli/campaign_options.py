@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ridlink.cli import options
-from ridlink.cli.options import GNSS_MODELS, TECHNOLOGIES, Within, accuracy_convention
+from ridlink.cli.options import GNSS_MODELS, TECHNOLOGIES, Within, accuracy_convention, eta_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -202,9 +202,6 @@ fleet_options = option_group(
         "--filter/--no-filter", "filtered", default=None,
         help="Smooth reported positions, own and others'.  [default: for graded only]",
     ),
-    click.option(
-        "--eta", type=Within(0.5, 0.999999999), default=0.999, show_default=True, metavar="P",
-        help=options.ETA,
-    ),
+    eta_option(),
     accuracy_convention,
 )  # fmt: skip

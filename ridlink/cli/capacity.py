@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli.campaign_options import Figures, Names
-from ridlink.cli.options import DEFINITION, DEFINITIONS, ETA, Within, accuracy_convention
+from ridlink.cli.options import DEFINITION, DEFINITIONS, Within, accuracy_convention, eta_option
 from ridlink.words import counted
 
 if TYPE_CHECKING:
@@ -43,10 +43,7 @@ CATEGORIES = ("1", "2", "3", "4")
     "--bearable", type=Within(0.0, 1e5, min_open=True), default=1.0, show_default=True, metavar="N",
     help="Conflicts that a drone may have in an hour of flight, which makes the capacity.",
 )  # fmt: skip
-@click.option(
-    "--eta", type=Within(0.5, 0.999999999), default=0.999, show_default=True, metavar="P",
-    help=ETA,
-)  # fmt: skip
+@eta_option()
 @accuracy_convention
 @click.option("--worlds", type=click.IntRange(2, 100_000), default=400, show_default=True, metavar="N",
               help="Simulated worlds.")  # fmt: skip

@@ -44,8 +44,7 @@ TECHNOLOGIES = ("ideal", "bt4", "bt5", "wifi-beacon", "wifi-nan", "nr-sidelink",
 
 DEFINITIONS = ("snmac", "remote-id", "odid-accuracy", "candidate1", "candidate2", "chance")
 DEFINITION = f"What sizes the discs: {', '.join(DEFINITIONS[:-1])} or {DEFINITIONS[-1]}."
-ETA = "Of chance: probability, at any one instant, that no neighbour comes too close."
-"""Help for ``--definition`` and ``--eta``."""
+"""Help for ``--definition``."""
 
 definition = click.option("--definition", default="candidate2", show_default=True, metavar="NAME", help=DEFINITION)
 """``--definition``, for every command that observes under one definition."""
@@ -62,6 +61,26 @@ accuracy_convention = click.option(
     metavar="NAME", help=ACCURACY_CONVENTION,
 )  # fmt: skip
 """``--accuracy-convention``, the same for every command that uses a definition."""
+
+
+def _probability(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
+    if value is not None:
+        from ridlink.separation.chance import ETA_RANGE
+
+        ETA_RANGE.check("eta", value)  # with the words of the configuration
+    return value
+
+
+def eta_option(default: float | None = 0.999) -> Callable[[Any], Any]:
+    """``--eta``, the same for every command that uses a definition.
+
+    Args:
+        default: None where a configuration file may say it.
+    """
+    return click.option(
+        "--eta", type=float, default=default, callback=_probability, metavar="P",
+        help="Of chance: probability, at any one instant, that no neighbour comes too close.  [default: 0.999]",
+    )  # fmt: skip
 
 
 class Within(click.FloatRange):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli.files import refuse_to_replace, whole_output
-from ridlink.cli.options import DEFINITION, ETA, accuracy_convention, capture_kind, definition_of
+from ridlink.cli.options import DEFINITION, accuracy_convention, capture_kind, definition_of, eta_option
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 from ridlink.words import or_dash
 
@@ -23,12 +23,6 @@ def _seconds(_: click.Context, __: click.Parameter, value: float | None) -> floa
     return value
 
 
-def _share(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
-    if value is not None and not 0.0 < value < 1.0:
-        raise click.BadParameter("must be between 0 and 1, such as 0.999")
-    return value
-
-
 @click.command(short_help="Recorded traffic judged under other definitions.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @capture_kind("Format of the files; auto tells it by content and suffix.")
@@ -37,7 +31,7 @@ def _share(_: click.Context, __: click.Parameter, value: float | None) -> float 
     "--ahead", type=float, callback=_seconds, metavar="S",
     help="How far ahead an entry into a disc is alerted.  [default: 8, as far as the daemon looks]",
 )  # fmt: skip
-@click.option("--eta", type=float, callback=_share, metavar="P", help=f"{ETA}  [default: 0.999]")
+@eta_option()
 @accuracy_convention
 @click.option("--json", "as_json", is_flag=True, help="One JSON object instead of a table.")
 @click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values instead of a table.")
@@ -48,7 +42,7 @@ def whatif(
     kind: str,
     definitions: str | None,
     ahead: float | None,
-    eta: float | None,
+    eta: float,
     accuracy_convention: str,
     as_json: bool,
     as_csv: bool,
@@ -74,10 +68,9 @@ def whatif(
     sources, absent = open_sources(files, kind)
 
     from ridlink.review.whatif import AHEAD_S, WhatIf
-    from ridlink.separation.chance import DEFAULT_ETA
 
     ahead_s = AHEAD_S if ahead is None else ahead
-    judged = WhatIf(wanted, ahead_s=ahead_s, eta=DEFAULT_ETA if eta is None else eta)
+    judged = WhatIf(wanted, ahead_s=ahead_s, eta=eta)
     walk = walk_through(sources, [judged], accuracy_convention)
     rows = [judgement.as_dict() for judgement in judged.judgements]
     text = (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
-from ridlink.cli.options import DEFINITIONS, ETA, accuracy_convention
+from ridlink.cli.options import DEFINITIONS, accuracy_convention, eta_option
 from ridlink.cli.printing import PAGING_S, Printer
 from ridlink.cli.signals import end_by_interrupts, ended_by_signals, stopped_by_signals
 from ridlink.cli.view import announce
@@ -35,14 +35,7 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
     show_default=True,
     help="What sizes the disc of a pair.",
 )
-@click.option(
-    "--eta",
-    type=float,
-    default=0.999,
-    show_default=True,
-    metavar="P",
-    help=ETA,
-)
+@eta_option()
 @accuracy_convention
 @click.option(
     "--solver", type=click.Choice(SOLVERS), default="halfplane", show_default=True, help="What chooses the velocity."

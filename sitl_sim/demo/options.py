@@ -9,7 +9,7 @@ from pathlib import Path
 from ridlink.avoidance.types import SolverKind
 from ridlink.errors import ConfigError
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
-from ridlink.separation.chance import DEFAULT_ETA
+from ridlink.separation.chance import DEFAULT_ETA, ETA_RANGE
 from ridlink.separation.definitions import Definition
 from sitl_sim.autopilot import Start
 from sitl_sim.fleet_config import FleetConfig
@@ -63,8 +63,7 @@ class DemoOptions:
             raise ValueError("a demonstration's fleet holds until it is handed over")
         if self.from_ground and self.fleet.autopilot == "ideal":
             raise ConfigError("ideal vehicles are gone where they arrive: fly --from-ground with px4 or ardupilot")
-        if not 0.0 < self.eta < 1.0:
-            raise ConfigError(f"eta must lie between 0 and 1, ends excluded, got {self.eta:g}")
+        ETA_RANGE.check("eta", self.eta)
         if self.log is not None and not self.log.resolve().parent.is_dir():
             raise OSError(errno.ENOENT, f"there is no folder {self.log.resolve().parent}", str(self.log))
 

@@ -370,7 +370,7 @@ def test_options_that_cannot_be_flown(ridlink: Ridlink, arguments: list[str], co
 
 
 FIGURES = ("sigma", "interval", "loss", "loss-burst", "latency", "range", "stock", "unresponsive", "speed",
-           "correlation", "common-mode", "bias", "eta")  # fmt: skip
+           "correlation", "common-mode", "bias")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -57,7 +57,7 @@ def test_csv_holds_no_formula(log: Path, tmp_path: Path) -> None:
         (["--definition", "snmac,candidate3"], 2, "'candidate3' is none of snmac, remote-id, odid-accuracy"),
         (["--definition", ""], 2, "'' is none of"),
         (["--ahead", "-1"], 2, "0 or more"),
-        (["--eta", "1"], 2, "between 0 and 1"),
+        (["--eta", "1"], 2, "eta must lie between 0.5 and 0.999999999, got 1"),
         (["--json", "--csv"], 2, "exclude each other"),
         (["-o", "nowhere/w.csv"], 3, "nowhere/w.csv"),
     ],
