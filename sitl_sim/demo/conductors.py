@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import importlib.util
 import json
 import sys
 from collections.abc import Callable, Sequence
 
-from ridlink.errors import LinkError, MissingExtraError
+from ridlink.errors import LinkError
 from sitl_sim.demo.apart import end_with_parent
 
 UP_S, HANDED_OVER_S = 180.0, 120.0
@@ -26,14 +25,9 @@ class Conductors:
 
     Attributes:
         landed: System ids of vehicles that have landed and disarmed.
-
-    Raises:
-        MissingExtraError: If MAVSDK is not installed.
     """
 
     def __init__(self, urls: Sequence[str], heights_m: Sequence[float], say: Callable[[str], None]) -> None:
-        if importlib.util.find_spec("mavsdk") is None:
-            raise MissingExtraError("mavsdk", "--from-ground")
         self._arguments = [f"{url}={height:g}" for url, height in zip(urls, heights_m, strict=True)]
         self._say = say
         self.landed: set[int] = set()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import errno
+import importlib.util
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ridlink.avoidance.types import SolverKind
-from ridlink.errors import ConfigError
+from ridlink.errors import ConfigError, MissingExtraError
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.separation.chance import DEFAULT_ETA, ETA_RANGE
 from ridlink.separation.definitions import Definition
@@ -36,6 +37,7 @@ class DemoOptions:
 
     Raises:
         ConfigError: If the options contradict each other.
+        MissingExtraError: If conductors are to fly, and MAVSDK is not installed.
         OSError: If there is no folder for the log.
         ValueError: If the mission of the fleet would begin by itself.
     """
@@ -63,6 +65,8 @@ class DemoOptions:
             raise ValueError("a demonstration's fleet holds until it is handed over")
         if self.from_ground and self.fleet.autopilot == "ideal":
             raise ConfigError("ideal vehicles are gone where they arrive: fly --from-ground with px4 or ardupilot")
+        if self.from_ground and importlib.util.find_spec("mavsdk") is None:
+            raise MissingExtraError("mavsdk", "--from-ground")
         ETA_RANGE.check("eta", self.eta)
         if self.log is not None and not self.log.resolve().parent.is_dir():
             raise OSError(errno.ENOENT, f"there is no folder {self.log.resolve().parent}", str(self.log))

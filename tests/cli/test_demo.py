@@ -235,6 +235,19 @@ def test_a_file_in_which_nobody_flies_passes_no_flight(tmp_path: Path, text: str
     assert done.stderr.startswith("ridlink: void: there is nobody to fly") and done.stderr.count("\n") == 1
 
 
+def test_from_the_ground_without_its_extra_ends_before_anything_begins(tmp_path: Path) -> None:
+    log = tmp_path / "kept.tlog"
+    log.write_bytes(b"an earlier flight")
+    hidden = (
+        "import importlib.util; importlib.util.find_spec = lambda *_: None; from ridlink.__main__ import main; main()"
+    )
+    command = [sys.executable, "-c", hidden, "demo", "--from-ground", "--view-port", "0", "--log", str(log)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "ridlink: --from-ground needs the extra 'mavsdk': pip install 'ridlink[mavsdk]'\n"
+    assert log.read_bytes() == b"an earlier flight"
+
+
 def test_a_log_that_cannot_be_written_leaves_no_port_open(tmp_path: Path) -> None:
     log = tmp_path / "pipe.tlog"
     os.mkfifo(log)  # that nobody reads

@@ -261,7 +261,7 @@ def test_nothing_is_said_before_it_is_known_whose_it_is_and_no_time_that_is_not_
     [
         ({"airframe_m": 0.0}, "airframe must lie between"),
         ({"airframe_m": 30.1}, "airframe must lie between"),
-        ({"airframe_height_m": math.nan}, "airframe-height must be positive"),
+        ({"airframe_height_m": math.nan}, "airframe-height must lie between 0.01 and 30 m"),
         ({"uas_id": b"x" * 21}, "uas-id must have at most 20 bytes"),
         ({"uas_id": b""}, "uas-id must have at least one byte"),
         ({"operator_id": b"x" * 21}, "operator-id"),
