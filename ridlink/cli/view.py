@@ -64,6 +64,7 @@ def view(
     from ridlink.links import parse_link_url
     from ridlink.view.recorded import read_history
     from ridlink.view.scenery import Scenery
+    from ridlink.view.server import check_can_listen
     from ridlink.view.show import Show
 
     sized_by = definition_of(definition)
@@ -71,6 +72,7 @@ def view(
     url: LinkUrl | None = None
     code = EXIT_DONE
     if files:
+        check_can_listen(host, port)  # not after an hour of reading
         line = StatusLine()
         scenery, history, sources = read_history(
             files, kind, memory_bytes=memory_bytes, convention=accuracy_convention,

@@ -65,22 +65,22 @@ def whatif(
         raise click.UsageError("--json and --csv exclude each other")
     wanted = [definition_of(name) for name in definitions.split(",")] if definitions is not None else list(Definition)
     refuse_to_replace(output, files)
-    sources, absent = open_sources(files, kind)
-
-    from ridlink.review.whatif import AHEAD_S, WhatIf
-
-    ahead_s = AHEAD_S if ahead is None else ahead
-    judged = WhatIf(wanted, ahead_s=ahead_s, eta=eta)
-    walk = walk_through(sources, [judged], accuracy_convention)
-    rows = [judgement.as_dict() for judgement in judged.judgements]
-    text = (
-        _json(rows, walk, ahead_s, accuracy_convention)
-        if as_json
-        else _csv(rows)
-        if as_csv
-        else _table(rows, walk, ahead_s)
-    )
     with whole_output(output) as out:
+        sources, absent = open_sources(files, kind)
+
+        from ridlink.review.whatif import AHEAD_S, WhatIf
+
+        ahead_s = AHEAD_S if ahead is None else ahead
+        judged = WhatIf(wanted, ahead_s=ahead_s, eta=eta)
+        walk = walk_through(sources, [judged], accuracy_convention)
+        rows = [judgement.as_dict() for judgement in judged.judgements]
+        text = (
+            _json(rows, walk, ahead_s, accuracy_convention)
+            if as_json
+            else _csv(rows)
+            if as_csv
+            else _table(rows, walk, ahead_s)
+        )
         out.write(text.encode())
     return exit_code(sources, absent, is_strict)
 

@@ -302,6 +302,15 @@ class _Server(uvicorn.Server):
         yield
 
 
+def check_can_listen(host: str, port: int) -> None:
+    """Check that a page could be served there now, before what takes long.
+
+    Raises:
+        LinkError: As `ViewServer.serving`.
+    """
+    _listen(host, port).close()
+
+
 def _listen(host: str, port: int) -> socket.socket:
     try:
         family, kind, _, _, address = socket.getaddrinfo(

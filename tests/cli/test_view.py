@@ -161,6 +161,7 @@ def test_the_page_of_a_demo_knows_the_truth_and_stays_if_asked_to(tmp_path: Path
         (["--source", "udp:1.2.3.4:5"], "udpin:", 2),
         (["--definition", "candidate3"], "candidate3", 2),
         (["x.tlog", "--source", "udpin:127.0.0.1:0"], "not both", 2),
+        (["--port", "{taken}", "{folder}/text.txt"], "port {taken} is in use", 3),  # before anything is read
         (["--port", "{taken}"], "port {taken} is in use; name another, or 0 for any that is free", 3),
         (["--host", "192.0.2.1", "--port", "0"], "192.0.2.1", 3),
         (["--source", "udpin:127.0.0.1:{heard}", "--port", "0"], "{heard}", 3),
@@ -182,10 +183,11 @@ def test_a_mistake_is_one_clear_line(tmp_path: Path, arguments: list[str], text:
     assert len(done.stderr.splitlines()) == 1 and done.stdout == ""
 
 
-def test_without_the_extra_the_line_says_what_to_install() -> None:
-    code = (
-        "import sys; sys.modules['uvicorn'] = None; sys.argv = ['ridlink', 'view'];from ridlink.cli import main; main()"
-    )
+@pytest.mark.parametrize("files", [[], [__file__]], ids=["live", "recorded"])
+def test_without_the_extra_the_line_says_what_to_install(files: list[str]) -> None:
+    """Of a file as well, before it is read: this one would be no capture."""
+    words = ["ridlink", "view", *files]
+    code = f"import sys; sys.modules['uvicorn'] = None; sys.argv = {words}; from ridlink.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60.0)
     assert done.returncode == 2
     assert done.stderr.splitlines() == ["ridlink: the page needs the extra 'web': pip install 'ridlink[web]'"]

@@ -60,6 +60,7 @@ def test_csv_holds_no_formula(log: Path, tmp_path: Path) -> None:
         (["--eta", "1"], 2, "eta must lie between 0.5 and 0.999999999, got 1"),
         (["--json", "--csv"], 2, "exclude each other"),
         (["-o", "nowhere/w.csv"], 3, "nowhere/w.csv"),
+        (["-o", "."], 3, ".: Is a directory"),
     ],
 )
 def test_errors_are_one_line(
@@ -70,6 +71,8 @@ def test_errors_are_one_line(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    """All of them before an hour of reading."""
+    monkeypatch.setattr("ridlink.cli.whatif.walk_through", None)
     monkeypatch.setattr(sys, "argv", ["ridlink", "whatif", str(log), *arguments])
     with pytest.raises(SystemExit) as stop:
         main()
