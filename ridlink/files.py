@@ -111,6 +111,8 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
     Raises:
         OSError: If one of them cannot be written; it names that one, and neither files nor new folders remain.
     """
+    if folder.exists() and not folder.is_dir():  # `mkdir` would report that it exists
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
     made: list[Path] = []
     targets = [folder / name for name in files]
     try:

@@ -7,6 +7,7 @@ RIDLINK_SEPARATION are what it sent to others.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -35,8 +36,14 @@ MULTIROTOR, AUTOPILOT_GENERIC, ACTIVE, ARMED = 2, 0, 4, 0x80
 LAST_SYSTEM_ID = 250
 
 
-def log_run(plan: Plan, run: int, path: Path) -> Outcomes:
+def log_run(plan: Plan, run: int, path: Path, begin: Callable[[], None] = lambda: None) -> Outcomes:
     """Fly one run of a plan and write it as a tlog; an existing file is replaced.
+
+    Args:
+        plan: The plan.
+        run: Number of the run.
+        path: The log.
+        begin: Called when the log is open, before what takes long.
 
     Raises:
         ConfigError: If there are more vehicles than system ids.
@@ -70,6 +77,7 @@ def log_run(plan: Plan, run: int, path: Path) -> Outcomes:
                 log.write(time_us, encoders[k].encode(name, **fields))
 
     try:
+        begin()
         return fly(plan, range(run, run + 1), watch=watch)
     finally:
         log.close()

@@ -175,7 +175,7 @@ def _run(loaded: Callable[[], None] | None) -> NoReturn:
     except (LinkError, CaptureError, click.FileError) as error:
         _fail(error.format_message() if isinstance(error, click.FileError) else str(error), EXIT_IO)
     except OSError as error:
-        where = error.filename or ("standard output" if error.errno in NO_ROOM else "")
+        where = error.filename or ("''" if error.filename == "" else "standard output" * (error.errno in NO_ROOM))
         _fail(f"{where}: {error.strerror or error}" if where else str(error.strerror or error), EXIT_IO)
     except RidlinkError as error:
         _fail(str(error), EXIT_USAGE)

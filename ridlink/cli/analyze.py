@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ridlink.cli.options import PATH
+
 if TYPE_CHECKING:
     from ridlink.analysis import Comparison
 
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 @click.command(short_help="Print the paper's numbers beside ours; draw its analytic figures.")
 @click.option(
     "--out",
-    type=click.Path(file_okay=False, readable=False, path_type=Path),
+    type=PATH,
     metavar="DIR",
     help="Draw the figures there, as PNG and SVG (extra: ridlink[plot]).",
 )

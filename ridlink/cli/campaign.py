@@ -75,7 +75,7 @@ campaign.add_command(report)
 )
 @click.option(
     "--log",
-    type=click.Path(dir_okay=False, readable=False, path_type=Path),
+    type=PATH,
     metavar="F.tlog",
     help="With --only-run: that flight as a MAVLink log, what was true and what was told; replaces the file.",
 )
@@ -233,12 +233,12 @@ def _fly_one(plans: list[Plan], number: int, log: Path | None, as_json: bool) ->
 
     if log is not None and len(plans) != 1:
         raise click.UsageError(f"--log takes one scenario, definition, gnss and solver; these are {len(plans)} cells.")
-    say_if_compiling(plans)
     begin = time.monotonic()
     if log is None:
+        say_if_compiling(plans)
         cells = [(plan, fly(plan, range(number, number + 1))) for plan in plans]
     else:
-        cells = [(plans[0], log_run(plans[0], number, log))]
+        cells = [(plans[0], log_run(plans[0], number, log, lambda: say_if_compiling(plans)))]
     wall_s = time.monotonic() - begin
     vehicles = [each for plan, outcomes in cells for each in _vehicles(plan, outcomes)]
     steps = sum(int(outcomes.decisions.sum()) for _, outcomes in cells)

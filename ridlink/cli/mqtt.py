@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import socket
 from pathlib import Path
@@ -161,6 +162,8 @@ def _password(file: Path | None) -> str | None:
     """
     if file is None:
         return os.environ.get(PASSWORD_VARIABLE)
+    if file.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
     if file.stat().st_mode & 0o077:
         raise ConfigError(f"{file}: others can read it; chmod 600 {file}")
     try:

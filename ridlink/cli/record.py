@@ -48,6 +48,8 @@ def record(url: str, output: str, duration: float | None, force: bool, silent: b
     from ridlink.links import parse_link_url
 
     link_url = parse_link_url(url)
+    if os.path.isdir(output):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), output)
     if os.path.lexists(output) and not (force or _is_empty(output)):
         raise FileExistsError(errno.EEXIST, "exists already; --force replaces it", output)
     recorder, duration_s = asyncio.run(_record(link_url, output, duration, force, silent))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
-from ridlink.cli.options import DEFINITIONS, accuracy_convention, eta_option
+from ridlink.cli.options import DEFINITIONS, PATH, accuracy_convention, eta_option
 from ridlink.cli.printing import PAGING_S, Printer
 from ridlink.cli.signals import end_by_interrupts, ended_by_signals, stopped_by_signals
 from ridlink.cli.view import announce
@@ -68,7 +68,7 @@ COMPARED = ("snmac", "remote-id", "candidate1", "candidate2")
 @click.option("--any-ports", is_flag=True, help="Ports that the kernel chooses, to fly several demos side by side.")
 @click.option(
     "--log",
-    type=click.Path(dir_okay=False, readable=False, path_type=Path),
+    type=PATH,
     metavar="FILE.tlog",
     help="Record the flight there; replaces the file.  [default: a new file in the temporary folder]",
 )

@@ -207,6 +207,7 @@ class TestExitCodes:
             (CaptureError("a.tlog: no capture"), 3, "ridlink: a.tlog: no capture"),
             (FileNotFoundError(2, "No such file", "a.tlog"), 3, "ridlink: a.tlog: No such file"),
             (PermissionError(13, "Permission denied"), 3, "ridlink: Permission denied"),
+            (FileNotFoundError(2, "No such file", ""), 3, "ridlink: '': No such file"),
             (ConfigError("\x1b[2J\xe9\udcff\n: no such place"), 2, "ridlink: \\x1b[2J\xe9\\xff\\x0a: no such place"),
             (click.FileError("a.tlog", "gone"), 3, "ridlink: Could not open file 'a.tlog': gone"),
             (ZeroDivisionError("by nothing"), 70,
@@ -219,6 +220,32 @@ class TestExitCodes:
     ) -> None:
         assert run(error) == code
         assert capsys.readouterr() == ("", text + "\n")
+
+    @pytest.mark.parametrize(
+        ("command", "takes"),
+        [
+            ("analyze --out", "folder"),
+            ("campaign run --runs 2 -o", "folder"),
+            ("dialect c -o", "folder"),
+            ("avoid --standby --vehicle udpin:127.0.0.1:0 --log", "file"),
+            ("campaign run --scenario crossing --definition snmac --only-run 1 --log", "file"),
+            ("decode", "file"),
+            ("demo --headless --any-ports --log", "file"),
+            ("mqtt --broker mqtt://a@127.0.0.1:9 --password-file", "file"),
+            ("record udpin:127.0.0.1:0 -o", "file"),
+            ("record udpin:127.0.0.1:0 --force -o", "file"),
+        ],
+    )
+    def test_a_folder_for_a_file_and_a_file_for_a_folder_are_exit_code_3(
+        self, tmp_path: Path, command: str, takes: str
+    ) -> None:
+        wrong = tmp_path / "wrong"
+        wrong.mkdir() if takes == "file" else wrong.touch()
+        words = [sys.executable, "-m", "ridlink", *command.split(), str(wrong)]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=60.0)
+        assert (done.returncode, done.stdout) == (3, "")
+        assert done.stderr == f"ridlink: {wrong}: {'Is' if takes == 'file' else 'Not'} a directory\n"
+        assert list(tmp_path.iterdir()) == [wrong], "nothing half written"
 
     @pytest.mark.parametrize(
         "command",
