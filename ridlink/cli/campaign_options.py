@@ -145,7 +145,8 @@ cell_options = option_group(
     ),
     click.option(
         "--loss", "losses", type=Figures(0.0, 1.0, below=True), metavar="SHARE,...",
-        help="Share of reports that a receiver misses.  [default: the technology's; ideal: 0]",
+        help="Share of reports that a receiver close by misses; a technology's losses far away and among many come on "
+        "top.  [default: the technology's; ideal: 0]",
     ),
 )  # fmt: skip
 """Options that take several values; every combination of them is a cell."""

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ridlink.daemon.summary import Pace, Spread
+from ridlink.daemon import telling
+from ridlink.daemon.events import summary_facts
+from ridlink.daemon.summary import Pace, Spread, Summary
+from ridlink.engine import Engine, EngineConfig
 
 
 @given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=200))
@@ -35,6 +41,15 @@ def test_a_gap_lies_between_two_setpoints_of_one_stream() -> None:
     for now_s, is_setpoint in ((9.9, False), (10.0, True), (10.1, True), (10.2, False), (20.0, True), (20.2, True)):
         pace.sent(is_setpoint, now_s)
     assert pace.gap_ms.summary() == {"p50": 150.0, "p99": 199.0, "max": 200.0}
+
+
+def test_the_document_names_every_event_and_every_key_of_the_summaries() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "daemon.md").read_text().partition("## What it says")[2]
+    section = text.partition("\n## ")[0]
+    engine = Engine(EngineConfig(standby=True))
+    keys = {*summary_facts(engine, engine.step(now_s=0.0).decision, {}), *(each.name for each in fields(Summary))}
+    events = {*re.findall(r'emit\("(\w+)"', Path(telling.__file__).read_text()), "final"}
+    assert len(events) == 7 and {*keys, *events} <= set(re.findall(r"`(\w+)`", section))
 
 
 def test_no_quantile_imports_anything_in_flight() -> None:
