@@ -38,6 +38,7 @@ from ridlink.remote_id.separation import authentication_of
 from tests.captures.command import run
 from tests.captures.conftest import START_US, aircraft, flight, frame_of, needs_compiler, tlog_bytes
 from tests.captures.drawn import ABOUT_REMOTE_ID, PACK_MEMBER, any_frame
+from tests.captures.pcap_files import ethernet, ipv4, pcap, timed, udp
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "captures" / "real_autopilot.tlog"
 HOSTILE = b"=1<b>&]]>'\x1b[2J,\"../x"
@@ -247,6 +248,44 @@ def test_csv_of_other_messages(tmp_path: Path) -> None:
     assert battery["voltages"] == "[0,1,2,3,4,5,6,7,8,9]" and battery["temperature"] == "-7"
     assert table(out / "PARAM_VALUE.csv")[0]["param_id"] == "'@SYS"
     assert table(out / "UNKNOWN.csv")[0]["payload"] == "0102"
+
+
+@pytest.mark.parametrize("suffix", ["tlog", "pcap"])
+def test_fields_that_are_called_as_a_column_do_not_take_its_place(tmp_path: Path, suffix: str) -> None:
+    """MANUAL_CONTROL has a ``t``, which was taken for the time, and COLLISION a ``src``."""
+    encoder = Encoder(7, 1)
+    frames = [encoder.encode("MANUAL_CONTROL", t=-7), encoder.encode("COLLISION", src=1)]
+    path = tmp_path / f"f.{suffix}"
+    packets = timed([ethernet(ipv4(udp(frame))) for frame in frames])
+    path.write_bytes(pcap(packets) if suffix == "pcap" else tlog_bytes([(START_US, frame) for frame in frames]))
+    assert run(path, "-f", "csv", "-o", tmp_path / "csv").return_value == 0
+    (manual,), (collision,) = (table(tmp_path / "csv" / f"{name}.csv") for name in ("MANUAL_CONTROL", "COLLISION"))
+    assert (manual["t"], manual["src"], manual["t_field"]) == ("1700000000.123456", "7/1", "-7")
+    assert (collision["src"], collision["src_field"]) == ("7/1", "1")
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is in the extra 'export'")
+    assert run(path, "-f", "parquet", "-o", tmp_path / "columns").return_value == 0
+    (manual,) = parquet.read_table(tmp_path / "columns" / "MANUAL_CONTROL.parquet").to_pylist()
+    assert (manual["t"].year, manual["src"], manual["t_field"]) == (2023, "7/1", -7)
+
+
+@pytest.mark.parametrize("suffix", ["tlog", "pcap"])
+@pytest.mark.parametrize("output_format", ["csv", "parquet"])
+def test_a_message_that_the_dialect_lacks_has_its_row_whatever_the_capture(
+    tmp_path: Path, suffix: str, output_format: str
+) -> None:
+    """It had none where a capture is not read in blocks: of a pcap and of a pipe."""
+    frames = [Encoder(1, 1).encode("HEARTBEAT", type=2), encode_frame(54321, b"\x01\x02", 0, seq=1, sysid=1, compid=1)]
+    path, out = tmp_path / f"f.{suffix}", tmp_path / "out"
+    packets = timed([ethernet(ipv4(udp(frame))) for frame in frames])
+    path.write_bytes(pcap(packets) if suffix == "pcap" else tlog_bytes([(START_US, frame) for frame in frames]))
+    assert run(path, "-f", output_format, "-o", out).return_value == 0
+    if output_format == "csv":
+        (row,) = table(out / "UNKNOWN.csv")
+        assert (row["src"], row["msgid"], row["payload"]) == ("1/1", "54321", "0102")
+    else:
+        parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is in the extra 'export'")
+        (row,) = parquet.read_table(out / "UNKNOWN.parquet").to_pylist()
+        assert (row["src"], row["msgid"], row["payload"]) == ("1/1", 54321, "0102")
 
 
 def test_broadcasts_come_into_tables_with_their_radio(tmp_path: Path) -> None:

@@ -52,8 +52,7 @@ class BlockLines:
             lines = self._rows(len(rows))
             lines.head(layout, rows, block.times[entries], block.transport)
             if layout.spec is None:
-                payloads = zip(rows["payload"], rows["length"].tolist(), strict=True)
-                lines.payloads([payload[:length].tobytes().hex() for payload, length in payloads])
+                lines.payloads(columns_of(layout, rows)["payload"].to_list())
             else:
                 lines.fields(columns_of(layout, rows))
             if self._frames:

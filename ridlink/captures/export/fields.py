@@ -47,11 +47,9 @@ class Fields(NamedTuple):
 
 
 def fields_of_block(block: Block, selection: Selection) -> Iterator[Fields]:
-    """Messages of a block that are in the dialect, in the order of the file."""
+    """Messages of a block, in the order of the file."""
     found = np.empty(block.count, object)
     for layout, entries, rows in chosen_rows(block, selection):
-        if layout.spec is None:
-            continue
         columns = columns_of(layout, rows)
         values = zip(*(column.to_list() for column in columns.values()), strict=True)
         heads = [rows[name].tolist() for name in ("sysid", "compid", "seq", "offset")]
@@ -72,10 +70,8 @@ def fields_of_block(block: Block, selection: Selection) -> Iterator[Fields]:
 
 
 def fields_of_records(records: Iterable[MessageRecord]) -> Iterator[Fields]:
-    """Messages of records; those that are not in the dialect are left out."""
+    """Messages of records; those that are not in the dialect have their id and their payload in hexadecimal."""
     for record in records:
-        if record.message is None:
-            continue
         origin = record.origin
         seq: int | None = record.frame.seq
         source = f"{record.source[0]}/{record.source[1]}"
@@ -84,4 +80,7 @@ def fields_of_records(records: Iterable[MessageRecord]) -> Iterator[Fields]:
         time_us = record.time_us if record.time_us is None or record.time_us < TIMES_END_US else None
         transport = None if origin is None else origin.transport
         is_25_bytes = origin is not None and origin.data is not None
-        yield Fields(time_us, transport, source, seq, record.offset, record.name, fields_of(record), is_25_bytes)
+        fields = fields_of(record)
+        if record.message is None:
+            fields = {"msgid": record.frame.msgid, "payload": record.frame.payload.hex()}
+        yield Fields(time_us, transport, source, seq, record.offset, record.name, fields, is_25_bytes)

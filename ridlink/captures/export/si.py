@@ -54,6 +54,11 @@ class Column:
 _Convert = Callable[[np.ndarray], Column]
 
 
+def _payload(rows: np.ndarray) -> Column:
+    payloads = zip(rows["payload"], rows["length"].tolist(), strict=True)
+    return Column([payload[:length].tobytes().hex() for payload, length in payloads])
+
+
 def _same(field: str) -> _Convert:
     return lambda rows: Column(rows[field])
 
@@ -256,9 +261,9 @@ def out_of_range(layout: Layout, rows: np.ndarray) -> Iterator[tuple[str, np.nda
 
 @cache
 def converters(layout: Layout) -> dict[str, _Convert]:
-    """What makes each column of a message, by name and in order; nothing for ``UNKNOWN``."""
+    """What makes each column of a message, by name and in order."""
     if layout.spec is None:
-        return {}
+        return {"msgid": _same("msgid"), "payload": _payload}
     remote_id = _remote_id().get(layout.name)
     if remote_id is not None:
         return {**remote_id, "id_or_mac": _id_or_mac}

@@ -22,7 +22,7 @@ from ridlink.captures.export.join import COLUMNS
 from ridlink.captures.export.selection import Selection
 from ridlink.captures.export.si import Column, columns_of
 from ridlink.captures.fast.block import Block, empty_words, structured
-from ridlink.captures.fast.tables import column_of, layouts, slot_of
+from ridlink.captures.fast.tables import layouts, slot_of
 from ridlink.captures.lines import exact_seconds
 from ridlink.errors import MissingExtraError
 
@@ -39,7 +39,7 @@ FEET_PER_M = 1.0 / 0.3048
 def tables_of_block(block: Block, selection: Selection) -> Iterator[tuple[str, dict[str, Column]]]:
     """Selected messages of a block, as columns by message: ``t, transport, src, seq, offset``, then the fields.
 
-    ``t`` is microseconds since 1970. A field that is itself called ``seq`` is the column ``seq_field``.
+    ``t`` is microseconds since 1970. A field that is itself called so, as ``seq`` often is, has ``_field`` behind it.
     """
     for layout, entries, rows in chosen_rows(block, selection):
         times = block.times[entries].astype(np.int64)
@@ -51,13 +51,7 @@ def tables_of_block(block: Block, selection: Selection) -> Iterator[tuple[str, d
             "seq": Column(rows["seq"]),
             "offset": Column(rows["offset"]),
         }
-        if layout.spec is None:
-            payloads = zip(rows["payload"], rows["length"].tolist(), strict=True)
-            columns["msgid"] = Column(rows["msgid"])
-            columns["payload"] = Column([payload[:length].tobytes().hex() for payload, length in payloads])
-        else:
-            columns |= {column_of(name): column for name, column in columns_of(layout, rows).items()}
-        yield layout.name, columns
+        yield layout.name, columns | {_named(field): column for field, column in columns_of(layout, rows).items()}
     packed = [record for _, records in pack_records(block, selection) for record in records]
     yield from tables_of_messages(fields_of_records(packed))
 
@@ -75,7 +69,7 @@ def tables_of_messages(messages: Iterable[Fields]) -> Iterator[tuple[str, dict[s
             "seq": [message.seq for message in found],
             "offset": [message.offset for message in found],
         }
-        fields = {column_of(field): [message.fields[field] for message in found] for field in found[0].fields}
+        fields = {_named(field): [message.fields[field] for message in found] for field in found[0].fields}
         like = columns_of(layouts()[slot_of()[name]], structured(slot_of()[name], empty_words(slot_of()[name], 0)))
         yield (
             name,
@@ -92,6 +86,11 @@ def tables_of_messages(messages: Iterable[Fields]) -> Iterator[tuple[str, dict[s
 _HEAD_TYPES: dict[str, np.dtype[Any] | None] = {
     "t": np.dtype(np.int64), "transport": None, "src": None, "seq": np.dtype(np.uint8), "offset": np.dtype(np.int64),
 }  # fmt: skip
+
+
+def _named(field: str) -> str:
+    """Name of the column of a field."""
+    return f"{field}_field" if field in _HEAD_TYPES else field
 
 
 def _column(values: list[Any], kind: np.dtype[Any] | None) -> Column:
