@@ -13,7 +13,6 @@ from sitl_sim.autopilot.commands import Command, Commands, MavCommand, read_comm
 from sitl_sim.autopilot.files import refuse_file_transfer
 from sitl_sim.autopilot.link import Address, Link
 from sitl_sim.autopilot.mission_protocol import MissionProtocol
-from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM
 from sitl_sim.autopilot.orders import Orders
 from sitl_sim.autopilot.parameter_protocol import ParameterProtocol
 from sitl_sim.autopilot.peers import MAX_PASSED_ON
@@ -165,13 +164,7 @@ class Answers:
 
     def _set_mode(self, heard: Heard) -> list[Reply]:
         """The old message is acknowledged like a command: by PX4 as DO_SET_MODE, by ArduPilot under its own number."""
-        mode = self._board.flavour.mode_of(heard.message.custom_mode)
-        if not heard.message.base_mode & MODE_FLAG_CUSTOM:
-            result = self._orders.refuse("mode refused: no custom mode flag", Result.DENIED)
-        elif mode is None:
-            result = self._orders.no_such_mode(str(heard.message.custom_mode))
-        else:
-            result = self._orders.set_mode(mode, heard.now_s)
+        result = self._orders.choose_mode(heard.message.base_mode, heard.message.custom_mode, heard.now_s)
         command = int(MavCommand.DO_SET_MODE) if self._board.is_px4 else heard.frame.msgid
         return [("COMMAND_ACK", {"command": command, "result": int(result), **_to(heard.frame)})]
 
@@ -194,16 +187,18 @@ class Answers:
         command = read_command(heard.message)
         said = self._texts.said
         result, asked_for = self._carry_out(command, heard)
+        if result is None:
+            return []
         if result is not Result.ACCEPTED and self._texts.said == said:
             self._texts.say(Severity.WARNING, f"command {command.number}: {result.name.lower().replace('_', ' ')}")
         results = [result]
         acknowledged_twice = self._board.is_px4 and command.number == MavCommand.DO_SET_MODE
-        if acknowledged_twice and result not in (Result.DENIED, Result.FAILED):
+        if acknowledged_twice and result is not Result.FAILED:
             results.insert(0, Result.ACCEPTED)  # PX4 acknowledges twice, the first time whatever the result
         acknowledgement = {"command": command.number, **_to(heard.frame)}
         return [*(("COMMAND_ACK", acknowledgement | {"result": int(each)}) for each in results), *asked_for]
 
-    def _carry_out(self, command: Command, heard: Heard) -> tuple[Result, list[Reply]]:
+    def _carry_out(self, command: Command, heard: Heard) -> tuple[Result | None, list[Reply]]:
         if self._board.is_px4 and heard.message.target_system == 0 and command.number not in _FOR_EVERYBODY:
             return Result.FAILED, []
         answered = self._streams.command(command, heard.link, heard.now_s)

@@ -17,10 +17,10 @@ from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.failures import failure_event
 from sitl_sim.autopilot.guidance import GoTo
 from sitl_sim.autopilot.mission_items import UNUSED_INT
-from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM, Mode, px4_custom_mode
+from sitl_sim.autopilot.modes import Mode, px4_custom_mode
 from sitl_sim.autopilot.orders import Orders
 from sitl_sim.autopilot.pilot import Pilot
-from sitl_sim.autopilot.results import Result
+from sitl_sim.autopilot.results import Result, Severity
 from sitl_sim.autopilot.setpoints import ALTITUDE_FRAMES, HEIGHT_FRAMES
 
 
@@ -49,6 +49,9 @@ class MavCommand(IntEnum):
 
 
 REPOSITION_CHANGES_MODE = 1
+
+NO_MODE = 255
+"""Stands for any number that no mode has."""
 
 TAKEOFF_FRAME = 3
 """MAV_FRAME_GLOBAL_RELATIVE_ALT: the frame in which ArduPilot takes off."""
@@ -94,39 +97,44 @@ class Commands:
 
     def __init__(self, board: Board, pilot: Pilot, orders: Orders) -> None:
         self._board, self._pilot, self._orders = board, pilot, orders
-        self._actions: dict[int, Callable[[Command, float], Result]] = {
-            MavCommand.NAV_LOITER_UNLIMITED: lambda _, now_s: orders.set_mode(Mode.HOLD, now_s),
+        self._actions: dict[int, Callable[[Command, float], Result | None]] = {
             MavCommand.NAV_RETURN_TO_LAUNCH: lambda _, now_s: orders.set_mode(Mode.RETURN, now_s),
             MavCommand.NAV_LAND: lambda _, __: orders.land(),
             MavCommand.NAV_TAKEOFF: self._take_off,
             MavCommand.DO_SET_MODE: self._set_mode,
             MavCommand.DO_CHANGE_SPEED: self._change_speed,
             MavCommand.DO_REPOSITION: self._reposition,
-            MavCommand.DO_PAUSE_CONTINUE: self._pause_or_continue,
             MavCommand.DO_SET_MISSION_CURRENT: self._set_mission_current,
             MavCommand.MISSION_START: self._start_mission,
             MavCommand.INJECT_FAILURE: self._inject_failure,
-            MavCommand.COMPONENT_ARM_DISARM: lambda command, now_s: orders.arm(command[1] is not None, now_s),
+            MavCommand.COMPONENT_ARM_DISARM: self._arm,
         }
         if not board.is_px4:
-            self._actions[MavCommand.CONDITION_YAW] = self._turn
+            self._actions |= {
+                MavCommand.NAV_LOITER_UNLIMITED: lambda _, now_s: orders.set_mode(Mode.HOLD, now_s),
+                MavCommand.CONDITION_YAW: self._turn,
+                MavCommand.DO_PAUSE_CONTINUE: self._pause_or_continue,
+            }
 
-    def execute(self, command: Command, now_s: float) -> Result:
-        """Execute a command, or say why not."""
+    def execute(self, command: Command, now_s: float) -> Result | None:
+        """Execute a command, or say why not. None: it gets no answer."""
         action = self._actions.get(command.number)
         return Result.UNSUPPORTED if action is None else action(command, now_s)
 
     def _set_mode(self, command: Command, now_s: float) -> Result:
-        if not int(command[1] or 0) & MODE_FLAG_CUSTOM:
-            return self._orders.refuse("mode refused: no custom mode flag", Result.DENIED)
-        number, sub = command[2] or 0.0, command[3] or 0.0
-        if not (0 <= number < 256 and 0 <= sub < 256):
-            return self._orders.no_such_mode("such number")
-        custom = px4_custom_mode(int(number), int(sub)) if self._board.is_px4 else int(number)
-        mode = self._board.flavour.mode_of(custom)
-        if mode is None:
-            return self._orders.no_such_mode(f"{int(number)}/{int(sub)}")
-        return self._orders.set_mode(mode, now_s)
+        number, sub = (int(each) if 0.0 <= each < 256.0 else NO_MODE for each in (command[2] or 0.0, command[3] or 0.0))
+        custom = px4_custom_mode(number, sub) if self._board.is_px4 else number
+        return self._orders.choose_mode(int(command[1] or 0), custom, now_s)
+
+    def _arm(self, command: Command, now_s: float) -> Result | None:
+        """Arm with 1, disarm with 0. PX4 rounds, and gives no answer to any other number."""
+        value = command.given[0]
+        if self._board.is_px4:
+            value = math.floor((value or 0.0) + 0.5)
+            if value not in (0, 1):
+                self._board.say(Severity.CRITICAL, f"Unsupported ARM_DISARM param: {command.given[0]:.3f}")
+                return None
+        return self._orders.arm(value == 1.0, now_s) if value in (0.0, 1.0) else Result.UNSUPPORTED
 
     def _inject_failure(self, command: Command, now_s: float) -> Result:
         unit, kind = int(command[1] or 0), int(command[2] or 0)
@@ -192,10 +200,9 @@ class Commands:
         return result if is_supported else Result.UNSUPPORTED
 
     def _pause_or_continue(self, command: Command, now_s: float) -> Result:
-        """Continue (1) continues the mission, pause (0) holds."""
-        if command[1] is not None:
-            return self._orders.set_mode(Mode.MISSION, now_s)
-        return self._orders.set_mode(Mode.HOLD if self._board.is_px4 else Mode.BRAKE, now_s)
+        """Pause with 0, go on with 1."""
+        kind = int(command[1] or 0)
+        return self._orders.pause(kind == 0) if kind in (0, 1) else Result.DENIED
 
     def _set_mission_current(self, command: Command, now_s: float) -> Result:
         seq = command[1] or 0.0
@@ -204,11 +211,15 @@ class Commands:
         return Result.ACCEPTED
 
     def _start_mission(self, command: Command, now_s: float) -> Result:
-        first = command[1]
-        if not self._board.is_px4 and (first is not None or command[2] is not None):
+        """PX4 starts with an item, or for -1 with the present one; ArduPilot takes neither a first nor a last item."""
+        if not self._board.is_px4 and (command[1] is not None or command[2] is not None):
             return self._orders.refuse("mission: starts where it is, and ends at its end", Result.DENIED)
-        if first is not None and not (0 <= first < 65536 and self._pilot.mission.set_current(int(first))):
-            return self._orders.refuse("mission: there is no such item", Result.DENIED)
+        mission, first = self._pilot.mission, command.given[0]
+        if self._board.is_px4 and mission.exists:
+            if first is None or not -1.0 <= first < len(mission.plan):
+                return self._orders.refuse("mission: there is no such item", Result.DENIED)
+            if first >= 0.0:
+                mission.set_current(int(first))
         return self._orders.start_mission(now_s)
 
     def _turn(self, command: Command, now_s: float) -> Result:

@@ -59,7 +59,10 @@ class Flavour:
         return self.mode_names.get(mode, str(mode))
 
     def mode_of(self, custom_mode: int) -> Mode | None:
-        """The mode with this number, None if there is none."""
+        """The mode with this number, None if there is none. Of PX4's, only AUTO has sub-modes; 0 is MISSION."""
+        if self.is_px4:
+            main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24
+            custom_mode = px4_custom_mode(main, (sub or PX4_MISSION) if main == PX4_AUTO else 0)
         return next((mode for mode, number in self.custom_modes.items() if number == custom_mode), None)
 
 
@@ -72,6 +75,12 @@ _AUTO, _GUIDED, _STABILIZE, _MANUAL_INPUT = 4, 8, 16, 64
 _MISSION_INT, _COMMAND_INT, _LOCAL_SETPOINTS, _GLOBAL_SETPOINTS, _MAVLINK2 = 4, 8, 128, 256, 8192
 _COMMON = _MISSION_INT | _COMMAND_INT | _LOCAL_SETPOINTS | _GLOBAL_SETPOINTS | _MAVLINK2
 _PARAM_ENCODE_BYTEWISE, _PARAM_ENCODE_C_CAST = 16, 131072
+
+
+PX4_AUTO, PX4_MISSION = 4, 4
+PX4_REJECTED = (PX4_AUTO, 5, 7)
+"""Main modes of PX4 that are rejected: AUTO with an unknown sub-mode, and ACRO and STABILIZED, which want a pilot. PX4
+accepts any other number that it does not know, and changes nothing."""
 
 
 def px4_custom_mode(main: int, sub: int = 0) -> int:

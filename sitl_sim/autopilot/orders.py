@@ -8,7 +8,7 @@ from __future__ import annotations
 from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.failsafes import FIX_3D
 from sitl_sim.autopilot.guidance import Climb, Velocity
-from sitl_sim.autopilot.modes import Mode
+from sitl_sim.autopilot.modes import MODE_FLAG_CUSTOM, PX4_REJECTED, Mode
 from sitl_sim.autopilot.navigation import Vector
 from sitl_sim.autopilot.pilot import Pilot
 from sitl_sim.autopilot.results import Result, Severity
@@ -36,10 +36,6 @@ class Orders:
         self._board.say(Severity.WARNING, why)
         return Result(self._board.flavour.refused) if result is None else result
 
-    def no_such_mode(self, number: str) -> Result:
-        """Refuse an unknown mode number: a wrong command on PX4, a failed change on ArduPilot."""
-        return self.refuse(f"mode refused: there is no {number}", Result.DENIED if self._board.is_px4 else None)
-
     def _unavailable(self) -> Result | None:
         """The refusal if no order at all can be taken now."""
         if not self._board.spec.cooperative:
@@ -49,6 +45,21 @@ class Orders:
         return None
 
     # --- modes --------------------------------------------------------------------------------------------------------
+
+    def choose_mode(self, base_mode: int, custom_mode: int, now_s: float) -> Result:
+        """Change the mode by its number. What PX4 does not understand it accepts, and changes nothing.
+
+        Source: Commander::handle_command of PX4, GCS_MAVLINK::_set_mode_common of ArduPilot.
+        """
+        is_px4, mode = self._board.is_px4, self._board.flavour.mode_of(custom_mode)
+        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24
+        if not base_mode & MODE_FLAG_CUSTOM:
+            return Result.ACCEPTED if is_px4 else self.refuse("mode refused: no custom mode flag", Result.DENIED)
+        if mode is not None:
+            return self.set_mode(mode, now_s)
+        if is_px4 and main not in PX4_REJECTED:
+            return Result.ACCEPTED
+        return self.refuse(f"mode refused: there is no {f'{main}/{sub}' if is_px4 else custom_mode}")
 
     def set_mode(self, mode: Mode, now_s: float) -> Result:
         """Change the mode."""
@@ -108,6 +119,15 @@ class Orders:
             result = self.arm(True, now_s)
         self._pilot.mission_started = result is Result.ACCEPTED
         return result
+
+    def pause(self, wanted: bool) -> Result:
+        """ArduPilot: stop in AUTO or GUIDED, or go on."""
+        if (refusal := self._unavailable()) is not None:
+            return refusal
+        if self._pilot.mode not in (Mode.MISSION, Mode.OFFBOARD):
+            return self.refuse("Failed to pause" if wanted else "Failed to resume")
+        self._pilot.paused = wanted
+        return Result.ACCEPTED
 
     # --- arming, take-off, landing ------------------------------------------------------------------------------------
 

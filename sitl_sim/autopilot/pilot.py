@@ -59,7 +59,7 @@ class Pilot:
         yaw_rad: Its heading.
         home: Its home and its local frame.
         steering: Setpoints and stick from outside.
-        guidance: The present manoeuvre; None: the world flies it.
+        guidance: The present manoeuvre; None: the world flies it. `paused`: whether it waits, standing still.
         mission: Its mission; `mission_started`: whether MAV_CMD_MISSION_START has let ArduPilot leave the ground.
         speeds, nose: Its speeds and its heading.
         failsafes: Its failsafes.
@@ -80,7 +80,7 @@ class Pilot:
         self.failsafe = False
         self.command_ned_mps: Vector = STILL
         self.guidance: Guidance | None = Velocity()
-        self.mission_started = False
+        self.mission_started = self.paused = False
         self._now_s = -math.inf
         if not spec.cooperative:
             self.mode = Mode.MISSION
@@ -187,7 +187,7 @@ class Pilot:
         self.nose.let_go()
         if guidance is None:
             self.command_ned_mps = STILL
-        self.failsafe = False
+        self.failsafe = self.paused = False
         self.steering.let_go()
 
     def enter_offboard(self) -> None:
@@ -262,7 +262,7 @@ class Pilot:
         """Command the velocity of the present manoeuvre."""
         if self.guidance is None:
             return
-        command = self.guidance.command(self.estimate)
+        command = STILL if self.paused else self.guidance.command(self.estimate)
         if command != self.command_ned_mps:
             self._world.command_velocity(self._index, command)
             self.command_ned_mps = command

@@ -61,7 +61,7 @@ class Routine:
             pilot.fail(failsafe)
         elif pilot.mode is Mode.OFFBOARD:
             self._watch_stream(now_s)
-        elif pilot.mode is Mode.MISSION:
+        elif pilot.mode is Mode.MISSION and not pilot.paused:
             self._fly_mission(now_s)
         elif not self._board.is_px4 and pilot.mode in _STICK_MODES and navigation.in_air:
             pilot.guidance = pilot.steering.by_stick(now_s)

@@ -135,21 +135,60 @@ def test_modes_are_set_and_told_in_the_numbers_of_the_autopilot(
     assert flight.mode == custom_mode
 
 
-@both
-@pytest.mark.parametrize("parameters", [(0, 4, 3), (1, 77, 0), (1, -1, 0), (1, 1e30, 0), (NAN, NAN, NAN)])
-def test_modes_that_do_not_exist_are_refused(flavour: str, parameters: tuple[float, ...]) -> None:
+@pytest.mark.parametrize(
+    ("flavour", "parameters", "result"),
+    [
+        ("ardupilot", (0, 4, 3), DENIED),  # without the flag of a mode in its own numbers
+        ("ardupilot", (NAN, NAN, NAN), DENIED),
+        *(("ardupilot", (1, number, 0), FAILED) for number in (7, 77, -1, 1e30)),
+        *(("px4", parameters, ACCEPTED) for parameters in ((0, 4, 3), (NAN, NAN, NAN), (1, 77, 0), (1, -1, 0))),
+        ("px4", (1, 4, 99), TEMPORARILY_REJECTED),
+        ("px4", (1, 5, 0), TEMPORARILY_REJECTED),  # acrobatics want a pilot
+        ("px4", (1, 7, 0), TEMPORARILY_REJECTED),
+    ],
+)
+def test_modes_that_do_not_exist_change_nothing(flavour: str, parameters: tuple[float, ...], result: int) -> None:
+    """PX4 accepts what it does not know, unless it is a sub mode of AUTO."""
     flight = Flight(flavour)
     before = flight.autopilot.pilot.mode
-    says_its_own = parameters[0] == 1  # the flag of a mode in its own numbers
-    assert flight.command(SET_MODE, *parameters) == (FAILED if says_its_own and flavour == "ardupilot" else DENIED)
+    assert flight.command(SET_MODE, *parameters) == result
     assert flight.autopilot.pilot.mode is before
+
+
+@pytest.mark.parametrize(
+    ("parameters", "custom_mode"),
+    [((1, 6, 5), PX4_OFFBOARD), ((1, 3, 7), 0x00030000), ((1, 1, NAN), 0x00010000), ((1, 4, 5), PX4_RETURN)],
+)
+def test_only_auto_of_px4_has_sub_modes(parameters: tuple[float, ...], custom_mode: int) -> None:
+    flight = Flight("px4", Start.HOLDING)
+    flight.setpoint(0.0, 0.0, 0.0)
+    assert flight.command(SET_MODE, *parameters) == ACCEPTED
+    flight.advance(0.02)
+    assert flight.mode == custom_mode
+
+
+@both
+@pytest.mark.parametrize("value", [2.0, -1.0, 0.4])
+def test_arming_is_one_and_disarming_zero(flavour: str, value: float) -> None:
+    """PX4 rounds, and gives no answer to any other number."""
+    flight = Flight(flavour)
+    answers = flight.send("COMMAND_LONG", target_system=1, target_component=1, command=ARM, param1=value)
+    flight.advance(0.1)
+    assert not flight.armed
+    if flavour == "ardupilot":
+        assert [answer.result for answer in answers] == [UNSUPPORTED]
+    elif value == 0.4:
+        assert [answer.result for answer in answers] == [ACCEPTED]
+    else:
+        assert answers == [] and flight.texts == [f"Unsupported ARM_DISARM param: {value:.3f}"]
 
 
 @pytest.mark.parametrize(("flavour", "mode", "command"), [("px4", PX4_RETURN, 176), ("ardupilot", GUIDED, 11)])
 def test_legacy_set_mode_message_is_understood_and_acknowledged(flavour: str, mode: int, command: int) -> None:
     flight = Flight(flavour, Start.HOLDING)
-    none = DENIED if flavour == "px4" else FAILED
-    for fields, result in (({"base_mode": 1}, ACCEPTED), ({}, DENIED), ({"base_mode": 1, "custom_mode": 99}, none)):
+    wrong = (ACCEPTED, ACCEPTED) if flavour == "px4" else (DENIED, FAILED)
+    asked = {"base_mode": 1}, {}, {"base_mode": 1, "custom_mode": 99}
+    for fields, result in zip(asked, (ACCEPTED, *wrong), strict=True):
         (answer,) = flight.send("SET_MODE", target_system=1, **({"custom_mode": mode} | fields))
         assert (answer.name, answer.command, answer.result, answer.target_system) == (
             "COMMAND_ACK",
@@ -165,7 +204,7 @@ def test_legacy_set_mode_message_is_understood_and_acknowledged(flavour: str, mo
 def test_arming_twice_is_as_good_as_once_and_nobody_disarms_in_the_air(flavour: str) -> None:
     flight = Flight(flavour)
     assert [flight.command(ARM, 1), flight.command(ARM, 1)] == [ACCEPTED, ACCEPTED]
-    assert [flight.command(ARM, 0), flight.command(ARM, NAN)] == [ACCEPTED, ACCEPTED]
+    assert [flight.command(ARM, 0), flight.command(ARM, 0)] == [ACCEPTED, ACCEPTED]
     flying = airborne(flavour)
     assert flying.command(ARM, 0, 21196) == (TEMPORARILY_REJECTED if flavour == "px4" else FAILED)
     flying.advance(0.1)

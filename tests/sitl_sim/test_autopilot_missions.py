@@ -13,12 +13,16 @@ from sitl_sim.autopilot.results import MissionResult
 from tests.sitl_sim.flight import (
     COMPANION,
     GROUND_STATION,
+    GUIDED,
     HOME,
     PX4_HOLD,
     PX4_MISSION,
+    PX4_OFFBOARD,
     PX4_RETURN,
     START_NED_M,
+    UNSUPPORTED,
     Flight,
+    offboard,
     one_vehicle,
 )
 from tests.sitl_sim.missions import (
@@ -195,6 +199,18 @@ def test_ardupilot_starts_a_mission_where_it_is_and_px4_where_it_is_told() -> No
         assert upload(flight, planned(flavour, [item(), item(north=5.0)])) == ACCEPTED
         assert flight.command(MISSION_START, 1) == result
         assert flight.command(MISSION_START) == ACCEPTED
+
+
+def test_px4_starts_a_mission_with_its_first_item_unless_it_is_told_minus_one() -> None:
+    flight = holding("px4")
+    assert upload(flight, [item(north=5.0), item(north=40.0)]) == ACCEPTED
+    assert flight.command(MISSION_START, NAN) == DENIED
+    assert flight.command(MISSION_START, -2) == DENIED
+    assert flight.command(MISSION_START, 1) == ACCEPTED
+    assert flight.command(MISSION_START, -1) == ACCEPTED
+    assert flight.autopilot.pilot.mission.current == 1
+    assert flight.command(MISSION_START, 0) == ACCEPTED
+    assert flight.autopilot.pilot.mission.current == 0
 
 
 def test_a_lost_item_is_asked_for_again_until_the_vehicle_gives_up() -> None:
@@ -399,17 +415,46 @@ def test_px4_arms_for_the_command_to_start() -> None:
 
 
 @both
-def test_a_mission_is_paused_and_goes_on_where_it_was(flavour: str) -> None:
+def test_a_mission_is_left_and_goes_on_where_it_was(flavour: str) -> None:
     flight = holding(flavour)
     assert upload(flight, planned(flavour, [item(north=5.0), item(north=40.0)])) == ACCEPTED
     assert start(flight) == ACCEPTED
     advance_until(flight, lambda: len(reached(flight)) == 1)
+    assert flight.set_mode(*((4, 3) if flavour == "px4" else (BRAKE,))) == ACCEPTED
+    flight.advance(5.0)
+    assert math.hypot(*flight.velocity[:2]) < 0.5 and flight.last("MISSION_CURRENT").mission_state == 4
+    assert start(flight) == ACCEPTED
+    advance_until(flight, lambda: len(reached(flight)) == 2)
+
+
+def test_ardupilot_pauses_in_auto_and_in_guided_and_stays_in_the_mode() -> None:
+    flight = holding("ardupilot")
+    assert flight.command(PAUSE_CONTINUE, 0) == flight.command(PAUSE_CONTINUE, 1) == FAILED  # in BRAKE
+    assert upload(flight, planned("ardupilot", [item(north=5.0), item(north=40.0)])) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    advance_until(flight, lambda: len(reached(flight)) == 1)
     assert flight.command(PAUSE_CONTINUE, 0) == ACCEPTED
     flight.advance(5.0)
-    assert flight.mode == (PX4_HOLD if flavour == "px4" else BRAKE)
-    assert math.hypot(*flight.velocity[:2]) < 0.5 and flight.last("MISSION_CURRENT").mission_state == 4
+    assert flight.mode == AUTO and math.hypot(*flight.velocity[:2]) < 0.5
+    assert flight.command(PAUSE_CONTINUE, 2) == DENIED
     assert flight.command(PAUSE_CONTINUE, 1) == ACCEPTED
     advance_until(flight, lambda: len(reached(flight)) == 2)
+    flight.set_mode(GUIDED)
+    assert flight.command(PAUSE_CONTINUE, 0) == ACCEPTED
+    flight.fly(3.0, 2.0, 0.0, 0.0)
+    assert math.hypot(*flight.velocity[:2]) < 0.5
+    assert flight.command(PAUSE_CONTINUE, 1) == ACCEPTED
+    flight.fly(3.0, 2.0, 0.0, 0.0)
+    assert flight.velocity[0] == pytest.approx(2.0, abs=0.3)
+
+
+@pytest.mark.parametrize("number", [17, PAUSE_CONTINUE])
+def test_px4_has_no_commands_to_loiter_and_to_pause(number: int) -> None:
+    flight = holding("px4")
+    offboard(flight)
+    assert flight.command(number) == UNSUPPORTED
+    flight.fly(0.5, 0.0, 0.0, 0.0)
+    assert flight.mode == PX4_OFFBOARD
 
 
 def test_jumps_are_counted_and_a_circle_of_them_hovers() -> None:

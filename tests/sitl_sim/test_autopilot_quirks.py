@@ -17,7 +17,6 @@ from sitl_sim.autopilot.parameters import Parameters
 from tests.sitl_sim.flight import (
     ACCEPTED,
     ARM,
-    DENIED,
     FAILED,
     GROUND_STATION,
     GUIDED,
@@ -169,7 +168,8 @@ def test_px4_acknowledges_a_mode_twice_the_first_time_whatever_comes_of_it() -> 
 
     assert acknowledged(6, 0) == [ACCEPTED, TEMPORARILY_REJECTED]
     assert acknowledged(4, 3) == [ACCEPTED, ACCEPTED]
-    assert acknowledged(99, 0) == [DENIED]
+    assert acknowledged(4, 99) == [ACCEPTED, TEMPORARILY_REJECTED]
+    assert acknowledged(99, 0) == [ACCEPTED, ACCEPTED]  # and nothing changes
 
 
 def test_px4_on_the_ground_accepts_offboard_without_a_stream_and_refuses_to_arm() -> None:
