@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import above_zero
+from ridlink.cli.options import duration_option
 from ridlink.cli.progress import StatusLine
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.words import counted
@@ -40,7 +40,7 @@ SHOWN_EVERY_S = 1.0
     help="What is impaired: the way to the far end, the way back, or both.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, metavar="N", help="Of all draws.")
-@click.option("--duration", type=float, callback=above_zero, metavar="S", help="Stop after so many seconds.")
+@duration_option
 @click.option("--json", "as_json", is_flag=True, help="The final counts as one JSON object.")
 def impair(
     near: str,

@@ -104,6 +104,12 @@ def above_zero(_: click.Context, __: click.Parameter, value: float | None) -> fl
     return value
 
 
+duration_option = click.option(
+    "--duration", type=float, callback=above_zero, metavar="S", help="Stop after this time.  [default: at Ctrl-C]"
+)
+"""``--duration``, for commands that run until they are ended."""
+
+
 def definition_of(text: str) -> Definition:
     """The separation definition with a name.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import above_zero
+from ridlink.cli.options import duration_option
 from ridlink.cli.progress import StatusLine
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.words import counted
@@ -28,7 +28,7 @@ TICK_S = 1.0
 @click.command(short_help="Record what comes over a link into a .tlog.")
 @click.argument("url")
 @click.option("-o", "--output", required=True, metavar="F.tlog", help="The log to write.")
-@click.option("--duration", type=float, callback=above_zero, metavar="S", help="Stop after so many seconds.")
+@duration_option
 @click.option("--force", is_flag=True, help="Replace a log with something in it; an empty one is replaced anyway.")
 @click.option(
     "--silent",

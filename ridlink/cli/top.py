@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import above_zero, accuracy_convention, definition, definition_of, refuse_recording
+from ridlink.cli.options import (
+    above_zero,
+    accuracy_convention,
+    definition,
+    definition_of,
+    duration_option,
+    refuse_recording,
+)
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.words import or_dash
 
@@ -38,12 +45,13 @@ State = dict[str, Any]
 @accuracy_convention
 @click.option("--interval", type=float, default=1.0, show_default=True, callback=above_zero, metavar="S",
               help="Time between two tables.")  # fmt: skip
-@click.option("--seconds", type=float, callback=above_zero, metavar="N", help="Stop after so many seconds.")
+@duration_option
+@click.option("--seconds", type=float, callback=above_zero, hidden=True, help="An older name of --duration.")
 @click.option("--sort", type=click.Choice(ORDERS), default="margin", show_default=True, help="Who comes first.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line, once an interval.")
 def top(
-    url: str, definition: str, accuracy_convention: str, interval: float, seconds: float | None, sort: str,
-    as_json: bool,
+    url: str, definition: str, accuracy_convention: str, interval: float, duration: float | None,
+    seconds: float | None, sort: str, as_json: bool,
 ) -> int:  # fmt: skip
     """Show who is in the air on a link, until Ctrl-C: age and rate of the reports, position, speed, error, size, share
     of a disc, and the tightest neighbour, with what is left between the two discs.
@@ -60,7 +68,7 @@ def top(
 
     refuse_recording(url)
     watch = _Watch(parse_link_url(url), definition_of(definition), accuracy_convention, sort)
-    asyncio.run(watch.run(interval, seconds, _output(as_json)))
+    asyncio.run(watch.run(interval, seconds if duration is None else duration, _output(as_json)))
     if not watch.counters["remote_id"]:
         click.echo(f"ridlink: no Remote ID was heard on {url}; is anybody sending there?", err=True)
     return EXIT_DONE
@@ -81,7 +89,7 @@ class _Watch:
         self._definition = definition
         self._order = order
 
-    async def run(self, interval_s: float, seconds: float | None, output: _Output) -> None:
+    async def run(self, interval_s: float, duration_s: float | None, output: _Output) -> None:
         """Show tables until a signal comes or the time is up.
 
         Raises:
@@ -97,7 +105,7 @@ class _Watch:
         self.link = await open_link(self.url, self._heard)
         encoder = ground_station()
         now_s = loop.time()
-        ends_s = None if seconds is None else now_s + seconds
+        ends_s = None if duration_s is None else now_s + duration_s
         show_s, beat_s = now_s + interval_s, now_s
         try:
             with output.context:

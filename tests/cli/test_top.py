@@ -87,7 +87,7 @@ def test_json_once_an_interval_until_a_signal(number: signal.Signals) -> None:
 
 
 def test_plain_lines_where_nobody_watches_and_an_end_after_so_many_seconds() -> None:
-    with an_air([ONE, TWO]) as url, running(url, "--seconds", "1.2", "--interval", "0.4") as process:
+    with an_air([ONE, TWO]) as url, running(url, "--duration", "1.2", "--interval", "0.4") as process:
         out, err = process.communicate(timeout=30)
     assert process.returncode == 0 and err == b"" and b"\x1b" not in out
     assert re.search(rb"^\d\d:\d\d:\d\dZ  BRAVO  age s \d\.\d  Hz .*  margin m -?\d", out, re.MULTILINE)
@@ -121,8 +121,9 @@ def _read_until(controller: int, what: bytes) -> bytes:
     return seen
 
 
-def test_silence_is_said() -> None:
-    with running("udpin:127.0.0.1:0", "--seconds", "0.2", "--json") as process:
+@pytest.mark.parametrize("option", ["--duration", "--seconds"])
+def test_silence_is_said(option: str) -> None:
+    with running("udpin:127.0.0.1:0", option, "0.2", "--json") as process:
         out, err = process.communicate(timeout=30)
     assert process.returncode == 0 and json.loads(out)["aircraft"] == []
     assert err.decode() == "ridlink: no Remote ID was heard on udpin:127.0.0.1:0; is anybody sending there?\n"
