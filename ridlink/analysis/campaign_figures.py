@@ -1,4 +1,5 @@
-"""Figures of a campaign, drawn with matplotlib (extra `plot`): mission times and collisions of every definition.
+"""Figures of a campaign, drawn with matplotlib (extra `plot`): mission times as box plots and as distributions, and
+collisions, of every definition.
 
 One figure per solver and world, one panel per scenario and error model; times in seconds, shares in per cent.
 """
@@ -9,6 +10,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ridlink.analysis.campaign import DEFINITION_NAMES, FlownCell, JudgedCell
 from ridlink.analysis.campaign_front import front_figure, sensitivity_figures
 from ridlink.analysis.figures import GREY, draw_figure
@@ -18,6 +22,7 @@ from ridlink.analysis.panels import (
     Panels,
     grouped,
     head_figure,
+    legend_below,
     name_of,
     panel_grid,
     panels_of,
@@ -27,8 +32,15 @@ from ridlink.analysis.panels import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 WHISKERS = (5.0, 95.0)
+MOST_POINTS = 400
+"""Points of a distribution; more than that many flights are thinned out, which nobody could see."""
+
+NEARLY_ALL = 0.995
+"""A few late arrivals do not stretch a panel."""
+
 MANY = 5
 """More labels than this are rotated."""
 
@@ -46,6 +58,7 @@ def draw_campaign(flown: Sequence[FlownCell], judged: Sequence[JudgedCell]) -> d
     for numbers in groups:
         panels = panels_of(rows, numbers)
         draw[name_of("mission-times", rows, numbers, groups, by)] = partial(_times, panels, flown, judged)
+        draw[name_of("distributions", rows, numbers, groups, by)] = partial(_distributions, panels, flown)
         draw[name_of("collisions", rows, numbers, groups, by)] = partial(_collisions, panels, judged)
     files: dict[str, bytes] = {}
     for name, figure in draw.items():
@@ -72,6 +85,43 @@ def _times(panels: Panels, flown: Sequence[FlownCell], judged: Sequence[JudgedCe
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel("mission time [s]")
     what = "Mission times: median, quartiles, 5 to 95 % of the flights"
+    head_figure(figure, title_of(what, flown[next(iter(panels.values()))[0]].row, ("solver", *WORLD)))
+    return figure
+
+
+def arrivals(cell: FlownCell) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distribution of the mission times of a cell: times [s], rising, and the share of all its flights that has arrived
+    by each of them [%], both of shape (n,). Who collides or is late never arrives, so the last share is below 100."""
+    flights = cell.flights.time_s.size
+    count = flights - cell.row["macs"] - cell.row["unfinished"]
+    drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int))
+    return np.sort(cell.times_s)[drawn], 100.0 * (drawn + 1) / flights
+
+
+def _distributions(panels: Panels, flown: Sequence[FlownCell]) -> Figure:
+    figure, all_axes = panel_grid(panels, 3.5, below_in=0.4)
+    lines: dict[str, Line2D] = {}
+    for axes, numbers in zip(all_axes, panels.values(), strict=True):
+        longest_s, end_s = 0.0, 1.05 * max(float(flown[k].flights.time_s.max()) for k in numbers)
+        for k in numbers:
+            definition = flown[k].row["definition"]
+            times_s, share = arrivals(flown[k])
+            if times_s.size:
+                name = DEFINITION_NAMES[definition]
+                [lines[name]] = axes.plot(
+                    np.append(times_s, end_s),
+                    np.append(share, share[-1]),
+                    color=COLOUR_OF[definition],
+                    drawstyle="steps-post",
+                    linewidth=1.5,
+                    label=name,
+                )
+                longest_s = max(longest_s, float(np.quantile(times_s, NEARLY_ALL)))
+        axes.set(xlabel="mission time [s]", ylabel="flights that have arrived [%]", ylim=(0.0, 102.0))
+        axes.set_xlim(0.0, 1.05 * longest_s or 1.0)
+    if lines:
+        legend_below(figure, list(lines.values()))
+    what = "Distributions of the mission times, among all flights"
     head_figure(figure, title_of(what, flown[next(iter(panels.values()))[0]].row, ("solver", *WORLD)))
     return figure
 

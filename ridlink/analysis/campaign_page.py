@@ -23,6 +23,7 @@ small { color: #555; display: block; white-space: nowrap } img { max-width: 100%
 """
 ALTERNATIVES = {
     "mission-times": "Box plots of the mission times under each definition",
+    "distributions": "Share of flights that have arrived by each time under each definition",
     "collisions": "Share of flights in a collision under each definition, with intervals",
     "time-against-safety": "Median mission time against the upper bound of the collided flights",
     "sensitivity": "Median mission time and share of flights in a collision as one condition varies",

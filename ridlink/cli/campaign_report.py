@@ -17,7 +17,8 @@ def report(folder: Path) -> None:
 
     report.json and report.html hold the table with a verdict for every printed figure, and every cell against the
     paper's Candidates, run by run; the page asks for nothing outside of itself. report.md holds the tables for
-    documents. The pictures are PNG and SVG (extra: ridlink[plot]).
+    documents. The pictures are PNG and SVG (extra: ridlink[plot]): mission times as box plots and as distributions,
+    collisions, time against safety. The paper's distributions of errors and sizes are drawn by 'ridlink analyze --out'.
     """
     from ridlink.analysis.campaign import is_the_papers, judge_cells
     from ridlink.analysis.campaign_figures import draw_campaign

@@ -511,7 +511,7 @@ def test_a_report_beside_the_paper(whole: Path, tmp_path: Path) -> None:
     shutil.copytree(whole, folder)
     done = CliRunner().invoke(cli, ["campaign", "report", str(folder)])
     assert done.exit_code == 0, done.output
-    pictures = {f"{name}.{kind}" for name in ("mission-times", "collisions", "time-against-safety")
+    pictures = {f"{name}.{kind}" for name in ("mission-times", "distributions", "collisions", "time-against-safety")
                 for kind in ("png", "svg")}  # fmt: skip
     assert {Path(line).name for line in done.stdout.splitlines()} == pictures | {
         "report.json", "report.html", "report.md",
