@@ -528,7 +528,7 @@ def test_a_report_beside_the_paper(whole: Path, tmp_path: Path) -> None:
     assert "| Candidate 1, rotation | " in (folder / "report.md").read_text()
     page = (folder / "report.html").read_text()
     assert "Against the paper's Candidates" in page
-    assert page.count("<img") == page.count('src="data:image/svg+xml;base64,') == 3
+    assert page.count("<img") == page.count('src="data:image/svg+xml;base64,') == 4
     assert "http" not in page and "<script" not in page and "url(" not in page
     assert "0 of 1,600<small>below 0.46%</small>" in page
 
