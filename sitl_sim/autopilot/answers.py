@@ -193,14 +193,14 @@ class Answers:
             self._texts.say(Severity.WARNING, f"command {command.number}: {result.name.lower().replace('_', ' ')}")
         results = [result]
         acknowledged_twice = self._board.is_px4 and command.number == MavCommand.DO_SET_MODE
-        if acknowledged_twice and result is not Result.FAILED:
+        if acknowledged_twice:
             results.insert(0, Result.ACCEPTED)  # PX4 acknowledges twice, the first time whatever the result
         acknowledgement = {"command": command.number, **_to(heard.frame)}
         return [*(("COMMAND_ACK", acknowledgement | {"result": int(each)}) for each in results), *asked_for]
 
     def _carry_out(self, command: Command, heard: Heard) -> tuple[Result | None, list[Reply]]:
         if self._board.is_px4 and heard.message.target_system == 0 and command.number not in _FOR_EVERYBODY:
-            return Result.FAILED, []
+            return None, []
         answered = self._streams.command(command, heard.link, heard.now_s)
         return answered or (self._commands.execute(command, heard.now_s), [])
 
