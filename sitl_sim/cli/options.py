@@ -80,7 +80,8 @@ _OPTIONS = (
                  help="Share lost, at any distance within the range.  [default: the technology's]"),
     click.option("--range", "range_m", type=Within(0.0, 1e6, min_open=True), metavar="M",
                  help="Radio range.  [default: the technology's; ideal: 400]"),
-    click.option("--home", type=Home(), help="Where the scenario's origin lies.  [default: 47.397742,8.545594,488]"),
+    click.option("--home", type=Home(), help="Where the scenario's origin lies.  [default: as the scenario says, else "
+                 "47.397742,8.545594,488]"),
 )  # fmt: skip
 
 _NAMES = ("scenario", "count", "seed", "autopilot", "speed_mps", "gnss", "sigma_m", "gnss_common", "gnss_time_s",
