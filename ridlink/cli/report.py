@@ -57,6 +57,8 @@ def report(
     if page is not None:
         _check_folder(page)
         refuse_to_replace(str(page), files)
+        if output is not None and os.path.realpath(output) == os.path.realpath(page):
+            raise click.UsageError("-o and --html name one file: the page would replace the lines")
     refuse_to_replace(output, files)
     sources, absent = open_sources(files, kind)
 
