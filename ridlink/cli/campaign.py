@@ -96,8 +96,8 @@ def run(
     output: Path | None, as_json: bool,
     **conditions: Any,
 ) -> int:  # fmt: skip
-    """Fly every scenario under every definition, kind of error, solver, answer, sigma, interval and loss, and print one
-    row for each.
+    """Fly every scenario under every definition, kind of error, solver, dynamics, sigma, interval and loss, and print
+    one row for each.
 
     Runs are seeded one by one: the same seed gives the same rows, in any number of processes, and a run can be flown
     again alone. Times count the flights without a collision; one that has not arrived by the cut-off counts with it.

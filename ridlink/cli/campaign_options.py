@@ -188,11 +188,11 @@ fleet_options = option_group(
         help="Cruise speed of everybody in circleN and squareN.  [default: drawn; 10 with px4 or ardupilot]",
     ),
     click.option(
-        "--correlation", "correlation_s", type=Within(0.1, 1e6), default=10.0, show_default=True,
+        "--correlation", "--gnss-time", "correlation_s", type=Within(0.1, 1e6), default=10.0, show_default=True,
         metavar="S", help="Time constant of gauss-markov errors.",
     ),
     click.option(
-        "--common-mode", "common_share", type=Within(0.0, 1.0), default=0.0, metavar="SHARE",
+        "--common-mode", "--gnss-common", "common_share", type=Within(0.0, 1.0), default=0.0, metavar="SHARE",
         help="Part of the variance of the errors that all vehicles share.",
     ),
     click.option(

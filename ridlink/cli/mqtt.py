@@ -33,18 +33,25 @@ PASSWORD_VARIABLE = "RIDLINK_MQTT_PASSWORD"
     help="Link on which the traffic is heard.",
 )
 @click.option(
-    "--site", default=socket.gethostname, show_default="host name", metavar="NAME", help="Level of the topics."
+    "--site",
+    default=socket.gethostname,
+    show_default="host name",
+    metavar="NAME",
+    help="Level of the topics: this place.",
 )
 @click.option("--prefix", default="ridlink", show_default=True, metavar="TOPIC", help="First level of the topics.")
 @definition
 @accuracy_convention
-@click.option("--rate", type=float, default=1.0, show_default=True, metavar="HZ", help="States of each aircraft.")
+@click.option(
+    "--rate", type=float, default=1.0, show_default=True, metavar="HZ", help="States of each aircraft a second."
+)
 @click.option("--batch", is_flag=True, help="All states of an instant in one message.")
 @click.option("--password-file", type=PATH, metavar="FILE",
               help=f"Password of the broker's user; or {PASSWORD_VARIABLE}.")  # fmt: skip
 @click.option("--ca-file", type=NAME, metavar="FILE.pem",
               help="Certificates to trust, instead of the system's.")  # fmt: skip
-@click.option("--home-assistant", is_flag=True, help="Announce each aircraft as a device tracker.")
+@click.option("--home-assistant", is_flag=True,
+              help="Announce each aircraft as a device tracker; not with --batch.")  # fmt: skip
 @click.option("--in", "feed", metavar="TOPIC", help="Take a foreign JSON feed as traffic; needs --relay.")
 @click.option("--relay", metavar="URL", help="Where the traffic of the feed goes, as Remote ID frames.")
 @click.option("--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics there (extra metrics).")

@@ -27,7 +27,7 @@ LONG_WAIT_S = 10.0
 @click.command(short_help="Send a recording over a link, in its own rhythm.")
 @click.argument("file")
 @click.option("--out", "url", required=True, metavar="URL", help="Where to send, such as udpout:127.0.0.1:14540.")
-@capture_kind("Format of the file.")
+@capture_kind("Format of the file; auto tells it by content and suffix.")
 @click.option(
     "--speed",
     type=float,

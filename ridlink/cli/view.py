@@ -25,15 +25,16 @@ AIR = "udpout:127.0.0.1:14650"
 @click.argument("files", nargs=-1, metavar="[FILE]...", type=NAME)
 @click.option("--source", metavar="URL", help=f"Link on which the traffic is heard.  [default: {AIR}, the air]")
 @click.option("--host", default="127.0.0.1", show_default=True, metavar="ADDRESS", help="Address to listen on.")
-@click.option("--port", type=click.IntRange(0, 65535), default=8090, show_default=True, metavar="PORT", help="0 = any.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8090, show_default=True, metavar="PORT",
+              help="Port of the page; 0 = any.")  # fmt: skip
 @click.option("--allow-host", "names", multiple=True, metavar="NAME",
               help="A name by which browsers may ask for the page, beside localhost and --host.")  # fmt: skip
 @definition
 @accuracy_convention
 @click.option("--memory", "memory_mb", type=click.IntRange(1, 65536), default=64, show_default=True, metavar="MB",
-              help="Of the history.")  # fmt: skip
+              help="Memory of the history.")  # fmt: skip
 @click.option("--open", "opens", is_flag=True, help="Open the page in a browser.")
-@capture_kind("Format of the file.")
+@capture_kind("Format of the files; auto tells it by content and suffix.")
 def view(
     files: tuple[str, ...],
     source: str | None,

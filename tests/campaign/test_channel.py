@@ -13,6 +13,7 @@ from ridlink.campaign.response import Dynamics
 from ridlink.campaign.scene import circle
 from ridlink.campaign_runner.choice import SOLVERS
 from ridlink.cli import campaign_options
+from ridlink.cli.campaign import run
 from ridlink.separation import Definition
 from ridlink.technologies import TECHNOLOGIES
 
@@ -99,3 +100,11 @@ def test_the_command_offers_what_campaigns_know():
     assert set(campaign_options.DEFINITIONS) == {*Definition, BASELINE}
     assert set(campaign_options.DYNAMICS) == set(Dynamics)
     assert set(campaign_options.GNSS_MODELS) == set(ErrorModel)
+
+
+def test_errors_are_said_to_a_campaign_as_to_the_emulator_too():
+    emulators, ours = (
+        run.make_context("run", [correlation, "3", common, "0.5"]).params
+        for correlation, common in (("--gnss-time", "--gnss-common"), ("--correlation", "--common-mode"))
+    )
+    assert emulators == ours and (ours["correlation_s"], ours["common_share"]) == (3.0, 0.5)
