@@ -53,6 +53,9 @@ REPOSITION_CHANGES_MODE = 1
 NO_MODE = 255
 """Stands for any number that no mode has."""
 
+SPEED_KINDS, SPEEDY = range(4), (Mode.MISSION, Mode.OFFBOARD, Mode.RETURN)
+"""Kinds of speed that ArduPilot knows, and its modes in which it changes them."""
+
 TAKEOFF_FRAME = 3
 """MAV_FRAME_GLOBAL_RELATIVE_ALT: the frame in which ArduPilot takes off."""
 
@@ -155,8 +158,13 @@ class Commands:
         return self._orders.take_off(altitude_m)
 
     def _change_speed(self, command: Command, now_s: float) -> Result:
-        if not self._pilot.speeds.change(command[1] or 0.0, command[2] or 0.0):
-            return self._orders.refuse("speed refused: not above zero")
+        kind, speed_mps = command[1] or 0.0, command[2] or 0.0
+        if not self._board.is_px4:
+            if speed_mps <= 0.0:
+                return self._orders.refuse("speed refused: not above zero", Result.DENIED)
+            if kind not in SPEED_KINDS or self._pilot.mode not in SPEEDY:
+                return self._orders.refuse("speed refused: unknown kind, or another mode")
+        self._pilot.speeds.change(kind, speed_mps)
         return Result.ACCEPTED
 
     def _reposition(self, command: Command, now_s: float) -> Result:
@@ -224,6 +232,8 @@ class Commands:
 
     def _turn(self, command: Command, now_s: float) -> Result:
         """CONDITION_YAW: to a heading, or by an angle in the direction of parameter 3."""
-        relative, direction = command[4] is not None, command[3] or 1.0
-        self._pilot.nose.turn_degrees(command[1] or 0.0, relative=relative, direction=direction)
+        yaw_deg, _, _, relative, *_ = command.given
+        if yaw_deg is None or not 0.0 <= yaw_deg <= 360.0 or relative not in (0.0, 1.0):
+            return self._orders.refuse("heading refused: not 0 to 360")
+        self._pilot.nose.turn_degrees(yaw_deg, relative=relative == 1.0, direction=command[3] or 1.0)
         return Result.ACCEPTED

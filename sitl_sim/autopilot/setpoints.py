@@ -3,7 +3,7 @@
 The mask is read bit by bit, because every client sets its own: MAVSDK 0x09C7, MAVProxy 0x0FC7, ArduPilot's examples
 0x0DC7. A set bit means "ignore". As on both real autopilots, a mask that ignores only some velocity axes is no velocity
 at all and stops the vehicle, and values that are not finite (or unreasonably large) are not taken. Bit 0x200 would make
-an acceleration a force: PX4 refuses it, ArduPilot ignores it.
+an acceleration a force, which is not taken.
 
 Axes: north-east-down about the vehicle's own origin; frames 8 and 9 turn with its heading. The ground is flat:
 altitudes over terrain are altitudes over home. PX4 takes fewer frames than ArduPilot, and no position in frame 8.
@@ -57,7 +57,7 @@ class LocalFrame(IntEnum):
 
 PX4_LOCAL_FRAMES = (LocalFrame.LOCAL_NED, LocalFrame.BODY_NED)
 PX4_GLOBAL_FRAMES = (5, 6, 11)
-"""Those of a position; Frames of a global position; PX4 ignores the frame of a global velocity."""
+"""Frames of a global position; both ignore the frame of a global velocity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +108,8 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
         here: Its reference.
 
     Raises:
-        RefusedSetpoint: If the frame is unknown, a used value is not finite or no position on Earth, or, for PX4, if
-            there is nothing to fly, or a force.
+        RefusedSetpoint: If the frame is unknown, a used value is a force, not finite or no position on Earth, or, for
+            PX4, if there is nothing to fly.
     """
     mask = message.type_mask
     velocity = acceleration = position = None
@@ -117,6 +117,8 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
     is_local = message.name == "SET_POSITION_TARGET_LOCAL_NED"
     turns = is_local and message.coordinate_frame in (LocalFrame.BODY_NED, LocalFrame.BODY_OFFSET_NED)
     _check_frame(message, is_local, px4=here.px4)
+    if mask & TypeMask.FORCE and mask & TypeMask.ACCELERATION != TypeMask.ACCELERATION:
+        raise RefusedSetpoint("setpoint: force not supported")
     if here.px4:
         _check_use(mask, turns)
     if not mask & TypeMask.VELOCITY:
@@ -170,7 +172,7 @@ def _check_frame(message: Message, is_local: bool, *, px4: bool) -> None:
     known: tuple[int, ...]
     if is_local:
         known = PX4_LOCAL_FRAMES if px4 else tuple(LocalFrame)
-    elif px4 and message.type_mask & TypeMask.POSITION:
+    elif message.type_mask & TypeMask.POSITION:
         return
     else:
         known = PX4_GLOBAL_FRAMES if px4 else (*ALTITUDE_FRAMES, *HEIGHT_FRAMES)
@@ -179,11 +181,9 @@ def _check_frame(message: Message, is_local: bool, *, px4: bool) -> None:
 
 
 def _check_use(mask: int, turns: bool) -> None:
-    """Refuse what PX4 does not take: a force, and a setpoint with nothing to fly. In a frame that turns with the
-    vehicle, PX4 ignores the position, and a velocity or an acceleration with an ignored axis."""
+    """Refuse a setpoint with nothing to fly, which PX4 does not take. In a frame that turns with the vehicle, PX4
+    ignores the position, and a velocity or an acceleration with an ignored axis."""
     moves = (TypeMask.VELOCITY, TypeMask.ACCELERATION)
-    if mask & TypeMask.FORCE and mask & TypeMask.ACCELERATION != TypeMask.ACCELERATION:
-        raise RefusedSetpoint("setpoint: force not supported")
     if turns:
         nothing = all(mask & group for group in moves)
     else:

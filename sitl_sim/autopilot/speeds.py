@@ -23,18 +23,13 @@ class Speeds:
         self._px4, self._parameters = flavour.is_px4, parameters
         self._asked_mps: dict[int, float] = {}
 
-    def change(self, kind: float, speed_mps: float) -> bool:
-        """Execute DO_CHANGE_SPEED; returns whether it is accepted.
-
-        PX4 ignores the kind, and returns to its parameter for a speed that is not above zero; ArduPilot refuses such a
-        speed.
-        """
+    def change(self, kind: float, speed_mps: float) -> None:
+        """Execute DO_CHANGE_SPEED. PX4 ignores the kind, and returns to its parameter for a speed that is not above zero;
+        ArduPilot ignores such a speed."""
         if speed_mps > 0.0:
             self._asked_mps[int(kind) if kind in (CLIMB, DESCENT) and not self._px4 else CRUISE] = speed_mps
-            return True
-        if self._px4:
+        elif self._px4:
             self._asked_mps.clear()
-        return self._px4
 
     def _figure(self, px4: str, ardupilot: str) -> float:
         return self._parameters[px4] if self._px4 else self._parameters[ardupilot] / 100.0

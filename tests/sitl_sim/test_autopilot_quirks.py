@@ -17,6 +17,7 @@ from sitl_sim.autopilot.parameters import Parameters
 from tests.sitl_sim.flight import (
     ACCEPTED,
     ARM,
+    DENIED,
     FAILED,
     GROUND_STATION,
     GUIDED,
@@ -116,6 +117,12 @@ def test_px4_wants_the_int_frames_for_a_global_position_and_none_for_a_velocity(
     global_setpoint(flight, 8.0, 4.0, 47.0, frame)
     flight.advance(0.1)
     assert any(f"frame {frame}" in text for text in flight.texts)
+
+
+@both
+@pytest.mark.parametrize("frame", [0, 12])
+def test_a_global_velocity_has_no_frame(flavour: str, frame: int) -> None:
+    flight = flying(flavour)
     global_setpoint(flight, 0.0, 0.0, 0.0, frame, type_mask=0x0DC7, vx=3.0)
     flight.advance(0.1)
     assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(3.0)
@@ -126,8 +133,7 @@ def test_an_acceleration_alone_is_flown_up_to_the_speed_limit(flavour: str) -> N
     flight = flying(flavour)
     flight.fly(2.0, mask=0x0C3F, afx=1.0)
     assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(2.0, abs=0.15)
-    force = 0x0000 if flavour == "px4" else 0x0200  # ArduPilot does not look at the bit
-    flight.fly(20.0, mask=0x0C3F | force, afx=1.0)
+    flight.fly(20.0, mask=0x0C3F, afx=1.0)
     limit = 12.0 if flavour == "px4" else 10.0
     assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(limit, abs=0.1)
     flight.fly(1.0, 3.0, 0.0, 0.0, mask=0x0C07, afx=0.0)  # velocity and acceleration: the velocity is flown
@@ -220,8 +226,12 @@ def test_a_change_of_speed_is_of_the_kind_that_each_autopilot_knows() -> None:
     for kind, speed_mps in ((1, 4.0), (2, 1.2), (3, 0.9)):
         assert flight.command(CHANGE_SPEED, kind, speed_mps) == ACCEPTED
     assert (speeds.cruise_mps, speeds.climb_mps, speeds.descent_mps) == pytest.approx((4.0, 1.2, 0.9))
-    assert flight.command(CHANGE_SPEED, 1, -1) == FAILED
+    assert flight.command(CHANGE_SPEED, 1, -1) == flight.command(CHANGE_SPEED, 1, NAN) == DENIED
+    assert flight.command(CHANGE_SPEED, 4, 2.0) == FAILED
     assert speeds.cruise_mps == 4.0
+    for mode, result in ((ARDUPILOT_LOITER, FAILED), (ARDUPILOT_LAND, FAILED), (ARDUPILOT_RETURN, ACCEPTED)):
+        flight.set_mode(mode)
+        assert flight.command(CHANGE_SPEED, 1, 4.0) == result
     flight = flying("px4")
     speeds = flight.autopilot.pilot.speeds
     usual = speeds.cruise_mps, speeds.climb_mps, speeds.descent_mps
@@ -238,6 +248,10 @@ def test_ardupilot_turns_its_nose_when_told_and_px4_has_no_such_command() -> Non
     assert flight.last("ATTITUDE").yaw == pytest.approx(math.pi / 2, abs=0.02)
     assert flight.command(CONDITION_YAW, 45.0, 0.0, -1.0, 1.0) == ACCEPTED
     flight.advance(2.0)
+    assert flight.last("ATTITUDE").yaw == pytest.approx(math.pi / 4, abs=0.02)
+    for wrong in ((-90.0, 0.0, 1.0, 0.0), (361.0, 0.0, 1.0, 0.0), (NAN,), (90.0, 0.0, 1.0, 2.0)):
+        assert flight.command(CONDITION_YAW, *wrong) == FAILED
+    flight.advance(1.0)
     assert flight.last("ATTITUDE").yaw == pytest.approx(math.pi / 4, abs=0.02)
     assert flying("px4").command(CONDITION_YAW, 90.0) == UNSUPPORTED
 

@@ -69,11 +69,13 @@ def test_a_setpoint_that_asks_for_nothing_is_none_for_px4(flavour: str) -> None:
     assert flight.mode == (PX4_RETURN if flavour == "px4" else GUIDED)
 
 
-def test_px4_does_not_fly_a_force() -> None:
-    flight = airborne("px4")
+@both
+def test_a_force_is_not_flown(flavour: str) -> None:
+    flight = airborne(flavour)
     flight.setpoint(mask=0x0E3F, afx=2.0)
     flight.advance(0.1)
     assert any("force" in text for text in flight.texts)
+    assert flight.last("POSITION_TARGET_LOCAL_NED").vx == 0.0
     flight.setpoint(3.0, 0.0, 0.0, mask=0x0FC7)  # the bit alone, as MAVProxy sets it, means nothing
     flight.advance(0.1)
     assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(3.0)
