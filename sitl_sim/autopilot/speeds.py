@@ -24,8 +24,11 @@ class Speeds:
         self._asked_mps: dict[int, float] = {}
 
     def change(self, kind: float, speed_mps: float) -> None:
-        """Execute DO_CHANGE_SPEED. PX4 ignores the kind, and returns to its parameter for a speed that is not above zero;
-        ArduPilot ignores such a speed."""
+        """Execute DO_CHANGE_SPEED.
+
+        PX4 ignores the kind, and returns to its parameter for a speed that is not above zero; ArduPilot ignores such a
+        speed.
+        """
         if speed_mps > 0.0:
             self._asked_mps[int(kind) if kind in (CLIMB, DESCENT) and not self._px4 else CRUISE] = speed_mps
         elif self._px4:
