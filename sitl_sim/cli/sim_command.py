@@ -34,8 +34,8 @@ REFUSED_ON_AIR = ("malformed", "no_position", "refused", "overflow")
 @click.option(
     "--until-arrived",
     is_flag=True,
-    help="End when all have arrived or collided, or the scenario's time is up; exit code 1 unless all arrived and none "
-    "collided.",
+    help="End when all have arrived or collided, or the scenario's time is up, which from the ground begins when all "
+    "fly by setpoints; exit code 1 unless all arrived and none collided.",
 )
 @click.option("--no-rid", is_flag=True, help="Vehicles do not broadcast Remote ID; their daemons may.")
 @click.option(

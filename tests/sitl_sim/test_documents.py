@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import importlib.util
+import inspect
+import re
 import sys
 import textwrap
 from pathlib import Path
@@ -11,6 +13,8 @@ from pathlib import Path
 import pytest
 
 from ridlink.scenario import built_in
+from sitl_sim.cli.sim_command import _verdict
+from sitl_sim.demo import flight
 from sitl_sim.fleet_config import Start
 from sitl_sim.server import FleetServer
 from tests.sitl_sim.fleets import fly
@@ -54,6 +58,26 @@ def test_mavutil_hears_separation_as_the_specification_shows(tmp_path: Path) -> 
         assert await printed(text, tmp_path) == "1 10.5 m 0.6 m\n"
 
     fly(built_in("circle8", 1), act, start=Start.AIRBORNE)
+
+
+def keys_of(facts: object) -> set[str]:
+    """Keys of JSON, of all that is within it as well."""
+    if isinstance(facts, dict):
+        return set(facts).union(*map(keys_of, facts.values()))
+    return set().union(*map(keys_of, facts)) if isinstance(facts, list) else set()
+
+
+def test_the_document_names_every_key_of_the_lines() -> None:
+    text = (ROOT / "docs/emulator.md").read_text()
+    section = text.partition("## What `--json` says")[2].partition("\n## ")[0]
+    named = set(re.findall(r"`(\w+)`", section))
+
+    async def act(server: FleetServer) -> None:
+        assert {"ports", *keys_of(server.snapshot()), *keys_of(_verdict(server))} <= named
+
+    fly(built_in("head-on"), act, start=Start.AIRBORNE)
+    of_flight = re.findall(r'"(\w+)"', inspect.getsource(flight._result).partition("return {")[2])
+    assert set(of_flight) <= named
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mavsdk") is None, reason="the extra mavsdk is not installed")
