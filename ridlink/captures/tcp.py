@@ -34,11 +34,13 @@ LONGEST_WAIT_US = 2_000_000
 """Time of the capture for which missing bytes are waited for, and up to another LOOK_US."""
 
 LOOK_US = 1_000_000
+"""Time of the capture between two looks for what has been missing too long."""
 
 MOST_WAITING_BYTES = 4 << 20
-"""What waits in all streams together, with what a segment costs beside its bytes; beyond that nothing waits."""
+"""What waits in all streams together, counted with SEGMENT_BYTES each; beyond that nothing waits."""
 
 SEGMENT_BYTES = 256
+"""Memory of a waiting segment beside its bytes."""
 
 NUMBERS = 1 << 32
 
