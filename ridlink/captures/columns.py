@@ -21,6 +21,7 @@ from ridlink.captures.fast.blocks import BlockReader
 from ridlink.captures.fast.calling import announce, plain
 from ridlink.captures.records import Rejects
 from ridlink.captures.statistics import SourceCount
+from ridlink.captures.tlog import TIME_LENGTH
 from ridlink.errors import UnknownMessageError
 from ridlink.mavlink.codec import message_spec
 
@@ -159,7 +160,7 @@ def encode(name: str, rows: np.ndarray, *, timed: bool = False) -> bytes:
     words = (
         packed.view(np.uint8).reshape(len(packed), -1) if len(packed) else np.empty((0, layout.dtype.itemsize), "u1")
     )
-    longest = loading.TIME_LENGTH * timed + MAX_OVERHEAD + layout.size
+    longest = TIME_LENGTH * timed + MAX_OVERHEAD + layout.size
     out = np.empty(loading.MARGIN + len(packed) * longest + loading.MARGIN, np.uint8)
     announce(copying.pack)
     end = copying.pack(

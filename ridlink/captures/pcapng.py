@@ -21,7 +21,8 @@ MAX_BLOCK_LENGTH = MAX_PACKET_LENGTH + 65_536
 MAX_INTERFACES = 1024
 UNKNOWN_INTERFACE = "unknown_interface"
 TOO_MANY_INTERFACES = "too_many_interfaces"
-MAX_TIME_US = 2**63 - 1
+LARGEST_TIME_US = 2**63 - 1
+"""What 64 bits with a sign hold; a packet of a later time has none."""
 
 PCAPNG_MAGIC = b"\x0a\x0d\x0d\x0a"
 INTERFACE, OLD_PACKET, SIMPLE_PACKET, ENHANCED_PACKET = 1, 2, 3, 6
@@ -159,7 +160,7 @@ class PcapngReader:
         time_us: int | None = None
         if units is not None:
             time_us = units * MICROSECONDS // interface.units_per_second + interface.offset_s * MICROSECONDS
-            if not 0 <= time_us <= MAX_TIME_US:
+            if not 0 <= time_us <= LARGEST_TIME_US:
                 time_us = None
         return Packet(time_us, interface.link_type, data[:captured], offset)
 

@@ -33,6 +33,7 @@ from ridlink.mavlink.frames import (
 )
 
 TIME_LENGTH = 8
+"""Bytes of the time before a frame."""
 CHECKSUM_LENGTH = 2
 MAX_TIME_US = 2**64 - 1
 UNSET_TIME_US = MAX_TIME_US
@@ -42,7 +43,8 @@ PLAUSIBLE_STEP_US = 3 * 24 * 3600 * 1_000_000
 EARLIEST_TIME_US = 946_684_800_000_000  # 2000-01-01
 LATEST_TIME_US = 4_102_444_800_000_000  # 2100-01-01
 
-_LOOKAHEAD = TIME_LENGTH + MAX_FRAME_LENGTH + TIME_LENGTH + 1
+LOOKAHEAD = TIME_LENGTH + MAX_FRAME_LENGTH + TIME_LENGTH + 1
+"""With this many bytes ahead, a record is judged as with the whole file ahead."""
 _MAGIC = re.compile(b"[\xfd\xfe]")
 
 
@@ -58,7 +60,7 @@ def read_tlog(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
     ended, in_step = False, True
     reference_us: int | None = None
     while True:
-        if not ended and len(data) - at < _LOOKAHEAD and not _is_settled(data, at, reference_us):
+        if not ended and len(data) - at < LOOKAHEAD and not _is_settled(data, at, reference_us):
             chunk = next(source, None)
             if chunk is None:
                 ended = True

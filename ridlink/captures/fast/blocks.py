@@ -21,6 +21,7 @@ from ridlink.captures.fast.sources import count_sources
 from ridlink.captures.reader import STDIN, Capture, CaptureKind, open_capture
 from ridlink.captures.records import Record
 from ridlink.captures.statistics import SourceCount
+from ridlink.captures.tlog import LOOKAHEAD, TIME_LENGTH
 from ridlink.errors import CaptureError
 
 BLOCK_LENGTH = 512 * 1024
@@ -30,7 +31,7 @@ SCANNED = (CaptureKind.TLOG, CaptureKind.MAVLINK)
 KINDS = (*SCANNED, CaptureKind.PCAP)
 """Formats that are faster to read in blocks."""
 
-_CARRIED = scanning.LOOKAHEAD + loading.MARGIN
+_CARRIED = LOOKAHEAD + loading.MARGIN
 _START = loading.MARGIN + _CARRIED
 
 
@@ -135,7 +136,7 @@ class BlockReader:
                 at = int(state[scanning.AT])
                 self.position = base + at
                 frames += count
-                yield Block(data, base, index.starts, index.slots, index.times, count, base + at, 8 * is_tlog)
+                yield Block(data, base, index.starts, index.slots, index.times, count, base + at, TIME_LENGTH * is_tlog)
                 if final:
                     break
                 begin = _START - (n - at)

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.captures.fast.loading import TIME_LENGTH, byte_of, checksum, kernel, load
+from ridlink.captures.fast.loading import byte_of, checksum, kernel, load
+from ridlink.captures.tlog import TIME_LENGTH
 
 HEAD_LENGTH = 24
 """Bytes of a record before its payload: time, offset, and eight bytes of sequence number, ids and length."""

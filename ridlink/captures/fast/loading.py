@@ -15,19 +15,22 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.captures import statistics
+from ridlink.captures import statistics, tlog
 from ridlink.compiled import kernel_decorator
 
 _MODULES = ("loading", "scanning", "copying")
 """Modules whose kernels call each other."""
 
-kernel = kernel_decorator([Path(__file__).with_name(f"{name}.py") for name in _MODULES] + [Path(statistics.__file__)])
+kernel = kernel_decorator(
+    [
+        *(Path(__file__).with_name(f"{name}.py") for name in _MODULES),
+        Path(statistics.__file__),  # their constants are compiled in
+        Path(tlog.__file__),
+    ]
+)
 
 MARGIN = 512
 """Bytes that must exist in a buffer before and after those that are loaded; their values do not matter."""
-
-TIME_LENGTH = 8
-"""Bytes of the time before a frame of a tlog."""
 
 
 @kernel(forceinline=True)

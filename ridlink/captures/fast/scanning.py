@@ -13,15 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from ridlink.captures.fast.loading import TIME_LENGTH, byte_of, checksum, kernel, load
+from ridlink.captures.fast.loading import byte_of, checksum, kernel, load
 from ridlink.captures.statistics import LEAP
 from ridlink.captures.tlog import EARLIEST_TIME_US as _EARLIEST
 from ridlink.captures.tlog import LATEST_TIME_US as _LATEST
+from ridlink.captures.tlog import LOOKAHEAD, TIME_LENGTH, UNSET_TIME_US
 from ridlink.captures.tlog import PLAUSIBLE_STEP_US as _STEP
-from ridlink.captures.tlog import UNSET_TIME_US
-
-LOOKAHEAD = TIME_LENGTH + 280 + TIME_LENGTH + 1
-"""With this many bytes ahead, a record of a tlog is judged as with the whole file ahead."""
 
 AT, IN_STEP, HAS_REFERENCE, LAST_CAUSE, LAST_END = range(5)
 COUNTS = 8

@@ -59,7 +59,7 @@ def write_digits(value: Any, out: Any, at: Any, count: Any) -> Any:
 
 
 @kernel(forceinline=True)
-def write_whole(value: Any, out: Any, at: Any) -> Any:
+def write_number(value: Any, out: Any, at: Any) -> Any:
     """Append all digits of an unsigned number; the byte after them."""
     count = 1
     rest = value // _TEN
@@ -102,7 +102,7 @@ def write_lines(
                 cell = -cell
             value = np.uint64(cell)
             if kind == WHOLE:
-                at = write_whole(value, out, at)
+                at = write_number(value, out, at)
                 continue
             if kind == TIME:
                 decimals = least = 6
@@ -118,7 +118,7 @@ def write_lines(
             for _ in range(decimals):
                 scale *= _TEN
             whole = value // scale
-            at = write_whole(whole, out, at)
+            at = write_number(whole, out, at)
             if decimals > 0:
                 out[at] = ord(".")
                 at = write_digits(value - whole * scale, out, at + 1, decimals)
