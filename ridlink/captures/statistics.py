@@ -65,6 +65,7 @@ class Statistics:
     """Counts over one or more captures.
 
     Attributes:
+        are_all: Whether all messages of a source are counted: otherwise missing sequence numbers say nothing.
         types: Messages by name.
         ids: Message id of each name; ``UNKNOWN`` has none.
         unknown: Messages that the dialect does not know, by id.
@@ -76,6 +77,7 @@ class Statistics:
         fields: Remote ID fields of these messages that were out of range.
     """
 
+    are_all: bool = True
     types: Counter[str] = field(default_factory=Counter)
     ids: dict[str, int] = field(default_factory=dict)
     unknown: Counter[int] = field(default_factory=Counter)
@@ -86,6 +88,12 @@ class Statistics:
     captures: list[Capture] = field(default_factory=list)
     unread: int = 0
     fields: Counter[str] = field(default_factory=Counter)
+
+    def begin(self, capture: Capture) -> None:
+        """Take the messages of another capture from here on; sequence numbers do not go on from one to the next."""
+        self.captures.append(capture)
+        for source in self.sources.values():
+            source.last_seq = None
 
     def count(self, record: MessageRecord) -> None:
         """Take one message."""
@@ -140,7 +148,11 @@ class Statistics:
             "types": dict(self.types.most_common()),
             "unknown_ids": {str(msgid): count for msgid, count in self.unknown.most_common()},
             "sources": {
-                f"{sysid}/{compid}": {"messages": source.messages, "gaps": source.gaps, "lost": source.lost}
+                f"{sysid}/{compid}": {
+                    "messages": source.messages,
+                    "gaps": source.gaps if self.are_all else None,
+                    "lost": source.lost if self.are_all else None,
+                }
                 for (sysid, compid), source in sorted(self.sources.items())
             },
             **self._transmitters_as_dict(),
@@ -188,14 +200,16 @@ class Statistics:
                 _table(
                     ("source", "count", "gaps", "lost"),
                     [
-                        (f"{sysid}/{compid}", f"{source.messages:,}", *source.missing)
+                        (f"{sysid}/{compid}", f"{source.messages:,}", *(source.missing if self.are_all else "--"))
                         for (sysid, compid), source in sorted(self.sources.items())
                     ],
                 )
             )
-            if any(source.is_of_several_links for source in self.sources.values()):
+            if not self.are_all:
+                blocks.append("-: sequence numbers count all messages, and here are only some of them")
+            elif any(source.is_of_several_links for source in self.sources.values()):
                 blocks.append("-: several links were recorded at once, and each numbers its own messages")
-            if any(source.gaps and not source.is_of_several_links for source in self.sources.values()):
+            if self.are_all and any(source.gaps and not source.is_of_several_links for source in self.sources.values()):
                 blocks.append("gaps: lost on the way, or sent over another link of that source, which was not recorded")
         if self.transmitters:
             blocks.append(

@@ -104,7 +104,7 @@ def decode(
     if follow:
         refuse_following(files, kind, output_format, output, join, stats)
     selection = Selection(wanted_names(types), source_system, since, until)
-    statistics = Statistics()
+    statistics = Statistics(are_all=selection.names is None)
     found = readable(files)
     if join or output_format in EXPORTS:
         export(found, kind, output_format, output, join, selection, statistics, telemetry=telemetry)
@@ -181,7 +181,7 @@ class _Lines:
 
     def write(self, capture: Capture) -> None:
         """Write all messages of a capture, or count them."""
-        self.statistics.captures.append(capture)
+        self.statistics.begin(capture)
         self._take(capture, capture)
         self.flush()
 
@@ -207,7 +207,7 @@ class _Lines:
         from ridlink.captures.export.block_lines import BlockLines
         from ridlink.captures.export.counting import count_block
 
-        self.statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
+        self.statistics.begin(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
         lines = BlockLines(self._selection, self._format, frames=self._frames)
         for part in reader.parts():
             if isinstance(part, list):

@@ -100,10 +100,10 @@ def _captures(
         with others_go_on(files, statistics), open_capture(path, kind) as capture:
             if capture.kind in SCANNED and path != "-" and Path(path).is_file():
                 reader = BlockReader(path, capture.kind)
-                statistics.captures.append(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
+                statistics.begin(reader)  # type: ignore[arg-type]  # it has what is reported of a capture
                 yield from reader
                 continue
-            statistics.captures.append(capture)
+            statistics.begin(capture)
             chosen = (record for record in decode_records(capture) if selection.takes(record))
             while records := list(itertools.islice(chosen, RECORDS_AT_ONCE)):
                 yield records

@@ -81,6 +81,21 @@ def test_limits_that_nothing_keeps_are_told(
     assert run(log, *limit, "--stats").stderr == ""
 
 
+@pytest.mark.parametrize("large", [10**12, 0], ids=["by message", "in blocks"])
+def test_messages_that_were_not_asked_for_are_not_lost(log: Path, large: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "LARGE_BYTES", large)
+    options = (log, "--stats", "--types", "HEARTBEAT")
+    assert "1/1         3     -     -\n\n-: sequence numbers count all messages" in run(*options).stdout
+    (counts,) = [json.loads(line) for line in run(*options, "-f", "jsonl").stdout.splitlines()]
+    assert counts["sources"] == {"1/1": {"messages": 3, "gaps": None, "lost": None}}
+
+
+@pytest.mark.parametrize("large", [10**12, 0], ids=["by message", "in blocks"])
+def test_nothing_is_lost_between_one_file_and_the_next(log: Path, large: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "LARGE_BYTES", large)
+    assert "1/1        18     0     0\n\nno rejects" in run(log, log, "--stats").stdout
+
+
 @pytest.mark.parametrize("options", [(), ("-f", "geojson"), ("--join", "-f", "jsonl")])
 def test_standard_input_is_read_once(options: tuple[str, ...]) -> None:
     """Its second reading was an empty file, after all of the first."""
