@@ -16,8 +16,8 @@ from sitl_sim.vehicle import VehicleState
 
 _NEEDS_POSITION = (Mode.POSITION, Mode.HOLD, Mode.TAKEOFF, Mode.MISSION, Mode.RETURN, Mode.OFFBOARD, Mode.BRAKE)
 
-_NOT_ARMABLE = (Mode.MISSION, Mode.LAND, Mode.RETURN)
-"""Modes in which ArduPilot does not arm: after a landing in one of them, another mode must be chosen first."""
+_NOT_ARMABLE = (Mode.LAND, Mode.RETURN)
+"""Modes in which neither arms: another one must be chosen first. ArduPilot does not arm in AUTO either."""
 
 
 class Orders:
@@ -144,13 +144,13 @@ class Orders:
             return self.refuse("arming refused: no position")
         if wanted and self._board.is_px4 and pilot.mode is Mode.OFFBOARD and not pilot.steering.has_stream(now_s):
             return self.refuse("arming refused: no offboard signal")
-        if wanted and not self._board.is_px4 and pilot.mode in _NOT_ARMABLE:
+        if wanted and self._board.is_px4 and pilot.mode in _NOT_ARMABLE:
+            return self.refuse("arming refused: mode not suitable for takeoff")
+        if wanted and not self._board.is_px4 and pilot.mode in (*_NOT_ARMABLE, Mode.MISSION):
             return self.refuse(f"arming refused: {self._board.flavour.name_of(pilot.mode)} mode not armable")
         pilot.arm(wanted)
         if wanted:
             pilot.set_home()
-        if wanted and pilot.mode in (Mode.LAND, Mode.RETURN):
-            pilot.mode = self._board.flavour.ground_mode
         if wanted and pilot.mode is Mode.TAKEOFF and isinstance(pilot.guidance, Climb):
             pilot.lift_off()
         return Result.ACCEPTED

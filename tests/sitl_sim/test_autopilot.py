@@ -411,6 +411,19 @@ def test_px4_is_in_the_mode_before_the_landing_when_it_has_disarmed(before: int,
     assert flight.command(ARM, 1) == (ACCEPTED if before == PX4_HOLD else TEMPORARILY_REJECTED)
 
 
+@pytest.mark.parametrize("down", [LAND, RETURN])
+def test_px4_is_not_armed_in_a_mode_that_goes_down(down: int) -> None:
+    flight = Flight("px4")
+    flight.command(down)
+    flight.advance(0.1)
+    assert flight.command(ARM, 1) == TEMPORARILY_REJECTED
+    flight.advance(0.1)
+    assert "arming refused: mode not suitable for takeoff" in flight.texts
+    assert flight.mode == (PX4_LAND if down == LAND else PX4_RETURN) and not flight.armed
+    flight.set_mode(4, 3)  # as MAVSDK does by itself before it arms
+    assert flight.command(ARM, 1) == ACCEPTED
+
+
 @both
 def test_who_stands_and_is_sent_home_says_so_and_disarms(flavour: str) -> None:
     flight = Flight(flavour)
