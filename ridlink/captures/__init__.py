@@ -3,7 +3,8 @@
 records     the record type that every reader yields, and the counters of damage
 tlog, raw, hexlines, pcap, pcapng
             the formats; packet_window: the buffer through which pcap and pcapng are read
-packets     the contents of pcap and pcapng: MAVLink in UDP and TCP, Open Drone ID in radio frames; tcp: the streams
+packets     the contents of pcap and pcapng: MAVLink in UDP and TCP, Open Drone ID in radio frames; layers: what
+            network packets carry; tcp: the streams
 broadcasts  messages of 25 bytes as records
 reader      opens a capture by path and detects its format
 follow      captures that still grow

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.captures import CaptureKind, open_capture, packets, read_messages
+from ridlink.captures import CaptureKind, layers, open_capture, read_messages
 from ridlink.captures.packet_window import MAX_PACKET_LENGTH, Packet
 from ridlink.captures.packets import read_packets, read_pcap
 from ridlink.captures.records import Record, Rejects, TracedRecord
@@ -228,11 +228,11 @@ def test_plain_packets_are_what_the_library_takes_them_for(
 
     def found() -> tuple[bytes | Segment, Rejects]:
         rejects = Rejects()
-        return packets._carried(Packet(0, link_type, data, 24), rejects) or b"", rejects
+        return layers.carried(Packet(0, link_type, data, 24), rejects) or b"", rejects
 
     payload_here, rejects_here = found()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packets, "_PLAIN", {})
+        patch.setattr(layers, "_PLAIN", {})
         payload_there, rejects_there = found()
     assert (payload_here, rejects_here.counts) == (payload_there, rejects_there.counts)
 
