@@ -89,8 +89,8 @@ def decode(
     """Decode message dumps; - is standard input.
 
     Read are MAVLink telemetry logs (.tlog) and raw MAVLink streams; pcap and pcapng captures, of MAVLink over UDP and
-    of Remote ID on the air (802.11 beacons and NAN frames, Bluetooth 4 and 5 advertisements); and lines of hexadecimal,
-    one message, message pack or frame each.
+    TCP and of Remote ID on the air (802.11 beacons and NAN frames, Bluetooth 4 and 5 advertisements); and lines of
+    hexadecimal, one message, message pack or frame each.
 
     Open Drone ID and RIDLINK_SEPARATION come in SI units, null or - where unknown; other messages as the MAVLink XML
     has them. Damage is skipped, counted by cause, and reported on standard error.
