@@ -102,32 +102,17 @@ def _umask() -> int:
     return mask
 
 
-def write_files(folder: Path, files: dict[str, bytes]) -> None:
-    """Write files by relative path into a folder, which is made if it does not exist.
-
-    Raises:
-        OSError: If a path cannot be written.
-    """
-    for name, content in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        write_file(folder / name, content)
-
-
 def generate(language: str, output: Path, dialect_xml: Path = DIALECT_XML) -> None:
-    """Write one binding of a dialect.
+    """Write a binding of a dialect that is one file.
 
     Args:
-        language: A key of ``LANGUAGES``.
-        output: A file for ``python`` and ``lua``, a folder for ``c`` and ``typescript``.
+        language: ``python`` or ``lua``.
+        output: The file.
         dialect_xml: The definition.
 
     Raises:
         GenerationError: If the language is unknown or mavgen refuses the definition.
         OSError: If the output cannot be written.
     """
-    files = render(language, output.stem, dialect_xml)
-    if language in SUFFIXES:
-        (content,) = files.values()
-        write_file(output, content)
-    else:
-        write_files(output, files)
+    (content,) = render(language, output.stem, dialect_xml).values()
+    write_file(output, content)

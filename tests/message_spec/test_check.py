@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from message_spec.check import OWN_ENUMS, OWN_IDS, check_file
 from message_spec.definitions import DefinitionError, Definitions, read_definitions
-from message_spec.generate import DIALECT_XML, definition_files, write_files
+from message_spec.generate import DIALECT_XML, definition_files
+from ridlink.files import write_together
 from ridlink.mavlink.codec import MESSAGES
 
 OURS = DIALECT_XML.read_text()
@@ -53,7 +54,7 @@ def test_our_own_file_is_compatible() -> None:
 
 
 def test_a_dialect_that_includes_ours_and_adds_to_it_is_compatible(tmp_path: Path) -> None:
-    write_files(tmp_path, definition_files())
+    write_together(tmp_path, definition_files())
     theirs = tmp_path / "theirs.xml"
     theirs.write_text(
         "<mavlink><include>ridlink.xml</include><messages>"
@@ -64,7 +65,7 @@ def test_a_dialect_that_includes_ours_and_adds_to_it_is_compatible(tmp_path: Pat
 
 def test_a_definition_that_lies_in_two_places_is_one(tmp_path: Path) -> None:
     """The dialect of a vehicle, as pymavlink ships it, and ours: either brings a common.xml, and they are the same."""
-    write_files(tmp_path, definition_files())
+    write_together(tmp_path, definition_files())
     theirs = tmp_path / "theirs.xml"
     text = DIALECT_XML.with_name("README.md").read_text()  # the example of the specification
     theirs.write_text(text[text.index("    <mavlink>") : text.index("    </mavlink>")] + "</mavlink>")
@@ -105,7 +106,7 @@ def test_appended_extension_outside_the_checksum(edited: Edit) -> None:
 def test_changed_upstream_message(tmp_path: Path) -> None:
     files = definition_files()
     files["common.xml"] = files["common.xml"].replace(b'name="speed_horizontal"', b'name="speed"')
-    write_files(tmp_path, files)
+    write_together(tmp_path, files)
     (line,) = lines(tmp_path / "ridlink.xml")
     assert line.startswith("changed 12901 OPEN_DRONE_ID_LOCATION: CRC_EXTRA ")
     assert "254 in common.xml" in line
@@ -184,7 +185,7 @@ def test_values_that_are_added_to_ours_and_words_of_upstream_are_no_difference(t
     files["ridlink.xml"] = own.replace(b"</enum>", b'<entry value="16" name="THEIRS"/></enum>', 1)
     files["common.xml"] = upstream.replace(b'name="speed_horizontal" units="cm/s"', b'name="speed_horizontal"')
     assert files["ridlink.xml"] != own and files["common.xml"] != upstream
-    write_files(tmp_path, files)
+    write_together(tmp_path, files)
     assert lines(tmp_path / "ridlink.xml") == []
 
 
@@ -193,7 +194,7 @@ def test_a_changed_value_of_upstream(tmp_path: Path) -> None:
     files["common.xml"] = files["common.xml"].replace(
         b'value="1" name="MAV_ODID_STATUS_GROUND"', b'value="5" name="MAV_ODID_STATUS_GROUND"'
     )
-    write_files(tmp_path, files)
+    write_together(tmp_path, files)
     assert lines(tmp_path / "ridlink.xml") == ["changed None MAV_ODID_STATUS_GROUND is 5, 1 in ours"]
 
 
@@ -271,7 +272,7 @@ def test_enum_values_are_never_evaluated(tmp_path: Path) -> None:
 def test_includes_may_go_in_a_circle(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text("<mavlink><include>b.xml</include></mavlink>")
     (tmp_path / "b.xml").write_text("<mavlink><include>a.xml</include><include>ridlink.xml</include></mavlink>")
-    write_files(tmp_path, definition_files())
+    write_together(tmp_path, definition_files())
     assert check_file(tmp_path / "a.xml") == ([], COUNT)
 
 

@@ -22,8 +22,8 @@ from message_spec.generate import (
     generate,
     render,
     write_file,
-    write_files,
 )
+from ridlink.files import write_together
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 
 
@@ -56,7 +56,7 @@ class TestBindings:
 
     @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
     def test_c_headers_compile_and_read_our_frames(self, tmp_path: Path) -> None:
-        generate("c", tmp_path)
+        write_together(tmp_path, render("c"))
         frame = Encoder(3, 1).encode(
             "RIDLINK_SEPARATION", timestamp=2.5, horizontal_error=1050, commanded_vx=-300, flags=9
         )
@@ -80,7 +80,7 @@ class TestBindings:
         assert subprocess.check_output([program], text=True, timeout=10) == "61400 3 2.5 1050 -300 9"
 
     def test_xml_with_its_includes_suits_plain_mavgen(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        write_files(tmp_path, definition_files())
+        write_together(tmp_path, definition_files())
         options = mavgen.Opts(str(tmp_path / "out.py"), wire_protocol="2.0", language="Python3", validate=True)
         assert mavgen.mavgen(options, [str(tmp_path / "ridlink.xml")])
         capsys.readouterr()
