@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ridlink.errors import ConfigError
+from ridlink.words import did_you_mean
 
 LARGEST = 1e6
 """Limit in metres, seconds or metres a second. Beyond it the local tangent plane is no use, and no sane value lies."""
@@ -205,7 +206,8 @@ class CheckedTable:
     def nothing_else(self) -> None:
         """Refuse keys that were not read: otherwise a misspelt key would silently leave the default."""
         for key in self._values:
-            raise self.fault(key, f"is not known here: known are {', '.join(self._known)}")
+            hint = did_you_mean(key, self._known) or f": known are {', '.join(self._known)}"
+            raise self.fault(key, f"is not known here{hint}")
 
 
 def read_toml(path: str | Path) -> CheckedTable:

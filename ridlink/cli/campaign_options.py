@@ -8,6 +8,7 @@ import click
 
 from ridlink.cli import options
 from ridlink.cli.options import GNSS_MODELS, TECHNOLOGIES, Within, accuracy_convention, eta_option
+from ridlink.words import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -37,7 +38,8 @@ class Names(click.ParamType):  # type: ignore[type-arg]  # generic since click 8
         names = tuple(dict.fromkeys(part.strip() for part in value.split(",")))
         for name in names:
             if not name or (self._known and name not in self._known):
-                known = f"; known are {', '.join(self._known)}" if self._known else ""
+                hint = did_you_mean(name, self._known)
+                known = f"{hint or ';'} known are {', '.join(self._known)}" if self._known else ""
                 self.fail(f"{name!r} is not known{known}.", param, ctx)
         return names
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.remote_id.text import display_name
-from ridlink.words import did_you_mean
+from ridlink.words import did_you_mean, unknown_name
 
 if TYPE_CHECKING:
     from ridlink.separation.definitions import Definition
@@ -121,8 +121,7 @@ def definition_of(text: str) -> Definition:
     try:
         return Definition(text.strip())
     except ValueError:
-        told = f"{text.strip()!r} is none of {', '.join(Definition)}"
-        raise click.BadParameter(told, param_hint="--definition") from None
+        raise click.BadParameter(unknown_name("definition", text.strip(), Definition)) from None
 
 
 def wanted_names(types: str | None) -> frozenset[str] | None:

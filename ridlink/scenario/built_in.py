@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 
 from ridlink.errors import ConfigError
 from ridlink.scenario.model import DEFAULT_SPEED_MPS, ObstacleSpec, Point2, Scenario, VehicleSpec
+from ridlink.words import unknown_name
 
 ALTITUDE_DOWN_M = -50.0
 """All built-in vehicles fly at one altitude, as in the paper."""
@@ -128,9 +129,9 @@ def built_in(name: str, count: int | None = None, *, speed_mps: float = DEFAULT_
         ConfigError: If there is no such scenario, or it cannot hold this many vehicles.
     """
     if name not in BUILT_IN:
-        known = f"known are {', '.join(BUILT_IN)}, or the path of a .toml or .geojson file"
         other = "; circle8 and square24 take other numbers by -n" if re.match(r"(circle|square)\d", name) else ""
-        raise ConfigError(f"unknown scenario '{name}': {known}{other}")
+        told = unknown_name("scenario", name, BUILT_IN)
+        raise ConfigError(f"{told}, or the path of a .toml or .geojson file{other}")
     if count is not None and count < 0:
         raise ConfigError(f"a scenario cannot have {count} vehicles")
     if not (math.isfinite(speed_mps) and speed_mps > 0.0):

@@ -13,6 +13,7 @@ from typing import TypeVar
 
 from ridlink.checked_toml import CheckedTable, read_toml
 from ridlink.errors import ConfigError
+from ridlink.words import unknown_name
 from sitl_sim.vehicle.battery import BatteryType
 from sitl_sim.vehicle.models import Ideal, Model, ShapedTarget, VelocityFeedback, made_for_speed
 
@@ -76,7 +77,7 @@ def load_airframe(name_or_path: str) -> Airframe:
     path = Path(name_or_path)
     if not (name_or_path.endswith(".toml") or "/" in name_or_path):
         if name_or_path not in AIRFRAMES:
-            raise ConfigError(f"unknown airframe '{name_or_path}': known are {', '.join(AIRFRAMES)}, or a .toml file")
+            raise ConfigError(f"{unknown_name('airframe', name_or_path, AIRFRAMES)}, or a .toml file")
         path = FOLDER / f"{name_or_path}.toml"
     top = read_toml(path)
     faults: list[ConfigError] = []

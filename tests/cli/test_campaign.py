@@ -339,7 +339,11 @@ def test_nobody_waits_for_the_compiler_without_a_word(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [
-        (["--definition", "snmac,candidate9"], 2, "'candidate9' is not known; known are snmac, remote-id"),
+        (
+            ["--definition", "snmac,candidate9"],
+            2,
+            "'candidate9' is not known: did you mean 'candidate2'? known are snmac, remote-id",
+        ),
         (["--gnss", "purple"], 2, "known are white, white-radial, gauss-markov, bias"),
         (["--solver", ""], 2, "known are halfplane, graded, rotation, g2"),
         (["--dynamics", "px5"], 2, "known are ideal, px4, ardupilot"),
@@ -354,7 +358,11 @@ def test_nobody_waits_for_the_compiler_without_a_word(tmp_path: Path) -> None:
         (["--stock", "1.5"], 2, "1.5 is not in the range"),
         (["--scenario", "head-on", "--speed", "12"], 2, "says itself who flies"),
         (["--scenario", "circle3", "--speed", "1", "--category", "3"], 2, "--speed and --category exclude each other"),
-        (["--scenario", "circles"], 2, "unknown scenario 'circles': known are circle8, square24"),
+        (
+            ["--scenario", "circles"],
+            2,
+            "unknown scenario 'circles': did you mean 'circle8'? known are",
+        ),
         (["--scenario", "missing.toml"], 3, "missing.toml: No such file"),
         (["--sigma", "nan"], 2, "'nan' is not"),
         (["--runs", "0"], 2, "0 is not in the range"),
@@ -429,7 +437,7 @@ def test_points_are_flown_and_nothing_between_them(tmp_path: Path, ridlink: Ridl
     assert json.loads((tmp_path / "few/campaign.json").read_text())["point"] == ["candidate1/rotation", "candidate2/g3"]
     for wrong, text in (
         (["--point", "candidate2"], "'candidate2' is not DEFINITION/SOLVER, such as candidate2/rotation"),
-        (["--point", "candidate9/g3"], "'candidate9' is not known; known are snmac"),
+        (["--point", "candidate9/g3"], "'candidate9' is not known: did you mean 'candidate2'? known"),
         (["--point", "candidate2/g9"], "'g9' is not known; known are halfplane"),
         (["--point", "candidate2/g3", "--solver", "k"], "--definition and --solver do not go with it"),
     ):

@@ -54,8 +54,12 @@ def test_csv_holds_no_formula(log: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "what"),
     [
-        (["--definition", "snmac,candidate3"], 2, "'candidate3' is none of snmac, remote-id, odid-accuracy"),
-        (["--definition", ""], 2, "'' is none of"),
+        (
+            ["--definition", "snmac,candidate3"],
+            2,
+            "unknown definition 'candidate3': did you mean 'candidate2'? known are snmac, remote-id, odid-accuracy",
+        ),
+        (["--definition", ""], 2, "unknown definition '': known are"),
         (["--ahead", "-1"], 2, "0 or more"),
         (["--eta", "1"], 2, "eta must lie between 0.5 and 0.999999999, got 1"),
         (["--json", "--csv"], 2, "exclude each other"),
