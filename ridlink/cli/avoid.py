@@ -137,10 +137,14 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     metavar="FILE.toml",
     help="Keys as these options, with underscores; options win. Obstacles stand here only.",
 )
-@click.option("--log", metavar="FILE.tlog", help="Record everything received and sent; replaces the file.")
+@click.option("--log", type=NAME, metavar="FILE.tlog",
+              help="Record everything received and sent; replaces the file.")  # fmt: skip
 @click.option("--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics there (extra metrics).")
 @click.option(
-    "--input-log", metavar="FILE", help="Record what --replay needs to decide the flight again; replaces the file."
+    "--input-log",
+    type=NAME,
+    metavar="FILE",
+    help="Record what --replay needs to decide the flight again; replaces the file.",
 )
 @click.option(
     "--replay",

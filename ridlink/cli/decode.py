@@ -13,7 +13,7 @@ from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS
 from ridlink.cli.decode_export import export, others_go_on
 from ridlink.cli.decode_options import EXPORTS, refuse_combination, refuse_following, time_us
 from ridlink.cli.files import readable, whole_output
-from ridlink.cli.options import capture_kind, wanted_names
+from ridlink.cli.options import NAME, capture_kind, wanted_names
 from ridlink.cli.progress import HasPosition, Progress
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ BATCH_BYTES = 64 * 1024
 @click.option(
     "-o",
     "--output",
+    type=NAME,
     metavar="OUT",
     help="Write there, not to standard output, and whole or not at all; replaces a file, or an empty folder.",
 )

@@ -12,6 +12,7 @@ import click
 
 from ridlink.cli import EXIT_DONE, EXIT_REJECTS
 from ridlink.cli.files import whole_output
+from ridlink.cli.options import NAME
 from ridlink.words import counted
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ MAX_LINE_LENGTH = 64 * 1024
     "-o",
     "--output",
     required=True,
+    type=NAME,
     metavar="F.tlog|F.mavlink|F.hex",
     help="What to write; its suffix says the format. Whole or not at all; replaces the file.",
 )

@@ -15,11 +15,22 @@ from ridlink.words import did_you_mean, unknown_name
 if TYPE_CHECKING:
     from ridlink.separation.definitions import Definition
 
-NAME = click.Path(readable=False)
+
+class _FileName(click.Path):
+    """Path of a file or folder. An empty one, as of a shell variable that is not set, names nothing: as a `Path` it
+    would be the current folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "":
+            self.fail("an empty name", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+NAME = _FileName(readable=False)
 """Path of a file or folder. Whether it can be read is only checked when it is read: the exit code is then 3, as for a
 missing file, and not that of wrong usage."""
 
-PATH = click.Path(readable=False, path_type=Path)
+PATH = _FileName(readable=False, path_type=Path)
 """The same as a `Path`."""
 
 
@@ -166,6 +177,7 @@ def signing_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in (
         click.option(
             "--signing-state",
+            type=NAME,
             metavar="FILE",
             help="Keeps the clock of the signatures, a file for each program.  [default: the key's name with .state]",
         ),
@@ -183,6 +195,7 @@ def signing_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--signing-key",
+            type=NAME,
             metavar="FILE",
             help="Sign what is sent to the vehicle, refuse what is signed wrongly: 32 bytes or 64 hexadecimal digits, "
             "in a file of mode 0600.",

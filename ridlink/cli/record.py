@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ridlink.cli import EXIT_DONE
-from ridlink.cli.options import duration_option
+from ridlink.cli.options import NAME, duration_option
 from ridlink.cli.progress import StatusLine
 from ridlink.cli.signals import stopped_by_signals
 from ridlink.words import counted
@@ -27,7 +27,7 @@ TICK_S = 1.0
 
 @click.command(short_help="Record what comes over a link into a .tlog.")
 @click.argument("url")
-@click.option("-o", "--output", required=True, metavar="F.tlog", help="The log to write.")
+@click.option("-o", "--output", required=True, type=NAME, metavar="F.tlog", help="The log to write.")
 @duration_option
 @click.option("--force", is_flag=True, help="Replace a log with something in it; an empty one is replaced anyway.")
 @click.option(

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from ridlink.cli.files import refuse_to_replace, whole_output
-from ridlink.cli.options import accuracy_convention, capture_kind, definition, definition_of
+from ridlink.cli.options import NAME, accuracy_convention, capture_kind, definition, definition_of
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 
 ROWS = 500
@@ -21,8 +21,10 @@ ROWS = 500
 @capture_kind("Format of the files; auto tells it by content and suffix.")
 @definition
 @accuracy_convention
-@click.option("-o", "--output", metavar="F.jsonl", help="Where the lines go, if not to standard output; replaces it.")
-@click.option("--html", metavar="F.html", help="Where the page goes; replaces it.  [default: NAME-report.html, here]")
+@click.option("-o", "--output", type=NAME, metavar="F.jsonl",
+              help="Where the lines go, if not to standard output; replaces it.")  # fmt: skip
+@click.option("--html", type=NAME, metavar="F.html",
+              help="Where the page goes; replaces it.  [default: NAME-report.html, here]")  # fmt: skip
 @click.option("--no-html", is_flag=True, help="No page.")
 @click.option(
     "--pictures", type=click.IntRange(0, ROWS), default=40, show_default=True, metavar="N",

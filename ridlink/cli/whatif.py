@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ridlink.cli.files import refuse_to_replace, whole_output
-from ridlink.cli.options import DEFINITION, accuracy_convention, capture_kind, definition_of, eta_option
+from ridlink.cli.options import DEFINITION, NAME, accuracy_convention, capture_kind, definition_of, eta_option
 from ridlink.cli.reviewing import exit_code, open_sources, strict, walk_through
 from ridlink.words import or_dash
 
@@ -35,7 +35,8 @@ def _seconds(_: click.Context, __: click.Parameter, value: float | None) -> floa
 @accuracy_convention
 @click.option("--json", "as_json", is_flag=True, help="One JSON object instead of a table.")
 @click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values instead of a table.")
-@click.option("-o", "--output", metavar="OUT", help="Write there instead of to standard output; replaces the file.")
+@click.option("-o", "--output", type=NAME, metavar="OUT",
+              help="Write there instead of to standard output; replaces the file.")  # fmt: skip
 @strict
 def whatif(
     files: tuple[str, ...],

@@ -222,6 +222,27 @@ class TestExitCodes:
         assert capsys.readouterr() == ("", text + "\n")
 
     @pytest.mark.parametrize(
+        "command",
+        [
+            "analyze --out", "avoid --log", "avoid --input-log", "avoid --config", "avoid --signing-key",
+            "broadcast --signing-state", "campaign report", "campaign run -o", "campaign run --log", "decode x -o",
+            "demo --log", "dialect c -o", "encode x -o", "mqtt --broker mqtts://a@127.0.0.1:9 --ca-file",
+            "mqtt --broker mqtt://a@127.0.0.1:9 --password-file", "record udpin:127.0.0.1:0 -o", "report x -o",
+            "report x --html", "view", "whatif x -o",
+        ],
+    )  # fmt: skip
+    def test_an_empty_name_is_no_file_and_not_the_folder_here(
+        self, command: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["ridlink", *command.split(), ""])
+        with pytest.raises(SystemExit) as end:
+            ridlink.cli.main()
+        out, err = capsys.readouterr()
+        assert (end.value.code, out) == (2, "")
+        assert "an empty name" in err and err.count("\n") == 1 and not list(tmp_path.iterdir())
+
+    @pytest.mark.parametrize(
         ("command", "takes"),
         [
             ("analyze --out", "folder"),
