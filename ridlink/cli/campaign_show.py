@@ -85,8 +85,8 @@ def show_rows(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: d
     from rich.console import Console
     from rich.table import Table
 
-    console = Console()
-    width = console.width if console.is_terminal else math.inf
+    screen = Console()
+    width = screen.width if screen.is_terminal else math.inf
     for group in dict.fromkeys(map(_group, rows)):
         columns, gap = _fitting(_columns([row for row in rows if _group(row) == group]), width)
         table = Table(
@@ -97,8 +97,10 @@ def show_rows(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: d
             table.add_column(head, justify="left" if head in NAMES else "right", no_wrap=True)
         for cells in zip(*columns.values(), strict=True):
             table.add_row(*cells)
-        Console(width=_needed(columns, gap), markup=False, emoji=False).print(table)
-        click.echo()
+        console = Console(width=_needed(columns, gap), markup=False, emoji=False)
+        with console.capture() as drawn:  # by itself it would end the program where the reader has gone
+            console.print(table)
+        click.echo("\n".join(line.rstrip() for line in drawn.get().splitlines()) + "\n")
     click.echo(f"{counted(steps, 'decision')} in {wall_s:.1f} s")
 
 

@@ -513,6 +513,17 @@ def test_a_file_says_who_errs_who_avoids_and_who_tells(tmp_path: Path, ridlink: 
     assert "a meeting: a campaign flies at one height" in err
 
 
+def test_a_reader_that_closes_its_end_is_no_mistake(tmp_path: Path) -> None:
+    few = ["--scenario", "crossing", "--definition", "snmac", "--runs", "1", "--jobs", "1", "-o", str(tmp_path / "c")]
+    with subprocess.Popen(
+        [sys.executable, "-m", "ridlink", "campaign", "run", *few], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+
+
 def test_a_report_beside_the_paper(whole: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="the report needs the extra 'plot'")
     folder = tmp_path / "copy"
