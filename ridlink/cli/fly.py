@@ -13,12 +13,21 @@ from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
 from ridlink.cli.options import above_zero
 from ridlink.cli.printing import PAGING_S, Printer
 from ridlink.cli.signals import end_by_interrupts, stopped_by_signals
+from ridlink.ranges import Range
 
 if TYPE_CHECKING:
     from ridlink.daemon.config import DaemonConfig
     from ridlink.geodesy import Geodetic
 
 RUNNING = "running"
+
+TAKEOFF_RANGE = Range(0.5, 1000.0, "m")
+"""Heights above home to climb to. A larger one was meant in feet or in another number of digits."""
+
+
+def _height(_: click.Context, __: click.Parameter, value: float) -> float:
+    TAKEOFF_RANGE.check("takeoff", value)
+    return value
 
 
 @click.command(short_help="Take off with MAVSDK, hand over to a daemon, land.")
@@ -34,9 +43,9 @@ RUNNING = "running"
     "height_m",
     type=float,
     required=True,
-    callback=above_zero,
+    callback=_height,
     metavar="M",
-    help="Arm, and climb to this height over home.",
+    help="Arm, and climb to this height over home, at most 1000 m.",
 )
 @click.option(
     "--daemon",

@@ -12,6 +12,7 @@ import click
 
 from ridlink.cli import EXIT_DONE
 from ridlink.cli.options import (
+    Within,
     above_zero,
     accuracy_convention,
     definition,
@@ -43,7 +44,7 @@ State = dict[str, Any]
 @click.argument("url", default="udpout:127.0.0.1:14650")
 @definition
 @accuracy_convention
-@click.option("--interval", type=float, default=1.0, show_default=True, callback=above_zero, metavar="S",
+@click.option("--interval", type=Within(0.05, 3600.0), default=1.0, show_default=True, metavar="S",
               help="Time between two tables.")  # fmt: skip
 @duration_option
 @click.option("--seconds", type=float, callback=above_zero, hidden=True, help="An older name of --duration.")

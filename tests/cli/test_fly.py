@@ -359,7 +359,9 @@ def test_a_goal_with_latitude_and_longitude_swapped_keeps_the_vehicle_on_the_gro
     ("arguments", "words"),
     [
         (["--takeoff", "5", "--daemon", "--goal 1,2 --cruise 900"], "cruise"),
-        (["--takeoff", "0"], "must be a number above 0"),
+        (["--takeoff", "0"], "takeoff must lie between 0.5 and 1000 m, got 0"),
+        (["--takeoff", "5000"], "takeoff must lie between 0.5 and 1000 m, got 5000"),
+        (["--takeoff", "nan"], "takeoff must lie between 0.5 and 1000 m, got nan"),
         (["--takeoff", "5", "--vehicle", "udp:127.0.0.1:14580"], "udpin:127.0.0.1:14580"),
         (["--takeoff", "5", "--daemon", "--gaol 1,2"], "such as '--goal 47.39,8.54': No such option '--gaol'"),
         (

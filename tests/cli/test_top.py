@@ -131,7 +131,7 @@ def test_silence_is_said(option: str) -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "code"),
-    [(["udp:127.0.0.1:1"], 2), (["--definition", "x"], 2), (["--interval", "0"], 2), (["--sort", "x"], 2)],
+    [(["udp:127.0.0.1:1"], 2), (["--definition", "x"], 2), (["--interval", "0.01"], 2), (["--sort", "x"], 2)],
 )
 def test_errors_are_one_line(arguments: list[str], code: int) -> None:
     with running(*arguments) as process:
