@@ -123,7 +123,7 @@ def test_other_files_are_done_when_one_is_none(log: Path, tmp_path: Path) -> Non
         (["{text}"], 3, "no.txt is no capture that ridlink reads"),
         (["absent.tlog"], 3, "absent.tlog"),
         (["{raw}"], 3, "has no times"),
-        (["{log}", "--definition", "candidate3"], 2, "none of snmac, remote-id"),
+        (["{log}", "--definition", "candidate3"], 2, "known are snmac, remote-id"),
         (["{log}", "--html", "nowhere/p.html"], 3, "there is no folder nowhere"),
         (["{log}", "--html", "p.html", "--no-html"], 2, "exclude each other"),
         (["{log}", "-o", "flight.html", "--html", "./flight.html"], 2, "-o and --html name one file"),
