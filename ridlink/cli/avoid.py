@@ -92,7 +92,8 @@ def _goal(_: click.Context, __: click.Parameter, value: str | None) -> tuple[flo
     "--response-time",
     type=float,
     metavar="S",
-    help="How long the vehicle flies on before it obeys; 0: it obeys at once.  [default: 1]",
+    help="How long the vehicle flies on before it obeys, whatever response_time_s of a solver says; 0: it obeys at "
+    "once.  [default: 1]",
 )
 @click.option("--vertical", is_flag=True, default=None, help="Climb or descend, too, where turning is not enough.")
 @click.option(
