@@ -94,7 +94,8 @@ class Accelerate:
 
 @dataclass(frozen=True, slots=True)
 class GoTo:
-    """Fly to a point, at most this fast, and stay; `feed_forward_ned_mps` is added on the way."""
+    """Fly to a point, at most this fast, and stay; `feed_forward_ned_mps` is added on the way, and flown in axes where
+    the point is NaN."""
 
     target_ned_m: Vector
     speed_mps: float
@@ -104,9 +105,12 @@ class GoTo:
 
     def command(self, estimate: SteeringEstimate) -> Vector:
         """Velocity to fly now [m/s]."""
-        north, east = _horizontally(self.target_ned_m[0], self.target_ned_m[1], self.speed_mps, estimate)
-        down = APPROACH_PER_S * (self.target_ned_m[2] - estimate.down_m)
-        down = min(max(down, -self.climb_mps), self.descent_mps)
+        north = east = down = 0.0
+        if not math.isnan(self.target_ned_m[0]):
+            north, east = _horizontally(self.target_ned_m[0], self.target_ned_m[1], self.speed_mps, estimate)
+        if not math.isnan(self.target_ned_m[2]):
+            down = APPROACH_PER_S * (self.target_ned_m[2] - estimate.down_m)
+            down = min(max(down, -self.climb_mps), self.descent_mps)
         forward = self.feed_forward_ned_mps
         return north + forward[0], east + forward[1], down + forward[2]
 

@@ -117,11 +117,13 @@ class Pilot:
 
     @property
     def position_target_ned_m(self) -> Vector | None:
-        """Target position in its local frame, also during a climb; None while it flies a velocity."""
+        """Target position in its local frame, also during a climb; None while it flies a velocity in any axis."""
         if isinstance(self.guidance, Climb):
             north, east, _ = self.local_position_ned_m
             return north, east, -self.guidance.height_m
-        return self.home.about_origin(self.guidance.target_ned_m) if isinstance(self.guidance, GoTo) else None
+        if isinstance(self.guidance, GoTo) and not math.isnan(sum(self.guidance.target_ned_m)):
+            return self.home.about_origin(self.guidance.target_ned_m)
+        return None
 
     def is_steered(self, now_s: float) -> bool:
         """Whether it flies fresh setpoints."""

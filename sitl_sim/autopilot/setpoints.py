@@ -1,9 +1,10 @@
 """Decodes SET_POSITION_TARGET_LOCAL_NED (84) and _GLOBAL_INT (86).
 
 The mask is read bit by bit, because every client sets its own: MAVSDK 0x09C7, MAVProxy 0x0FC7, ArduPilot's examples
-0x0DC7. A set bit means "ignore". As on both real autopilots, a mask that ignores only some velocity axes is no velocity
-at all and stops the vehicle, and values that are not finite (or unreasonably large) are not taken. Bit 0x200 would make
-an acceleration a force, which is not taken.
+0x0DC7. A set bit means "ignore". ArduPilot takes a position or a velocity as a whole: a mask that ignores only some
+axes of a velocity stops the vehicle. PX4 flies each axis by what it has, and stops if one has neither, or if north
+comes without east. Neither takes values that are not finite (or unreasonably large), nor an acceleration that bit 0x200
+makes a force.
 
 Axes: north-east-down about the vehicle's own origin; frames 8 and 9 turn with its heading. The ground is flat:
 altitudes over terrain are altitudes over home. PX4 takes fewer frames than ArduPilot, and no position in frame 8.
@@ -83,8 +84,8 @@ class Setpoint:
     """A usable setpoint; None: not given.
 
     Args:
-        velocity_ned_mps: Velocity to fly; with a position, a velocity added on the way.
-        position_ned_m: Target position about the vehicle's origin.
+        velocity_ned_mps: Velocity to fly; with a position, a velocity added on the way. NaN: no velocity in this axis.
+        position_ned_m: Target position about the vehicle's origin. NaN: only the velocity counts in this axis.
         acceleration_ned_mps2: Acceleration, if it is alone. With none of the three, the vehicle stops.
         yaw_rad, yaw_rate_radps: Heading, or turn rate.
     """
@@ -121,11 +122,14 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
         raise RefusedSetpoint("setpoint: force not supported")
     if here.px4:
         _check_use(mask, turns)
-    if not mask & TypeMask.VELOCITY:
-        velocity = _finite(message.vx, message.vy, message.vz)
+    by_axis = here.px4 and not turns
+    if by_axis or not mask & TypeMask.VELOCITY:
+        velocity = _used(mask >> 3, message.vx, message.vy, message.vz)
     if not mask & TypeMask.ACCELERATION:
         acceleration = _finite(message.afx, message.afy, message.afz)
-    if not (mask & TypeMask.POSITION or (here.px4 and turns)):
+    if by_axis and is_local:
+        position = _used(mask, message.x, message.y, message.z)
+    elif not (mask & TypeMask.POSITION or (here.px4 and turns)):
         position = _finite(message.x, message.y, message.z) if is_local else _global_position(message, here)
     if turns:
         velocity = velocity and _turned(velocity, here.yaw_rad)
@@ -135,7 +139,9 @@ def decode_setpoint(message: Message, here: Here) -> Setpoint:
             yaw = math.remainder(here.yaw_rad + yaw, math.tau)
     if position is not None and is_local and message.coordinate_frame != LocalFrame.LOCAL_NED:
         position = _sum(position, here.position_ned_m)
-    if velocity is None and mask & TypeMask.VELOCITY != TypeMask.VELOCITY:
+    if by_axis and not _is_flyable(position, velocity):
+        position = velocity = acceleration = None
+    elif velocity is None and mask & TypeMask.VELOCITY != TypeMask.VELOCITY:
         position = acceleration = None  # only some axes ignored: no valid velocity
     return Setpoint(
         velocity,
@@ -162,7 +168,8 @@ def guidance_of(setpoint: Setpoint, speeds: Speeds, origin_ned_m: Vector, flown_
         setpoint.acceleration_ned_mps2,
     )
     if position is not None and (px4 or velocity is not None or acceleration is None):
-        return speeds.way_to(_sum(position, origin_ned_m), speeds.fastest_mps, velocity or STILL)
+        north, east, down = (0.0 if math.isnan(each) else each for each in velocity or STILL)
+        return speeds.way_to(_sum(position, origin_ned_m), speeds.fastest_mps, (north, east, down))
     if position is None and velocity is None and acceleration is not None:
         return Accelerate(acceleration, flown_ned_mps, speeds.fastest_mps, speeds.climb_mps, speeds.descent_mps)
     return Velocity(velocity or STILL)
@@ -206,6 +213,25 @@ def _finite(x: float, y: float, z: float) -> Vector:
     if not (abs(x) <= LARGEST and abs(y) <= LARGEST and abs(z) <= LARGEST):  # also catches NaN
         raise RefusedSetpoint("setpoint ignored: not finite")
     return x, y, z
+
+
+def _used(ignored: int, x: float, y: float, z: float) -> Vector | None:
+    """A vector with NaN in axes whose bits are set; None if all three are."""
+    if ignored & 0b111 == 0b111:
+        return None
+    _finite(*(0.0 if ignored >> axis & 1 else each for axis, each in enumerate((x, y, z))))
+    x, y, z = (math.nan if ignored >> axis & 1 else each for axis, each in enumerate((x, y, z)))
+    return x, y, z
+
+
+def _is_flyable(position: Vector | None, velocity: Vector | None) -> bool:
+    """Whether PX4 flies it: north and east come together, and each axis has something, unless there is neither.
+
+    Source: PositionControl::_inputValid.
+    """
+    given = [vector for vector in (position, velocity) if vector is not None]
+    paired = all(math.isnan(north) == math.isnan(east) for north, east, _ in given)
+    return paired and all(any(not math.isnan(each) for each in axis) for axis in zip(*given, strict=True))
 
 
 def _turned(vector: Vector, yaw_rad: float) -> Vector:

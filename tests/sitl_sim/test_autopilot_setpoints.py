@@ -70,6 +70,33 @@ def test_a_setpoint_that_asks_for_nothing_is_none_for_px4(flavour: str) -> None:
 
 
 @both
+def test_px4_flies_a_velocity_at_a_height_and_to_a_place_at_a_climb_rate(flavour: str) -> None:
+    """It reads the mask axis by axis; ArduPilot takes a position and a velocity as a whole."""
+    flight = airborne(flavour)
+    flight.fly(8.0, 3.0, 0.0, 9.0, mask=0x0DE3, z=-45.0)  # north and east of the velocity, down of the position
+    assert flight.mode == (PX4_OFFBOARD if flavour == "px4" else GUIDED)
+    if flavour == "ardupilot":
+        assert flight.velocity == pytest.approx([0.0, 0.0, 0.0], abs=0.1)
+        return
+    assert flight.height_m == pytest.approx(45.0, abs=0.5) and flight.velocity[0] > 2.0
+    assert flight.last("POSITION_TARGET_LOCAL_NED").vx == pytest.approx(3.0)
+    flight.fly(12.0, 9.0, 9.0, -1.0, mask=0x0DDC, x=10.0)  # the other way round
+    assert flight.velocity == pytest.approx([0.0, 0.0, -1.0], abs=0.3)
+    assert flight.world.position_ned_m[0, 0] == pytest.approx(START_NED_M[0] + 10.0, abs=1.5)
+    flight.fly(8.0, 1.0, 0.0, 9.0, mask=0x0DE0, x=10.0, z=-50.0)  # a velocity beside a place is added
+    assert flight.world.position_ned_m[0, 0] == pytest.approx(START_NED_M[0] + 10.0 + 1.0 / 0.6, abs=1.0)
+
+
+@pytest.mark.parametrize("mask", [0x0DE1, 0x0DE7, 0x0DD7, 0x0DFB])
+def test_px4_wants_north_and_east_together_and_something_for_each_axis(mask: int) -> None:
+    flight = airborne("px4")
+    flight.fly(2.0, 3.0, 0.0, 0.0)
+    flight.fly(4.0, 3.0, 3.0, -1.0, mask=mask, x=40.0, y=40.0, z=-60.0)
+    assert flight.mode == PX4_OFFBOARD and flight.last("POSITION_TARGET_LOCAL_NED").vx == 0.0
+    assert flight.velocity == pytest.approx([0.0, 0.0, 0.0], abs=0.8)
+
+
+@both
 def test_a_force_is_not_flown(flavour: str) -> None:
     flight = airborne(flavour)
     flight.setpoint(mask=0x0E3F, afx=2.0)
