@@ -108,7 +108,8 @@ def decode(
     statistics = Statistics(are_all=selection.names is None)
     found = readable(files)
     if join or output_format in EXPORTS:
-        export(found, kind, output_format, output, join, selection, statistics, telemetry=telemetry)
+        taken = export(found, kind, output_format, output, join, selection, statistics, telemetry=telemetry)
+        _tell_nothing(statistics, selection, taken)
         _tell_timeless(statistics, selection)
         return _verdict(statistics, strict, len(files) - len(found))
     with whole_output(output, files) as out:
@@ -124,12 +125,17 @@ def decode(
                 statistics.as_text().encode(errors="backslashreplace")
             )  # fmt: skip
             out.write(text)
-        elif selection != Selection() and not lines.any_written and not _timeless(statistics, selection):
-            click.echo(
-                "ridlink: no message is of those asked for; --stats, without limits, shows what there is", err=True
-            )
+        else:
+            _tell_nothing(statistics, selection, lines.any_written)
     _tell_timeless(statistics, selection)
     return _verdict(statistics, strict, len(files) - len(found), silent=stats)
+
+
+def _tell_nothing(statistics: Statistics, selection: Selection, taken: bool) -> None:
+    from ridlink.captures.export.selection import Selection
+
+    if selection != Selection() and not taken and not _timeless(statistics, selection):
+        click.echo("ridlink: no message is of those asked for; --stats, without limits, shows what there is", err=True)
 
 
 def _timeless(statistics: Statistics, selection: Selection) -> list[str]:

@@ -50,8 +50,8 @@ def export(
     statistics: Statistics,
     *,
     telemetry: bool,
-) -> None:
-    """Write the files in a format that has not one line for each message.
+) -> bool:
+    """Write the files in a format that has not one line for each message; whether there was any message.
 
     Args:
         files, kind: Files to read, and their format.
@@ -62,8 +62,7 @@ def export(
     """
     if output_format in FOLDERS and not join:
         assert output is not None
-        _export_folder(files, kind, output_format, output, selection, statistics)
-        return
+        return _export_folder(files, kind, output_format, output, selection, statistics)
     from ridlink.captures.export.geo import MAPPED_NAMES, write_geojson, write_kml
     from ridlink.captures.export.join import JOINED_NAMES
     from ridlink.captures.export.join import join as joined
@@ -71,7 +70,7 @@ def export(
 
     if selection.names is None and output_format != "mcap":  # other messages are not used
         selection = dataclasses.replace(selection, names=frozenset(JOINED_NAMES if join else MAPPED_NAMES))
-    messages = _messages(files, kind, selection, statistics)
+    messages = _Watched(_messages(files, kind, selection, statistics))
     with whole_output(output, files) as out:
         if output_format == "geojson":
             write_geojson(messages, out, telemetry=telemetry)
@@ -87,6 +86,7 @@ def export(
             write_joined_parquet(joined(messages), out)
         else:
             _write_joined_lines(joined(messages), out)
+    return messages.any
 
 
 def _captures(
@@ -116,9 +116,22 @@ def _messages(files: tuple[str, ...], kind: str, selection: Selection, statistic
         yield from fields_of_records(part) if isinstance(part, list) else fields_of_block(part, selection)
 
 
+class _Watched:
+    """Messages to iterate over; ``any`` says whether there was one."""
+
+    def __init__(self, messages: Iterator[Fields]) -> None:
+        self._messages = messages
+        self.any = False
+
+    def __iter__(self) -> Iterator[Fields]:
+        for message in self._messages:
+            self.any = True
+            yield message
+
+
 def _export_folder(
     files: tuple[str, ...], kind: str, output_format: str, output: str, selection: Selection, statistics: Statistics
-) -> None:
+) -> bool:
     from ridlink.captures.export.fields import fields_of_records
     from ridlink.captures.export.tables import CsvFolder, ParquetFolder, tables_of_block, tables_of_messages
 
@@ -136,6 +149,7 @@ def _export_folder(
                 writer.write(name, columns)
         names = writer.finish()
     click.echo(f"{display_name(output)}: {', '.join(names) or 'no messages'}", err=True)
+    return bool(names)
 
 
 def _write_joined_lines(rows: Iterable[dict[str, Any]], out: BinaryIO) -> None:

@@ -79,6 +79,11 @@ def test_limits_that_nothing_keeps_are_told(
     assert (result.stdout, result.return_value) == ("", 0)
     assert result.stderr == "ridlink: no message is of those asked for; --stats, without limits, shows what there is\n"
     assert run(log, *limit, "--stats").stderr == ""
+    for export in (("-f", "geojson"), ("-f", "kml"), ("--join", "-f", "csv")):
+        assert run(log, *limit, *export).stderr == result.stderr
+        assert run(log, *export).stderr == ""
+    folder = ("-f", "csv", "-o", log.parent / "folder")
+    assert run(log, *limit, *folder).stderr.endswith(f"folder: no messages\n{result.stderr}")
 
 
 @pytest.mark.parametrize("large", [10**12, 0], ids=["by message", "in blocks"])
