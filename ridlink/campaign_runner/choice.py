@@ -170,7 +170,7 @@ class Choice:
         """
         files = [resolve_scenario(name) for name in self.scenarios if drawn_scene(name) is None]
         found = [(scenario.name, ", ".join(not_flown(scenario))) for scenario in files]
-        return [f"{name}: a campaign flies without {what}; 'ridlink demo' does not" for name, what in found if what]
+        return [f"{name}: a campaign leaves out {what}; 'ridlink demo' flies with it" for name, what in found if what]
 
     def _template(self, name: str, sigma_m: float) -> Plan:
         """Scene and times. The paper's scenes draw their fleets; scenario files contain theirs."""

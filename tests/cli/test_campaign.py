@@ -493,7 +493,7 @@ def test_what_only_the_emulator_flies_is_left_out_with_a_word(
     path.write_text(FILE.format(down=-50.0) + more)
     code, out, err = ridlink("--scenario", path, "--definition", "snmac", "--only-run", 0)
     assert code == 0 and "vehicle 1: arrived" in out
-    assert f"ridlink: a meeting: a campaign flies without {what}; 'ridlink demo' does not\n" in err
+    assert f"ridlink: a meeting: a campaign leaves out {what}; 'ridlink demo' flies with it\n" in err
 
 
 def test_a_file_says_who_errs_who_avoids_and_who_tells(tmp_path: Path, ridlink: Ridlink) -> None:
