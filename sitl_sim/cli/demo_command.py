@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from ridlink.cli import EXIT_DONE, EXIT_NEGATIVE
 from ridlink.cli.options import DEFINITIONS, PATH, accuracy_convention, eta_option
@@ -131,6 +132,8 @@ def demo(
     )
     if (headless or no_view) and (stay or opens or view_port is not None):
         raise click.UsageError("--stay, --open and --view-port are about the page, which is not served here")
+    if compare and click.get_current_context().get_parameter_source("definition") is not ParameterSource.DEFAULT:
+        raise click.UsageError(f"--compare flies {', '.join(COMPARED)}: --definition does not go with it")
     if any_ports and view_port is None:
         view_port = 0
     scenario_of(options)  # fails before a page is opened if the scenario is wrong

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import importlib.util
+import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -38,7 +39,7 @@ class DemoOptions:
     Raises:
         ConfigError: If the options contradict each other.
         MissingExtraError: If conductors are to fly, and MAVSDK is not installed.
-        OSError: If there is no folder for the log.
+        OSError: If there is no folder for the log, or it is one itself.
         ValueError: If the mission of the fleet would begin by itself.
     """
 
@@ -68,6 +69,8 @@ class DemoOptions:
         if self.from_ground and importlib.util.find_spec("mavsdk") is None:
             raise MissingExtraError("mavsdk", "--from-ground")
         ETA_RANGE.check("eta", self.eta)
+        if self.log is not None and self.log.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(self.log))
         if self.log is not None and not self.log.resolve().parent.is_dir():
             raise OSError(errno.ENOENT, f"there is no folder {self.log.resolve().parent}", str(self.log))
 

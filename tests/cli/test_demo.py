@@ -216,6 +216,7 @@ def test_who_has_not_arrived_in_time_is_named(tmp_path: Path) -> None:
         (["--solver", "grade"], "grade", 2),
         (["--log", "/no/such/folder/flight.tlog"], "flight.tlog: there is no folder /no/such/folder", 3),
         (["--scenario", "missing.toml"], "missing.toml", 3),
+        (["--compare", "--definition", "chance"], "--compare flies snmac, remote-id, candidate1, candidate2", 2),
     ],
 )
 def test_a_mistake_is_one_clear_line(arguments: list[str], text: str, code: int) -> None:
@@ -246,6 +247,13 @@ def test_from_the_ground_without_its_extra_ends_before_anything_begins(tmp_path:
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "ridlink: --from-ground needs the extra 'mavsdk': pip install 'ridlink[mavsdk]'\n"
     assert log.read_bytes() == b"an earlier flight"
+
+
+def test_all_logs_of_a_comparison_are_looked_at_before_the_first_flight(tmp_path: Path) -> None:
+    (tmp_path / "f-candidate1.tlog").mkdir()
+    done = demo("--compare", "--headless", "--any-ports", "--log", str(tmp_path / "f.tlog"))
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr == f"ridlink: {tmp_path}/f-candidate1.tlog: Is a directory\n"
 
 
 def test_a_log_that_cannot_be_written_leaves_no_port_open(tmp_path: Path) -> None:
