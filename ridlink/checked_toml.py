@@ -165,14 +165,17 @@ class CheckedTable:
         return value
 
     def number(
-        self, key: str, default: float | None = None, *, above: float | None = None, least: float | None = None
-    ) -> float:
-        """The value of a key that must be a finite number, greater than ``above`` and not less than ``least``."""
+        self, key: str, default: float | None = None, *, above: float | None = None, least: float | None = None,
+        most: float | None = None,
+    ) -> float:  # fmt: skip
+        """The value of a key that must be a finite number, greater than ``above``, from ``least`` to ``most``."""
         value = self._finite(key, self.take(key, default))
         if above is not None and value <= above:
             raise self.fault(key, f"must be greater than {above:g}, not {value:g}")
         if least is not None and value < least:
             raise self.fault(key, f"must be at least {least:g}, not {value:g}")
+        if most is not None and value > most:
+            raise self.fault(key, f"must be at most {most:g}, not {value:g}")
         return value
 
     def point(self, key: str, value: object, axes: str) -> tuple[float, ...]:

@@ -101,6 +101,11 @@ MISTAKES = [
     pytest.param(
         "speed_mps", "speed_mph", r":7: vehicle 1: speed_mph is not known here: .*speed_mps", id="unknown key"
     ),
+    pytest.param("speed_mps = 15.4", "speed_mps = 5000", r":7: vehicle 1: speed_mps must be at most 300", id="fast"),
+    pytest.param("airframe_m = 0.6", "airframe_m = 600", r":8: vehicle 1: airframe_m must be at most 100", id="large"),
+    pytest.param("sigma_m = 10.0", "sigma_m = 1e5", r":9: vehicle 1: sigma_m must be at most 1000", id="lost"),
+    pytest.param("sigma_m = 10.0", "interval_s = 100", r":9: vehicle 1: interval_s must be at most 60", id="slow"),
+    pytest.param("interval_s = 0.2", "interval_s = 200", r":3: interval_s must be at most 60, not 200", id="all slow"),
     pytest.param("interval_s", "interval", r":3: interval is not known here: .*interval_s", id="unknown top key"),
     pytest.param("duration_s = 60.0\n", "", r"scenario.toml: duration_s is missing", id="missing top key"),
     pytest.param("goal_ned_m  = [-200, 0, -50]\n", "", r":12: vehicle 2: goal_ned_m is missing$", id="missing key"),

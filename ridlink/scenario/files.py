@@ -19,6 +19,8 @@ from ridlink.scenario.model import (
     DEFAULT_INTERVAL_S,
     DEFAULT_SPEED_MPS,
     LEAST_INTERVAL_S,
+    MOST_INTERVAL_S,
+    MOST_SPEED_MPS,
     ObstacleSpec,
     Point2,
     Point3,
@@ -102,7 +104,7 @@ def _whole(top: CheckedTable) -> tuple[str, float, float, Point3 | None]:
     found = (
         top.text("name"),
         top.number("duration_s", above=0.0),
-        top.number("interval_s", DEFAULT_INTERVAL_S, least=LEAST_INTERVAL_S),
+        top.number("interval_s", DEFAULT_INTERVAL_S, least=LEAST_INTERVAL_S, most=MOST_INTERVAL_S),
         _home(top) if top.has("home") else None,
     )
     top.nothing_else()
@@ -115,7 +117,7 @@ def _vehicle_spec(table: CheckedTable, speed_mps: float) -> VehicleSpec:
     spec = VehicleSpec(
         start_ned_m=_point3(table, "start_ned_m"),
         goal_ned_m=_point3(table, "goal_ned_m"),
-        speed_mps=table.number("speed_mps", speed_mps, above=0.0),
+        speed_mps=table.number("speed_mps", speed_mps, above=0.0, most=MOST_SPEED_MPS),
         cooperative=table.truth("cooperative", not ghost),
         route_ned_m=_route(table),
         transmitter_ned_m=_point3(table, "transmitter_ned_m") if table.has("transmitter_ned_m") else None,

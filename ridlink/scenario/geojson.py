@@ -20,7 +20,7 @@ from typing import Any
 from ridlink.checked_toml import MOST_FAULTS, UNREADABLE, CheckedTable, TomlSource, finite_number
 from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic, ned_from_geodetic
-from ridlink.scenario.model import DEFAULT_SPEED_MPS, Point3, Scenario, VehicleSpec
+from ridlink.scenario.model import DEFAULT_SPEED_MPS, MOST_SPEED_MPS, Point3, Scenario, VehicleSpec
 from ridlink.scenario.vehicle_keys import read_vehicle_keys
 
 FLOOR_M = 50.0
@@ -150,7 +150,12 @@ class _Track:
         return VehicleSpec(
             start_ned_m=route[0],
             goal_ned_m=route[-1],
-            speed_mps=table.number("speed_mps", self._timed_speed_mps(table, length_m) or speed_mps, above=0.0),
+            speed_mps=table.number(
+                "speed_mps",
+                self._timed_speed_mps(table, length_m) or speed_mps,
+                above=0.0,
+                most=MOST_SPEED_MPS if table.has("speed_mps") else None,
+            ),
             cooperative=cooperative,
             route_ned_m=() if cooperative else tuple(route[1:-1]),
             **keys,

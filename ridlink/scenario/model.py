@@ -29,6 +29,12 @@ DEFAULT_INTERVAL_S = 0.1
 LEAST_INTERVAL_S = 0.02
 """Shortest time between two updates that a file may ask for: the emulator's tick."""
 
+MOST_INTERVAL_S = 60.0
+"""The longest one; no technology is as slow."""
+
+MOST_SPEED_MPS, MOST_AIRFRAME_M, MOST_SIGMA_M = 300.0, 100.0, 1000.0
+"""Airliners, as ghosts, fly no faster and are no larger; an error of a kilometre is no position any more."""
+
 MAX_AIRFRAME_HEIGHT_M = 1.5
 """Assumed: even the largest airframes of the paper's database (7.5 m of wing) are hardly taller."""
 
