@@ -27,7 +27,7 @@ UPSTREAM_XML = ("common.xml", "standard.xml", "minimal.xml")
 
 
 class GenerationError(Exception):
-    """mavgen refused the definition; the message is its output."""
+    """The language is unknown, or mavgen refused the definition, whose output is then the message."""
 
 
 def definition_files(dialect_xml: Path = DIALECT_XML) -> dict[str, bytes]:
@@ -111,8 +111,10 @@ def generate(language: str, output: Path, dialect_xml: Path = DIALECT_XML) -> No
         dialect_xml: The definition.
 
     Raises:
-        GenerationError: If the language is unknown or mavgen refuses the definition.
+        GenerationError: If the language is another one, or mavgen refuses the definition.
         OSError: If the output cannot be written.
     """
+    if language not in SUFFIXES:
+        raise GenerationError(f"no language of one file: {language!r}; known: {', '.join(SUFFIXES)}")
     (content,) = render(language, output.stem, dialect_xml).values()
     write_file(output, content)

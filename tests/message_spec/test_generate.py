@@ -97,9 +97,14 @@ class TestBindings:
 
 
 class TestRefusals:
-    def test_unknown_language(self, tmp_path: Path) -> None:
+    def test_unknown_language(self) -> None:
         with pytest.raises(GenerationError, match="'cobol'; known: python, c, lua, typescript"):
-            generate("cobol", tmp_path / "x")
+            render("cobol")
+
+    @pytest.mark.parametrize("language", ["c", "typescript", "cobol"])
+    def test_a_language_of_many_files_or_none_is_not_written_to_one(self, tmp_path: Path, language: str) -> None:
+        with pytest.raises(GenerationError, match=f"'{language}'; known: python, lua$"):
+            generate(language, tmp_path / "x")
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize(
