@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -49,7 +50,8 @@ class Range:
         """
         if value not in self:
             within = f"between {self.least:.12g} and {self.most:.12g}{self._unit}{' or be infinite' * self.or_infinite}"
-            raise ConfigError(f"{name} must lie {within}, got {value:.12g}")
+            told = reprlib.repr(value) if isinstance(value, int) else f"{value:.12g}"  # no float holds every int
+            raise ConfigError(f"{name} must lie {within}, got {told}")
 
 
 def check_ranges(settings: Any, ranges: Mapping[str, Range]) -> None:

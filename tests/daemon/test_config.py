@@ -278,6 +278,12 @@ def test_f34_a_number_beyond_either_end_of_its_range_is_refused_with_range_value
         assert str(caught.value).endswith(f", got {beyond:.12g}")
 
 
+def test_f34_a_whole_number_that_no_float_holds_is_refused_like_any_other(write) -> None:
+    path = write(f"standby = true\nvehicle_sysid = {'1' * 400}")
+    with pytest.raises(ConfigError, match=r":2: vehicle-sysid must lie between 1 and 255, got 1+\.\.\.1+$"):
+        configured(str(path), {})
+
+
 def test_what_is_wrong_with_an_option_is_not_blamed_on_the_file(write) -> None:
     with pytest.raises(ConfigError, match=r"^cruise must lie between 0.01 and 100 m/s, got -2$"):
         configured(str(write("cruise = -1.0")), {"cruise": -2.0})
