@@ -11,7 +11,7 @@ import msgspec
 from ridlink.captures.lines import clock_time, exact_seconds
 from ridlink.captures.messages import UNKNOWN, MessageRecord
 from ridlink.captures.reader import Capture
-from ridlink.words import counted
+from ridlink.words import counted, or_dash
 
 SEQUENCE_NUMBERS = 256
 LEAP = SEQUENCE_NUMBERS // 4
@@ -37,9 +37,9 @@ class SourceCount:
         return self.lost > self.messages and 4 * self.leaps > self.gaps
 
     @property
-    def missing(self) -> tuple[str, str]:
-        """Gaps and lost messages for a table."""
-        return ("-", "-") if self.is_of_several_links else (f"{self.gaps:,}", f"{self.lost:,}")
+    def missing(self) -> tuple[int, int] | tuple[None, None]:
+        """Gaps and lost messages; None of several links."""
+        return (None, None) if self.is_of_several_links else (self.gaps, self.lost)
 
     def see(self, seq: int) -> None:
         """Count the next sequence number; a repeated one is a duplicate, not 255 lost messages."""
@@ -138,6 +138,9 @@ class Statistics:
         """Rejects of all captures."""
         return sum(len(capture.rejects) for capture in self.captures)
 
+    def _missing(self, source: SourceCount) -> tuple[int, int] | tuple[None, None]:
+        return source.missing if self.are_all else (None, None)
+
     def as_dict(self) -> dict[str, Any]:
         """The counts for `msgspec.json`; times are seconds, exact to the microsecond."""
         return {
@@ -148,11 +151,9 @@ class Statistics:
             "types": dict(self.types.most_common()),
             "unknown_ids": {str(msgid): count for msgid, count in self.unknown.most_common()},
             "sources": {
-                f"{sysid}/{compid}": {
-                    "messages": source.messages,
-                    "gaps": source.gaps if self.are_all else None,
-                    "lost": source.lost if self.are_all else None,
-                }
+                f"{sysid}/{compid}": dict(
+                    zip(("messages", "gaps", "lost"), (source.messages, *self._missing(source)), strict=True)
+                )
                 for (sysid, compid), source in sorted(self.sources.items())
             },
             **self._transmitters_as_dict(),
@@ -200,7 +201,7 @@ class Statistics:
                 _table(
                     ("source", "count", "gaps", "lost"),
                     [
-                        (f"{sysid}/{compid}", f"{source.messages:,}", *(source.missing if self.are_all else "--"))
+                        (f"{sysid}/{compid}", *(or_dash(n, ",") for n in (source.messages, *self._missing(source))))
                         for (sysid, compid), source in sorted(self.sources.items())
                     ],
                 )
