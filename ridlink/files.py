@@ -129,11 +129,9 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
         for target in targets:
             os.replace(unfinished(target), target)
     except BaseException:
-        with suppress(OSError):  # for example where nothing can be written
-            for target in targets:
-                unfinished(target).unlink(missing_ok=True)
-            for each in reversed(made):
-                each.rmdir()
+        for remove in (*(unfinished(target).unlink for target in targets), *(each.rmdir for each in reversed(made))):
+            with suppress(OSError):  # for example what was not made yet
+                remove()
         raise
 
 

@@ -70,6 +70,13 @@ def test_a_folder_in_the_place_of_a_file_is_found_before_any_is_written(tmp_path
     assert refused.value.filename == str(tmp_path / "b") and [*tmp_path.iterdir()] == [tmp_path / "b"]
 
 
+def test_a_file_in_the_place_of_a_folder_leaves_no_other_folder(tmp_path: Path) -> None:
+    (tmp_path / "b").touch()
+    with pytest.raises(OSError) as refused:
+        write_together(tmp_path, {"a/1": b"", "b/2": b"", "c/3": b""})
+    assert refused.value.filename == str(tmp_path / "b") and [*tmp_path.iterdir()] == [tmp_path / "b"]
+
+
 def test_any_text_may_be_part_of_a_file_name() -> None:
     assert file_part("circle8@80") == "circle8%4080" and file_part("../a b") == "..%2Fa%20b"
     long = ["x" * 300, "x" * 299, "\u98db" * 40, "\ud800" * 99]
