@@ -102,11 +102,10 @@ def read_event(table: CheckedTable, *, at_s: float | None = None, vehicles: int 
     what = table.text("what")
     if what not in EVENTS:
         raise table.fault("what", f"must be one of {', '.join(EVENTS)}, not '{what}'")
-    figures = {}
-    for name, figure in EVENTS[what].items():
-        figures[name] = table.number(name, figure.default, least=figure.least)
-        if figures[name] > figure.most:
-            raise table.fault(name, f"must be at most {figure.most:g}, not {figures[name]:g}")
+    figures = {
+        name: table.number(name, figure.default, least=figure.least, most=figure.most)
+        for name, figure in EVENTS[what].items()
+    }
     table.nothing_else()
     return Event(when_s, EVERYBODY if what == "wind" else int(vehicle), what, figures)
 
