@@ -53,7 +53,7 @@ REPOSITION_CHANGES_MODE = 1
 NO_MODE = 255
 """Stands for any number that no mode has."""
 
-SPEED_KINDS, SPEEDY = range(4), (Mode.MISSION, Mode.OFFBOARD, Mode.RETURN)
+SPEED_KINDS, SPEED_MODES = range(4), (Mode.MISSION, Mode.OFFBOARD, Mode.RETURN)
 """Kinds of speed that ArduPilot knows, and its modes in which it changes them."""
 
 TAKEOFF_FRAME = 3
@@ -162,7 +162,7 @@ class Commands:
         if not self._board.is_px4:
             if speed_mps <= 0.0:
                 return self._orders.refuse("speed refused: not above zero", Result.DENIED)
-            if kind not in SPEED_KINDS or self._pilot.mode not in SPEEDY:
+            if kind not in SPEED_KINDS or self._pilot.mode not in SPEED_MODES:
                 return self._orders.refuse("speed refused: unknown kind, or another mode")
         self._pilot.speeds.change(kind, speed_mps)
         return Result.ACCEPTED
