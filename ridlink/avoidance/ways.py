@@ -99,7 +99,7 @@ def in_sight(pieces, keep, p_1, p_2, t_1, t_2):  # type: ignore[no-untyped-def]
     return True
 
 
-@kernel(forceinline=True, inner=True)
+@kernel(inner=True)
 def edges_at(pieces, points, way, n):  # type: ignore[no-untyped-def]
     """The edges of a piece at point n: what leads from there to the points before and after it [m, north-east]."""
     _, start = pieces
