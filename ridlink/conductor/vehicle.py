@@ -143,8 +143,9 @@ class Conductor:
         self._say("healthy")
 
     async def _missing(self) -> list[str]:
-        health = await self._telemetry.health()
-        return [word for name, word in HEALTH.items() if not getattr(health, name)]
+        health, position = await self._telemetry.health(), await self.position()
+        missing = [word for name, word in HEALTH.items() if not getattr(health, name)]
+        return missing + ["GLOBAL_POSITION_INT"] * math.isnan(position.latitude_deg)  # which health says nothing of
 
     async def position(self) -> Geodetic:
         """Its position, with the altitude above mean sea level."""

@@ -24,6 +24,7 @@ from ridlink.cli import cli
 from ridlink.links import open_link, parse_link_url
 from ridlink.mavlink.codec import Encoder
 from ridlink.scenario import Event, Scenario, VehicleSpec, built_in
+from sitl_sim.autopilot import streams
 from sitl_sim.autopilot.modes import Mode
 from sitl_sim.autopilot.results import Severity
 from sitl_sim.fleet_config import FleetConfig, Start
@@ -339,6 +340,24 @@ def test_a_daemon_that_cannot_start_keeps_the_vehicle_on_the_ground() -> None:
         assert "in use" in said and "ridlink: the daemon ended" in said
 
     fly(Scenario("one", 60.0, (VehicleSpec((0.0, 0.0, -50.0), (9.0, 0.0, -50.0)),)), act, **ANY_PORT)
+
+
+@needs_mavsdk
+def test_a_vehicle_that_does_not_tell_its_position_stays_on_the_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was armed, and nobody knew whether it climbed; with a goal, that was nan km away."""
+    usual = streams.default_intervals
+    monkeypatch.setattr(
+        streams,
+        "default_intervals",
+        lambda flavour: {name: s for name, s in usual(flavour).items() if name != "GLOBAL_POSITION_INT"},
+    )
+
+    async def act(server: FleetServer) -> None:
+        code, lines, said = await conduct("--vehicle", vehicle_of(server), "--takeoff", "2", "--health-timeout", "4")
+        assert code == 1 and not lines[-1]["took_off"] and not server.autopilots[0].pilot.armed
+        assert "not healthy after 4 s: " in said and said.endswith("no GLOBAL_POSITION_INT\n")
+
+    fly(built_in("circle8", 1), act, sigma_m=0.0, **ANY_PORT)
 
 
 @needs_mavsdk
