@@ -150,6 +150,12 @@ def test_a_speed_limit_that_nothing_flies_is_refused() -> None:
             VelocityLimits(**{field: 101.0})
 
 
+def test_an_acceleration_that_limits_nothing_is_refused() -> None:
+    assert VelocityLimits(acceleration_mps2=10_000.0).acceleration_mps2 == 10_000.0
+    with pytest.raises(ValueError, match="acceleration_mps2 must lie between 0.1 and 10000 m/s\\^2, got 10001"):
+        VelocityLimits(acceleration_mps2=10_001.0)
+
+
 def test_the_defaults_are_those_of_the_contract() -> None:
     assert VelocityLimits() == VelocityLimits(15.0, 2.0, 5.0)
     assert VelocityLimits(100.0, 100.0).horizontal_mps == 100.0
