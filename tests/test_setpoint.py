@@ -152,7 +152,7 @@ def test_a_speed_limit_that_nothing_flies_is_refused() -> None:
 
 def test_an_acceleration_that_limits_nothing_is_refused() -> None:
     assert VelocityLimits(acceleration_mps2=10_000.0).acceleration_mps2 == 10_000.0
-    with pytest.raises(ValueError, match="acceleration_mps2 must lie between 0.1 and 10000 m/s\\^2, got 10001"):
+    with pytest.raises(ValueError, match=r"acceleration_mps2 must lie between 0.1 and 10000 m/s\^2, got 10001"):
         VelocityLimits(acceleration_mps2=10_001.0)
 
 
