@@ -11,7 +11,7 @@ import click
 
 from ridlink.cli import EXIT_DONE, EXIT_IO, EXIT_REJECTS
 from ridlink.cli.decode_export import export, others_go_on
-from ridlink.cli.decode_options import EXPORTS, refuse_combination, refuse_following, time_us
+from ridlink.cli.decode_options import EXPORTS, MAPS, refuse_combination, refuse_following, time_us
 from ridlink.cli.files import readable, whole_output
 from ridlink.cli.options import NAME, capture_kind, wanted_names
 from ridlink.cli.progress import HasPosition, Progress
@@ -109,7 +109,8 @@ def decode(
     found = readable(files)
     if join or output_format in EXPORTS:
         taken = export(found, kind, output_format, output, join, selection, statistics, telemetry=telemetry)
-        _tell_nothing(statistics, selection, taken)
+        wanted = "position" if output_format in MAPS else "Remote ID position" if join else ""
+        _tell_nothing(statistics, selection, taken, wanted)
         _tell_timeless(statistics, selection)
         return _verdict(statistics, strict, len(files) - len(found))
     with whole_output(output, files) as out:
@@ -131,11 +132,13 @@ def decode(
     return _verdict(statistics, strict, len(files) - len(found), silent=stats)
 
 
-def _tell_nothing(statistics: Statistics, selection: Selection, taken: bool) -> None:
+def _tell_nothing(statistics: Statistics, selection: Selection, taken: bool, wanted: str = "") -> None:
+    """Say that nothing came: limits keep nothing, or the format needs something ``wanted`` that there is not."""
     from ridlink.captures.export.selection import Selection
 
-    if selection != Selection() and not taken and not _timeless(statistics, selection):
-        click.echo("ridlink: no message is of those asked for; --stats, without limits, shows what there is", err=True)
+    if (wanted or selection != Selection()) and not taken and not _timeless(statistics, selection):
+        said = f"there is no {wanted} in what was asked for" if wanted else "no message is of those asked for"
+        click.echo(f"ridlink: {said}; --stats, without limits, shows what there is", err=True)
 
 
 def _timeless(statistics: Statistics, selection: Selection) -> list[str]:

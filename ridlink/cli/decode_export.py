@@ -7,7 +7,7 @@ import itertools
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Generic, TypeVar
 
 import click
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ridlink.captures.statistics import Statistics
 
 RECORDS_AT_ONCE = 8192
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -51,7 +53,7 @@ def export(
     *,
     telemetry: bool,
 ) -> bool:
-    """Write the files in a format that has not one line for each message; whether there was any message.
+    """Write the files in a format that has not one line for each message; whether anything is in what was written.
 
     Args:
         files, kind: Files to read, and their format.
@@ -73,20 +75,22 @@ def export(
     messages = _Watched(_messages(files, kind, selection, statistics))
     with whole_output(output, files) as out:
         if output_format == "geojson":
-            write_geojson(messages, out, telemetry=telemetry)
-        elif output_format == "kml":
-            write_kml(messages, out, telemetry=telemetry)
-        elif output_format == "mcap":
+            return write_geojson(messages, out, telemetry=telemetry) > 0
+        if output_format == "kml":
+            return write_kml(messages, out, telemetry=telemetry) > 0
+        if output_format == "mcap":
             from ridlink.captures.export.mcap import write_mcap
 
             write_mcap(messages, out)
-        elif output_format == "csv":
-            write_joined_csv(joined(messages), out)
+            return messages.any
+        rows = _Watched(joined(messages))
+        if output_format == "csv":
+            write_joined_csv(rows, out)
         elif output_format == "parquet":
-            write_joined_parquet(joined(messages), out)
+            write_joined_parquet(rows, out)
         else:
-            _write_joined_lines(joined(messages), out)
-    return messages.any
+            _write_joined_lines(rows, out)
+        return rows.any
 
 
 def _captures(
@@ -116,17 +120,17 @@ def _messages(files: tuple[str, ...], kind: str, selection: Selection, statistic
         yield from fields_of_records(part) if isinstance(part, list) else fields_of_block(part, selection)
 
 
-class _Watched:
-    """Messages to iterate over; ``any`` says whether there was one."""
+class _Watched(Generic[T]):
+    """Items to iterate over; ``any`` says whether there was one."""
 
-    def __init__(self, messages: Iterator[Fields]) -> None:
-        self._messages = messages
+    def __init__(self, items: Iterator[T]) -> None:
+        self._items = items
         self.any = False
 
-    def __iter__(self) -> Iterator[Fields]:
-        for message in self._messages:
+    def __iter__(self) -> Iterator[T]:
+        for item in self._items:
             self.any = True
-            yield message
+            yield item
 
 
 def _export_folder(

@@ -634,11 +634,25 @@ def test_an_aircraft_has_one_track_unless_its_telemetry_is_wanted_too(tmp_path: 
     assert "--telemetry is for" in str(run(path, "-f", "jsonl", "--telemetry").exception)
 
 
-def test_a_capture_without_positions_is_an_empty_map(tmp_path: Path) -> None:
+NOTHING_WANTED = "ridlink: there is no {} in what was asked for; --stats, without limits, shows what there is\n"
+
+
+def test_a_capture_without_positions_is_an_empty_map_and_told(tmp_path: Path) -> None:
     path = tmp_path / "f.tlog"
-    path.write_bytes(tlog_bytes(flight(1)))
-    assert list(features(run(path, "-f", "geojson").stdout)) == []
-    ET.fromstring(run(path, "-f", "kml").stdout)
+    for messages in (flight(1), [(START_US, Encoder(1, 1).encode("GLOBAL_POSITION_INT"))]):  # none, and an unknown one
+        path.write_bytes(tlog_bytes(messages))
+        maps = [run(path, "-f", "geojson"), run(path, "-f", "kml"), run(path, "-f", "kml", "--source-system", "1")]
+        assert list(features(maps[0].stdout)) == []
+        ET.fromstring(maps[1].stdout)
+        assert [(done.stderr, done.return_value) for done in maps] == [(NOTHING_WANTED.format("position"), 0)] * 3
+
+
+def test_joined_rows_that_nothing_makes_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "f.tlog"
+    path.write_bytes(tlog_bytes([(START_US, Encoder(1, 1).encode("GLOBAL_POSITION_INT", lat=470000000, lon=80000000))]))
+    done = [run(path, "--join", "-f", output_format) for output_format in ("jsonl", "csv")]
+    assert done[0].stdout == "" and done[1].stdout.count("\n") == 1
+    assert [(each.stderr, each.return_value) for each in done] == [(NOTHING_WANTED.format("Remote ID position"), 0)] * 2
 
 
 def test_a_track_is_cut_where_the_map_ends() -> None:
