@@ -248,9 +248,9 @@ class Bridge:
         try:
             async with beside(self._hear(client)):  # from the start: it detects a lost connection
                 await self._greet_and_send(client)
-        finally:
-            with contextlib.suppress(TimeoutError):  # at a clean end; otherwise the last will says it
-                async with asyncio.timeout(FAREWELL_S):
+        finally:  # a clean end; if the farewell cannot be sent, the last will says it
+            with contextlib.suppress(TimeoutError, aiomqtt.MqttError):
+                async with asyncio.timeout(FAREWELL_S), beside(self._hear(client)):
                     await _publish_together(client, self._publisher.farewell())
 
     async def _greet_and_send(self, client: aiomqtt.Client) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import json
 import socket
 import time
+from typing import Any
 
 import pytest
 
@@ -164,6 +166,34 @@ def test_f30_a_broker_that_dies_of_the_greeting_is_tried_again_at_once(monkeypat
         assert bridge.counters["connections"] == 2
 
     run(body)
+
+
+class Leaving(Silent):
+    """Dies of the next message once it is told to leave."""
+
+    leaves = False
+
+    def acknowledge(self, topic: bytes, packet: bytes, writer: asyncio.StreamWriter) -> None:
+        if self.leaves:
+            writer.transport.abort()
+        else:
+            super().acknowledge(topic, packet, writer)
+
+
+def test_f30_a_broker_that_dies_of_the_farewell_is_nobodys_error() -> None:
+    """asyncio wrote on stderr that nobody had asked how the connection ended."""
+    complaints: list[dict[str, Any]] = []
+
+    async def body() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda loop, context: complaints.append(context))
+        leaving = Leaving(b"?")
+        server = await asyncio.start_server(leaving.serve, "127.0.0.1", 0)
+        async with server, a_bridge(server.sockets[0].getsockname()[1]):
+            leaving.leaves = True
+        gc.collect()
+
+    run(body)
+    assert not complaints
 
 
 def test_a_greeting_of_many_aircraft_does_not_wait_for_each_answer() -> None:
