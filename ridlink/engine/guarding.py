@@ -17,6 +17,9 @@ from ridlink.traffic.own_state import OwnState
 AHEAD_M = 1000.0
 """Further away than any conflict lasts."""
 
+HOVERING_MPS = 1.0
+"""A slower vehicle keeps its place: the velocity of one that hovers is the noise of its receiver, and leads nowhere."""
+
 
 def resting(guard: Guard) -> Rung:
     """Rung of a guard that watches: it waits for no operator's request."""
@@ -40,10 +43,13 @@ def ended(autopilot: int, *, asked: bool, dry_run: bool) -> Rung:
 
 
 def goal_ahead(own: OwnState) -> Goal:
-    """Goal where the autopilot's plan leads, as far as the own velocity tells."""
-    ahead_s = AHEAD_M / max(own.speed_mps, 1.0)
+    """Goal where the autopilot's plan leads, as far as the own velocity tells; for a vehicle that hovers, its place."""
+    here = own.position.latitude_deg, own.position.longitude_deg
+    if own.speed_mps < HOVERING_MPS:
+        return Goal(*here)
+    ahead_s = AHEAD_M / own.speed_mps
     north, east = (ahead_s * value for value in own.velocity_ned_mps[:2])
-    return Goal(*moved(own.position.latitude_deg, own.position.longitude_deg, north, east))
+    return Goal(*moved(*here, north, east))
 
 
 def seen_by_guard(

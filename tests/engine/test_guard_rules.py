@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -20,10 +21,14 @@ from ridlink.engine.guard import (
     is_autonomous,
     mode_command,
 )
+from ridlink.engine.guarding import AHEAD_M, goal_ahead
 from ridlink.errors import ConfigError
 from ridlink.failsafe import OTHER_WRITER
+from ridlink.geodesy import offset_m
 from ridlink.own_ship import ARDUPILOT, PX4
+from ridlink.setpoint import Velocity
 from tests.sitl_sim.flight import PX4_HOLD, PX4_MISSION, PX4_RETURN
+from tests.traffic.reports import HERE, OWN
 
 CLEAR = Seen(PX4, PX4_MISSION, True, True, False, True, sysid=1, mission_item=1)
 
@@ -294,3 +299,21 @@ def test_the_item_is_set_back_where_it_was_known_and_has_moved(
     guard.step(seen(conflict=True, mission_item=found), T)
     guard.step(seen(custom_mode=6 << 16, clear=False), T + 1.0)
     assert [number for number, _ in guard.hand_back(seen(mission_item=now))] == numbers
+
+
+# --- where the plan leads ---
+
+
+@pytest.mark.parametrize("drift_ned_mps", [(0.0, 0.0, 0.0), (0.15, 0.0, 0.0), (-0.5, 0.7, -1.0)])
+def test_the_plan_of_a_vehicle_that_hovers_is_to_stay(drift_ned_mps: Velocity) -> None:
+    goal = goal_ahead(replace(OWN, velocity_ned_mps=drift_ned_mps))
+    assert (goal.latitude_deg, goal.longitude_deg) == HERE
+
+
+@pytest.mark.parametrize("velocity_ned_mps", [(1.0, 0.0, 0.0), (-3.0, 4.0, 1.0)])
+def test_the_plan_of_a_vehicle_that_flies_leads_ahead(velocity_ned_mps: Velocity) -> None:
+    goal = goal_ahead(replace(OWN, velocity_ned_mps=velocity_ned_mps))
+    north_m, east_m = offset_m(HERE, (goal.latitude_deg, goal.longitude_deg))
+    assert math.hypot(north_m, east_m) == pytest.approx(AHEAD_M, abs=0.1)
+    assert math.atan2(east_m, north_m) == pytest.approx(math.atan2(velocity_ned_mps[1], velocity_ned_mps[0]), abs=1e-3)
+    assert goal.altitude_m is None
