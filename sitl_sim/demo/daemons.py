@@ -28,7 +28,7 @@ from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.scenario import Scenario
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
-from ridlink.setpoint import VelocityLimits
+from ridlink.setpoint import SPEED_RANGE, VelocityLimits
 from sitl_sim.demo.apart import end_with_parent
 from sitl_sim.fleet_config import HOST, FleetConfig, FleetPorts
 
@@ -67,6 +67,9 @@ def assignments(
 
     With the documented ports it listens where the vehicle sends its telemetry, as an offboard program does with PX4.
     With other ports it sends to the vehicle's port, and the vehicle answers.
+
+    Raises:
+        ConfigError: If a daemon cannot fly a vehicle, for example one as fast as only vehicles without daemons may be.
     """
     base = EngineConfig().limits
     ideal = fleet.autopilot == "ideal"
@@ -81,27 +84,30 @@ def assignments(
         if not vehicle.cooperative:
             continue
         latitude, longitude, altitude = geodetic_from_ned(vehicle.goal_ned_m, home)
-        engine = EngineConfig(
-            goal=Goal(float(latitude), float(longitude), float(altitude)),
-            definition=definition,
-            eta=eta,
-            accuracy_convention=accuracy_convention,
-            cruise_mps=vehicle.speed_mps,
-            airframe_m=vehicle.airframe_m,
-            airframe_height_m=vehicle.airframe_height_m,
-            limits=VelocityLimits(
-                max(base.horizontal_mps, SPEED_RESERVE * vehicle.speed_mps),
-                base.vertical_mps,
-                UNLIMITED_MPS2 if ideal else base.acceleration_mps2,
-            ),
-            solver=solver,
-            halfplane=halfplane,
-            graded=graded,
-            rotation=rotation,
-            obstacles=obstacles,
-            vehicle_sysid=index + 1,
-            vertical_avoidance=vertical,
-        )
+        try:
+            engine = EngineConfig(
+                goal=Goal(float(latitude), float(longitude), float(altitude)),
+                definition=definition,
+                eta=eta,
+                accuracy_convention=accuracy_convention,
+                cruise_mps=vehicle.speed_mps,
+                airframe_m=vehicle.airframe_m,
+                airframe_height_m=vehicle.airframe_height_m,
+                limits=VelocityLimits(
+                    min(max(base.horizontal_mps, SPEED_RESERVE * vehicle.speed_mps), SPEED_RANGE.most),
+                    base.vertical_mps,
+                    UNLIMITED_MPS2 if ideal else base.acceleration_mps2,
+                ),
+                solver=solver,
+                halfplane=halfplane,
+                graded=graded,
+                rotation=rotation,
+                obstacles=obstacles,
+                vehicle_sysid=index + 1,
+                vertical_avoidance=vertical,
+            )
+        except ConfigError as error:
+            raise ConfigError(f"{scenario.name}: vehicle {index + 1} cannot have a daemon: {error}") from error
         link = (
             f"udpin:{HOST}:{fleet.companion_port + index}"
             if fleet.companion_port
@@ -124,7 +130,8 @@ def daemon_toml(scenario: Scenario, fleet: FleetConfig, system_id: int) -> str:
     """The configuration file of the daemon of one vehicle: goal and obstacles in degrees, links, speed and airframe.
 
     Raises:
-        ConfigError: If there is no such vehicle, it has no daemon, or the kernel is to choose the ports.
+        ConfigError: If there is no such vehicle, it has no daemon, a daemon cannot fly one of the scenario, or the
+            kernel is to choose the ports.
     """
     if not 1 <= system_id <= len(scenario.vehicles):
         raise ConfigError(f"{scenario.name} has no vehicle {system_id}: it has {len(scenario.vehicles)}")

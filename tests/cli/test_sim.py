@@ -378,6 +378,35 @@ def test_the_configuration_of_a_daemon_has_goal_and_obstacles_in_degrees(tmp_pat
     assert "--companion-port 0" in refused(*ANY_PORT, "--daemon-config", "1")
 
 
+def of_one_vehicle(speed_mps: float, airframe_m: float) -> str:
+    """A scenario file."""
+    return (
+        'name = "one"\nduration_s = 20.0\n[[vehicle]]\nstart_ned_m = [0, 0, -50]\ngoal_ned_m = [400, 0, -50]\n'
+        f"speed_mps = {speed_mps}\nairframe_m = {airframe_m}\n"
+    )
+
+
+def test_what_is_written_for_a_daemon_is_taken_by_it_up_to_the_fastest_and_largest(tmp_path: Path) -> None:
+    """Its speed limit, above its cruise speed, was out of range from 80 m/s on."""
+    path, config = tmp_path / "one.toml", tmp_path / "daemon.toml"
+    for speed_mps, airframe_m in ((100.0, 30.0), (0.01, 0.1)):
+        path.write_text(of_one_vehicle(speed_mps, airframe_m))
+        config.write_text(ridlink_sim("--scenario", str(path), "--daemon-config", "1").stdout)
+        engine = daemon_config(read_config_file(str(config))).engine
+        assert (engine.cruise_mps, engine.airframe_m) == (speed_mps, airframe_m)
+
+
+@pytest.mark.parametrize("speed_mps, airframe_m, told", [(101.0, 1.0, "cruise"), (10.0, 31.0, "airframe")])
+def test_a_vehicle_that_no_daemon_flies_is_named(
+    speed_mps: float, airframe_m: float, told: str, tmp_path: Path
+) -> None:
+    """Scenarios have faster and larger vehicles, which have no daemons."""
+    path = tmp_path / "one.toml"
+    path.write_text(of_one_vehicle(speed_mps, airframe_m))
+    said = refused("--scenario", str(path), "--daemon-config", "1")
+    assert said.startswith(f"ridlink: one: vehicle 1 cannot have a daemon: {told} must lie between ")
+
+
 def test_explain_prints_the_scenario_and_flies_nothing(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(
