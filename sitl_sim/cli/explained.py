@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from itertools import pairwise
+from typing import Any
 
 from ridlink.scenario import BUILT_IN, EVENTS, Scenario, VehicleSpec
 from ridlink.technologies import TECHNOLOGIES
@@ -13,12 +15,24 @@ from sitl_sim.fleet_config import FleetConfig
 from sitl_sim.vehicle import AIRFRAMES, MEASURED, load_airframe, model_for_speed
 
 
+def choices() -> dict[str, dict[str, Any]]:
+    """Everything that the options can name, by kind and name, as ``--list --json`` prints it."""
+    return {
+        "scenarios": {name: (make.__doc__ or "").strip() for name, make in BUILT_IN.items()},
+        "airframes": {name: load_airframe(name).title for name in AIRFRAMES},
+        "accuracy_classes_sigma_m": ACCURACY_CLASSES,
+        "technologies": {name: asdict(each) for name, each in TECHNOLOGIES.items()},
+        "faults": {what: {name: asdict(each) for name, each in figures.items()} for what, figures in EVENTS.items()},
+    }
+
+
 def everything() -> str:
-    """Text of ``--list``: everything that the options can name."""
+    """Text of ``--list``: the same for people."""
+    found = choices()
     lines = ["scenarios (--scenario):"]
-    lines += [f"  {name:16}{(make.__doc__ or '').strip()}" for name, make in BUILT_IN.items()]
+    lines += [f"  {name:16}{text}" for name, text in found["scenarios"].items()]
     lines += ["", "airframes (--airframe, or airframe of a vehicle):"]
-    lines += [f"  {name:16}{load_airframe(name).title}" for name in AIRFRAMES]
+    lines += [f"  {name:16}{title}" for name, title in found["airframes"].items()]
     lines += ["", "accuracy classes (--sigma), one sigma per axis:"]
     lines += [f"  {name:16}{sigma_m:g} m" for name, sigma_m in ACCURACY_CLASSES.items()]
     lines += ["", "technologies (--technology):"]

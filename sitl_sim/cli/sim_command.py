@@ -83,7 +83,7 @@ REFUSED_ON_AIR = ("malformed", "no_position", "refused", "overflow")
     metavar="N",
     help="Print what 'ridlink avoid --config' needs to fly vehicle N: goal, obstacles, links, speed; and end.",
 )
-@click.option("--json", "as_json", is_flag=True, help="One JSON object a second on stdout, and the verdict at the end.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object a second, the verdict last; or one of --list.")
 def sim(
     fleet: dict[str, Any],
     airborne: bool,
@@ -119,6 +119,7 @@ def sim(
       echo '{"vehicle":1,"what":"gnss-outage","duration_s":10}' | ridlink sim --airborne --stdin
     """
     import asyncio
+    import json
     import logging
     from dataclasses import replace
 
@@ -128,7 +129,7 @@ def sim(
     from sitl_sim.server import FleetServer
 
     if lists:
-        click.echo(explained.everything())
+        click.echo(json.dumps(explained.choices()) if as_json else explained.everything())
         return 0
     chosen = resolve_scenario(fleet["scenario"], fleet["count"], speed_mps=fleet["speed_mps"])
     if fleet["interval_s"] is not None:

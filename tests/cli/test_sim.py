@@ -352,6 +352,17 @@ def test_list_names_everything_there_is_to_choose() -> None:
         assert f"\n  {name}" in done.stdout
 
 
+def test_list_as_json_has_all_of_it_with_figures() -> None:
+    """It was the text."""
+    done = ridlink_sim("--list", "--json")
+    found = json.loads(done.stdout, parse_constant=pytest.fail)
+    wanted = {"airframes": AIRFRAMES, "technologies": TECHNOLOGIES, "faults": EVENTS}
+    assert {kind: [*found[kind]] for kind in wanted} == {kind: [*names] for kind, names in wanted.items()}
+    assert found["technologies"]["bt4"]["range_m"] == 300.0 and "circle8" in found["scenarios"]
+    assert found["faults"]["battery"] == {"remaining": {"default": None, "least": 0.0, "most": 1.0}}
+    assert found["accuracy_classes_sigma_m"]["worst-case"] == 10.0
+
+
 def test_the_configuration_of_a_daemon_has_goal_and_obstacles_in_degrees(tmp_path: Path) -> None:
     path, config = tmp_path / "wall.toml", tmp_path / "one.toml"
     path.write_text(
