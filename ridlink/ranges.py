@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ridlink.errors import ConfigError
+from ridlink.checked_toml import KeyFault
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,19 +46,19 @@ class Range:
             value: The number.
 
         Raises:
-            ConfigError: If it is outside, or no number; the text tells range and value.
+            KeyFault: If it is outside, or no number; the text tells range and value.
         """
         if value not in self:
             within = f"between {self.least:.12g} and {self.most:.12g}{self._unit}{' or be infinite' * self.or_infinite}"
             told = reprlib.repr(value) if isinstance(value, int) else f"{value:.12g}"  # no float holds every int
-            raise ConfigError(f"{name} must lie {within}, got {told}")
+            raise KeyFault(f"{name} must lie {within}, got {told}", name)
 
 
 def check_ranges(settings: Any, ranges: Mapping[str, Range]) -> None:
     """Check fields of a dataclass against their ranges.
 
     Raises:
-        ConfigError: For the first that is outside, as `Range.check`.
+        KeyFault: For the first that is outside, as `Range.check`.
     """
     for name, allowed in ranges.items():
         allowed.check(name, getattr(settings, name))

@@ -14,6 +14,7 @@ import msgspec
 
 from ridlink.avoidance.settings import HalfplaneSettings
 from ridlink.avoidance.types import SolverKind
+from ridlink.checked_toml import MOST_FAULTS, KeyFault
 from ridlink.daemon.config_file import SOLVER_TABLES, FlatConfig, config_text, line_of, overridden, read_config_text
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import ConfigError
@@ -184,24 +185,46 @@ def configured(config_file: str | None, over: Mapping[str, Any]) -> DaemonConfig
         over: Options by key, None if not given.
 
     Raises:
-        ConfigError: As `daemon_config`; the text names the line of the file, or the option.
+        ConfigError: As `daemon_config`; the text names the line of the file, or the option. Up to four more mistakes,
+            if none follows from another, as `others`.
         OSError: If the file cannot be read.
     """
     text = "" if config_file is None else config_text(config_file)
     flat = FlatConfig() if config_file is None else read_config_text(text, config_file)
-    try:
-        return daemon_config(overridden(flat, over), config_file)
-    except ConfigError as error:
-        for table, key, others in _without_each(flat):
-            if _complaint(overridden(others, over), config_file) != str(error):
-                line = line_of(text, key, table)
-                if key == "obstacle" and (named := re.match(r"obstacle (\d+)", str(error))):
-                    line = line_of(text, "polygon", key, int(named[1]))
-                raise ConfigError(f"{config_file}{line}: {_with_name(key, error)}") from error
-        for key in (name for name, value in over.items() if value is not None):
-            if _complaint(overridden(flat, {**over, key: None}), config_file) != str(error):
-                raise ConfigError(_with_name(key.replace("_", "-"), error)) from error
-        raise
+    faults: list[str] = []
+    while len(faults) < MOST_FAULTS:
+        try:
+            config = daemon_config(overridden(flat, over), config_file)
+        except ConfigError as error:
+            if faults and not isinstance(error, KeyFault):
+                break  # it may follow from what was taken out
+            told, without = _placed(error, flat, over, config_file, text)
+            faults.append(told)
+            if without is None:
+                break
+            flat, over = without
+        else:
+            if not faults:
+                return config
+            break
+    raise ConfigError(*faults)
+
+
+def _placed(
+    error: ConfigError, flat: FlatConfig, over: Mapping[str, Any], config_file: str | None, text: str
+) -> tuple[str, tuple[FlatConfig, Mapping[str, Any]] | None]:
+    """The error text with line or option, and the configuration without the key at fault; None if it is unknown."""
+    for table, key, others in _without_each(flat):
+        if _complaint(overridden(others, over), config_file) != str(error):
+            line = line_of(text, key, table)
+            if key == "obstacle" and (named := re.match(r"obstacle (\d+)", str(error))):
+                line = line_of(text, "polygon", key, int(named[1]))
+            return f"{config_file}{line}: {_with_name(key, error)}", (others, over)
+    for key in (name for name, value in over.items() if value is not None):
+        remaining = {**over, key: None}
+        if _complaint(overridden(flat, remaining), config_file) != str(error):
+            return _with_name(key.replace("_", "-"), error), (flat, remaining)
+    return str(error), None
 
 
 def _with_name(key: str, error: ConfigError) -> str:
@@ -245,12 +268,12 @@ def _named(kind: type[StrEnum], what: str, name: str) -> StrEnum:
     """The member of that name.
 
     Raises:
-        ConfigError: If there is none; the text lists the names that are allowed.
+        KeyFault: If there is none; the text lists the names that are allowed.
     """
     try:
         return kind(name)
     except ValueError:
-        raise ConfigError(unknown_name(what, name, kind)) from None
+        raise KeyFault(unknown_name(what, name, kind), what) from None
 
 
 def as_toml(config: DaemonConfig) -> str:

@@ -21,6 +21,7 @@ from click.testing import CliRunner
 from ridlink.avoidance.solver import warm_up
 from ridlink.avoidance.types import SolverKind
 from ridlink.cli import cli
+from ridlink.errors import ConfigError
 from ridlink.links import open_link, parse_link_url
 from ridlink.mavlink.codec import Encoder
 from ridlink.scenario import Event, Scenario, VehicleSpec, built_in
@@ -392,7 +393,7 @@ def test_a_goal_with_latitude_and_longitude_swapped_keeps_the_vehicle_on_the_gro
 )
 def test_what_cannot_be_flown_is_refused_before_anything_is_opened(arguments: list[str], words: str) -> None:
     result = CliRunner().invoke(cli, ["fly", *arguments])
-    assert result.exit_code == 2 or type(result.exception).__name__ == "ConfigError"
+    assert result.exit_code == 2 or isinstance(result.exception, ConfigError)
     assert words in result.output or words in str(result.exception)
 
 

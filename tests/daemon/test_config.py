@@ -229,6 +229,23 @@ def test_f34_a_value_out_of_range_is_told_with_its_line(write, text: str, over: 
     assert str(caught.value).startswith(f"{path}{said}")
 
 
+def test_f34_all_values_out_of_range_are_told_at_once_but_not_what_follows_from_them(write) -> None:
+    """Without its v-max, a cruise of 20 m/s is too fast, which is no mistake."""
+    text = 'cruise = 20.0\nv_max = -1.0\nsolver = "grade"\neta = 2.0\n[halfplane]\nhorizon_s = 90.0\n'
+    path = write(text)
+    with pytest.raises(ConfigError) as caught:
+        configured(str(path), {"airframe": 40.0})
+    lines = [str(caught.value), *caught.value.others]
+    assert [line.removeprefix(str(path)).partition(" must")[0] for line in lines] == [
+        ":3: unknown solver 'grade': did you mean 'graded'? known are halfplane, graded, rotation",
+        ":4: eta", "airframe", ":2: v-max", ":6: horizon_s",
+    ]  # fmt: skip
+    path.write_text("eta = 2.0\nairframe = 31.0\nv_max = -1.0\na_max = 0\nmin_height = -1\nmax_height = -1.0\n")
+    with pytest.raises(ConfigError) as caught:
+        configured(str(path), {})
+    assert len(caught.value.others) == 4
+
+
 @pytest.mark.parametrize(
     ("over", "said"),
     [
