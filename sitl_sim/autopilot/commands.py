@@ -164,7 +164,7 @@ class Commands:
                 return self._orders.refuse("speed refused: not above zero", Result.DENIED)
             if kind not in SPEED_KINDS or self._pilot.mode not in SPEED_MODES:
                 return self._orders.refuse("speed refused: unknown kind, or another mode")
-        self._pilot.speeds.change(kind, speed_mps)
+        self._pilot.change_speed(kind, speed_mps)
         return Result.ACCEPTED
 
     def _reposition(self, command: Command, now_s: float) -> Result:

@@ -141,12 +141,25 @@ class MissionFlight:
         total = max(len(self.plan) - self._first, 0)
         return {"seq": self.current, "total": total, "mission_state": state, "mission_mode": 1 if self.is_flown else 2}
 
+    def change_pace(self) -> None:
+        """Take up the present speeds on the way that is flown."""
+        if isinstance(self._leg, GoTo):
+            self._leg = self._speeds.way_to(self._leg.target_ned_m)
+
     # --- in flight ----------------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Begin, or continue where it was left; a complete mission begins again."""
+        """Begin, or continue where it was left; a complete mission begins again.
+
+        PX4 then flies at the speed of the last item for it before the present one; ArduPilot at that of its parameter.
+
+        Source: MissionBase::on_activation of PX4, ModeAuto::init of ArduPilot.
+        """
         if self._complete:
             self._rewind()
+        before = reversed(self.plan[self._first : self.current] if self._board.is_px4 else ())
+        if (item := next((each for each in before if each.command == Item.CHANGE_SPEED), None)) is not None:
+            self._speeds.change(item.parameters[0], item.parameters[1])
         self._begun = True
         self._leg = None
 

@@ -206,15 +206,18 @@ class Orders:
         return Result.ACCEPTED
 
     def go_to(self, target_ned_m: Vector, speed_mps: float | None) -> Result:
-        """Fly to a point, about the scenario's home, and stay there; on the ground, only the mode changes."""
+        """Fly to a point, about the scenario's home, and stay there; on the ground, only the mode changes, but an armed
+        PX4 takes off for a point above it.
+
+        Source: Loiter::reposition and FlightTask::_checkTakeoff of PX4, which ask for nothing else.
+        """
         if (refusal := self._unavailable()) is not None:
             return refusal
         pilot = self._pilot
         if not pilot.failsafes.has_position:
             return self.refuse("reposition refused: no position")
-        flies = pilot.navigation.in_air
-        if self._board.is_px4 and pilot.armed and not flies:
-            return self.refuse("reposition refused: not in the air")
-        way = pilot.speeds.way_to(target_ned_m, speed_mps) if flies else Velocity()
-        pilot.enter(Mode.HOLD if self._board.is_px4 else Mode.OFFBOARD, way)
+        is_px4, flies = self._board.is_px4, pilot.navigation.in_air
+        pilot.enter(Mode.HOLD if is_px4 else Mode.OFFBOARD, Velocity())
+        if flies or (is_px4 and pilot.armed):
+            pilot.guidance = pilot.speeds.way_to(target_ned_m, speed_mps)
         return Result.ACCEPTED

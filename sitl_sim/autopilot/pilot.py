@@ -179,10 +179,25 @@ class Pilot:
         else:
             self.nose.let_go()
 
+    def change_speed(self, kind: float, speed_mps: float) -> None:
+        """Execute DO_CHANGE_SPEED, on the present way, too."""
+        self.speeds.change(kind, speed_mps)
+        self.mission.change_pace()
+        if isinstance(self.guidance, GoTo) and not (self._board.is_px4 and self.mode is Mode.OFFBOARD):
+            self.guidance = self.speeds.way_to(self.guidance.target_ned_m, None, self.guidance.feed_forward_ned_mps)
+
     # --- manoeuvres ---------------------------------------------------------------------------------------------------
 
     def enter(self, mode: Mode, guidance: Guidance | None) -> None:
-        """Change the mode unconditionally; without a manoeuvre, the world flies the vehicle."""
+        """Change the mode unconditionally; without a manoeuvre, the world flies the vehicle.
+
+        Another mode begins with the speeds of the parameters.
+
+        Source: ModeAuto::init of ArduPilot; MissionBase::on_activation, RtlDirect::on_activation of PX4, and in its
+        Navigator::run the first reposition in HOLD.
+        """
+        if mode is not self.mode:
+            self.speeds.forget()
         self.mode, self.guidance = mode, guidance
         if mode not in FROM_THE_AIR:
             self._chosen = Mode.HOLD if mode is Mode.TAKEOFF else mode

@@ -23,7 +23,7 @@ from sitl_sim.world import World
 HOME_REACHED_M = 1.0
 
 LIFT_OFF_MPS = 0.1
-"""A vehicle that stands armed in OFFBOARD leaves the ground if it is commanded to climb faster than this."""
+"""A vehicle that stands armed in OFFBOARD or HOLD leaves the ground if it is commanded to climb faster than this."""
 
 _STICK_MODES = (Mode.MANUAL, Mode.ALTITUDE, Mode.POSITION, Mode.HOLD)
 """ArduPilot's modes that read the throttle stick; HOLD is LOITER there."""
@@ -166,8 +166,8 @@ class Routine:
             pilot.guidance = Descend(guidance.target_ned_m[:2])
 
     def _leaves_the_ground(self) -> bool:
-        """Whether it is on the ground and is commanded upwards, which is enough for PX4 in OFFBOARD."""
+        """Whether it is on the ground and is commanded upwards, which is enough for PX4 in OFFBOARD and HOLD."""
         pilot = self._pilot
         stands = pilot.armed and pilot.navigation.state is VehicleState.GROUNDED
         climbs = -pilot.command_ned_mps[2] > LIFT_OFF_MPS
-        return stands and self._board.is_px4 and pilot.mode is Mode.OFFBOARD and climbs
+        return stands and self._board.is_px4 and pilot.mode in (Mode.OFFBOARD, Mode.HOLD) and climbs

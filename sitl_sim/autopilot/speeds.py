@@ -32,7 +32,11 @@ class Speeds:
         if speed_mps > 0.0:
             self._asked_mps[int(kind) if kind in (CLIMB, DESCENT) and not self._px4 else CRUISE] = speed_mps
         elif self._px4:
-            self._asked_mps.clear()
+            self.forget()
+
+    def forget(self) -> None:
+        """Return to the parameters, as either autopilot does in the next mode."""
+        self._asked_mps.clear()
 
     def _figure(self, px4: str, ardupilot: str) -> float:
         return self._parameters[px4] if self._px4 else self._parameters[ardupilot] / 100.0

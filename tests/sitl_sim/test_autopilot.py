@@ -535,6 +535,22 @@ def test_a_reposition_on_the_ground_changes_the_mode_and_flies_nowhere(flavour: 
     assert flight.height_m == 0.0
 
 
+@pytest.mark.parametrize(
+    ("flavour", "height", "leaves"),
+    [("px4", HOME.altitude_m + 20.0, True), ("px4", NAN, False), ("ardupilot", HOME.altitude_m + 20.0, False)],
+)
+def test_px4_that_stands_armed_takes_off_for_a_reposition_above_it(flavour: str, height: float, leaves: bool) -> None:
+    flight = Flight(flavour)
+    flight.advance(0.1)
+    flight.set_mode(*((4, 3) if flavour == "px4" else (GUIDED,)))
+    assert flight.command(ARM, 1) == ACCEPTED
+    assert reposition(flight, "COMMAND_INT", height) == ACCEPTED
+    flight.advance(30.0)
+    assert flight.mode == (PX4_HOLD if flavour == "px4" else GUIDED)
+    there = (START_NED_M[0] + 30.0, 0.0, -20.0) if leaves else (*START_NED_M[:2], 0.0)
+    assert flight.world.position_ned_m[0] == pytest.approx(there, abs=1.5)
+
+
 def test_a_reposition_on_the_meridian_of_greenwich_is_no_other_than_elsewhere() -> None:
     for flavour in ("px4", "ardupilot"):
         flight = airborne(flavour)

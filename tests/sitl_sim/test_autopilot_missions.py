@@ -415,6 +415,23 @@ def test_px4_arms_for_the_command_to_start() -> None:
 
 
 @both
+def test_a_mission_that_goes_on_has_its_own_speed_again_in_px4_alone(flavour: str) -> None:
+    flight = holding(flavour)
+    items = [at_once(SPEED, param1=1.0, param2=2.0), item(north=100.0), at_once(SPEED, param1=1.0, param2=1.0), item()]
+    assert upload(flight, planned(flavour, items)) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    flight.advance(4.0)
+    assert flight.velocity[0] == pytest.approx(2.0, abs=0.4)
+    assert flight.command(SPEED, 1.0, 3.0) == ACCEPTED  # on its way
+    flight.advance(4.0)
+    assert flight.velocity[0] == pytest.approx(3.0, abs=0.5)
+    assert (flight.set_mode(4, 3) if flavour == "px4" else flight.set_mode(BRAKE)) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    flight.advance(6.0)
+    assert flight.velocity[0] == pytest.approx(2.0 if flavour == "px4" else 10.0, abs=1.0)
+
+
+@both
 def test_a_mission_is_left_and_goes_on_where_it_was(flavour: str) -> None:
     flight = holding(flavour)
     assert upload(flight, planned(flavour, [item(north=5.0), item(north=40.0)])) == ACCEPTED

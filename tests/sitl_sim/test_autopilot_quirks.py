@@ -241,6 +241,31 @@ def test_a_change_of_speed_is_of_the_kind_that_each_autopilot_knows() -> None:
     assert speeds.cruise_mps == usual[0]
 
 
+@both
+def test_a_change_of_speed_lasts_until_the_mode_changes(flavour: str) -> None:
+    flight = flying(flavour)
+    speeds = flight.autopilot.pilot.speeds
+    usual_mps = speeds.cruise_mps
+    for mode in ((4, 5), (4, 3)) if flavour == "px4" else ((ARDUPILOT_RETURN,), (GUIDED,)):
+        assert flight.command(CHANGE_SPEED, 1, 2.0) == ACCEPTED
+        assert speeds.cruise_mps == 2.0
+        assert flight.set_mode(*mode) == ACCEPTED
+        assert speeds.cruise_mps == usual_mps
+
+
+@both
+def test_a_change_of_speed_is_of_the_present_way_too(flavour: str) -> None:
+    flight = flying(flavour)
+    assert flight.set_mode(*((4, 5) if flavour == "px4" else (ARDUPILOT_RETURN,))) == ACCEPTED
+    flight.world.position_ned_m[0, 0] += 200.0
+    flight.autopilot.pilot.estimate.north_m += 200.0
+    flight.advance(8.0)
+    assert flight.velocity[0] < -4.0
+    assert flight.command(CHANGE_SPEED, 1, 2.0) == ACCEPTED
+    flight.advance(8.0)
+    assert flight.velocity[0] == pytest.approx(-2.0, abs=0.3)
+
+
 def test_ardupilot_turns_its_nose_when_told_and_px4_has_no_such_command() -> None:
     flight = flying("ardupilot")
     assert flight.command(CONDITION_YAW, 90.0, 0.0, 1.0, 0.0) == ACCEPTED
