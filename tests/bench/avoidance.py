@@ -5,9 +5,10 @@ Vehicles are spread evenly, 24 to a square of 600 m, at 10 m/s in all directions
 each decides as the only one in a world of its own with its k nearest, which numpy finds beforehand, untimed. Filling
 such a world for one decision is timed with it.
 
-Python-RVO2 (module `rvo2`), where it is installed, flies the same crowds in the same rounds, its own search for
-neighbours included; half-planes alone are compared with it. Its own set-up compiles it without optimisation, six to
-nine times as slow as with `-O3`.
+In the same rounds plain ORCA (`reference_orca`) decides for the same vehicles among the same neighbours, and
+Python-RVO2 (module `rvo2`), where it is installed, for the same crowds, its own search for neighbours included;
+half-planes alone are compared with them. The set-up of Python-RVO2 compiles it without optimisation, six to nine times
+as slow as with `-O3`.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ridlink.avoidance import HalfplaneSettings, Obstacles, RotationSettings, rows
 from ridlink.campaign.deciding import new_decider
+from tests.avoidance.reference_orca import Orca
 from tests.bench.measure import ROUNDS, interleaved
 
 SPEED_MPS, DISC_M, ERROR_SHARE, SPACING_M = 10.0, 24.0, 0.8, 600.0 / 24**0.5
@@ -75,6 +78,7 @@ class Batch:
         heard[..., 0:2], heard[..., 2:4], heard[..., 4:6], heard[..., 6], heard[..., 7] = (
             position, velocity, np.nan, 0.2, 1.0,
         )  # fmt: skip
+        self.plain = Orca(position, velocity, deciding, DISC_M, SPEED_MPS)
         radius = np.full((*shape, shape[1]), DISC_M)
         self._picture = (own, deciding, heard, np.ones(shape, np.bool_), radius, ERROR_SHARE * radius, EVERYWHERE_M)
 
@@ -148,16 +152,21 @@ def crowds(settings: Settings, peers: dict[tuple[int, int], Rvo2]) -> list[dict[
     batches[WORLDS * VEHICLES, VEHICLES - 1] = worlds(random, settings)
     times = {key: max(1, DECISIONS // batch.decisions) for key, batch in batches.items()}
 
-    def steps(key: tuple[int, int]) -> None:
-        for _ in range(times[key]):
-            batches[key].step()
+    def steps(decider: Batch | Orca, count: int) -> None:
+        for _ in range(count):
+            decider.step()
 
-    actions: dict[str, Any] = {f"{key[0]} {key[1]}": lambda key=key: steps(key) for key in batches}
+    actions: dict[str, Any] = {}
+    for key, batch in batches.items():
+        actions[f"{key[0]} {key[1]}"] = partial(steps, batch, times[key])
+        if settings is HALFPLANES:
+            actions[f"orca {key[0]} {key[1]}"] = partial(steps, batch.plain, times[key])
     seconds = interleaved(actions | {f"rvo2 {key[0]} {key[1]}": peer.step for key, peer in peers.items()})
     table = []
     for vehicles, neighbours in batches:
         batch, each = batches[vehicles, neighbours], times[vehicles, neighbours]
         spent = [1e9 * one / each / batch.decisions for one in seconds[f"{vehicles} {neighbours}"]]
+        plain = [1e9 * one / each / batch.decisions for one in seconds.get(f"orca {vehicles} {neighbours}", ())]
         same = (VEHICLES if vehicles == WORLDS * VEHICLES else vehicles, neighbours)
         peer = [1e9 * one / peers[same].decisions for one in seconds[f"rvo2 {same[0]} {same[1]}"]] if peers else None
         table.append(
@@ -170,6 +179,7 @@ def crowds(settings: Settings, peers: dict[tuple[int, int], Rvo2]) -> list[dict[
                 "decision_max_ns": max(spent),
                 "per_s": 1e9 / statistics.median(spent),
                 "infeasible": batch.infeasible(),
+                "plain_orca_ns": statistics.median(plain) if plain else None,
                 "python_rvo2_ns": None if peer is None else statistics.median(peer),
             }
         )
@@ -232,8 +242,11 @@ def report() -> dict[str, Any]:
         print(f"{'vehicles':>20}{'neighbours':>12}{'a decision':>14}{'decisions':>14}{'infeasible':>12}  (spread)")
         for row in found:
             name = f"{row['worlds']} x {VEHICLES}" if row["worlds"] > 1 else f"{row['vehicles']:,}"
-            peer = row["python_rvo2_ns"]
-            told = f"  Python-RVO2 {peer:,.0f} ns, {peer / row['decision_ns']:.1f} times as long" if peer else ""
+            told = "".join(
+                f"  {peer} {row[key]:,.0f} ns, {row[key] / row['decision_ns']:.1f} times as long"
+                for peer, key in (("plain ORCA", "plain_orca_ns"), ("Python-RVO2", "python_rvo2_ns"))
+                if row[key]
+            )
             print(
                 f"{name:>20}{row['neighbours']:>12}{row['decision_ns']:>11.0f} ns{row['per_s']:>12,.0f}/s"
                 f"{row['infeasible']:>12.1%}  ({row['decision_min_ns']:.0f}-{row['decision_max_ns']:.0f}){told}"
