@@ -28,6 +28,7 @@ ALERTS = {
     "own_id_elsewhere": "our own Remote ID is used elsewhere",
     "other_writer": "another writer steers this vehicle, too",
     "setpoints_unheard": UNHEARD,
+    "pause_kept": "guard: the mission was paused, and is not flown on",
     "mode_not_given": "guard: the autopilot does not change its mode",
     "own_position_jump": "own position jumped",
     "own_position_delayed": "telemetry comes late",

@@ -255,7 +255,7 @@ class Engine:
             self.rung = request(Rung())
         if wish.end or guard.phase is Phase.WATCHING:
             self.rung = resting(guard)
-        self._counters["mode_not_given"] = guard.refused
+        self._counters["mode_not_given"], self._counters["pause_kept"] = guard.refused, guard.pauses_kept
         return self._commands(wish.commands)
 
     def _seen_by_guard(self, own: OwnState | None, now_s: float) -> Seen:

@@ -5,6 +5,8 @@
                   it. If the link is lost meanwhile, the next heartbeat tells whether the request was heard.
     RESOLVING     in GUIDED or OFFBOARD; until the way has been free for the hysteresis, or nothing has steered for five
                   seconds: a lost own state or link ends the avoidance, and an ArduPilot would hover there for ever.
+    HOLDING       a mission that was found paused is not handed back, for it would fly on: the vehicle goes on avoiding
+                  about its place, until the operator chooses the mode that was found.
     HANDING_BACK  the mission item and the mode that were found are asked for until a heartbeat says so.
     ENDED         somebody else changed the mode meanwhile, or steers as well, or another vehicle speaks on the link.
                   The vehicle is theirs until the operator engages the guard again, by MAV_CMD_DO_PAUSE_CONTINUE with 1
@@ -31,6 +33,9 @@ PX4_AUTO = 4
 AUTONOMOUS = {PX4: {(PX4_AUTO, 3), (PX4_AUTO, 4), (PX4_AUTO, 5)}, ARDUPILOT: {(3, 0), (6, 0)}}
 """PX4: hold, mission, return. ArduPilot: AUTO, RTL."""
 
+PAUSABLE = {ARDUPILOT: 3}
+"""AUTO, which an operator pauses by DO_PAUSE_CONTINUE: it stays the mode, and another mode ends the pause."""
+
 STREAM_FIRST_S = 0.5
 """PX4 accepts OFFBOARD after 100 ms of stream; lost datagrams are allowed for."""
 ASK_AGAIN_S = 0.5
@@ -51,6 +56,7 @@ class Phase(StrEnum):
     WATCHING = "watching"
     TAKING_OVER = "taking over"
     RESOLVING = "resolving"
+    HOLDING = "holding"
     HANDING_BACK = "handing back"
     ENDED = "ended"
 
@@ -68,6 +74,7 @@ class Seen:
         clear: The way has been free for the hysteresis.
         sysid: System id of the autopilot.
         mission_item: Sequence number in MISSION_CURRENT; None if it was not told.
+        paused: The plan is paused in its mode.
         steering: The avoidance steers, or stops the vehicle.
         taken: Another writer sends setpoints, and the avoidance gave way.
         heard: The autopilot is heard; otherwise, what it said last may be long past.
@@ -81,6 +88,7 @@ class Seen:
     clear: bool
     sysid: int
     mission_item: int | None = None
+    paused: bool = False
     steering: bool = True
     taken: bool = False
     heard: bool = True
@@ -128,15 +136,17 @@ class Guard:
         found_mode: Mode that it hands back.
         takeovers: Number of conflicts that it took over for.
         refused: How often a mode was asked for in vain for longer than five seconds.
+        pauses_kept: For how many conflicts it has not handed back, since the plan was found paused.
         remark: Why it has ended, or does not take over now; empty if there is nothing to say.
     """
 
     def __init__(self) -> None:
         self.phase = Phase.WATCHING
         self.found_mode = 0
-        self.takeovers = self.refused = 0
+        self.takeovers = self.refused = self.pauses_kept = 0
         self.remark = ""
         self._found_item: int | None = None
+        self._found_paused = False
         self._vehicle: tuple[int, int] | None = None
         self._since_s = self._asked_s = self._steered_s = 0.0
 
@@ -162,7 +172,7 @@ class Guard:
                 return self._watch(seen, now_s)
             case Phase.TAKING_OVER:
                 return self._take_over(seen, now_s, external)
-            case Phase.RESOLVING | Phase.HANDING_BACK:
+            case Phase.RESOLVING | Phase.HOLDING | Phase.HANDING_BACK:
                 return self._resolve(seen, now_s, external)
         return Wish()
 
@@ -171,7 +181,8 @@ class Guard:
         self.remark = FOREIGN_MODE if seen.flying and seen.heard and not autonomous else ""
         if not (autonomous and seen.conflict and seen.flying and seen.heard and seen.interruptible):
             return Wish()
-        self.found_mode, self._found_item, self._vehicle = seen.custom_mode, seen.mission_item, seen.vehicle
+        self.found_mode, self._vehicle = seen.custom_mode, seen.vehicle
+        self._found_item, self._found_paused = seen.mission_item, seen.paused
         self.takeovers += 1
         self._go(Phase.TAKING_OVER, now_s)
         return Wish(begin=True)
@@ -199,8 +210,8 @@ class Guard:
 
     def _resolve(self, seen: Seen, now_s: float, external: bool) -> Wish:
         # While it hands back it ends the stream anyway, and the plan that is flown again sets targets of its own.
-        if not external or (seen.taken and self.phase is Phase.RESOLVING):
-            if self.phase is not Phase.HANDING_BACK or not _same(seen.autopilot, seen.custom_mode, self.found_mode):
+        if not external or (seen.taken and self.phase is not Phase.HANDING_BACK):
+            if self.phase is Phase.RESOLVING or not _same(seen.autopilot, seen.custom_mode, self.found_mode):
                 return self._end(CHANGED if not external else OTHER_WRITER, now_s)
             self._go(Phase.WATCHING, now_s)
             return Wish(end=True)
@@ -210,17 +221,24 @@ class Guard:
         if not seen.clear and now_s - max(self._steered_s, self._since_s) <= GIVE_UP_S:
             return Wish()
         if self.phase is Phase.RESOLVING:
-            self._go(Phase.HANDING_BACK, now_s)
+            self.pauses_kept += self._found_paused
+            self._go(Phase.HOLDING if self._found_paused else Phase.HANDING_BACK, now_s)
+        elif self.phase is Phase.HOLDING and not seen.clear:
+            self._go(Phase.HOLDING, now_s)
+            return Wish(begin=True)  # the avoidance was ended, by a lost own state or link
+        if self.phase is Phase.HOLDING:
+            return Wish()
         if not self._ask(now_s):
             return Wish()
         self.refused += seen.heard and now_s - self._since_s > GIVE_UP_S
         return Wish(commands=self.hand_back(seen))
 
     def hand_back(self, seen: Seen) -> Commands:
-        """Commands that restore what was found; none unless the guard took over, or asked to and does not know yet."""
+        """Commands that restore what was found; none unless the guard took over, or asked to and does not know yet, and
+        none that would end a pause."""
         asked = self.phase is Phase.TAKING_OVER and self._asked_s >= self._since_s
         taken = asked or self.phase in (Phase.RESOLVING, Phase.HANDING_BACK)
-        if not taken or seen.vehicle != self._vehicle:
+        if not taken or self._found_paused or seen.vehicle != self._vehicle:
             return ()
         mode = mode_command(seen.autopilot, self.found_mode)
         if self._found_item is None or seen.mission_item in (None, self._found_item):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ridlink.engine.config import EngineConfig, Goal
 from ridlink.engine.decision import DecisionRecord
-from ridlink.engine.guard import Guard, Seen
+from ridlink.engine.guard import PAUSABLE, Guard, Seen
 from ridlink.engine.takeoff import interruptible
 from ridlink.failsafe import HEARTBEAT_LOST_S, OTHER_WRITER, STEERING, Rung, State
 from ridlink.geodesy import moved
@@ -83,5 +83,6 @@ def seen_by_guard(
         taken=rung.reason == OTHER_WRITER,
         sysid=lock.sysid if lock is not None else 0,
         mission_item=telemetry.mission_item,
+        paused=telemetry.mission_paused and lock is not None and telemetry.custom_mode == PAUSABLE.get(lock.autopilot),
         heard=telemetry.heard_s(now_s) <= HEARTBEAT_LOST_S,
     )

@@ -40,6 +40,8 @@ MULTIROTORS = frozenset((0, 2, 3, 4, 13, 14, 15, 29, 35, 43))
 """MAV_TYPE of vehicles that can stop and hover: multirotors and helicopters, and generic (0), which a PX4 calls itself
 if its frame sets no type; one with wings does set it. Numbers of modes are those of an ArduPilot Copter: its GUIDED (4)
 is ACRO for a Plane and HOLD for a Rover, and its AUTO (3) is TRAINING, flown by a pilot."""
+MISSION_PAUSED = 4
+"""MISSION_STATE."""
 LANDED_ON_GROUND, LANDED_TAKEOFF = 1, 3
 """MAV_LANDED_STATE."""
 
@@ -78,6 +80,8 @@ class OwnShipTelemetry:
         external_mode: Whether it is a multirotor in GUIDED or OFFBOARD, by its last heartbeat.
         custom_mode: Number of the mode, as the autopilot counts.
         mission_item: Sequence number of the item that is flown; None before it is told.
+        mission_paused: Whether the mission is told to be paused, in the present mode; so PX4 calls all that it does not
+            fly.
         vehicle_type: MAV_TYPE of its heartbeat.
         home: Take-off position of HOME_POSITION, altitude above mean sea level; None before that is told.
         trust: What receiver and estimator say of themselves.
@@ -101,6 +105,7 @@ class OwnShipTelemetry:
         self.armed = self.external_mode = False
         self.custom_mode = 0
         self.mission_item: int | None = None
+        self.mission_paused = False
         self.vehicle_type = 0
         self.home: Geodetic | None = None
         self.trust = NavigationTrust()
@@ -158,7 +163,7 @@ class OwnShipTelemetry:
                 if self.external_mode:
                     self.other_writer.receive(message, now_s, stands_unheard=lock.autopilot == ARDUPILOT)
             case "MISSION_CURRENT":
-                self.mission_item = message.seq
+                self.mission_item, self.mission_paused = message.seq, message.mission_state == MISSION_PAUSED
             case "EXTENDED_SYS_STATE":
                 self._landed_state, self._landed_told_at_s = message.landed_state, now_s
             case "HOME_POSITION":
@@ -181,6 +186,7 @@ class OwnShipTelemetry:
             self.lock = offered
         self._heartbeat_at_s = now_s
         self.armed = bool(message.base_mode & ARMED_FLAG)
+        self.mission_paused &= message.custom_mode == self.custom_mode
         self.custom_mode = message.custom_mode
         self.vehicle_type = message.type
         self.counters["no_multirotor"] += not self.is_multirotor

@@ -47,7 +47,7 @@ class MissionFlight:
         plan: Its items.
         current: Sequence number of the present item.
         reached: Items that were reached and are not reported yet.
-        is_flown: Whether the mode is MISSION.
+        is_flown: Whether the mode is MISSION; `is_paused`: whether it is paused there.
     """
 
     def __init__(self, board: Board, speeds: Speeds, nose: Nose) -> None:
@@ -55,7 +55,7 @@ class MissionFlight:
         self.plan: tuple[MissionItem, ...] = ()
         self.current = 0
         self.reached: list[int] = []
-        self.is_flown = False
+        self.is_flown = self.is_paused = False
         self._first = 0
         self._begun = self._complete = self._held = False
         self._leg: Guidance | None = None
@@ -134,7 +134,7 @@ class MissionFlight:
             state = _NO_MISSION
         elif self.is_complete:
             state = _COMPLETE
-        elif self.is_flown:
+        elif self.is_flown and not self.is_paused:
             state = _ACTIVE
         else:
             state = _PAUSED if self._begun else _NOT_STARTED

@@ -65,7 +65,7 @@ class Routine:
             self._fly_mission(now_s)
         elif not self._board.is_px4 and pilot.mode in _STICK_MODES and navigation.in_air:
             pilot.guidance = pilot.steering.by_stick(now_s)
-        pilot.mission.is_flown = pilot.mode is Mode.MISSION and cooperative
+        pilot.mission.is_flown, pilot.mission.is_paused = pilot.mode is Mode.MISSION and cooperative, pilot.paused
         self._advance_manoeuvre()
         pilot.fly()
         if self._leaves_the_ground():

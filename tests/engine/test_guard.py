@@ -19,7 +19,7 @@ from sitl_sim.autopilot import Start
 from tests.daemon.emulated import Emulated
 from tests.daemon.invariants import ASKED, GUARDING, Observer, messages
 from tests.sitl_sim import missions
-from tests.sitl_sim.flight import COMPANION, HOME, PX4_HOLD, PX4_MISSION, START_NED_M, Flight
+from tests.sitl_sim.flight import ACCEPTED, COMPANION, GUIDED, HOME, PX4_HOLD, PX4_MISSION, START_NED_M, Flight
 
 MISSION = {"px4": PX4_MISSION, "ardupilot": missions.AUTO}
 both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
@@ -141,6 +141,26 @@ def test_a_conflict_on_a_mission_is_resolved_and_mission_and_mode_are_handed_bac
     once = [Phase.WATCHING, Phase.TAKING_OVER, Phase.RESOLVING, Phase.HANDING_BACK]
     assert flight.phases == [*(once * flight.guard.takeovers), Phase.WATCHING]
     assert flight.observer.setpoints[0].vx == 0.0
+
+
+def test_a_mission_that_the_operator_has_paused_stays_so_until_the_operator_chooses_a_mode() -> None:
+    """Handed back, AUTO flew on: a change of the mode ends a pause."""
+    flight = on_a_mission("ardupilot")
+    assert flight.command(missions.PAUSE_CONTINUE, 0) == ACCEPTED
+    flight.until(lambda: math.hypot(*flight.velocity[:2]) < 0.2)
+    north = float(flight.world.position_ned_m[0, 0])
+    flight.intruder = Emulated(9, ned_m=(north, -72.0, -50.0))
+    flight.intruder.velocity[1] = 6.0
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    flight.until(lambda: flight.intruder is not None and flight.intruder.position[1] > 150.0)
+    assert flight.guard.phase is Phase.HOLDING and flight.mode == GUIDED
+    assert flight.engine.counters["pause_kept"] == 1
+    assert flight.nearest_m > 4.0
+    assert flight.world.position_ned_m[0, 0] == pytest.approx(north, abs=10.0)
+    assert math.hypot(*flight.velocity[:2]) < 1.0
+    assert flight.set_mode(missions.AUTO) == ACCEPTED
+    flight.until(lambda: 2 in missions.reached(flight))
+    assert flight.guard.phase is Phase.WATCHING
 
 
 @both

@@ -21,14 +21,18 @@ from ridlink.engine.guard import (
     is_autonomous,
     mode_command,
 )
-from ridlink.engine.guarding import AHEAD_M, goal_ahead
+from ridlink.engine.guarding import AHEAD_M, goal_ahead, seen_by_guard
 from ridlink.errors import ConfigError
-from ridlink.failsafe import OTHER_WRITER
+from ridlink.failsafe import OTHER_WRITER, Rung
 from ridlink.geodesy import offset_m
 from ridlink.own_ship import ARDUPILOT, PX4
 from ridlink.setpoint import Velocity
+from tests.own_ship.autopilot import flying
 from tests.sitl_sim.flight import PX4_HOLD, PX4_MISSION, PX4_RETURN
 from tests.traffic.reports import HERE, OWN
+
+AUTO = 3
+"""Of ArduPilot."""
 
 CLEAR = Seen(PX4, PX4_MISSION, True, True, False, True, sysid=1, mission_item=1)
 
@@ -117,6 +121,63 @@ def test_what_was_found_is_asked_for_again_until_a_heartbeat_says_it() -> None:
     assert asked == [0, 5, 10]
     assert guard.step(seen(), 4.0).end
     assert guard.phase is Phase.WATCHING and guard.takeovers == 1
+
+
+def holding() -> Guard:
+    """One that found an ArduPilot's AUTO paused, since the conflict is over."""
+    guard = Guard()
+    assert guard.step(paused(custom_mode=AUTO, conflict=True), 0.0).begin
+    guard.step(paused(custom_mode=AUTO, conflict=True, paused=False), 0.1)  # the mode is there, and not told yet
+    guard.step(paused(clear=False), 1.0)
+    assert guard.hand_back(paused(clear=False)) == ()
+    assert guard.step(paused(), 3.0) == Wish()
+    assert guard.phase is Phase.HOLDING and guard.pauses_kept == 1
+    return guard
+
+
+def paused(**fields: Any) -> Seen:
+    return seen(**({"autopilot": ARDUPILOT, "custom_mode": EXTERNAL_MODE[ARDUPILOT], "paused": True} | fields))
+
+
+def test_a_mission_that_was_found_paused_is_not_handed_back() -> None:
+    guard = holding()
+    for k in range(200):
+        assert guard.step(paused(clear=k % 10 != 0), 4.0 + k) == Wish()
+    assert guard.hand_back(paused()) == () and guard.pauses_kept == 1
+    assert guard.step(paused(custom_mode=AUTO), 300.0) == Wish(end=True)
+    assert guard.phase is Phase.WATCHING
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "mission_state", "is_paused"),
+    [(ARDUPILOT, AUTO, 4, True), (ARDUPILOT, AUTO, 3, False), (ARDUPILOT, 6, 4, False), (PX4, PX4_HOLD, 4, False)],
+)
+def test_only_the_auto_of_an_ardupilot_is_paused_in_its_mode(
+    autopilot: int, mode: int, mission_state: int, is_paused: bool
+) -> None:
+    telemetry, vehicle = flying()
+    vehicle.source = "b"
+    vehicle.heartbeat(20.0, autopilot=autopilot, mode=mode)
+    vehicle.say(20.0, "MISSION_CURRENT", seq=2, mission_state=mission_state)
+    given = seen_by_guard(EngineConfig(guard=True), telemetry, None, Rung(), None, 20.0)
+    assert (given.mission_item, given.paused) == (2, is_paused)
+    for other in (EXTERNAL_MODE[autopilot], mode):  # what was said in another mode says nothing of this one
+        vehicle.heartbeat(20.1, autopilot=autopilot, mode=other)
+    assert not seen_by_guard(EngineConfig(guard=True), telemetry, None, Rung(), None, 20.1).paused
+
+
+@pytest.mark.parametrize("fields", [{"custom_mode": 17}, {"taken": True}])
+def test_who_holds_is_ended_by_another_mode_and_by_another_writer(fields: dict[str, Any]) -> None:
+    guard = holding()
+    assert guard.step(paused(**fields), 4.0).end
+    assert guard.phase is Phase.ENDED
+
+
+def test_who_holds_avoids_again_when_the_avoidance_has_ended() -> None:
+    guard = holding()
+    begun = [k for k in range(120) if guard.step(paused(clear=False, steering=False), 4.0 + 0.1 * k).begin]
+    assert begun == [41, 92]
+    assert guard.phase is Phase.HOLDING
 
 
 def test_a_guard_has_no_goal_of_its_own() -> None:

@@ -453,6 +453,7 @@ def test_ardupilot_pauses_in_auto_and_in_guided_and_stays_in_the_mode() -> None:
     assert flight.command(PAUSE_CONTINUE, 0) == ACCEPTED
     flight.advance(5.0)
     assert flight.mode == AUTO and math.hypot(*flight.velocity[:2]) < 0.5
+    assert flight.last("MISSION_CURRENT").mission_state == 4
     assert flight.command(PAUSE_CONTINUE, 2) == DENIED
     assert flight.command(PAUSE_CONTINUE, 1) == ACCEPTED
     advance_until(flight, lambda: len(reached(flight)) == 2)
