@@ -10,8 +10,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ridlink.separation import Definition
-from tests.avoidance.lockstep import RESPONSES, beside, circle, crossing, fly, head_on, overtaking, scene, square24
+from ridlink.separation import Definition, Reported, separation_discs
+from tests.avoidance.lockstep import (
+    RESPONSES,
+    beside,
+    circle,
+    crossing,
+    discs_at_rest,
+    fly,
+    head_on,
+    overtaking,
+    scene,
+    square24,
+)
 
 pytestmark = pytest.mark.no_cover
 
@@ -39,6 +50,19 @@ def test_the_models_answer_a_step_like_the_autopilots_did(response, speed, t63, 
     assert 0.02 * np.argmax(track > 0.632 * speed) == pytest.approx(t63, rel=0.15)
     if after_3_s is not None:
         assert track[:150].sum() * 0.02 == pytest.approx(after_3_s, rel=0.12)
+
+
+@pytest.mark.parametrize("definition", Definition)
+def test_discs_of_vehicles_at_rest_that_grow_are_those_of_their_speeds(definition):
+    random = np.random.default_rng(6)
+    airframe, speed = random.uniform(0.1, 7.5, (3, 5)), random.uniform(0.0, 40.0, (3, 5))
+    discs, growth_s = discs_at_rest(definition, airframe, 10.5)
+    own, others = (
+        Reported(airframe[axes], 10.5, speed_mps=speed[axes]) for axes in (np.s_[:, :, None], np.s_[:, None, :])
+    )
+    moving = separation_discs(definition, own, others)
+    assert np.array_equal(discs.radius_m + growth_s * (speed[:, :, None] + speed[:, None, :]), moving.radius_m)
+    assert np.array_equal(discs.error_sum_m, moving.error_sum_m)
 
 
 @pytest.mark.parametrize("response", ["px4", "ardupilot"])
