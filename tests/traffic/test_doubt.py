@@ -72,10 +72,20 @@ def test_f12_newcomers_are_let_in_by_measure_and_each_source_has_its_own() -> No
     assert gate.admit("a", 0.2) is False, "a clock that goes back buys nothing"
 
 
-def test_f12_many_sources_share_a_bucket() -> None:
+def test_f12_many_sources_share_a_bucket_that_is_nobody_elses() -> None:
     gate = NewcomerGate(5.0)
     admitted = sum(gate.admit(k, 0.0) for k in range(10 * MOST_SOURCES))
-    assert admitted == MOST_SOURCES + 4 == 260
+    assert admitted == MOST_SOURCES + 5 == 261
+    assert [gate.admit(0, 0.0) for _ in range(5)] == [True] * 4 + [False], "whoever was there first"
+
+
+def test_f12_a_source_that_asks_no_more_makes_room() -> None:
+    gate = NewcomerGate(5.0)
+    for k in range(2 * MOST_SOURCES):
+        gate.admit(k, 0.001 * k)
+    assert [gate.admit("soon", 0.999) for _ in range(5)] == [True] * 2 + [False] * 3, "the others may ask again yet"
+    assert [gate.admit("later", 1.0) for _ in range(6)] == [True] * 5 + [False], "a bucket of its own"
+    assert [gate.admit("one more", 1.0) for _ in range(3)] == [False] * 3, "in place of one that is full again, no more"
 
 
 def test_f12_the_picture_refuses_newcomers_beyond_the_measure_and_hears_who_is_known() -> None:
