@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from ridlink.engine.announce import collision, heartbeat, status, warning
 from ridlink.engine.decision import DecisionRecord, StepOutput
-from ridlink.failsafe import UNHEARD, State
+from ridlink.failsafe import HEARTBEAT_LOST_S, UNHEARD, State
 from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.requests import TARGET_US, UNTOLD_PERIOD_S, UNTOLD_US, message_requests
@@ -95,7 +95,7 @@ class Announcer:
         if self._status_due.due(now_s):
             vehicle.append(status(encoder, record, time_boot_ms, self.decision_time_s))
             output.warnings.extend(self._alerts(count(), now_s))
-        if telemetry.heard_s(now_s) < 3.0:
+        if telemetry.heard_s(now_s) <= HEARTBEAT_LOST_S:
             vehicle.extend(self._requests(encoder, telemetry, lock.sysid, now_s))
         if telemetry.armed:
             vehicle.extend(self._collisions(encoder, record, now_s))
@@ -114,9 +114,10 @@ class Announcer:
         return []
 
     def _collisions(self, encoder: Encoder, record: DecisionRecord, now_s: float) -> list[bytes]:
-        """COLLISION once a second for each of the most urgent conflicts."""
+        """COLLISION for the most urgent conflicts, once a second for each and `MOST_COLLISIONS` a second in all."""
         self._warned_at_s = {key: at for key, at in self._warned_at_s.items() if now_s - at < COLLISION_PERIOD_S}
         due = [c for c in record.conflicts[:MOST_COLLISIONS] if c.track.key not in self._warned_at_s]
+        due = due[: MOST_COLLISIONS - len(self._warned_at_s)]
         self._warned_at_s.update((conflict.track.key, now_s) for conflict in due)
         return [collision(encoder, conflict, record.state) for conflict in due]
 

@@ -42,6 +42,23 @@ def test_conflicts_are_announced_once_a_second_and_status_tells_the_rest() -> No
     assert any(message.nearest_margin < 10_000 for message in statuses)
 
 
+def test_no_more_than_eight_conflicts_are_announced_within_a_second_however_they_change() -> None:
+    flight = Flight(Stubborn(), config(200.0))
+    flight.vehicle.velocity = np.array((5.0, 0.0, 0.0))
+    for k in range(25):
+        # Eight more in every step, each time nearer than all before: the most urgent are always new.
+        north_m = float(flight.vehicle.position[0]) + 45.0 - k
+        ghosts = [intruder(north_m, 0.1 * j, (0.0, 0.0, 0.0)) for j in range(8)]
+        flight.others = [
+            lambda now_s, ghost=ghost, name=b"%d-%d" % (k, j): ghost.remote_id(now_s, id_or_mac=name)  # type: ignore[misc]
+            for j, ghost in enumerate(ghosts)
+        ]
+        flight.step()
+    told = [sum(m.name == "COLLISION" for f in o.to_vehicle for m in messages(f)) for o in flight.outputs]
+    assert max(sum(told[k : k + 10]) for k in range(16)) == 8
+    assert sum(told) == 24, "and in the next second others"
+
+
 def test_relayed_traffic_in_conflict_is_named_by_a_checksum_of_its_id() -> None:
     flight = Flight(Emulated(ned_m=(-100.0, 0.0, -50.0)), config(200.0))
     other = intruder(-40.0, 0.0, (-10.0, 0.0, 0.0))
