@@ -8,6 +8,7 @@
     HOLDING       a mission that was found paused is not handed back, for it would fly on: the vehicle goes on avoiding
                   about its place, until the operator chooses the mode that was found.
     HANDING_BACK  the mission item and the mode that were found are asked for until a heartbeat says so.
+                  Of a vehicle that was disarmed meanwhile nothing is asked: the guard watches.
     ENDED         somebody else changed the mode meanwhile, or steers as well, or another vehicle speaks on the link.
                   The vehicle is theirs until the operator engages the guard again, by MAV_CMD_DO_PAUSE_CONTINUE with 1
                   sent to this component.
@@ -78,6 +79,7 @@ class Seen:
         steering: The avoidance steers, or stops the vehicle.
         taken: Another writer sends setpoints, and the avoidance gave way.
         heard: The autopilot is heard; otherwise, what it said last may be long past.
+        armed: Armed, by the last heartbeat.
     """
 
     autopilot: int
@@ -92,6 +94,7 @@ class Seen:
     steering: bool = True
     taken: bool = False
     heard: bool = True
+    armed: bool = True
 
     @property
     def vehicle(self) -> tuple[int, int]:
@@ -213,6 +216,9 @@ class Guard:
         if not external or (seen.taken and self.phase is not Phase.HANDING_BACK):
             if self.phase is Phase.RESOLVING or not _same(seen.autopilot, seen.custom_mode, self.found_mode):
                 return self._end(CHANGED if not external else OTHER_WRITER, now_s)
+            self._go(Phase.WATCHING, now_s)
+            return Wish(end=True)
+        if not seen.armed:  # its flight is over, and a plan that was handed back would begin when it is armed again
             self._go(Phase.WATCHING, now_s)
             return Wish(end=True)
         if seen.steering:

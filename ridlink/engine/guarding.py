@@ -85,4 +85,5 @@ def seen_by_guard(
         mission_item=telemetry.mission_item,
         paused=telemetry.mission_paused and lock is not None and telemetry.custom_mode == PAUSABLE.get(lock.autopilot),
         heard=telemetry.heard_s(now_s) <= HEARTBEAT_LOST_S,
+        armed=telemetry.armed,
     )

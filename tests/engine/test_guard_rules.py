@@ -245,6 +245,23 @@ def test_a_vehicle_that_somebody_else_steers_as_well_is_theirs() -> None:
     assert guard.phase is Phase.ENDED
 
 
+@pytest.mark.parametrize("handing_back", [False, True])
+def test_of_a_vehicle_that_is_disarmed_no_mode_is_asked(handing_back: bool) -> None:
+    """A PX4 that is armed in Mission takes off."""
+    guard = taking_over(T)
+    ours = seen(custom_mode=6 << 16, clear=handing_back)
+    guard.step(ours, T + 1.0)
+    assert bool(guard.step(ours, T + 1.1).commands) is handing_back
+    stands = replace(ours, armed=False, flying=False, steering=False)
+    assert guard.step(stands, T + 1.2) == Wish(end=True)
+    assert guard.phase is Phase.WATCHING and guard.hand_back(stands) == ()
+    assert guard.step(stands, T + 9.0) == Wish()
+    guard = taking_over(T)
+    guard.step(ours, T + 1.0)
+    assert guard.step(replace(stands, custom_mode=3 << 16), T + 1.1).end
+    assert guard.phase is Phase.ENDED, "somebody took it and landed"
+
+
 def test_who_hands_back_takes_nobody_for_another_writer_than_the_plan_that_is_flown_again() -> None:
     guard = taking_over(T)
     ours = seen(custom_mode=6 << 16)
