@@ -26,6 +26,10 @@ identity, from 0."""
 SLOW_INTERVAL_S = 0.5
 """A sender with more time between reports is a standard one at 1 Hz."""
 
+UNKNOWN_INTERVAL_S = 1.0
+"""Time between the reports of a sender that does not tell it, until it is measured: the standard asks for one a
+second."""
+
 COAST_FAST_S = 5.0
 COAST_SLOW_S = 10.0
 """A track that was not heard for this long is dropped: fifty lost reports in a row, or ten."""
@@ -79,7 +83,7 @@ class Track:
         received_at_s: Monotonic time of the last report with something new.
         began_at_s: Monotonic time of the first report.
         first_heard_m: Distance from us at the first report; None if our position was unknown.
-        interval_s: Smoothed time between reports.
+        interval_s: Smoothed time between reports, as told before one is measured.
         memory: Solver's memory of the encounter.
         urgency_s: Time until it matters, as of the last snapshot; the larger, the sooner the track is given up.
         in_conflict: Whether it was predicted to enter our disc, as of the last decision.
@@ -98,7 +102,7 @@ class Track:
     filter: PositionFilter
     began_at_s: float = 0.0
     first_heard_m: float | None = None
-    interval_s: float = 0.1
+    interval_s: float = UNKNOWN_INTERVAL_S
     memory: int = 0
     urgency_s: float = 0.0
     in_conflict: bool = False
@@ -116,10 +120,12 @@ class Track:
         return max(now_s - self.measured_at_s, 0.0)
 
     def expired(self, now_s: float) -> bool:
-        """Whether it was not heard for so long that it is given up; later while it is in conflict."""
+        """Whether it was not heard for so long that it is given up; later if it is slow, or in conflict."""
         silent = now_s - self.received_at_s
-        slow = self.interval_s > SLOW_INTERVAL_S or self.in_conflict
-        return silent > (COAST_SLOW_S if slow else COAST_FAST_S)
+        # Who was heard once and tells no interval is not known to be slow: a flood consists of nobody else.
+        known = self.received_at_s > self.began_at_s or self.report.update_interval_s is not None
+        slow = known and self.interval_s > SLOW_INTERVAL_S
+        return silent > (COAST_SLOW_S if slow or self.in_conflict else COAST_FAST_S)
 
     def metres_to(self, report: RemoteIdReport) -> float:
         """Distance of a reported position from the last one; infinite if one of them is missing."""
@@ -234,6 +240,6 @@ def new_track(
         received_at_s=report.received_at_s,
         filter=smoother,
         began_at_s=report.received_at_s,
-        interval_s=report.update_interval_s or 0.1,
+        interval_s=report.update_interval_s or UNKNOWN_INTERVAL_S,
         trusted_clock=trusted_clock,
     )

@@ -183,6 +183,7 @@ def test_i4_the_disc_never_shrinks_with_age(age: float, more: float) -> None:
         ("horizontal_error_m", (0.01, 3.0, 39.0, None)),
         ("airframe_size_m", (0.05, 0.6, 7.5, None)),
         ("speed_horizontal_mps", (0.0, 5.0, 30.7, None)),
+        ("update_interval_s", (0.02, 0.1, 0.5, 1.0, 60.0, None)),
         ("horizontal_error_m", (0.01, 100.0, 185.0, 655.35)),
         ("airframe_size_m", (0.6, 20.0, 30.0, 655.35)),
     ],

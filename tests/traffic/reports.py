@@ -28,8 +28,8 @@ def report(sysid: int = 5, north: float = 100.0, east: float = 0.0, **fields: ob
     plain = RemoteIdReport(
         source=(sysid, 1), status=2, latitude_deg=latitude, longitude_deg=longitude, altitude_geodetic_m=587.0,
         velocity_ned_mps=(-10.0, 0.0, 0.0), climb_mps=0.0, speed_horizontal_mps=10.0, horizontal_error_m=3.0,
-        vertical_error_m=5.0, airframe_size_m=0.6, airframe_height_m=0.3, avoiding=True, extended=True,
-        timestamp_s=100.0, received_at_s=10.0,
+        vertical_error_m=5.0, airframe_size_m=0.6, airframe_height_m=0.3, update_interval_s=0.1, avoiding=True,
+        extended=True, timestamp_s=100.0, received_at_s=10.0,
     )  # fmt: skip
     return structs.replace(plain, **fields)
 

@@ -14,7 +14,7 @@ from ridlink.traffic.track import Relation, Track, Update, hours_apart_s, new_tr
 
 REPORT = RemoteIdReport(
     source=(5, 1), status=2, latitude_deg=47.0, longitude_deg=8.0, velocity_ned_mps=(3.0, 4.0, 0.0),
-    speed_horizontal_mps=5.0, horizontal_error_m=3.0, timestamp_s=100.0, received_at_s=10.0,
+    speed_horizontal_mps=5.0, horizontal_error_m=3.0, update_interval_s=0.1, timestamp_s=100.0, received_at_s=10.0,
 )  # fmt: skip
 
 
@@ -99,10 +99,18 @@ def test_f10_fast_senders_are_dropped_after_five_seconds_and_slow_ones_after_ten
     assert not fast.expired(19.9) and fast.expired(20.1)
     slow = track(replace(REPORT, update_interval_s=1.0))
     assert not slow.expired(19.9) and slow.expired(20.1)
-    silent_about_it = track()
+    silent = replace(REPORT, update_interval_s=None)
+    untold = track(silent)
+    assert not untold.expired(14.9) and untold.expired(15.1), "heard once, as every one of a flood"
+    update(untold, replace(silent, timestamp_s=101.0, received_at_s=11.0))
+    assert not untold.expired(20.9) and untold.expired(21.1)
+    for tenth in range(1, 4):
+        update(untold, replace(silent, timestamp_s=101.0 + tenth / 10.0, received_at_s=11.0 + tenth / 10.0))
+    assert not untold.expired(16.2) and untold.expired(16.4), "it is a fast one"
+    once_a_second = track()
     for second in range(1, 4):
-        update(silent_about_it, replace(REPORT, timestamp_s=100.0 + second, received_at_s=10.0 + second))
-    assert not silent_about_it.expired(22.9) and silent_about_it.expired(23.1)
+        update(once_a_second, replace(REPORT, timestamp_s=100.0 + second, received_at_s=10.0 + second))
+    assert not once_a_second.expired(22.9) and once_a_second.expired(23.1), "whatever it tells"
 
 
 def relation(at: Track, report: RemoteIdReport, *, trusted_clock: bool = False) -> Relation:
