@@ -94,7 +94,7 @@ class TrafficPicture:
             if track is not None and not track.seen_elsewhere:  # begun before our name was known
                 del self.tracks[track.key]
         elif track is not None:
-            self._update(track, report, report.received_at_s - (age_s or 0.0))
+            self._update(track, report, age_s)
         elif Relation.OUTDATED in relations.values():
             last = [each.report.timestamp_s for each, relation in relations.items() if relation is Relation.OUTDATED]
             self.counters[Update.REPEATED if report.timestamp_s in last else Update.OLDER] += 1
@@ -117,8 +117,10 @@ class TrafficPicture:
                 )
         return relations
 
-    def _update(self, track: Track, report: RemoteIdReport, measured_at_s: float) -> None:
-        update = track.update(report, measured_at_s, self.settings.unknown_error_m)
+    def _update(self, track: Track, report: RemoteIdReport, age_s: float | None) -> None:
+        update = track.update(report, report.received_at_s - (age_s or 0.0), self.settings.unknown_error_m)
+        if update is Update.MOVED:
+            track.trusted_clock = age_s is not None
         if update not in (Update.MOVED, Update.COMPLETED):
             self.counters[update] += 1
         else:

@@ -88,7 +88,7 @@ class Track:
         urgency_s: Time until it matters, as of the last snapshot; the larger, the sooner the track is given up.
         in_conflict: Whether it was predicted to enter our disc, as of the last decision.
         filter: Position filter.
-        trusted_clock: Whether the timestamps of its sender agreed with our UTC.
+        trusted_clock: Whether the timestamp of the report that moved it last agreed with our UTC.
         seen_elsewhere: Whether it bears our identity and was where we were not.
         doubt: Doubt about its figures.
     """

@@ -129,6 +129,29 @@ def test_f05_what_age_of_a_sender_is_plausible(age_s: float, plausible: bool) ->
     assert track.measured_at_s == pytest.approx(10.0 - (max(age_s, 0.0) if plausible else 0.0))
 
 
+def test_f05_a_track_from_before_our_clock_was_right_is_believed_as_soon_as_it_agrees() -> None:
+    made = picture()
+    made.receive("rid", report(north=100.0))
+    made.receive("rid", report(north=98.0, timestamp_s=100.2, received_at_s=10.2), utc_s=100.25)
+    made.receive("rid", report(north=99.0, timestamp_s=100.1, received_at_s=10.3), utc_s=100.35)
+    assert len(made) == 1, "a late datagram is no second vehicle"
+    assert made.counters["report_older"] == 1
+    made.receive("rid", report(north=97.0, timestamp_s=100.3, received_at_s=10.4))
+    (track,) = made.tracks.values()
+    assert not track.trusted_clock, "as of its last report"
+
+
+def test_f05_a_forged_report_from_the_near_future_does_not_make_the_true_ones_look_late() -> None:
+    made = picture()
+    made.receive("rid", report(north=100.0), utc_s=100.0)
+    made.receive("rid", report(north=104.0, timestamp_s=101.9, received_at_s=10.05), utc_s=100.05)
+    for k in range(1, 6):
+        true = report(north=100.0 - k, timestamp_s=100.0 + 0.1 * k, received_at_s=10.0 + 0.1 * k)
+        made.receive("rid", true, utc_s=100.0 + 0.1 * k)
+    assert made.counters["report_older"] == 0
+    assert min(track.metres_to(report(north=95.0)) for track in made.tracks.values()) == pytest.approx(0.0, abs=0.01)
+
+
 def test_f09_own_echo_is_our_identity_at_our_place() -> None:
     here, elsewhere = report(north=10.0), report(north=200.0)
     for one, echo in ((here, True), (elsewhere, False)):
