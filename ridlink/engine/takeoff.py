@@ -7,8 +7,9 @@ import math
 from ridlink.engine.config import EngineConfig
 from ridlink.engine.decision import Conflict, DecisionRecord
 from ridlink.own_ship import OwnShipTelemetry
-from ridlink.separation.reference import MAX_AIRFRAME_M, UNKNOWN_ERROR_BOUND_M
+from ridlink.separation.reference import AIRFRAME_CAP_M, ERROR_CAP_M, MAX_AIRFRAME_M, UNKNOWN_ERROR_BOUND_M
 from ridlink.traffic.own_state import OwnState
+from ridlink.traffic.track import bound_m
 
 CLIMBING_MPS = 0.5
 
@@ -42,7 +43,7 @@ def mac_predicted(config: EngineConfig, own: OwnState, seen: DecisionRecord) -> 
 
 def _miss_is_mac(config: EngineConfig, own: OwnState, conflict: Conflict) -> bool:
     report = conflict.track.report
-    error_m = report.horizontal_error_m if report.horizontal_error_m is not None else report.accuracy_bound_m
-    airframe_m = (config.airframe_m + (report.airframe_size_m or MAX_AIRFRAME_M)) / 2.0
-    sigma_m = math.hypot(own.error_bound_m, UNKNOWN_ERROR_BOUND_M if error_m is None else error_m) / 3.0
+    # Capped as for discs: one packet that claims 655 m must not interrupt every climb-out.
+    airframe_m = (config.airframe_m + min(report.airframe_size_m or MAX_AIRFRAME_M, AIRFRAME_CAP_M)) / 2.0
+    sigma_m = math.hypot(own.error_bound_m, min(bound_m(report, UNKNOWN_ERROR_BOUND_M), ERROR_CAP_M)) / 3.0
     return conflict.miss_m <= airframe_m + sigma_m

@@ -93,6 +93,8 @@ def test_without_an_own_state_nothing_is_predicted() -> None:
         ({"airframe_size_m": None}, (0.6 + 7.5) / 2.0 + 5.0 / 3.0),
         ({"horizontal_error_m": None, "accuracy_bound_m": 4.0}, MAC_M),
         ({"horizontal_error_m": None}, (0.6 + 1.0) / 2.0 + (3.0**2 + 40.0**2) ** 0.5 / 3.0),
+        ({"horizontal_error_m": 655.35}, (0.6 + 1.0) / 2.0 + (3.0**2 + 185.0**2) ** 0.5 / 3.0),
+        ({"airframe_size_m": 655.35}, (0.6 + 30.0) / 2.0 + 5.0 / 3.0),
     ],
 )
 def test_a_mac_is_both_airframes_and_one_standard_deviation_of_both_errors(
