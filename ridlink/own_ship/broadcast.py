@@ -23,6 +23,8 @@ from ridlink.periodic import Periodic
 from ridlink.remote_id.accuracy import code_of_three_sigma
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import (
+    ID_TYPE_NONE,
+    ID_TYPE_SERIAL_NUMBER,
     STATUS_AIRBORNE,
     STATUS_FAILURE,
     STATUS_ON_GROUND,
@@ -52,8 +54,6 @@ MODULE_INTERVAL_S = 1.0
 WORST_ACCELERATION_MPS2 = 5.0
 """How fast a vehicle may have changed its velocity since its last position."""
 
-ID_NONE, ID_SERIAL_NUMBER = 0, 1
-"""MAV_ODID_ID_TYPE."""
 TAKEOFF_LOCATION = 0
 ABOVE_TAKEOFF = 0
 
@@ -136,7 +136,7 @@ class Broadcast:
         now_s: float,
         utc_s: float | None,
         uas_id: bytes | None = None,
-        id_type: int = ID_SERIAL_NUMBER,
+        id_type: int = ID_TYPE_SERIAL_NUMBER,
         commanded: Velocity | None = None,
         avoiding: bool = False,
     ) -> list[bytes]:
@@ -164,7 +164,7 @@ class Broadcast:
             found.append(self._encode(encoder, location) + self._encode(encoder, self._as_sent(separation, utc_s)))
         if self._static_due.due(now_s):
             if self.settings.uas_id is not None:
-                uas_id, id_type = self.settings.uas_id, ID_SERIAL_NUMBER
+                uas_id, id_type = self.settings.uas_id, ID_TYPE_SERIAL_NUMBER
             static = self._static(telemetry, uas_id, id_type, utc_s)
             found.append(b"".join(self._encode(encoder, message) for message in static))
         return found
@@ -215,7 +215,7 @@ class Broadcast:
         ua_type = UA_TYPES.get(telemetry.vehicle_type, 0)
         home, undulation_m = telemetry.home, telemetry.trust.undulation_m
         messages: list[RemoteIdMessage] = [
-            BasicId(ID_NONE, ua_type, b"") if uas_id is None else BasicId(id_type, ua_type, uas_id),
+            BasicId(ID_TYPE_NONE, ua_type, b"") if uas_id is None else BasicId(id_type, ua_type, uas_id),
             System(
                 operator_location_type=TAKEOFF_LOCATION,
                 operator_latitude_deg=None if home is None else home.latitude_deg,

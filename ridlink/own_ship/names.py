@@ -7,8 +7,7 @@ any of them. Its name is the serial number if it has one, as for neighbours: an 
 from __future__ import annotations
 
 from ridlink.own_ship.telemetry import OwnShipTelemetry
-from ridlink.remote_id.assembler import ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER
-from ridlink.remote_id.messages import BasicId
+from ridlink.remote_id.messages import ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER, BasicId
 
 MOST_NAMES = 8
 """Most identities that a vehicle may give itself, each once."""

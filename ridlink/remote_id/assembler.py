@@ -10,7 +10,14 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
-from ridlink.remote_id.messages import BasicId, Location, RemoteIdMessage, Separation
+from ridlink.remote_id.messages import (
+    ID_TYPE_NONE,
+    ID_TYPE_SERIAL_NUMBER,
+    BasicId,
+    Location,
+    RemoteIdMessage,
+    Separation,
+)
 from ridlink.remote_id.report import RemoteIdReport, SourceKey, report_of
 
 SEPARATION_VALID_S = 1.5
@@ -19,9 +26,6 @@ than the period of a sender at 1 Hz."""
 
 EQUAL_TIMESTAMP_VALID_S = 10.0
 """Timestamps repeat every hour, so equal ones count only within this time, for which a track would live."""
-
-ID_TYPE_NONE = 0
-ID_TYPE_SERIAL_NUMBER = 1
 
 
 @dataclass(slots=True)

@@ -21,6 +21,9 @@ from msgspec import Struct
 STATUS_UNDECLARED, STATUS_ON_GROUND, STATUS_AIRBORNE, STATUS_FAILURE = 0, 1, 2, 4
 """MAV_ODID_STATUS, as `Location.status` has it."""
 
+ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER = 0, 1
+"""MAV_ODID_ID_TYPE, as `BasicId.id_type` has it; the others are registrations and sessions."""
+
 
 class BasicId(Struct, frozen=True, gc=False):
     """OPEN_DRONE_ID_BASIC_ID (12900)."""

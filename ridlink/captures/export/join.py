@@ -18,10 +18,10 @@ from typing import Any
 
 from ridlink.captures.export.fields import Fields
 from ridlink.captures.lines import si_fields
-from ridlink.remote_id.assembler import EQUAL_TIMESTAMP_VALID_S, ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER
+from ridlink.remote_id.assembler import EQUAL_TIMESTAMP_VALID_S
 from ridlink.remote_id.bridge import whole_seconds_of
 from ridlink.remote_id.location import TIMESTAMP_STEP_S
-from ridlink.remote_id.messages import Authentication
+from ridlink.remote_id.messages import ID_TYPE_NONE, ID_TYPE_SERIAL_NUMBER, Authentication
 from ridlink.remote_id.separation import separation_of
 
 BASIC_ID, LOCATION, SYSTEM, SEPARATION, AUTHENTICATION = JOINED_NAMES = (
