@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from ridlink.errors import ConfigError
 from ridlink.failsafe import HEARTBEAT_LOST_S
 from ridlink.mavlink.codec import Encoder
-from ridlink.own_ship.telemetry import INFLATE_AFTER_S, OwnShipTelemetry
+from ridlink.own_ship.telemetry import INFLATE_AFTER_S, MULTIROTORS, OwnShipTelemetry
 from ridlink.periodic import Periodic
 from ridlink.remote_id.accuracy import code_of_three_sigma
 from ridlink.remote_id.convert import to_mavlink
@@ -60,12 +60,12 @@ ABOVE_TAKEOFF = 0
 _AEROPLANE, _MULTIROTOR, _HYBRID_LIFT, _BALLOON, _AIRSHIP = 1, 2, 4, 8, 10
 UA_TYPES = {
     1: _AEROPLANE,
-    **dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), _MULTIROTOR),
+    **dict.fromkeys(MULTIROTORS - {0}, _MULTIROTOR),
     **dict.fromkeys(range(19, 26), _HYBRID_LIFT),
     7: _AIRSHIP,
     8: _BALLOON,
 }
-"""MAV_ODID_UA_TYPE by MAV_TYPE; any other type is not declared."""
+"""MAV_ODID_UA_TYPE by MAV_TYPE; any other type, as that of a generic vehicle, is not declared."""
 
 
 class Form(Named):

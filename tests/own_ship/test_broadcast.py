@@ -16,6 +16,7 @@ from ridlink.errors import ConfigError
 from ridlink.mavlink.codec import Encoder, Message
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.broadcast import Broadcast, BroadcastSettings, Form
+from ridlink.own_ship.telemetry import MULTIROTORS
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import messages_of
 from ridlink.remote_id.messages import BasicId, Location, Separation, System
@@ -202,6 +203,16 @@ def test_who_told_long_ago_that_it_stands_may_fly(armed: bool, status: int) -> N
     vehicle.landed_state, vehicle.armed = None, armed
     aircraft.hear(vehicle.telemetry(5.1), 5.1)
     assert aircraft.report(5.1).status == status, "what stands on the ground is no traffic to others"
+
+
+@pytest.mark.parametrize("mav_type", sorted(MULTIROTORS - {0}))
+def test_whoever_is_flown_as_a_multirotor_is_declared_as_one(mav_type: int) -> None:
+    vehicle = Emulated(7)
+    vehicle.mav_type = mav_type
+    aircraft = Aircraft(vehicle)
+    aircraft.hear(vehicle.telemetry(0.0), 0.0)
+    (basic,) = (m for m in aircraft.say(0.0) if m.name == "OPEN_DRONE_ID_BASIC_ID")
+    assert basic.ua_type == 2
 
 
 def test_identity_type_and_place_of_take_off() -> None:
