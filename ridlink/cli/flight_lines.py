@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 GUARD_LINES = {
     "taking over": "the guard takes over for a conflict",
     "resolving": "the guard has taken over",
+    "holding": "the mission was found paused: the guard keeps the vehicle here until AUTO is chosen",
     "handing back": "the guard hands back what it found",
     "ended": "MAV_CMD_DO_PAUSE_CONTINUE 1 to component 196 engages it again",
 }
