@@ -29,7 +29,9 @@ FLAGS = [
     "--disable-sync",
 ]
 ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/")
-WIDE, NARROW = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
+WIDE, TABLET = {"width": 1440, "height": 900}, {"width": 834, "height": 1194}
+NARROW, LOW = {"width": 390, "height": 844}, {"width": 844, "height": 390}
+"""A phone, upright and on its side: the latter is also a laptop's screen at 200 %."""
 
 
 def _kept(line: str, said: list[str]) -> str:

@@ -24,8 +24,10 @@ from websockets.sync.client import connect
 from ridlink.view.server import MOST_PAGES
 from tests.e2e.page import (
     FLAGS,
+    LOW,
     NARROW,
     PICTURES,
+    TABLET,
     WIDE,
     Visit,
     chromium,
@@ -153,7 +155,7 @@ def test_an_encounter_is_clicked_and_its_address_opened_again(browser: Any, reco
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
+@pytest.mark.parametrize("size", [WIDE, TABLET, LOW, NARROW], ids=["wide", "tablet", "low", "narrow"])
 def test_it_fits_on_a_laptop_and_on_a_phone(browser: Any, recording: str, size: dict[str, int], scheme: str) -> None:
     visit = Visit(browser, recording + "?t=12.5&d=candidate2", size=size, scheme=scheme)
     visit.until("shown.vehicles === '8' && shown.rings !== ''")
@@ -162,10 +164,16 @@ def test_it_fits_on_a_laptop_and_on_a_phone(browser: Any, recording: str, size: 
     for name in ("#play", "#scrubber", "#map", "#definitions", "#clock"):
         box = visit.page.locator(name).bounding_box()
         assert box["x"] >= 0 and box["x"] + box["width"] <= size["width"], name
+    assert visit.page.locator("#map").bounding_box()["height"] >= 300
+    spilt = """[...document.querySelectorAll('.bar, main, .time, .side')]
+        .filter(each => each.scrollHeight > each.clientHeight + 1).map(each => each.className)"""
+    assert visit.page.evaluate(spilt) == [], "more in it than room"
+    speed, clock = (visit.page.locator(name).bounding_box() for name in ("#speed", "#clock"))
+    assert speed["x"] + speed["width"] + 4 <= clock["x"], "the clock touches the speed"
     ground = visit.page.evaluate("getComputedStyle(document.body).backgroundColor")
     bright = sum(map(int, re.findall(r"\d+", ground)[:3])) / 3
     assert bright > 128 if scheme == "light" else bright < 128
-    visit.picture(f"page-{'wide' if size is WIDE else 'narrow'}-{scheme}")
+    visit.picture(f"page-{size['width']}-{scheme}")
     visit.close()
 
 
