@@ -51,6 +51,16 @@ test("between two instants a vehicle is between its two positions, by name and n
   assert.deepEqual([frame.value(0, E), frame.value(1, N)], [5, 102.5]);
 });
 
+test("the history of one vehicle is bounded as well: what a picture takes besides its vehicles counts", () => {
+  const history = new History();
+  for (let t = 0; t < 30_000; t += 1) history.add(instant(t, vehicle("a", t, 0)), 29_999);
+  assert.ok(history.length < 20_000, String(history.length));
+  assert.equal(history.last, 29_999);
+  history.purge(0, 30_000, "another");
+  for (let t = 0; t < 10_000; t += 1) history.add(instant(t), 9999);
+  assert.equal(history.length, 10_000, "what was purged counts no more");
+});
+
 // Where each of these came from: name -> [[north, east], ...], oldest first.
 function trailsOf(history, t, names) {
   const trails = new Trails();

@@ -1,7 +1,10 @@
 // Pictures of the past, in order of time, as many as memory may hold.
 
-const MOST_ROWS = 500_000; // vehicles times instants: 24 MB
+const MOST_ROWS = 500_000; // 24 MB
+const BESIDES = 25; // what a picture takes besides its vehicles, in rows of one vehicle
 const SAME_S = 1e-4;
+
+const rowsOf = (picture) => picture.count + BESIDES;
 
 export class History {
   #pictures = [];
@@ -37,17 +40,17 @@ export class History {
     const index = this.before(picture.t);
     const known = this.#pictures[index];
     if (known && Math.abs(known.t - picture.t) <= SAME_S) {
-      this.#rows += picture.count - known.count;
+      this.#rows += rowsOf(picture) - rowsOf(known);
       this.#pictures[index] = picture;
     } else {
-      this.#rows += picture.count;
+      this.#rows += rowsOf(picture);
       if (index === this.#pictures.length - 1) this.#pictures.push(picture);
       else this.#pictures.splice(index + 1, 0, picture);
     }
     let dropped = false;
     while (this.#rows > MOST_ROWS && this.#pictures.length > 2) {
       const gone = near - this.first > this.last - near ? this.#pictures.shift() : this.#pictures.pop();
-      this.#rows -= gone.count;
+      this.#rows -= rowsOf(gone);
       dropped = true;
     }
     return dropped;
@@ -57,6 +60,6 @@ export class History {
   purge(from, to, definition) {
     this.#pictures = this.#pictures.filter(
       (each) => each.t < from - SAME_S || each.t > to + SAME_S || each.definition === definition);
-    this.#rows = this.#pictures.reduce((sum, each) => sum + each.count, 0);
+    this.#rows = this.#pictures.reduce((sum, each) => sum + rowsOf(each), 0);
   }
 }
