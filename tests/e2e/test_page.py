@@ -83,6 +83,21 @@ def moved(before: tuple[float, float], after: tuple[float, float]) -> float:
     return ((after[0] - before[0]) ** 2 + (after[1] - before[1]) ** 2) ** 0.5
 
 
+def beyond_the_strip_px(page: Any) -> float:
+    """How far the playhead gets past the end of the curves at most, in two seconds [px]."""
+    return page.evaluate(  # type: ignore[no-any-return]
+        """() => new Promise(resolve => {
+             const of = name => document.querySelector(name).getBoundingClientRect().right, begun = performance.now();
+             let most = -Infinity;
+             const frame = () => {
+               most = Math.max(most, of('.playhead') - 1 - of('#strip .u-over'));
+               if (performance.now() - begun < 2000) requestAnimationFrame(frame); else resolve(most);
+             };
+             requestAnimationFrame(frame);
+           })"""
+    )
+
+
 def test_a_demo_is_watched_dragged_back_and_judged(browser: Any, demo: str) -> None:
     visit = Visit(browser, demo)
     page = visit.page
@@ -100,6 +115,7 @@ def test_a_demo_is_watched_dragged_back_and_judged(browser: Any, demo: str) -> N
         timeout_s=120.0,
     )
     assert visit.shown()["following"] == "true"
+    assert beyond_the_strip_px(page) <= 1.0
     visit.picture("demo-live")
 
     # Rings grow with the definition.

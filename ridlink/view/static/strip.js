@@ -84,7 +84,7 @@ export class Strip {
 
   // The playhead.
   point(t) {
-    const x = this.#plot.valToPos(t, "x");
+    const x = this.#plot.valToPos(Math.min(t, this.#range[1]), "x"); // the range of a live source is drawn now and then
     const transform = `translateX(${Math.max(0, x).toFixed(1)}px)`;
     if (transform === this.#pointsTo) return;
     this.#pointsTo = transform;
