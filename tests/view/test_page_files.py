@@ -135,6 +135,12 @@ def test_buttons_and_fields_have_names() -> None:
     assert labelled
 
 
+def test_what_runs_on_is_not_read_out() -> None:
+    """An ``output`` is a live region unless it says otherwise: and the clock would be read out all the time."""
+    outputs = [attributes for tag, attributes in elements() if tag == "output"]
+    assert outputs and all(attributes.get("aria-live") == "off" for attributes in outputs), outputs
+
+
 @pytest.mark.parametrize("name", sorted(VENDORED))
 def test_vendored_libraries_are_those_that_notice_names(name: str) -> None:
     assert hashlib.sha256((STATIC / "vendor" / name).read_bytes()).hexdigest() == VENDORED[name]

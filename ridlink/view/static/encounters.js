@@ -65,7 +65,6 @@ export class Encounters {
     say(find("count-encounters"), String(sorted.length));
     for (const button of document.querySelectorAll("[data-sort]")) {
       const active = button.dataset.sort === this.#sort;
-      mark(button, "active", String(active));
       button.closest("th").ariaSort = !active ? "none" : this.#sort === "t" ? "descending" : "ascending";
     }
   }
