@@ -242,6 +242,20 @@ test("where a stretch holds no instant, the loader asks what was before", () => 
   assert.deepEqual(instants.map((each) => each.at), [65, 72]);
 });
 
+test("a stretch that is still coming in is not asked for again, however slow the way", () => {
+  const { asked, loader } = watched();
+  const clock = { t: 65, t0: 0, t1: 1000, rate: 0 };
+  loader.look("candidate2", null);
+  loader.want(clock, 8, 0.1, 0);
+  for (let now = 4000; now < 30_000; now += 4000) {
+    loader.answered({ id: now < 9000 ? -1 : asked[0].id, done: false }, now); // first what had been asked before
+    loader.want(clock, 8, 0.1, now + 3000);
+  }
+  assert.deepEqual(asked.map((each) => each.window), [[60, 90]]);
+  loader.want(clock, 8, 0.1, 60_000);
+  assert.equal(asked.length, 2, "nothing came for long: again");
+});
+
 test("a drag to somewhere else does not wait for what was asked before", () => {
   const { asked, loader } = watched();
   loader.look("candidate2", null);

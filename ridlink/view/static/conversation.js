@@ -166,7 +166,7 @@ export class Conversation {
   #takeMany(message) {
     const { page } = this;
     for (const instant of message.instants) this.#keep(pack(instant, message.definition));
-    const stretch = page.loader.answered(message);
+    const stretch = page.loader.answered(message, performance.now());
     if (stretch) page.history.purge(stretch.from, stretch.to, page.definition);
     page.changes += 1;
   }

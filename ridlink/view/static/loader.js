@@ -69,10 +69,12 @@ export class Loader {
 
   get waiting() { return this.#waiting !== null; }
 
-  // An answer; the stretch that is now complete, or null.
-  answered(message) {
+  // An answer, or a part of one; the stretch that is now complete, or null.
+  answered(message, now) {
     const waiting = this.#waiting;
-    if (!waiting || message.id !== waiting.id || message.done === false) return null;
+    if (!waiting) return null;
+    waiting.heard = now; // be it of an earlier one, which was on its way
+    if (message.id !== waiting.id || message.done === false) return null;
     this.#waiting = null;
     this.#have.set(waiting.key, waiting);
     return waiting;
@@ -88,11 +90,10 @@ export class Loader {
   #busy(urgent, t, length, now) {
     const waiting = this.#waiting;
     if (!waiting) return false;
-    const since = now - waiting.since;
-    if (since > PATIENCE_MS) return false;
+    if (now - waiting.heard > PATIENCE_MS) return false;
     const short = waiting.to - waiting.from <= 1.5 * length;
     const useful = waiting.look === this.key && t >= waiting.from && t <= waiting.to && short;
-    return !(urgent && !useful && since > DRAGGED_PAST_MS);
+    return !(urgent && !useful && now - waiting.since > DRAGGED_PAST_MS);
   }
 
   // The instant at t, or the last one before: there may be none in its stretch.
@@ -109,6 +110,6 @@ export class Loader {
     this.#id += 1;
     if (!this.send({ window: [from, to], id: this.#id, step })) return;
     const key = `${this.key} ${step.toFixed(3)} ${number}`;
-    this.#waiting = { id: this.#id, key, look: this.key, from, to, since: now };
+    this.#waiting = { id: this.#id, key, look: this.key, from, to, since: now, heard: now };
   }
 }
