@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
@@ -18,10 +20,28 @@ TYPES = {
 """Content types by suffix; of other files only licences are served."""
 
 
-def page_files() -> dict[str, tuple[str, bytes]]:
-    """Content type and content of every file of the page, by its path: ``/`` and ``/static/...``."""
+@dataclass(frozen=True, slots=True)
+class PageFile:
+    """A file of the page.
+
+    Attributes:
+        kind: Its content type.
+        content: Its bytes.
+        gzipped: The same, compressed.
+    """
+
+    kind: str
+    content: bytes
+    gzipped: bytes = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gzipped", gzip.compress(self.content, compresslevel=6, mtime=0))
+
+
+def page_files() -> dict[str, PageFile]:
+    """Every file of the page, by its path: ``/`` and ``/static/...``."""
     static = files("ridlink.view") / "static"
-    table = {f"/static/{path}": (_type_of(path), file.read_bytes()) for path, file in _walk(static, "")}
+    table = {f"/static/{path}": PageFile(_type_of(path), file.read_bytes()) for path, file in _walk(static, "")}
     table["/"] = table["/static/index.html"]
     return table
 

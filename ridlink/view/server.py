@@ -179,8 +179,11 @@ class ViewServer:
         return Response("ok\n", media_type="text/plain")
 
     async def _file(self, request: Request) -> Response:
-        kind, content = self._files[request.url.path]
-        return Response(content, headers={"content-type": kind})
+        file = self._files[request.url.path]
+        headers = {"content-type": file.kind, "vary": "accept-encoding"}
+        if "gzip" not in [name.strip() for name in request.headers.get("accept-encoding", "").split(",")]:
+            return Response(file.content, headers=headers)
+        return Response(file.gzipped, headers={**headers, "content-encoding": "gzip"})
 
     async def _converse(self, websocket: WebSocket) -> None:
         if len(self._pages) >= MOST_PAGES:

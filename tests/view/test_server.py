@@ -48,6 +48,22 @@ def test_a_page_is_greeted_and_sees_who_flies() -> None:
     run(body)
 
 
+def test_files_are_compressed_for_whoever_takes_that() -> None:
+    async def body() -> None:
+        async with serving(a_show()) as server, httpx.AsyncClient(base_url=server.url) as client:
+            for path in ("", "static/vendor/leaflet.js"):
+                small = await client.get(path, headers={"accept-encoding": "deflate, gzip, br"})
+                plain = await client.get(path, headers={"accept-encoding": "identity"})
+                assert small.headers["content-encoding"] == "gzip" and "content-encoding" not in plain.headers
+                assert int(small.headers["content-length"]) < 0.4 * int(plain.headers["content-length"])
+                assert small.content == plain.content
+                for one in (small, plain):
+                    assert one.headers["vary"] == "accept-encoding"
+                    assert one.headers["content-type"].startswith("text/")
+
+    run(body)
+
+
 def test_another_definition_has_other_discs() -> None:
     async def body() -> None:
         async with serving(a_show()) as server, a_page(server) as page:
