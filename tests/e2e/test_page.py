@@ -170,6 +170,32 @@ def test_an_encounter_is_clicked_and_its_address_opened_again(browser: Any, reco
     visit.close()
 
 
+def test_that_earlier_encounters_are_missing_is_told(browser: Any, recording: str, tmp_path: Path) -> None:
+    """The page is told 500 encounters at most: a long recording looked as if nobody had met before the last minutes."""
+    path = tmp_path / "many-meet.tlog"
+    courses = [math.tau * i / 34 for i in range(34)]
+    flyers = [
+        Flyer(
+            i + 1,
+            (-100.0 * math.cos(course), -100.0 * math.sin(course)),
+            (10.0 * math.cos(course), 10.0 * math.sin(course)),
+            identity=b"MANY-%02d" % i,
+        )
+        for i, course in enumerate(courses)
+    ]
+    write_tlog(path, flyers, seconds=5.0)
+    with ridlink("view", str(path), "--port", "0") as address:
+        visit = Visit(browser, address)
+        visit.page.locator("#count-encounters", has_text="500+").wait_for()
+        assert visit.page.locator("#earlier-encounters").is_visible()
+        visit.close()
+    visit = Visit(browser, recording)
+    visit.page.wait_for_selector("#encounters tr")
+    assert not visit.page.locator("#earlier-encounters").is_visible()
+    assert "+" not in visit.page.inner_text("#count-encounters")
+    visit.close()
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [WIDE, TABLET, LOW, NARROW], ids=["wide", "tablet", "low", "narrow"])
 def test_it_fits_on_a_laptop_and_on_a_phone(browser: Any, recording: str, size: dict[str, int], scheme: str) -> None:

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from ridlink.view.book import MOST_ENCOUNTERS
+
 STATIC = Path(__file__).resolve().parents[2] / "ridlink" / "view" / "static"
 SCRIPTS = sorted(STATIC.glob("*.js"))
 STYLES = sorted(STATIC.glob("*.css"))
@@ -133,6 +135,11 @@ def test_buttons_and_fields_have_names() -> None:
         if tag == "input":
             assert attributes.get("aria-label"), attributes
     assert labelled
+
+
+def test_the_page_knows_how_many_encounters_it_is_told_at_most() -> None:
+    assert f"MOST_TOLD = {MOST_ENCOUNTERS};" in (STATIC / "encounters.js").read_text()
+    assert f"newest {MOST_ENCOUNTERS}." in (STATIC / "index.html").read_text()
 
 
 def test_what_runs_on_is_not_read_out() -> None:

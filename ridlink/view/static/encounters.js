@@ -4,6 +4,7 @@ import { arrange, choosableRow, find, mark, say } from "./dom.js";
 import { clockTime, inOrder, KIND, label, metres, nearness, pairLabel, signedMetres } from "./format.js";
 
 const MOST_ROWS = 60; // until somebody asks for more: hundreds of rows cost as much as the plan
+const MOST_TOLD = 500; // the server tells no more of them
 
 export class Encounters {
   #rows = new Map();
@@ -59,10 +60,11 @@ export class Encounters {
     for (const each of shown) rows.set(each.id, this.#fill(this.#rows.get(each.id) ?? this.#row(), each));
     this.#rows = rows;
     arrange(this.body, [...rows.values()]);
+    find("earlier-encounters").hidden = sorted.length < MOST_TOLD;
     find("more-encounters").hidden = shown.length === sorted.length;
     say(find("more-encounters"), `${sorted.length - shown.length} more`);
     find("no-encounters").hidden = sorted.length > 0;
-    say(find("count-encounters"), String(sorted.length));
+    say(find("count-encounters"), `${sorted.length}${sorted.length < MOST_TOLD ? "" : "+"}`);
     for (const button of document.querySelectorAll("[data-sort]")) {
       const active = button.dataset.sort === this.#sort;
       button.closest("th").ariaSort = !active ? "none" : this.#sort === "t" ? "descending" : "ascending";
