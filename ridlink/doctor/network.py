@@ -162,9 +162,9 @@ def _vehicle(url: LinkUrl, heard: Listened, for_s: float) -> Iterator[Finding]:
         if value is None:
             yield Finding(wanted.name, Verdict.WARNING, "not answered", "is the parameter protocol let through?")
         elif math.isfinite(value) and wanted.is_right(value):
-            yield Finding(wanted.name, Verdict.OK, f"{value:g}: {wanted.meaning}")
+            yield Finding(wanted.name, Verdict.OK, f"{value:g} {wanted.meaning}")
         else:
-            yield Finding(wanted.name, Verdict.WARNING, f"{value:g}: {wanted.meaning}", wanted.remedy)
+            yield Finding(wanted.name, Verdict.WARNING, f"{value:g} {wanted.meaning}", wanted.remedy)
 
 
 def _where_to_look(url: LinkUrl) -> str:

@@ -22,7 +22,7 @@ class Expected:
     Args:
         name: Name of the parameter.
         is_right: Whether a value, which is finite, is right.
-        meaning: What the value does; shown whether right or wrong.
+        meaning: Unit of the value and what it does, or what it does in brackets; shown behind it, right or wrong.
         remedy: What to set if it is not right.
     """
 
@@ -43,7 +43,7 @@ EXPECTED: dict[int, tuple[Expected, ...]] = {
         Expected(
             "COM_OBL_RC_ACT",
             lambda value: value not in (0.0, 4.0),
-            "what OFFBOARD fails over to (0 position, 3 return, 4 land, 5 hold)",
+            "(what OFFBOARD fails over to: 0 position, 3 return, 4 land, 5 hold)",
             "5 (hold): with 0 and no RC the vehicle returns home through the traffic",
         ),
         Expected(
@@ -58,14 +58,14 @@ EXPECTED: dict[int, tuple[Expected, ...]] = {
             "s without a setpoint until the vehicle brakes; it keeps its last velocity until then",
             "between 0.5 and 5",
         ),
-        Expected("GUID_OPTIONS", lambda value: value == 0.0, "options of GUIDED", "0, the default"),
+        Expected("GUID_OPTIONS", lambda value: value == 0.0, "(options of GUIDED)", "0, the default"),
         Expected(
             "WPNAV_SPEED", lambda value: value >= 1000.0, "cm/s at most in level flight", "at least 100 times --cruise"
         ),
         Expected(
             "AVOID_ENABLE",
             lambda value: int(value) in (0, 1, 3),
-            "own avoidance, which bends setpoints near a fence",
+            "(own avoidance, which bends setpoints near a fence)",
             "0 while ridlink avoids, or expect bent setpoints near fences",
         ),
     ),

@@ -87,6 +87,8 @@ def test_px4_whose_offboard_would_return_home_is_warned_of() -> None:
     assert found["GNSS"].verdict is Verdict.OK and "h_acc 0.9 m" in found["GNSS"].text
     assert found["own position"].verdict is Verdict.OK
     assert found["COM_OF_LOSS_T"].verdict is Verdict.OK
+    assert found["COM_OF_LOSS_T"].text == "1 s without a setpoint until OFFBOARD fails over"
+    assert found["COM_OBL_RC_ACT"].text.startswith("0 (what OFFBOARD fails over to: ")
     assert found["COM_OBL_RC_ACT"].verdict is Verdict.WARNING and "5 (hold)" in found["COM_OBL_RC_ACT"].remedy
 
 
