@@ -14,7 +14,7 @@ import socket
 import ssl
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 
 from ridlink.companions import beside
 from ridlink.errors import ConfigError, LinkError, MissingExtraError
@@ -51,6 +51,8 @@ the library while `ANSWER_S` runs."""
 
 FAREWELL_S = 1.0
 """Longest time to send the last messages at the end."""
+
+HANG_UP_S = 0.1
 
 AT_ONCE_ON_THE_WIRE = (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 """Socket option: no waiting for the acknowledgement of the message before, which the peer delays by 40 ms."""
@@ -196,7 +198,7 @@ class Bridge:
         told = ""
         while True:
             try:
-                async with self._client() as client:
+                async with _hung_up_at_the_end(self._client()) as client:
                     self.counters["connections"] += 1
                     await self._converse(client)
             except (aiomqtt.MqttError, OSError, UnicodeError) as error:  # UnicodeError for an impossible host name
@@ -295,6 +297,18 @@ class Bridge:
                 continue
             for frame in self.feed.frames(message.payload, time.time()):
                 self._relay.send(frame)
+
+
+@contextlib.asynccontextmanager
+async def _hung_up_at_the_end(client: aiomqtt.Client) -> AsyncIterator[aiomqtt.Client]:
+    """As ``async with client``, which leaves the connection open if the broker takes it and does not answer."""
+    try:
+        async with client:
+            yield client
+    finally:
+        with contextlib.suppress(TimeoutError, aiomqtt.MqttError):
+            async with asyncio.timeout(HANG_UP_S):  # it is closed at once, and then waits for nothing
+                await client.__aexit__(None, None, None)
 
 
 async def _publish_together(client: aiomqtt.Client, messages: list[Outgoing]) -> list[BaseException | None]:

@@ -155,6 +155,46 @@ def test_f30_what_was_on_its_way_when_the_broker_died_is_told_to_the_next_one() 
     run(body)
 
 
+class Mute:
+    """Takes every connection and says nothing."""
+
+    def __init__(self) -> None:
+        self.open = self.most_open = self.connections = 0
+        self.third = asyncio.Event()
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.connections += 1
+        self.open += 1
+        self.most_open = max(self.most_open, self.open)
+        if self.connections == 3:
+            self.third.set()
+        with contextlib.closing(writer):
+            await reader.read()
+        self.open -= 1
+
+
+def test_f30_a_broker_that_does_not_answer_has_one_connection_open_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every attempt left one: after some hours of them no file could be opened any more."""
+    monkeypatch.setattr("ridlink.mqtt.bridge.ANSWER_S", 0.2)
+    monkeypatch.setattr("ridlink.mqtt.bridge.BACK_OFF_S", (0.2, 0.2))
+
+    async def body() -> None:
+        mute = Mute()
+        server = await asyncio.start_server(mute.serve, "127.0.0.1", 0)
+        broker = BrokerUrl("127.0.0.1", server.sockets[0].getsockname()[1], False)
+        bridge = Bridge(broker, TOPICS, Publisher(PublisherSettings(TOPICS)), SOURCE)
+        async with server, asyncio.timeout(PATIENCE_S):
+            task = asyncio.create_task(bridge.run(asyncio.Event()))
+            await mute.third.wait()
+            task.cancel()  # while it waits for an answer
+            await asyncio.gather(task, return_exceptions=True)
+            while mute.open:
+                await turn()
+        assert mute.most_open == 1
+
+    run(body)
+
+
 def test_f30_a_broker_that_dies_of_the_greeting_is_tried_again_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ridlink.mqtt.bridge.ANSWER_S", 1000.0)
 
