@@ -28,6 +28,7 @@ from ridlink.avoidance.settings import HalfplaneSettings
 from ridlink.avoidance.worlds import avoid_worlds, halfplane_scratch, new_memory
 from ridlink.separation import Definition, Discs, Reported, separation_discs
 from ridlink.separation.reference import REPORT_INTERVAL_S
+from tests.avoidance.first_form import FirstForm
 
 STEP_S = 0.02
 PHASES = 5
@@ -255,8 +256,9 @@ def fly(
     from_rest=False,
     landing_s: float | None = None,
     keep_path=False,
+    first_form=False,
 ) -> Outcome:
-    """Fly `worlds` noisy copies of a scene in lockstep."""
+    """Fly `worlds` noisy copies of a scene in lockstep, by half-planes or by their first form."""
     if landing_s is None:
         landing_s = 0.0 if response == "ideal" else LANDING_S
     random = np.random.default_rng(seed)
@@ -295,6 +297,7 @@ def fly(
     memory, turns = new_memory(*shape), new_turns(*shape)
     route, roadmap = np.zeros(shape, np.int64), new_roadmap(obstacles)
     scratch = halfplane_scratch(*shape, obstacles)
+    former = FirstForm(*shape) if first_form else None
     in_turn, identities = np.zeros((count, 10)), np.zeros(count, np.int64)
     result = np.zeros((*shape, rows.RESULT_COLUMNS))
     vector = settings.as_vector()
@@ -351,11 +354,14 @@ def fly(
         own[..., rows.EXTRA_TURN] = turn
         radius = disc_m + growth_s * (own_speed[:, :, None] + length(heard[..., 2:4])[:, None, :])
         deciding = turn_now & deciders
-        give_way_in_worlds(own, deciding, heard, present, radius, range_m, now, turns, in_turn, identities)
-        avoid_worlds(
-            own, deciding, heard, present, radius, discs.error_sum_m, range_m, memory, route,
-            obstacles.pieces, roadmap, vector, *scratch, result,
-        )  # fmt: skip
+        if former is not None:
+            former.decide(own, deciding, heard, present, radius, discs.error_sum_m, range_m, result)
+        else:
+            give_way_in_worlds(own, deciding, heard, present, radius, range_m, now, turns, in_turn, identities)
+            avoid_worlds(
+                own, deciding, heard, present, radius, discs.error_sum_m, range_m, memory, route,
+                obstacles.pieces, roadmap, vector, *scratch, result,
+            )  # fmt: skip
         command = np.where(deciding[..., None], result[..., 2:4], command)
         if not all_active:
             command[~active] = 0.0

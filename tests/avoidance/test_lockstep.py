@@ -194,6 +194,19 @@ def test_two_that_meet_in_a_lane_too_narrow_for_both_go_one_after_the_other():
     assert np.median(out.arrival_s.max(axis=1)) < 150.0
 
 
+@pytest.mark.parametrize("response", ["px4", "ardupilot"])
+def test_slow_ones_in_a_circle_of_four_are_no_slower_than_by_the_first_form(response):
+    """Of all the cells of `study_response` this is the one whose noted time is out of reach."""
+    seed = 21
+    ours, theirs = (
+        fly(circle(4, speed=5.0), worlds=20, seed=seed, response=response, landing_s=0.0, first_form=first_form)
+        for first_form in (False, True)
+    )
+    assert_safe_arrival(ours, seed)
+    assert np.median(ours.arrival_s) < np.median(theirs.arrival_s)
+    assert np.percentile(ours.least_margin_m, 5) > np.percentile(theirs.least_margin_m, 5)
+
+
 def test_the_same_seed_gives_the_same_flights():
     first = fly(circle(4), worlds=3, seed=18, duration_s=40.0)
     second = fly(circle(4), worlds=3, seed=18, duration_s=40.0)
