@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +19,8 @@ from tests.captures.conftest import START_US, flight, tlog_bytes
 from tests.loopback import PATIENCE_S
 
 Arrivals = list[tuple[float, bytes]]
+SO_TIMESTAMPNS = 35
+"""Of Linux; the module has no name for it."""
 
 
 @contextmanager
@@ -37,14 +39,17 @@ def ground() -> Iterator[tuple[socket.socket, str]]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind(("127.0.0.1", 0))
         sock.settimeout(PATIENCE_S)
+        sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         yield sock, f"udpout:127.0.0.1:{sock.getsockname()[1]}"
 
 
 def receive(sock: socket.socket, count: int) -> Arrivals:
+    """Datagrams with the time at which the kernel took them: this process may be late itself."""
     arrivals: Arrivals = []
     while len(arrivals) < count:
-        data = sock.recv(2048)
-        arrivals.append((time.monotonic(), data))
+        data, ((_, _, stamp),), *_ = sock.recvmsg(2048, socket.CMSG_SPACE(16))
+        seconds, nanoseconds = struct.unpack("@qq", stamp)
+        arrivals.append((seconds + 1e-9 * nanoseconds, data))
     return arrivals
 
 
