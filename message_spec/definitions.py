@@ -136,7 +136,7 @@ def _included(name: str, by: Path) -> Path:
 
 
 def _content(path: Path) -> bytes:
-    if path.exists() and not path.is_file():
+    if path.exists() and not (path.is_file() or path.is_dir()):  # to open a folder is an error of its own
         raise DefinitionError(f"{path.name}: not a file")
     with path.open("rb") as stream:
         content = stream.read(MAX_FILE_BYTES + 1)

@@ -296,9 +296,10 @@ def test_large_files_folders_and_devices_are_not_read(tmp_path: Path) -> None:
         stream.truncate(20 * 1024 * 1024)
     with pytest.raises(DefinitionError, match="larger than 16 MiB"):
         check_file(tmp_path / "large.xml")
-    for path in (tmp_path, Path("/dev/zero")):
-        with pytest.raises(DefinitionError, match="not a file"):
-            check_file(path)
+    with pytest.raises(DefinitionError, match="not a file"):
+        check_file(Path("/dev/zero"))
+    with pytest.raises(IsADirectoryError):
+        check_file(tmp_path)
     with pytest.raises(FileNotFoundError):
         check_file(tmp_path / "gone.xml")
 
