@@ -83,6 +83,10 @@ class LazyGroup(click.Group):
         except BrokenPipeError:  # the reader of stdout has closed it, as `head` does; click would exit with 1
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             ctx.exit(EXIT_DONE)
+        except click.UsageError as error:
+            if error.ctx is None and ctx.invoked_subcommand is not None:  # click's parser says not of which command
+                error.ctx = click.Context(self, ctx, ctx.invoked_subcommand)
+            raise
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, value: bool) -> None:

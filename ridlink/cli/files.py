@@ -80,12 +80,15 @@ def whole_output(path: str | None, read: Iterable[str] = ()) -> Iterator[BinaryI
 
     Raises:
         click.UsageError: If it is one of the files that are read.
+        OSError: If it cannot be written, or its name is that of a folder.
     """
     if path is None or path == "-":
         yield sys.stdout.buffer
         sys.stdout.buffer.flush()
         return
     target = Path(path)
+    if path.endswith(os.sep):  # a path without it is written otherwise
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
     if target.exists() and not target.is_file():  # a device or pipe cannot be replaced
         with full_disk_named(path), open(target, "wb") as stream:
             yield stream

@@ -266,6 +266,13 @@ def test_bytes_of_a_name_that_are_no_text_are_escaped_alike(log: Path, tmp_path:
     assert done.stderr.splitlines()[1].startswith(f"{tmp_path}/fl\\xe4che: ") and folder.is_dir()
 
 
+def test_a_file_is_not_written_under_the_name_of_a_folder(log: Path, tmp_path: Path) -> None:
+    """The slash at its end was left out, and there was a file."""
+    refused = run(log, "-o", f"{tmp_path}/tables/").exception
+    assert isinstance(refused, IsADirectoryError) and refused.filename == f"{tmp_path}/tables/"
+    assert [path.name for path in tmp_path.iterdir()] == ["flight.tlog"]
+
+
 @pytest.mark.parametrize(("output_format", "name"), [("jsonl", "out.jsonl"), ("kml", "out.kml"), ("csv", "tables")])
 def test_where_nothing_can_be_written_what_was_asked_for_is_named(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output_format: str, name: str

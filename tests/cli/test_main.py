@@ -164,6 +164,16 @@ class TestUsage:
         assert "(see 'ridlink dialect xml --help')" in done.stderr
         assert done.stderr.count("\n") == 1
 
+    @pytest.mark.parametrize("arguments", [("decode", "-o"), ("report", "--html")])
+    def test_an_option_without_its_value_is_told_with_the_command_that_it_is_of(
+        self, arguments: tuple[str, ...]
+    ) -> None:
+        """Click's parser does not say of which."""
+        done = ridlink_process(*arguments)
+        assert (done.returncode, done.stdout) == (2, "")
+        said = f"ridlink: Option '{arguments[1]}' requires an argument. (see 'ridlink {arguments[0]} --help')\n"
+        assert done.stderr == said
+
     def test_a_reader_that_goes_away_is_no_error(self) -> None:
         process = subprocess.Popen(
             [sys.executable, "-m", "ridlink", "dialect", "lua"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
