@@ -34,11 +34,13 @@ from ridlink.traffic.snapshot import PictureSettings
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Goal: latitude and longitude in degrees, altitude above mean sea level, None to keep the present one."""
+    """Goal: latitude and longitude in degrees, altitude above mean sea level, None to keep the present one, and the
+    speed wanted on the way, None for cruise speed, which is also the most."""
 
     latitude_deg: float
     longitude_deg: float
     altitude_m: float | None = None
+    speed_mps: float | None = None
 
     def is_below(self, altitude_m: float) -> bool:
         """Whether it is known to lie lower than an altitude above mean sea level."""

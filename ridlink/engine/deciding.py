@@ -134,7 +134,8 @@ class Decider:
         down = self._down_mps(goal, here.altitude_m)
         target = ned_from_geodetic(goal.latitude_deg, goal.longitude_deg, here.altitude_m, here)[:2]
         distance = float(np.hypot(*target))
-        turn = self._watch.update(now_s, distance, config.cruise_mps)
+        cruise_mps = min(config.cruise_mps, goal.speed_mps or config.cruise_mps)
+        turn = self._watch.update(now_s, distance, cruise_mps)
         ship = OwnShip(
             position_ne_m=np.zeros(2),
             velocity_ne_mps=np.array(own.velocity_ned_mps[:2]),
@@ -142,13 +143,13 @@ class Decider:
             airframe_m=config.airframe_m,
             speed_limit_mps=config.cruise_mps,
         )
-        makes_way = self._makes_way(ship, identity, snapshot, traffic, target, now_s, utc_s)
+        makes_way = self._makes_way(ship, identity, snapshot, traffic, target, cruise_mps, now_s, utc_s)
         decision = self.solver.solve(
             ship,
             traffic,
             goal_ne_m=target if makes_way is None else None,
             preferred_ne_mps=makes_way,
-            cruise_mps=config.cruise_mps,
+            cruise_mps=cruise_mps,
             obstacles=self._obstacles.about(here),
             own_clearance_m=config.airframe_m / 2.0 + own.error_bound_m + REPORT_INTERVAL_S * own.speed_mps,
             extra_right_turn_rad=turn if makes_way is None else 0.0,
@@ -185,6 +186,7 @@ class Decider:
         snapshot: Snapshot,
         traffic: Traffic,
         target_ne_m: FloatArray,
+        cruise_mps: float,
         now_s: float,
         utc_s: float | None,
     ) -> FloatArray | None:
@@ -198,7 +200,7 @@ class Decider:
             traffic,
             order[1],
             goal_ne_m=target_ne_m,
-            cruise_mps=self.config.cruise_mps,
+            cruise_mps=cruise_mps,
             now_s=now_s,
             clock_s=utc_s,
         )

@@ -49,7 +49,7 @@ def goal_ahead(own: OwnState) -> Goal:
         return Goal(*here)
     ahead_s = AHEAD_M / own.speed_mps
     north, east = (ahead_s * value for value in own.velocity_ned_mps[:2])
-    return Goal(*moved(*here, north, east))
+    return Goal(*moved(*here, north, east), speed_mps=own.speed_mps)
 
 
 def seen_by_guard(

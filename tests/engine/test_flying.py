@@ -44,6 +44,15 @@ def test_the_first_setpoint_is_zero_and_every_step_has_one() -> None:
     assert len(flight.vehicle.observer.setpoints) == 22
 
 
+@pytest.mark.parametrize(("wanted_mps", "flown_mps"), [(4.0, 4.0), (25.0, 10.0), (None, 10.0)])
+def test_a_goal_may_be_flown_to_slower_than_at_cruise_speed_and_never_faster(
+    wanted_mps: float | None, flown_mps: float
+) -> None:
+    flight = Flight(settings=EngineConfig(goal=Goal(*at(300.0), speed_mps=wanted_mps)))
+    flight.step(60)
+    assert flight.vehicle.velocity[0] == pytest.approx(flown_mps, abs=0.01)
+
+
 def test_altitude_is_held_or_flown_to() -> None:
     level = Flight(settings=EngineConfig(goal=Goal(*at(50.0)[:2])))
     level.step(100)

@@ -128,6 +128,11 @@ def test_a_conflict_on_a_mission_is_resolved_and_mission_and_mode_are_handed_bac
     assert flight.observer.setpoints == [], "nothing is flown while all is clear"
     cross(flight)
     flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    flown_mps = math.hypot(*flight.velocity[:2])
+    flight.step()
+    assert flight.engine._last_record is not None
+    wanted = flight.engine._last_record.preferred_ned_mps
+    assert wanted is not None and math.hypot(*wanted[:2]) <= min(1.05 * flown_mps, 10.0), "no faster than its mission"
     assert flight.mode == EXTERNAL_MODE[PX4 if flavour == "px4" else ARDUPILOT]
     assert flight.guard.found_mode == MISSION[flavour]
     flight.until(lambda: flight.guard.phase is Phase.WATCHING)

@@ -385,7 +385,7 @@ def test_the_item_is_set_back_where_it_was_known_and_has_moved(
 @pytest.mark.parametrize("drift_ned_mps", [(0.0, 0.0, 0.0), (0.15, 0.0, 0.0), (-0.5, 0.7, -1.0)])
 def test_the_plan_of_a_vehicle_that_hovers_is_to_stay(drift_ned_mps: Velocity) -> None:
     goal = goal_ahead(replace(OWN, velocity_ned_mps=drift_ned_mps))
-    assert (goal.latitude_deg, goal.longitude_deg) == HERE
+    assert goal == Goal(*HERE), "at cruise speed, should it be driven off"
 
 
 @pytest.mark.parametrize("velocity_ned_mps", [(1.0, 0.0, 0.0), (-3.0, 4.0, 1.0)])
@@ -395,3 +395,4 @@ def test_the_plan_of_a_vehicle_that_flies_leads_ahead(velocity_ned_mps: Velocity
     assert math.hypot(north_m, east_m) == pytest.approx(AHEAD_M, abs=0.1)
     assert math.atan2(east_m, north_m) == pytest.approx(math.atan2(velocity_ned_mps[1], velocity_ned_mps[0]), abs=1e-3)
     assert goal.altitude_m is None
+    assert goal.speed_mps == math.hypot(*velocity_ned_mps[:2])
