@@ -89,13 +89,13 @@ def _refuse(text: str, reason: str, right: str) -> NoReturn:
 
 
 def refuse_to_speak_to_oneself(links: Mapping[str, LinkUrl | None]) -> None:
-    """Refuse links of one program that would talk to each other, or that use the same device.
+    """Refuse links of one program that would talk to each other, or that use the same port or device.
 
     Args:
         links: Links by the names that the user knows; None if there is none.
 
     Raises:
-        ConfigError: If one of them leads to another, or two are one device.
+        ConfigError: If one of them leads to another, or two listen on one port, or are one device.
     """
     given = {key: link for key, link in links.items() if link is not None}
     for (key, link), (other, its) in itertools.permutations(given.items(), 2):
@@ -104,6 +104,8 @@ def refuse_to_speak_to_oneself(links: Mapping[str, LinkUrl | None]) -> None:
                 f"{key} {link} leads to the port that {other} listens on, {its}: what is sent would be heard "
                 f"here; give {key} another port"
             )
+        if link.listens and link.port and link == its:
+            raise ConfigError(f"{key} and {other} both listen on {link}: give one of them another port")
         if link.scheme is its.scheme is Scheme.SERIAL and link.host == its.host:
             raise ConfigError(
                 f"{key} {link} and {other} {its} are one device, which one link alone can have; let mavlink-router "

@@ -157,6 +157,7 @@ WALL = "[[obstacle]]\npolygon = [[47.0, 8.0], [47.1, 8.0], [47.1, 8.1]]\n"
         ("response_time = -1.0", ["response-time must lie between 0 and 5 s, got -1"]),
         ("goal = [86.0, 8.0]", ["latitude"]),
         ('rid = "udpout:127.0.0.1:14540"', ["rid udpout:127.0.0.1:14540", "vehicle listens on", "another port"]),
+        ('rid = "udpin:127.0.0.1:14540"', ["vehicle and rid both listen on udpin:127.0.0.1:14540", "another port"]),
         ('vehicle = "udpin:0.0.0.0:1"\nbroadcast_to = "udpout:localhost:1"', ["broadcast-to", "heard here"]),
         ("vehicle_sysid = 256", ["between 1 and 255"]),
     ],
