@@ -143,25 +143,29 @@ def module_name(path: Path) -> str:
 @cache
 def imports(path: Path) -> list[tuple[str, bool]]:
     """Names of the modules that a file imports, and whether it does so inside a function."""
-    return list(_imports(path))
+    return [(name, inside) for name, _, inside in imported(path)]
 
 
-def _imports(path: Path) -> Iterator[tuple[str, bool]]:
-    tree = ast.parse(path.read_text())
-    inside = {
-        child
-        for node in ast.walk(tree)
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-        for child in ast.walk(node)
-    }
-    for node in ast.walk(tree):
+@cache
+def imported(path: Path) -> list[tuple[str, list[str], bool]]:
+    """Modules that a file imports, the names it takes from each, and whether it does so inside a function."""
+    found: list[tuple[str, list[str], bool]] = []
+
+    def visit(node: ast.AST, inside: bool) -> None:
+        if isinstance(node, ast.expr):
+            return
         if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield alias.name, node in inside
+            found.extend((alias.name, [], inside) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path.name}: relative import"
             assert node.module is not None
-            yield node.module, node in inside
+            found.append((node.module, [alias.name for alias in node.names], inside))
+        inside = inside or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        for child in ast.iter_child_nodes(node):
+            visit(child, inside)
+
+    visit(ast.parse(path.read_text()), False)
+    return found
 
 
 def room(module: str, rooms: Iterator[str] | tuple[str, ...] | dict[str, int]) -> str | None:
@@ -273,9 +277,7 @@ def test_architecture_document_names_every_room() -> None:
 @pytest.mark.parametrize("path", sources("tests"), ids=module_name)
 def test_no_module_of_tests_imports_another_one(path: Path) -> None:
     """What tests share stands beside them in modules of its own, which say what they are and collect nothing twice."""
-    tree = ast.parse(path.read_text())
-    found = [f"{node.module}.{alias.name}" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
-             for alias in node.names] + [name for name, _ in imports(path)]  # fmt: skip
+    found = [each for module, names, _ in imported(path) for each in (module, *(f"{module}.{name}" for name in names))]
     assert not [name for name in found if name.startswith("tests.") and ".test_" in name]
 
 
