@@ -247,24 +247,30 @@ def test_in_sight_is_what_no_piece_comes_near(seed, clearance):
 
 
 def shortest_on_a_grid(obstacles, start, goal, clearance, step_m=4.0):
-    """Length of the shortest way in steps to sixteen sides, infinite if there is none."""
+    """Length of the shortest way in steps to sixteen sides, infinite if there is none (A*)."""
     places = np.arange(-260.0, 260.0 + step_m, step_m)
     grid = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1)
-    free = signed_distance(obstacles, grid) > clearance
-    here, there = (tuple(np.rint((np.array(end) + 260.0) / step_m).astype(int)) for end in (start, goal))
-    least, queue = {here: 0.0}, [(0.0, here)]
-    steps = [(i, j) for i in range(-2, 3) for j in range(-2, 3) if math.gcd(i, j) == 1]
+    around = np.pad(signed_distance(obstacles, grid) > clearance, 2)  # no step leads over two rows that are not free
+    width = len(around)
+    free = around.ravel().tolist()
+    (north, east), there = (np.rint((np.array(end) + 260.0) / step_m).astype(int) + 2 for end in (start, goal))
+    offset = np.indices(around.shape) - there[:, None, None]
+    straight = (step_m * np.hypot(*offset)).ravel().tolist()
+    here, there = int(north * width + east), int(there[0] * width + there[1])
+    sides = [(i, j) for i in range(-2, 3) for j in range(-2, 3) if math.gcd(i, j) == 1]
+    steps = [(i * width + j, step_m * math.hypot(i, j)) for i, j in sides]
+    least, queue = {here: 0.0}, [(straight[here], 0.0, here)]
     while queue:
-        so_far, place = heapq.heappop(queue)
+        _, so_far, place = heapq.heappop(queue)
         if place == there:
             return so_far
-        for i, j in steps:
-            following = place[0] + i, place[1] + j
-            if max(following) < len(places) and min(following) >= 0 and free[following]:
-                longer = so_far + step_m * math.hypot(i, j)
-                if longer < least.get(following, math.inf):
-                    least[following] = longer
-                    heapq.heappush(queue, (longer, following))
+        if so_far > least[place]:
+            continue
+        for step, further in steps:
+            following, longer = place + step, so_far + further
+            if free[following] and longer < least.get(following, math.inf):
+                least[following] = longer
+                heapq.heappush(queue, (longer + straight[following], longer, following))
     return math.inf
 
 
