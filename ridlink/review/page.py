@@ -109,7 +109,7 @@ def report_page(summary: Summary, worst: Sequence[Met], *, drawn: int) -> str:
 def summary_line(summary: Summary) -> str:
     """The recording in one line."""
     if summary.begun_s is None or summary.ended_s is None or not summary.aircraft:
-        return "nobody in it tells a position by Remote ID"
+        return "nobody in it tells a position, by Remote ID or by telemetry"
     text = (
         f"{_clock(summary.begun_s)} to {_clock(summary.ended_s)} UTC: {summary.aircraft:,} aircraft, "
         f"{counted(summary.encounters, 'encounter')} under {summary.definition}"

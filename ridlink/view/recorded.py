@@ -91,5 +91,5 @@ def read_history(
         for source in sources
     )
     if not len(history):
-        raise CaptureError(f"{title}: nobody in it tells a position by Remote ID")
+        raise CaptureError(f"{title}: nobody in it tells a position, by Remote ID or by telemetry")
     return Scenery(title, "file", live=False, utc0_s=filling.begin_s, origin=walk.sky.origin), history, sources
