@@ -195,6 +195,8 @@ class Track:
             if not report.extended or not same_place or report == last:
                 return Update.REPEATED
             self.report = report
+            if self.received_at_s == self.began_at_s:  # none was measured yet
+                self.interval_s = report.update_interval_s or self.interval_s
             return Update.COMPLETED
         if report.latitude_deg is None or report.longitude_deg is None:
             return Update.NO_POSITION

@@ -157,6 +157,19 @@ def test_a_track_begins_with_nothing_remembered_of_it() -> None:
     assert made.first_heard_m is None and made.doubt.widening_m(10.0) == 0.0
 
 
+def test_an_interval_that_is_told_after_the_first_position_counts_at_once() -> None:
+    """As all do that send RIDLINK_SEPARATION behind their LOCATION; what is measured is not overwritten."""
+    bare = replace(REPORT, extended=False, update_interval_s=None)
+    made = track(bare)
+    assert made.interval_s == 1.0
+    assert made.update(replace(bare, extended=True, update_interval_s=0.1), 10.0, 40.0) is Update.COMPLETED
+    assert made.interval_s == 0.1
+    later = replace(bare, timestamp_s=100.3, received_at_s=10.3)
+    made.update(later, 10.3, 40.0)
+    made.update(replace(later, extended=True, update_interval_s=0.1), 10.3, 40.0)
+    assert made.interval_s == pytest.approx(0.1 + 0.3 * 0.2)
+
+
 def test_the_interval_follows_what_is_measured_by_three_tenths() -> None:
     made = track()
     update(made, replace(REPORT, timestamp_s=100.3, received_at_s=10.3))
