@@ -2,7 +2,7 @@
 
 python -m tests.avoidance.study_response [runs] [px4|ardupilot] [speed] [geometry ...]
 
-For ten geometries, 60 cells in all (half an hour on one core with 300 runs): runs in which a reported position came
+For ten geometries, 60 cells in all (a quarter of an hour on one core with 300 runs): runs in which a reported position came
 inside the disc [%], 5th percentile of the smallest reported margin [m], smallest true gap of two airframes [m],
 collisions, vehicles that did not arrive, median time relative to flying alone, reversals of the lateral command a
 vehicle. Below each row stand the same figures of `first_form`, which is the prototype's method written again, flown in
