@@ -2,15 +2,15 @@
 
 python -m tests.avoidance.study_response [runs] [px4|ardupilot] [speed] [geometry ...]
 
-For ten geometries, 60 cells in all (a quarter of an hour on one core with 300 runs): runs in which a reported position came
-inside the disc [%], 5th percentile of the smallest reported margin [m], smallest true gap of two airframes [m],
-collisions, vehicles that did not arrive, median time relative to flying alone, reversals of the lateral command a
-vehicle. Below each row stand the same figures of `first_form`, which is the prototype's method written again, flown in
-the same worlds; behind both what the prototype noted (it had no collisions, and everybody arrived), and what is worse
-than either beyond the noise of the runs. Paths are 500 m, circles have a radius of 100 m, airframes are 0.5 to 2 m,
-errors Gauss-Markov of 3.5 m, latencies 0.1 to 0.3 s, everybody begins at cruise, and who arrives leaves. "Head-on 10"
-passes on the right unasked, 10 m apart. Two rows the prototype did not measure: with 10 m on the other side, and
-overtaking with two bystanders in the air, because who hears several turns further.
+For ten geometries, 60 cells in all (a quarter of an hour on one core with 300 runs): runs in which a reported
+position came inside the disc [%], 5th percentile of the smallest reported margin [m], smallest true gap of two
+airframes [m], collisions, vehicles that did not arrive, median time relative to flying alone, reversals of the
+lateral command a vehicle. Below each row stand the same figures of `first_form`, which is the prototype's method
+written again, flown in the same worlds; behind both what the prototype noted (it had no collisions, and everybody
+arrived), and what is worse than either beyond the noise of the runs. Paths are 500 m, circles have a radius of 100 m,
+airframes are 0.5 to 2 m, errors Gauss-Markov of 3.5 m, latencies 0.1 to 0.3 s, everybody begins at cruise, and who
+arrives leaves. "Head-on 10" passes on the right unasked, 10 m apart. Two rows the prototype did not measure: with 10
+m on the other side, and overtaking with two bystanders in the air, because who hears several turns further.
 """
 
 from __future__ import annotations
