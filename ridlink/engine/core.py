@@ -251,7 +251,7 @@ class Engine:
             return []
         wish = guard.step(self._seen_by_guard(own, now_s), now_s)
         if wish.begin and own is not None:
-            self.goal = goal_ahead(own)
+            self.goal = goal_ahead(own, paused=guard.found_paused)
             self.rung = request(Rung())
         if wish.end or guard.phase is Phase.WATCHING:
             self.rung = resting(guard)

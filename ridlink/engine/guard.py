@@ -137,6 +137,7 @@ class Guard:
     Attributes:
         phase: Present phase.
         found_mode: Mode that it hands back.
+        found_paused: Whether the plan was paused in that mode.
         takeovers: Number of conflicts that it took over for.
         refused: How often a mode was asked for in vain for longer than five seconds.
         pauses_kept: For how many conflicts it has not handed back, since the plan was found paused.
@@ -146,10 +147,10 @@ class Guard:
     def __init__(self) -> None:
         self.phase = Phase.WATCHING
         self.found_mode = 0
+        self.found_paused = False
         self.takeovers = self.refused = self.pauses_kept = 0
         self.remark = ""
         self._found_item: int | None = None
-        self._found_paused = False
         self._vehicle: tuple[int, int] | None = None
         self._since_s = self._asked_s = self._steered_s = 0.0
 
@@ -184,8 +185,8 @@ class Guard:
         self.remark = FOREIGN_MODE if seen.flying and seen.heard and not autonomous else ""
         if not (autonomous and seen.conflict and seen.flying and seen.heard and seen.interruptible):
             return Wish()
-        self.found_mode, self._vehicle = seen.custom_mode, seen.vehicle
-        self._found_item, self._found_paused = seen.mission_item, seen.paused
+        self.found_mode, self.found_paused = seen.custom_mode, seen.paused
+        self._found_item, self._vehicle = seen.mission_item, seen.vehicle
         self.takeovers += 1
         self._go(Phase.TAKING_OVER, now_s)
         return Wish(begin=True)
@@ -227,8 +228,8 @@ class Guard:
         if not seen.clear and now_s - max(self._steered_s, self._since_s) <= GIVE_UP_S:
             return Wish()
         if self.phase is Phase.RESOLVING:
-            self.pauses_kept += self._found_paused
-            self._go(Phase.HOLDING if self._found_paused else Phase.HANDING_BACK, now_s)
+            self.pauses_kept += self.found_paused
+            self._go(Phase.HOLDING if self.found_paused else Phase.HANDING_BACK, now_s)
         elif self.phase is Phase.HOLDING and not seen.clear:
             self._go(Phase.HOLDING, now_s)
             return Wish(begin=True)  # the avoidance was ended, by a lost own state or link
@@ -244,7 +245,7 @@ class Guard:
         none that would end a pause."""
         asked = self.phase is Phase.TAKING_OVER and self._asked_s >= self._since_s
         taken = asked or self.phase in (Phase.RESOLVING, Phase.HANDING_BACK)
-        if not taken or self._found_paused or seen.vehicle != self._vehicle:
+        if not taken or self.found_paused or seen.vehicle != self._vehicle:
             return ()
         mode = mode_command(seen.autopilot, self.found_mode)
         if self._found_item is None or seen.mission_item in (None, self._found_item):

@@ -42,10 +42,11 @@ def ended(autopilot: int, *, asked: bool, dry_run: bool) -> Rung:
     return Rung(reason=f"ended: the vehicle is told to stop, and {left}")
 
 
-def goal_ahead(own: OwnState) -> Goal:
-    """Goal where the autopilot's plan leads, as far as the own velocity tells; for a vehicle that hovers, its place."""
+def goal_ahead(own: OwnState, *, paused: bool = False) -> Goal:
+    """Goal where the autopilot's plan leads, as far as the own velocity tells; for a vehicle that hovers, or whose plan
+    is paused, its place."""
     here = own.position.latitude_deg, own.position.longitude_deg
-    if own.speed_mps < HOVERING_MPS:
+    if paused or own.speed_mps < HOVERING_MPS:
         return Goal(*here)
     ahead_s = AHEAD_M / own.speed_mps
     north, east = (ahead_s * value for value in own.velocity_ned_mps[:2])

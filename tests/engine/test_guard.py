@@ -148,6 +148,21 @@ def test_a_conflict_on_a_mission_is_resolved_and_mission_and_mode_are_handed_bac
     assert flight.observer.setpoints[0].vx == 0.0
 
 
+def test_a_vehicle_that_brakes_for_a_pause_is_not_led_on() -> None:
+    flight = on_a_mission("ardupilot")
+    assert flight.command(missions.PAUSE_CONTINUE, 0) == ACCEPTED
+    flight.until(lambda: flight.engine.telemetry.mission_paused)
+    north = float(flight.world.position_ned_m[0, 0])
+    assert math.hypot(*flight.velocity[:2]) > 3.0
+    flight.intruder = Emulated(9, ned_m=(north + 80.0, 0.0, -50.0))
+    flight.intruder.velocity[0] = -6.0
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    flight.until(lambda: flight.guard.phase is Phase.HOLDING)
+    flight.until(lambda: flight.intruder is not None and flight.intruder.position[0] < north - 250.0)
+    assert flight.world.position_ned_m[0, 0] == pytest.approx(north, abs=25.0)
+    assert math.hypot(*flight.velocity[:2]) < 1.0
+
+
 def test_a_mission_that_the_operator_has_paused_stays_so_until_the_operator_chooses_a_mode() -> None:
     """Handed back, AUTO flew on: a change of the mode ends a pause."""
     flight = on_a_mission("ardupilot")

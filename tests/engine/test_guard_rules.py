@@ -388,6 +388,11 @@ def test_the_plan_of_a_vehicle_that_hovers_is_to_stay(drift_ned_mps: Velocity) -
     assert goal == Goal(*HERE), "at cruise speed, should it be driven off"
 
 
+def test_the_plan_of_a_vehicle_that_brakes_for_a_pause_is_to_stay() -> None:
+    """Led on where it was flying, it went away from the place at which the operator had paused it."""
+    assert goal_ahead(replace(OWN, velocity_ned_mps=(6.0, 0.0, 0.0)), paused=True) == Goal(*HERE)
+
+
 @pytest.mark.parametrize("velocity_ned_mps", [(1.0, 0.0, 0.0), (-3.0, 4.0, 1.0)])
 def test_the_plan_of_a_vehicle_that_flies_leads_ahead(velocity_ned_mps: Velocity) -> None:
     goal = goal_ahead(replace(OWN, velocity_ned_mps=velocity_ned_mps))
