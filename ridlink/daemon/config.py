@@ -282,7 +282,7 @@ def as_toml(config: DaemonConfig) -> str:
     values: dict[str, Any] = {
         "vehicle": str(config.vehicle),
         "rid": str(config.remote_id),
-        "goal": None if engine.goal is None else [each for each in astuple(engine.goal) if each is not None],
+        "goal": None if engine.goal is None else [each for each in astuple(engine.goal)[:3] if each is not None],
         **{key: getattr(engine, name) for key, name in ENGINE_KEYS.items()},
         "operator_id": engine.operator_id or None,
         **{key: getattr(engine.limits, name) for key, name in LIMIT_KEYS.items()},
