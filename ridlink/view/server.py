@@ -230,12 +230,12 @@ class ViewServer:
                 page.wake.clear()
                 await page.wake.wait()
             elif message:
-                await asyncio.wait_for(websocket.send({"type": "websocket.send", "text": message.decode()}), UNREAD_S)
+                await _send(websocket, message)
         message = conversation.next()
         while message is not None and not message.startswith(b'{"type":"error"'):
             message = conversation.next()
         if message is not None:
-            await asyncio.wait_for(websocket.send({"type": "websocket.send", "text": message.decode()}), UNREAD_S)
+            await _send(websocket, message)
 
     async def _read_books(self) -> None:
         """Let the books of all displayed definitions read on."""
@@ -270,6 +270,11 @@ class ViewServer:
             for page in self._pages:
                 page.conversation.second(health)
                 page.wake.set()
+
+
+async def _send(websocket: WebSocket, message: bytes) -> None:
+    async with asyncio.timeout(UNREAD_S):
+        await websocket.send({"type": "websocket.send", "text": message.decode()})
 
 
 async def _read(websocket: WebSocket, page: _Page) -> None:
