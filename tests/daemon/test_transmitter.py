@@ -25,10 +25,11 @@ def test_what_the_network_did_not_take_is_not_counted_as_sent() -> None:
 
         async def not_taken(least: int) -> dict[str, Any]:
             """The first summary that tells of so many datagrams that did not leave."""
-            while True:
-                told = await asyncio.wait_for(said.get(), PATIENCE_S)
-                if told["rejects"].get("transmitter_link_no_peer", 0) >= least:
-                    return told
+            async with asyncio.timeout(PATIENCE_S):
+                while True:
+                    told = await said.get()
+                    if told["rejects"].get("transmitter_link_no_peer", 0) >= least:
+                        return told
 
         with socket.create_server(("127.0.0.1", 0)) as module:
             config = TransmitterConfig(

@@ -49,10 +49,11 @@ async def a_page(server: ViewServer, **options: Any) -> AsyncIterator[ClientConn
 
 async def heard(page: ClientConnection, kind: str, **facts: Any) -> dict[str, Any]:
     """The next message of a kind that says so."""
-    while True:
-        message = json.loads(await asyncio.wait_for(page.recv(), PATIENCE_S))
-        if message["type"] == kind and all(message[key] == value for key, value in facts.items()):
-            return message  # type: ignore[no-any-return]
+    async with asyncio.timeout(PATIENCE_S):  # wait_for of Python 3.11 can lose a cancellation, such as that of `run`
+        while True:
+            message = json.loads(await page.recv())
+            if message["type"] == kind and all(message[key] == value for key, value in facts.items()):
+                return message  # type: ignore[no-any-return]
 
 
 def run(body: Callable[[], Awaitable[None]]) -> None:

@@ -282,8 +282,9 @@ def test_an_answer_that_fails_is_logged_once_and_counted_and_nobody_else_is_dist
                 async with a_page(server) as page:
                     await page.send('{"select":"ALPHA"}')
                     with pytest.raises(ConnectionClosed):
-                        while True:
-                            await asyncio.wait_for(page.recv(), PATIENCE_S)
+                        async with asyncio.timeout(PATIENCE_S):
+                            while True:
+                                await page.recv()
             while not (health := await heard(other, "health"))["rejects"]:
                 continue
             assert health["rejects"] == {"answers_failed": 2}

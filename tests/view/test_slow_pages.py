@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.observer.flights import Flyer
-from tests.view.serving import MB, UPGRADE, a_page, a_show, heard, run, serving, text_frame
+from tests.view.serving import MB, PATIENCE_S, UPGRADE, a_page, a_show, heard, run, serving, text_frame
 
 pytest.importorskip("uvicorn", reason="needs ridlink[web]")
 
@@ -57,10 +57,11 @@ def test_f31_fifty_pages_that_never_read(monkeypatch: pytest.MonkeyPatch) -> Non
             while server.pages == 1 or server.counters["refused"] < SILENT + 1 - served.MOST_PAGES:
                 server.publish()
                 await heard(reader, "instant")
-            while server.pages > 1:
-                server.publish()
-                await heard(reader, "instant")  # whoever reads is served all the while
-                most = max(most, resident_bytes())
+            async with asyncio.timeout(PATIENCE_S):
+                while server.pages > 1:
+                    server.publish()
+                    await heard(reader, "instant")  # whoever reads is served all the while
+                    most = max(most, resident_bytes())
             assert server.counters["served"] == served.MOST_PAGES
             assert most - before < 20 * MB
 
