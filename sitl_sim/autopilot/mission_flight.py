@@ -226,7 +226,7 @@ class MissionFlight:
             return Climb(self._height_m(item), self._speeds.takeoff_mps)
         if grounded and item.command == Item.LAND:
             return Descend()
-        if grounded:  # as in PX4: first straight up to the height of the waypoint
+        if grounded and self._board.is_px4:  # first straight up to the height of the waypoint
             return Climb(max(self._height_m(item), self._board.parameters["MIS_TAKEOFF_ALT"]), self._speeds.takeoff_mps)
         if item.command == Item.LAND and item.latitude_longitude_deg is None:
             return Descend()

@@ -397,6 +397,20 @@ def test_ardupilot_wants_a_takeoff_item_and_the_command_to_start() -> None:
     assert flight.command(ARM, 1) == FAILED  # AUTO is no mode to arm in
 
 
+def test_ardupilot_on_the_ground_leaves_it_for_a_takeoff_item_alone() -> None:
+    flight = Flight("ardupilot")
+    flight.advance(0.1)
+    assert upload(flight, planned("ardupilot", [item(TAKEOFF, height=3.0), item(north=6.0, height=3.0)])) == ACCEPTED
+    assert flight.command(ARM, 1) == ACCEPTED
+    assert flight.set_mode(AUTO) == ACCEPTED
+    assert flight.command(SET_CURRENT, 2) == ACCEPTED  # past the take-off
+    assert flight.command(MISSION_START) == ACCEPTED
+    flight.advance(2.0)
+    assert flight.height_m == 0.0 and flight.armed
+    assert flight.command(SET_CURRENT, 1) == ACCEPTED
+    advance_until(flight, lambda: flight.height_m > 2.0)
+
+
 def test_ardupilot_flies_an_item_0_that_is_not_home() -> None:
     flight = holding("ardupilot")
     assert upload(flight, [item(north=3.0), item(east=3.0)]) == ACCEPTED
