@@ -12,6 +12,9 @@ from sitl_sim.autopilot.rates import LEGACY_STREAMS, default_intervals
 from sitl_sim.autopilot.results import Reply, Result, Severity
 from sitl_sim.autopilot.telemetry import Telemetry
 
+LONGEST_TOLD_US = 2**31 - 1
+"""MESSAGE_INTERVAL has 32 bits with a sign for an interval."""
+
 _PHASE_STEP = 0.6180339887
 """Golden ratio: spreads the streams of any number of vehicles evenly over a period."""
 
@@ -72,7 +75,9 @@ class Streams:
         """The interval in microseconds; -1: not sent, 0: no such message."""
         name = self._name(msgid)
         interval_s = None if name is None else link.interval_s(name)
-        interval_us = (0 if name is None else -1) if interval_s is None else round(interval_s * 1e6)
+        interval_us = 0 if name is None else -1
+        if interval_s is not None:
+            interval_us = min(round(interval_s * 1e6), LONGEST_TOLD_US)
         result = Result.FAILED if name is None and not self._board.is_px4 else Result.ACCEPTED
         return result, [("MESSAGE_INTERVAL", {"message_id": msgid & 0xFFFF, "interval_us": interval_us})]
 
