@@ -106,14 +106,15 @@ class Autopilot:
         if navigation.state is VehicleState.GONE:
             return []  # a wreck is silent
         self._routine.update(navigation, now_s)
+        for_all = [*self._reached(), *self._texts.taken()]
+        repeated, for_others = self._answers.repeated(), self._answers.for_others()
         if not navigation.link_on:
-            return []
+            self._peers.end_tick()
+            return []  # what is said now is not heard later, either
         self._peers.serve_companion(now_s)
         self._payloads.clear()
         at_once = self._changed()
-        for_all = [*self._reached(), *self._texts.taken()]
         asks_again = self._missions.tick(now_s)
-        repeated, for_others = self._answers.repeated(), self._answers.for_others()
         outgoing: Outgoing = []
         for link in self._peers.served(now_s):
             names = [name for name in link.due(now_s) if self.telemetry.tells(name)]

@@ -8,11 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ridlink.mavlink.codec import Encoder
 from ridlink.scenario import EVENTS, Event, Scenario, VehicleSpec, Wind, event_of
 from sitl_sim.autopilot import Start
 from sitl_sim.vehicle import TICK_S, VehicleState
 from sitl_sim.world import World
 from tests.sitl_sim.flight import Flight, one_vehicle
+
+LAND_MODE = 9
+"""Of ArduPilot."""
 
 
 def event(what: str, vehicle: int = 1, at_s: float = 0.0, **figures: float) -> Event:
@@ -307,6 +311,16 @@ def test_who_has_no_link_is_silent_and_deaf() -> None:
     assert len(flight.messages("HEARTBEAT")) == count
     flight.advance(3.0)
     assert len(flight.messages("HEARTBEAT")) > count
+
+
+def test_what_is_said_while_there_is_no_link_is_not_heard_afterwards() -> None:
+    flight = flown("ardupilot", seconds=1.0)
+    flight.world.inject(event("link-off", duration_s=12.0))
+    flight.world.inject(event("gnss-outage"))
+    flight.advance(10.0)
+    flight.autopilot.relay(Encoder(1, 236).encode("HEARTBEAT", type=34))
+    flight.advance(4.0)
+    assert flight.mode == LAND_MODE and flight.texts == [] and flight.passed_on == []
 
 
 def test_estimator_of_px4_claims_less_and_is_surprised_by_a_jump() -> None:
