@@ -277,7 +277,11 @@ def _named(kind: type[StrEnum], what: str, name: str) -> StrEnum:
 
 
 def as_toml(config: DaemonConfig) -> str:
-    """The whole configuration, with defaults, as a file that `config_file.read_config_file` accepts."""
+    """The whole configuration, with defaults, as a file that `config_file.read_config_file` accepts.
+
+    Raises:
+        ConfigError: If a name is not UTF-8, as those of files need not be, but TOML is.
+    """
     engine, signing, metrics = config.engine, config.signing, config.metrics
     values: dict[str, Any] = {
         "vehicle": str(config.vehicle),
@@ -305,5 +309,10 @@ def as_toml(config: DaemonConfig) -> str:
 
 
 def _toml(value: Any) -> str:
-    """A value in TOML, which is the same as in JSON, except for numbers that JSON lacks."""
-    return str(value) if isinstance(value, float) else msgspec.json.encode(value).decode()
+    """A value in TOML: as in JSON, except for numbers that JSON lacks and the one character that TOML alone escapes."""
+    if isinstance(value, float):
+        return str(value)
+    try:
+        return msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
+    except UnicodeEncodeError:
+        raise ConfigError(f"{value} is not UTF-8 text, and a configuration is: give it another name") from None

@@ -34,12 +34,13 @@ class Recordings:
         """Create the files; those of an earlier flight are replaced.
 
         Raises:
+            ConfigError: If the input log cannot hold the configuration, see `as_toml`; nothing is replaced.
             OSError: If a file cannot be created.
         """
-        if self._config.log is not None:
-            self._wire = Recorder(self._config.log, overwrite=True)
         if self._config.input_log is not None:
             self._inputs = InputLog(self._config.input_log, as_toml(self._config))
+        if self._config.log is not None:
+            self._wire = Recorder(self._config.log, overwrite=True)
         self.opened = True
 
     async def close(self) -> None:

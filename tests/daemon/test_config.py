@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import tomllib
 from dataclasses import fields
@@ -85,9 +86,16 @@ def test_every_key_arrives(write) -> None:
 def test_printed_configuration_reads_back_as_the_same(write) -> None:
     quoting = """vehicle = 'serial:/dev/tty"0":57600'\nmetrics = "127.0.0.1:9"\noperator_id = 'a"b'"""
     signed = 'signing_key = "k\\"ey"\nsigning_state = "k.state"\nbroadcast = true\nbroadcast_form = "module"'
-    for text in (WHOLE, "", "goal = [47.0, 8.0]", quoting, signed):
+    control = r'log = "a\u0001\t\u007f.tlog"'
+    for text in (WHOLE, "", "goal = [47.0, 8.0]", quoting, signed, control):
         config = daemon_config(read_config_file(write(text)))
         assert daemon_config(read_config_file(write(as_toml(config)))) == config
+
+
+def test_a_name_that_is_no_text_is_flown_with_but_is_not_printed() -> None:
+    config = daemon_config(FlatConfig(log=os.fsdecode(b"flight\xff.tlog")))
+    with pytest.raises(ConfigError, match=r"flight\udcff\.tlog is not UTF-8 text"):
+        as_toml(config)
 
 
 def test_a_solver_and_the_constants_of_each(write) -> None:
