@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,9 +24,17 @@ FARTHEST = 1e9
 """Largest number that is taken [m or m/s]: its square is still exact enough to compare."""
 
 
+def _array(name: str, value: ArrayLike, kind: type[np.generic] | None = np.float64) -> NDArray[Any]:
+    """`value` as an array, of numbers of this kind; `ValueError` names it otherwise."""
+    try:
+        return np.asarray(value, dtype=kind)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
 def checked_pair(name: str, value: ArrayLike) -> FloatArray:
     """`value` as a finite (2,) array; `ValueError` names it otherwise."""
-    pair = np.asarray(value, dtype=np.float64)
+    pair = _array(name, value)
     if pair.shape != (2,):
         raise ValueError(f"{name} must have shape (2,), got {pair.shape}")
     if not (math.isfinite(pair[0]) and math.isfinite(pair[1])):
@@ -110,9 +119,12 @@ class Traffic:
     memory: Int8Array
 
     def __post_init__(self) -> None:
-        count = len(self.position_ne_m)
+        position = _array("position_ne_m", self.position_ne_m)
+        if position.ndim != 2:
+            raise ValueError(f"position_ne_m must have shape (n, 2), got {position.shape}")
+        count = len(position)
         for name in ("position_ne_m", "velocity_ne_mps", "command_ne_mps"):
-            array = np.asarray(getattr(self, name), dtype=np.float64)
+            array = _array(name, getattr(self, name))
             if array.shape != (count, 2):
                 raise ValueError(f"{name} must have shape ({count}, 2), got {array.shape}")
             if name != "command_ne_mps" and not np.all(np.isfinite(array)):
@@ -121,7 +133,7 @@ class Traffic:
                 raise ValueError(f"{name} must lie within {FARTHEST:g}, got {np.nanmax(np.abs(array)):g}")
             object.__setattr__(self, name, array)
         for name in ("age_s", "radius_m", "error_sum_m"):
-            array = np.asarray(getattr(self, name), dtype=np.float64)
+            array = _array(name, getattr(self, name))
             if array.shape != (count,):
                 raise ValueError(f"{name} must have shape ({count},), got {array.shape}")
             allowed = (array >= 0.0) & (array <= FARTHEST)
@@ -129,8 +141,11 @@ class Traffic:
                 bad = array[~allowed][0]
                 raise ValueError(f"{name} must be finite and not negative, got {bad}")
             object.__setattr__(self, name, array)
-        object.__setattr__(self, "reciprocal", np.asarray(self.reciprocal, dtype=np.bool_))
-        object.__setattr__(self, "memory", np.asarray(self.memory, dtype=np.int8))
+        reciprocal = _array("reciprocal", self.reciprocal, None)
+        if reciprocal.dtype != np.bool_ and not np.isin(reciprocal, (0, 1)).all():  # NaN would be true
+            raise ValueError(f"reciprocal must be true or false, got {reciprocal.tolist()}")
+        object.__setattr__(self, "reciprocal", reciprocal.astype(np.bool_, copy=False))
+        object.__setattr__(self, "memory", _array("memory", self.memory, np.int8))
         if self.reciprocal.shape != (count,):
             raise ValueError(f"reciprocal must have shape ({count},), got {self.reciprocal.shape}")
         if self.memory.shape != (count,) or not np.all(_MAY_BE_KEPT[self.memory]):

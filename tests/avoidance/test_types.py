@@ -73,6 +73,20 @@ def test_traffic_refuses_values_that_are_not_finite(name):
         replace(TRAFFIC, **{name: broken})
 
 
+@pytest.mark.parametrize("name", [item.name for item in fields(Traffic)])
+@pytest.mark.parametrize("value", [7.0, None, "text", [[1.0, 2.0], [3.0]], [[[300]]]])
+def test_traffic_names_what_has_no_such_shape_or_holds_no_such_numbers(name, value):
+    with pytest.raises(ValueError, match=name):
+        replace(TRAFFIC, **{name: value})
+
+
+@pytest.mark.parametrize("value", [math.nan, 0.5, "no"])
+def test_nobody_avoids_because_a_value_is_no_truth_value(value):
+    with pytest.raises(ValueError, match="reciprocal must be true or false"):
+        replace(TRAFFIC, reciprocal=[value])
+    assert replace(TRAFFIC, reciprocal=[1]).reciprocal.tolist() == [True]
+
+
 @pytest.mark.parametrize("name", ["age_s", "radius_m", "error_sum_m"])
 def test_traffic_refuses_negative_values_and_wrong_lengths(name):
     with pytest.raises(ValueError, match=name):
