@@ -70,9 +70,9 @@ def pair_risk(eta: float, neighbours: ArrayLike = 1) -> FloatArray:
     own error). No neighbour counts as one.
 
     Raises:
-        ValueError: If eta is not within (0, 1).
+        ValueError: If eta is not within (0, 1), or a number of neighbours is negative or not finite.
     """
-    count = np.maximum(np.asarray(neighbours, dtype=np.float64), 1.0)
+    count = np.maximum(checked_lengths("neighbours", neighbours), 1.0)
     return np.asarray((1.0 - checked_eta(eta)) / count)
 
 
@@ -99,7 +99,8 @@ def chance_error_sum(
         Distances, never negative: below an eta of one half the half-plane would give some of the separation away.
 
     Raises:
-        ValueError: If eta is not within (0, 1), the form is unknown, or a bound is negative or not finite.
+        ValueError: If eta is not within (0, 1), the form is unknown, or a bound or a number of neighbours is negative
+            or not finite.
     """
     own = checked_lengths("own_error_bound_m", own_error_bound_m) / 3.0
     other = checked_lengths("error_bound_m", error_bound_m) / 3.0

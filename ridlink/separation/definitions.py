@@ -158,8 +158,8 @@ def separation_discs(
         Discs with the broadcast shape.
 
     Raises:
-        ValueError: If an interval is negative or not finite, eta is not within (0, 1), shapes do not broadcast, or a
-            name is unknown.
+        ValueError: If an interval is negative or not finite, shapes do not broadcast, or a name is unknown; for
+            `CHANCE` also if eta is not within (0, 1) or a number of neighbours is negative or not finite.
     """
     definition = Definition(definition)
     interval = np.asarray(interval_s, dtype=np.float64)

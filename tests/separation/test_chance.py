@@ -291,6 +291,12 @@ def test_an_eta_that_is_no_probability_is_refused(eta: float) -> None:
         mission_probability(eta, 1.0, 1.0)
 
 
+@pytest.mark.parametrize("count", [math.nan, -1.0, math.inf])
+def test_a_number_of_neighbours_that_is_none_is_refused(count: float) -> None:
+    with pytest.raises(ValueError, match=f"^neighbours must be .* got {count:g}"):
+        separation_discs(Definition.CHANCE, *PAIR, **STILL, neighbours=np.array([1.0, count]))
+
+
 @pytest.mark.parametrize("bound_m", [math.nan, -1.0, math.inf])
 @pytest.mark.parametrize("whose", ["own_error_bound_m", "error_bound_m"])
 def test_an_error_bound_that_is_none_is_refused(whose: str, bound_m: float) -> None:
