@@ -21,8 +21,8 @@ Figures = TypeVar("Figures")
 
 FOLDER = Path(__file__).parent / "airframes"
 
-AIRFRAMES = ("ardupilot-quad", "category1", "category2", "category3", "category4", "px4-sih-quad")
-"""Types that come with the package."""
+AIRFRAMES = tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+"""Types that come with the package: the files of its folder."""
 
 MEASURED = {"px4": "px4-sih-quad", "ardupilot": "ardupilot-quad", "ideal": "px4-sih-quad"}
 """The default type of each autopilot: the one in which it was measured."""
