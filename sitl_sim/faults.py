@@ -137,4 +137,6 @@ class Faults:
                 return lambda: machinery.link_on.__setitem__(index, True)
             case "forced-landing":
                 machinery.land(index)
+            case unknown:
+                raise ValueError(f"nothing here makes {unknown} happen")
         return None

@@ -510,8 +510,7 @@ def test_faults_come_from_stdin_and_wrong_lines_are_told() -> None:
     seen = [json.loads(line) for line in done.stdout.splitlines()]
     assert seen[0]["vehicles"][0]["state"] == "landing"
     assert done.stderr.splitlines()[1:] == [
-        "ridlink sim: stdin: event: what must be one of gnss-outage, gnss-jump, gnss-spoof, gnss-sigma, gnss-restore, "
-        "battery, radio-off, radio-on, link-off, link-on, forced-landing, wind, not 'magic'",
+        f"ridlink sim: stdin: event: what must be one of {', '.join(EVENTS)}, not 'magic'",
         *(f'ridlink sim: stdin: "{begin}" is no JSON object, as in {{"vehicle":1,"what":"gnss-outage"}}'
           for begin in ("[]", "{", "[" * 40)),
         "ridlink sim: there is no vehicle 9",

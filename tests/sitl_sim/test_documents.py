@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from ridlink.scenario import built_in
+from ridlink.scenario import EVENTS, built_in
 from sitl_sim.cli.sim_command import _verdict
 from sitl_sim.demo import flight
 from sitl_sim.fleet_config import Start
@@ -87,3 +87,11 @@ def test_mavsdk_reads_telemetry_as_the_document_shows(tmp_path: Path) -> None:
         assert "north_m_s" in await printed(text, tmp_path)
 
     fly(built_in("circle8", 1), act)
+
+
+def test_the_document_names_every_fault_with_its_figures() -> None:
+    rows = ["| `what` | figures |", "| --- | --- |"]
+    for what, figures in EVENTS.items():
+        told = [f"`{name}`" + ("" if one.default is None else f" ({one.default:g})") for name, one in figures.items()]
+        rows.append(f"| `{what}` | {', '.join(told) or 'none'} |")
+    assert "\n".join(rows) + "\n\n" in (ROOT / "docs/emulator.md").read_text()
