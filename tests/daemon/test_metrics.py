@@ -12,7 +12,9 @@ from typing import Any
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from ridlink.engine import EngineConfig, Goal
+from ridlink.daemon.figures import figures
+from ridlink.daemon.summary import Pace
+from ridlink.engine import Engine, EngineConfig, Goal
 from ridlink.errors import ConfigError, LinkError
 from ridlink.metrics import AVOID_METRICS, MQTT_METRICS, Kind, MetricsServer, parse_metrics_address
 from tests.daemon.emulated import PATIENCE_S, Emulated, at
@@ -110,6 +112,13 @@ def test_figures_of_one_instant_with_their_kinds() -> None:
     assert all(name.endswith(("metres", "seconds")) or metric.kind for name, metric in AVOID_METRICS.items())
     assert not [name for name in (*AVOID_METRICS, *MQTT_METRICS) if name.endswith("_total")]
     assert {metric.kind for metric in AVOID_METRICS.values()} == set(Kind)
+
+
+def test_every_figure_of_a_flight_is_a_metric_and_every_metric_has_one() -> None:
+    engine = Engine(EngineConfig())
+    found = figures(engine, engine.step(0.0), pace=Pace(), broadcasts=0, events={})
+    absent = {"ridlink_nearest_margin_metres", "ridlink_time_to_violation_seconds", "ridlink_own_error_metres"}
+    assert {*found} | absent == {*AVOID_METRICS}, "a metric is named in ridlink/metrics.py, its figure in figures.py"
 
 
 def test_addresses_of_metrics() -> None:
