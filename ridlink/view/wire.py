@@ -47,7 +47,7 @@ def hello(scenery: Scenery, definition: Definition, extent_s: tuple[float, float
             "source": scenery.source,
             "live": scenery.live,
             "truth": scenery.truth,
-            "definitions": [{"name": str(one), "title": title} for one, title in TITLES.items()],
+            "definitions": [{"name": str(one), "title": TITLES[one]} for one in Definition],
             "definition": str(definition),
             "step_s": STEP_S,
             **_extent(extent_s),

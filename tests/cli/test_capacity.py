@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from ridlink.cli import cli, main
+from ridlink.separation import Definition
 
 
 def test_rows_hold_formula_and_simulation_side_by_side() -> None:
@@ -83,4 +84,4 @@ def test_a_terminal_is_told_how_far_long_work_is_and_the_table_stays_clean() -> 
         )  # fmt: skip
         assert b"simulating" in (terminal.read(4096) or b"")
     assert b"simulating" not in done.stdout and b"\x1b" not in done.stdout
-    assert len(done.stdout.splitlines()) == 2 + 2 * 6
+    assert len(done.stdout.splitlines()) == 2 + 2 * len(Definition)

@@ -38,7 +38,7 @@ PLOT = ((47.0, 8.0), (47.1, 8.0), (47.0, 8.1))
         ({"obstacles": (PLOT, ((47.0, 8.0), (147.1, 8.0), (47.0, 8.1)))}, "^obstacle 2, vertex 2: 147.1, 8 is no"),
         ({"obstacles": (PLOT, ((47.0, 8.0), (47.1, 188.0), (47.0, 8.1)))}, "^obstacle 2, vertex 2: 47.1, 188 is no"),
         ({"obstacles": (PLOT, ())}, "^obstacle 2 has no vertices"),
-        ({"definition": "candidate"}, "definition must be one of snmac, .*, chance, got 'candidate'"),
+        ({"definition": "candidate"}, "definition must be one of snmac, .*, got 'candidate'"),
         ({"chance_bound": "none"}, "chance-bound must be one of"),
         ({"accuracy_convention": "two-sigma"}, "accuracy-convention must be one of letter"),
         ({"solver": "half"}, "solver must be one of halfplane"),
