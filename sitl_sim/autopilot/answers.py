@@ -30,6 +30,9 @@ THROTTLE_MIDDLE_US = (1400, 1600)
 THROTTLE_MIDDLE = (400, 600)
 """Stick positions of RC_CHANNELS_OVERRIDE and MANUAL_CONTROL that keep the height."""
 
+CHANNEL_IGNORED = 0xFFFF
+"""Value of a channel that RC_CHANNELS_OVERRIDE leaves as it is."""
+
 _FOR_EVERYBODY = (MavCommand.REQUEST_PROTOCOL_VERSION, MavCommand.REQUEST_AUTOPILOT_CAPABILITIES)
 """Commands that PX4 takes if they are addressed to all vehicles; ArduPilot takes all commands."""
 
@@ -147,7 +150,7 @@ class Answers:
 
     def _rc_override(self, heard: Heard) -> list[Reply]:
         low, high = THROTTLE_MIDDLE_US
-        if heard.message.chan3_raw not in (0, 0xFFFF):
+        if heard.message.chan3_raw != CHANNEL_IGNORED:  # 0 releases the stick
             self._pilot.steering.note_throttle(centred=low <= heard.message.chan3_raw <= high, now_s=heard.now_s)
         return []
 

@@ -220,6 +220,16 @@ def test_ardupilot_sinks_in_loiter_unless_the_throttle_stick_is_held() -> None:
     assert flight.velocity[2] > 1.0
 
 
+@pytest.mark.parametrize(("value", "sinks"), [(0, True), (65535, False)])
+def test_ardupilot_lets_a_stick_go_that_is_released_but_not_one_that_is_left_alone(value: int, sinks: bool) -> None:
+    flight = flying("ardupilot")
+    assert flight.command(LOITER) == ACCEPTED
+    for channel_us in (1500, value):
+        flight.send("RC_CHANNELS_OVERRIDE", target_system=1, target_component=1, chan3_raw=channel_us)
+        flight.advance(1.4)
+    assert (flight.velocity[2] > 0.5) is sinks
+
+
 def test_a_change_of_speed_is_of_the_kind_that_each_autopilot_knows() -> None:
     flight = flying("ardupilot")
     speeds = flight.autopilot.pilot.speeds
