@@ -54,14 +54,18 @@ class Failsafes:
         self._ground_station_s: float | None = None
 
     @property
-    def without_fix_s(self) -> float:
-        """Time since the last fix."""
+    def _without_fix_s(self) -> float:
         return self._time_s - self._fix_at_s
 
     @property
     def has_position(self) -> bool:
         """Whether it has a position."""
-        return self.without_fix_s <= (PX4_POSITION_LOST_S if self._px4 else ARDUPILOT_POSITION_LOST_S)
+        return self._without_fix_s <= (PX4_POSITION_LOST_S if self._px4 else ARDUPILOT_POSITION_LOST_S)
+
+    @property
+    def tells_position(self) -> bool:
+        """Whether LOCAL_POSITION_NED is still sent; PX4 always sends it, even if it is wrong."""
+        return self._px4 or self._without_fix_s <= ARDUPILOT_SILENT_S
 
     def note_ground_station(self, now_s: float) -> None:
         """Note a heartbeat of a ground station."""
@@ -88,7 +92,7 @@ class Failsafes:
         if self._px4 and recovered and mode is Mode.ALTITUDE:
             return Failsafe(Mode.RETURN, "Failsafe activated: position regained, return")
         lost_s = PX4_POSITION_LOST_S if self._px4 else ARDUPILOT_LANDS_S
-        if self._position_failed or self.without_fix_s <= lost_s or mode in _WITHOUT_POSITION:
+        if self._position_failed or self._without_fix_s <= lost_s or mode in _WITHOUT_POSITION:
             return None
         self._position_failed = True
         if self._px4:
@@ -110,8 +114,3 @@ class Failsafes:
         if mode in (action, Mode.LAND, Mode.RETURN):
             return None
         return Failsafe(action, f"Failsafe activated: no ground station, {action}")
-
-
-def tells_position(px4: bool, without_fix_s: float) -> bool:
-    """Whether LOCAL_POSITION_NED is still sent; PX4 always sends it, even if it is wrong."""
-    return px4 or without_fix_s <= ARDUPILOT_SILENT_S

@@ -171,7 +171,7 @@ class Nose:
         follows: Whether it turns into the direction of flight without a request, as in ArduPilot.
     """
 
-    def __init__(self, *, follows: bool = False) -> None:
+    def __init__(self, *, follows: bool) -> None:
         self.yaw_rad = 0.0
         self.rate_radps = 0.0
         self._usually_follows = self._follows = follows
@@ -197,7 +197,8 @@ class Nose:
         self._wanted_rate_radps = min(max(rate_radps, -YAW_RATE_RADPS), YAW_RATE_RADPS)
 
     def let_go(self) -> None:
-        """Clear the requested heading and turn rate."""
+        """End a turn at a rate, and follow the flight again, if it does so without a request; a heading that was
+        requested is still reached."""
         self._follows, self._wanted_rate_radps = self._usually_follows, None
 
     def follow(self, velocity_ned_mps: Vector) -> None:

@@ -15,7 +15,7 @@ from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.units import cmps_from_mps, dege7_from_deg, mm_from_m
 from sitl_sim.autopilot.attitude import attitude_rad, quaternion
 from sitl_sim.autopilot.board import Board
-from sitl_sim.autopilot.failsafes import FIX_3D, tells_position
+from sitl_sim.autopilot.failsafes import FIX_3D
 from sitl_sim.autopilot.modes import MODE_FLAG_ARMED
 from sitl_sim.autopilot.own_remote_id import basic_id_fields, location_fields, system_fields
 from sitl_sim.autopilot.pilot import Pilot
@@ -68,9 +68,7 @@ class Telemetry:
 
     def tells(self, name: str) -> bool:
         """Whether a message is sent now, if it is due."""
-        if name != "LOCAL_POSITION_NED":
-            return True
-        return tells_position(self._board.is_px4, self._pilot.failsafes.without_fix_s)
+        return name != "LOCAL_POSITION_NED" or self._pilot.failsafes.tells_position
 
     def fields(self, name: str) -> Fields:
         """Fields of one message now."""
