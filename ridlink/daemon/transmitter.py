@@ -90,7 +90,7 @@ class Transmitter:
         self._events = Events(on_event, self.counters)
         self._telemetry = OwnShipTelemetry(config.vehicle_sysid)
         self._intake = Intake(allow_v1=config.allow_v1)
-        self._unheard = Unheard(self._intake, self._telemetry, otherwise=", or give --allow-v1")
+        self._unheard = Unheard(self._intake, self._telemetry)
         self._broadcast = Broadcast(config.settings)
         self._encoder = Encoder(config.vehicle_sysid or 1, TRANSMITTER_COMPONENT)
         self._utc = SteadyUtc(time.monotonic())

@@ -77,7 +77,7 @@ class Engine:
         self._intake = Intake(allow_v1=config.allow_v1)
         self._air_intake = Intake(allow_v1=config.allow_v1)
         self._hearing = Hearing(config, self._air_intake, self.telemetry, self.picture)
-        self.unheard = Unheard(self._intake, self.telemetry, otherwise=", or give --allow-v1")
+        self.unheard = Unheard(self._intake, self.telemetry)
         self._announcer = Announcer()
         self._broadcast = Broadcast(config.broadcast_settings) if config.broadcast else None
         self._home_due = Periodic(HOME_PERIOD_S)

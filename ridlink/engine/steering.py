@@ -75,7 +75,7 @@ class Steering:
         last: Velocity,
         identity: Identity,
         since_last_s: float,
-        utc_s: float | None = None,
+        utc_s: float | None,
     ) -> DecisionRecord:
         """The record with the present traffic and, if one may be flown, the velocity.
 

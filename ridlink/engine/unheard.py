@@ -15,11 +15,10 @@ class Unheard:
     Args:
         intake: Intake of the vehicle link.
         telemetry: Which autopilot is listened to.
-        otherwise: Remedy for MAVLink 1, beside setting the vehicle to 2.
     """
 
-    def __init__(self, intake: Intake, telemetry: OwnShipTelemetry, otherwise: str = "") -> None:
-        self._intake, self._telemetry, self._otherwise = intake, telemetry, otherwise
+    def __init__(self, intake: Intake, telemetry: OwnShipTelemetry) -> None:
+        self._intake, self._telemetry = intake, telemetry
         self._counted = (0, 0)
         self._seconds = 0
 
@@ -34,4 +33,4 @@ class Unheard:
             return ""
         if self._counted[1]:
             return f"autopilots are heard, none of them with system id {self._telemetry.pinned}"
-        return f"the vehicle speaks MAVLink 1, which is not taken: set it to MAVLink 2{self._otherwise}"
+        return "the vehicle speaks MAVLink 1, which is not taken: set it to MAVLink 2, or give --allow-v1"
