@@ -448,6 +448,20 @@ def test_who_says_who_it_is_three_seconds_later_is_one_aircraft() -> None:
     assert len(rows) == 60 and {row["uas_id"] for row in rows} == {"X"}
 
 
+def test_a_message_whose_time_is_lost_is_of_the_time_of_the_one_before() -> None:
+    """Rows of others stay open for their identity, and its own errors find its position."""
+    other = {"source": "2/1"}
+    lost = [
+        located(None, 5.0, **other),
+        heard("RIDLINK_SEPARATION", None, timestamp_s=5.0, horizontal_error_m=3.0, **other),
+    ]
+    crowd = [located(START_US + 10_000 * k, 5.0, 48.0 + k, source=f"{k}/1") for k in range(3, 23)]
+    later = [named("X", START_US + 1_000_000), named("Y", START_US + 1_000_000, **other)]
+    rows = list(join([located(START_US, 5.0), *crowd, *lost, *later]))
+    assert [rows[0]["uas_id"], rows[-1]["uas_id"], len(rows)] == ["X", "Y", 22]
+    assert (rows[-1]["t"], rows[-1]["horizontal_error_m"]) == (None, 3.0)
+
+
 @pytest.mark.parametrize("first", [0, 1], ids=["before", "after"])
 def test_what_an_autopilot_says_beside_its_transmitter_is_no_row_of_its_own(first: int) -> None:
     """The same position from the same sender, once with a time and once without, either of them first."""

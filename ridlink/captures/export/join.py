@@ -90,25 +90,26 @@ class _Update:
 
 
 class Joiner:
-    """Receives messages in the order of the file and returns rows."""
+    """Receives messages in the order of the file and returns rows. A message without a time is of that of the last."""
 
     def __init__(self) -> None:
         self._senders: OrderedDict[tuple[str, str, str | None], _Sender] = OrderedDict()
         self._updates: OrderedDict[Any, deque[_Update]] = OrderedDict()
         self._held: deque[_Update] = deque()
+        self._now_us = 0
 
     def receive(self, message: Fields) -> Iterator[dict[str, Any]]:
         """Receive one message; returns the rows that are complete now."""
         message = _recognised(message)
         fields = message.fields
-        now_us = message.time_us or 0
+        now_us = self._now_us = self._now_us if message.time_us is None else message.time_us
         if message.name == LOCATION:
             self._locate(self._sender(message), message, now_us)
         elif message.name == SEPARATION:
             sender = self._sender(message)
-            sender.separation = message
+            sender.separation = message._replace(time_us=now_us)
             if sender.last is not None:
-                _add(sender.last, message)
+                _add(sender.last, sender.separation)
         elif message.name == BASIC_ID:
             self._identify(self._sender(message), fields)
         elif message.name == SYSTEM:
@@ -116,7 +117,7 @@ class Joiner:
         while self._held and (
             abs(now_us - self._held[0].at_us) > _patience_us(self._held[0].sender)
             or len(self._held) > MAX_HELD_ROWS
-            or (message.time_us is None and len(self._held) > UPDATES_REMEMBERED)
+            or (self._held[0].row["t"] is None and len(self._held) > UPDATES_REMEMBERED)
         ):
             yield _finished(self._held.popleft())
 
