@@ -19,15 +19,11 @@ from ridlink.avoidance.types import SolverKind
 from ridlink.engine.config import EngineConfig
 from ridlink.engine.detection import Reaction, needed_range
 from ridlink.remote_id.accuracy import coded_bound_m
-from ridlink.separation.definitions import Discs, Reported, bounded_speed, separation_discs
-from ridlink.separation.reference import REPORT_INTERVAL_S
+from ridlink.separation.definitions import Discs, Reported, bounded_interval, bounded_speed, separation_discs
 from ridlink.traffic.own_state import OwnState
 from ridlink.traffic.snapshot import Snapshot
 
 FloatArray = NDArray[np.float64]
-
-LONGEST_INTERVAL_S = 1.0
-"""Interval of standard Remote ID; a neighbour heard less often coasts, and its disc grows for that."""
 
 
 class OwnDiscs:
@@ -44,8 +40,7 @@ class OwnDiscs:
         """Discs against all n neighbours of a snapshot, at an own speed [m/s]."""
         others = Reported(snapshot.airframe_m, snapshot.error_bound_m, snapshot.accuracy_bound_m, snapshot.speed_mps)
         # As measured, not as announced: lost reports are time without a report.
-        interval_s = np.clip(snapshot.interval_s, REPORT_INTERVAL_S, LONGEST_INTERVAL_S)
-        return self._discs(own, own_speed_mps, others, interval_s)
+        return self._discs(own, own_speed_mps, others, bounded_interval(snapshot.interval_s))
 
     def needed_range_m(self, own: OwnState, snapshot: Snapshot, reaction: Reaction) -> float:
         """Range [m] from which the most demanding neighbour must be heard at cruise speed; 0 without neighbours."""

@@ -16,6 +16,7 @@ from ridlink.separation.definitions import (
     Reported,
     bounded_airframe,
     bounded_error,
+    bounded_interval,
     bounded_speed,
     separation_discs,
 )
@@ -50,7 +51,7 @@ def discs_at(
     Returns:
         The broadcast shape.
     """
-    interval = np.minimum(scene.interval_s, 1.0)
+    interval = bounded_interval(scene.interval_s)
     return separation_discs(
         definition,
         scene.reported[first],
@@ -74,7 +75,7 @@ def largest_disc(scene: Scene, definition: Definition) -> float:
         bounded_error(scene.accuracy_bound_m).max(),
         bounded_speed(scene.speed_mps).max(),
     )
-    interval = min(float(scene.interval_s.max()), 1.0)
+    interval = bounded_interval(scene.interval_s.max())
     neighbours = max(1, len(scene) - 1)
     discs = separation_discs(definition, worst, worst, interval_s=interval, neighbours=neighbours)
     return float(discs.radius_m)
@@ -94,7 +95,7 @@ def rings(scene: Scene, definition: Definition) -> FloatArray:
         definition,
         scene.reported,
         scene.reported,
-        interval_s=np.minimum(scene.interval_s, 1.0),
+        interval_s=bounded_interval(scene.interval_s),
         neighbours=max(1, len(scene) - 1),
     )
     parts = np.stack([twin.airframe_m, twin.error_sum_m, twin.displacement_m], axis=-1)

@@ -31,7 +31,7 @@ class Aircraft:
         name: Its identity, else system and component id, with everything but printable ASCII as ``\\xNN``; unique.
         report: Its last report with a position.
         north_m, east_m: Position in that report, about the origin.
-        interval_s: Smoothed time between reports.
+        interval_s: Smoothed time between reports, as told before one is measured.
         first_heard_s, last_heard_s: First and last time heard, on the caller's clock.
         reports: Number of its reports.
     """

@@ -23,13 +23,13 @@ from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import REMOTE_ID_IDS, messages_of
 from ridlink.remote_id.quantities import FieldRejects
 from ridlink.remote_id.report import RemoteIdReport, SourceKey
+from ridlink.separation.reference import REPORT_INTERVAL_S
+from ridlink.traffic.track import UNKNOWN_INTERVAL_S, next_interval_s
 
 FORGET_AFTER_S = 10.0
 """Silence after which an aircraft is no longer in the air: ten messages of a standard sender."""
 
 MAX_AIRCRAFT = 2000
-DEFAULT_INTERVAL_S = 0.1
-SLOWEST_INTERVAL_S = 5.0
 MERGED_KEPT = 256
 UNKNOWN = (math.nan, math.nan, math.nan)
 
@@ -100,7 +100,7 @@ class Sky:
             one
             for one in self.aircraft.values()
             if not one.report.on_ground
-            and now_s - one.last_heard_s <= missed * max(one.interval_s, DEFAULT_INTERVAL_S)
+            and now_s - one.last_heard_s <= missed * max(one.interval_s, REPORT_INTERVAL_S)
             and (one.report.extended or now_s - one.first_heard_s >= settled_s)
         ]
         age = np.array([max(0.0, now_s - one.last_heard_s) for one in flying], np.float64)
@@ -155,7 +155,7 @@ class Sky:
             twin = self._known.twin(report, north_m, east_m)
             if twin is None:
                 self.met += 1
-                return self._known.meet(report, north_m, east_m, report.update_interval_s or DEFAULT_INTERVAL_S, now_s)
+                return self._known.meet(report, north_m, east_m, report.update_interval_s or UNKNOWN_INTERVAL_S, now_s)
             self._known.join(key, twin)
             key = twin
         known = self.aircraft[key]
@@ -167,11 +167,11 @@ class Sky:
                     return None
                 report = replace(report, received_at_s=known.report.received_at_s)
             else:
-                gap_s = now_s - known.last_heard_s
-                if 0.0 < gap_s <= SLOWEST_INTERVAL_S:
-                    known.interval_s += 0.3 * (gap_s - known.interval_s)
+                known.interval_s = next_interval_s(known.interval_s, now_s - known.last_heard_s)
                 self._known.heard(key, now_s)
                 known.reports += 1
+        if known.reports == 1:  # no interval was measured yet
+            known.interval_s = report.update_interval_s or known.interval_s
         if report.uas_id is None and known.report.uas_id is not None:  # its relay sent the identity, it did not
             report = replace(report, uas_id=known.report.uas_id)
         renamed = report.uas_id != known.report.uas_id

@@ -17,11 +17,11 @@ import numpy as np
 
 from ridlink.mavlink.frames import Frame
 from ridlink.observer import Scene, Sky
-from ridlink.observer.sky import DEFAULT_INTERVAL_S
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.review.own import OwnVehicles
 from ridlink.review.source import Timed
+from ridlink.separation.reference import REPORT_INTERVAL_S
 
 GRID_US = 100_000
 BACK_US = 5_000_000
@@ -134,7 +134,7 @@ class Walk:
         while self._held and self._held[0].time_s <= before_s:
             scene = self._held.popleft()
             last_s = np.array([heard_s.get(number, -math.inf) for number in scene.numbers])
-            overdue = scene.age_s > OVERDUE_INTERVALS * np.maximum(scene.interval_s, DEFAULT_INTERVAL_S)
+            overdue = scene.age_s > OVERDUE_INTERVALS * np.maximum(scene.interval_s, REPORT_INTERVAL_S)
             silent = overdue & (last_s <= scene.time_s)
             for watcher in self._watchers:
                 watcher.step(scene.only(~silent) if silent.any() else scene)

@@ -18,6 +18,7 @@ from ridlink.separation.chance import DEFAULT_ETA, ChanceBound, chance_error_sum
 from ridlink.separation.reference import (
     AIRFRAME_CAP_M,
     ERROR_CAP_M,
+    LONGEST_INTERVAL_S,
     MAX_AIRFRAME_M,
     MIN_AIRFRAME_M,
     REPORT_INTERVAL_S,
@@ -128,6 +129,11 @@ def bounded_speed(speed_mps: ArrayLike) -> FloatArray:
     speed = np.asarray(speed_mps, dtype=np.float64)
     known = np.where(speed >= 0.0, speed, UNKNOWN_SPEED_MPS)
     return np.asarray(np.minimum(known, SPEED_CAP_MPS))
+
+
+def bounded_interval(interval_s: ArrayLike) -> FloatArray:
+    """Time between reports, as measured, that sizes a disc: between 0.1 and 1 s."""
+    return np.asarray(np.clip(np.asarray(interval_s, dtype=np.float64), REPORT_INTERVAL_S, LONGEST_INTERVAL_S))
 
 
 def separation_discs(

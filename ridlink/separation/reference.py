@@ -45,6 +45,9 @@ GPS_STANDARDS = ("zero age of data", "over all ages of data", "any age of data",
 REPORT_INTERVAL_S = 0.1
 """Time between two Remote ID reports in section VI-B."""
 
+LONGEST_INTERVAL_S = 1.0
+"""Interval of standard Remote ID; a vehicle heard less often coasts, and its disc grows for that."""
+
 SPEED_CAP_MPS = 254.25
 """Largest horizontal speed that Remote ID can express."""
 

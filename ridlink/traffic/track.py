@@ -207,12 +207,16 @@ class Track:
         if self.filter.resets > resets:
             self.doubt.add(self.filter.innovation_m - bound, report.received_at_s)
         gap = report.received_at_s - self.received_at_s
-        if 0.0 < gap < COAST_SLOW_S:
-            self.interval_s += 0.3 * (gap - self.interval_s)
+        self.interval_s = next_interval_s(self.interval_s, gap)
         self.report = report
         self.measured_at_s = measured_at_s
         self.received_at_s = report.received_at_s
         return Update.MOVED
+
+
+def next_interval_s(interval_s: float, gap_s: float) -> float:
+    """Smoothed time between reports after one more gap; an outage is no interval [s]."""
+    return interval_s + 0.3 * (gap_s - interval_s) if 0.0 < gap_s < COAST_SLOW_S else interval_s
 
 
 def bound_m(report: RemoteIdReport, unknown_error_m: float) -> float:

@@ -10,10 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import structs
 
-from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.observer import Sky
+from ridlink.remote_id.assembler import ReportAssembler
+from ridlink.remote_id.bridge import messages_of
+from ridlink.remote_id.quantities import FieldRejects
+from ridlink.traffic.picture import TrafficPicture
 from tests.observer.flights import HOME, Flyer, frames, seen
+from tests.traffic.reports import SETTINGS
 
 ONE = Flyer(1, (0.0, 0.0), (10.0, 0.0), b"ALPHA")
 TWO = Flyer(2, (400.0, 30.0), (-10.0, 0.0))
@@ -27,6 +32,22 @@ def test_everybody_is_where_he_says_in_metres_about_the_origin() -> None:
     assert scene.error_bound_m == pytest.approx([10.5, 10.5])
     assert scene.age_s == pytest.approx([0.6, 0.6])
     assert scene.interval_s == pytest.approx([0.1, 0.1])
+
+
+@pytest.mark.parametrize("extended", [True, False])
+@pytest.mark.parametrize("period_s", [0.1, 0.7, 7.0])
+def test_an_interval_is_the_one_that_the_daemon_counts(period_s: float, extended: bool) -> None:
+    """Told or not, and measured: after every frame."""
+    sky, assembler, picture = Sky(), ReportAssembler(), TrafficPicture(SETTINGS)
+    for time_s, frame in frames([replace(ONE, extended=extended)], 5.0 * period_s, period_s=period_s):
+        sky.receive(frame, time_s)
+        for part in messages_of(decode_message(frame), FieldRejects()):
+            report = assembler.receive((frame.sysid, frame.compid), part, time_s)
+            if report is not None:
+                picture.receive("rid", report)
+        intervals = [one.interval_s for one in sky.aircraft.values()]
+        assert intervals == [track.interval_s for track in picture.tracks.values()]
+    assert len(intervals) == 1
 
 
 def test_the_first_position_is_the_origin_unless_one_is_given() -> None:

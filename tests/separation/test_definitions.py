@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ridlink.separation import ChanceBound, Definition, Reported, mac_radius, separation_discs
-from ridlink.separation.definitions import bounded_airframe, bounded_error, bounded_speed
+from ridlink.separation.definitions import bounded_airframe, bounded_error, bounded_interval, bounded_speed
 
 OWN = Reported(airframe_m=1.0, error_bound_m=10.5, accuracy_bound_m=12.0, speed_mps=10.0)
 OTHER = Reported(
@@ -96,6 +96,8 @@ def test_definitions_are_ordered_as_in_the_paper():
         (bounded_speed, math.nan, 30.7),
         (bounded_speed, -1.0, 30.7),
         (bounded_speed, math.inf, 254.25),
+        (bounded_interval, 0.02, 0.1),
+        (bounded_interval, 7.0, 1.0),
     ],
 )
 def test_reports_are_clamped(bounded, given_value, expected):
