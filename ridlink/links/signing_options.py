@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shlex
 import stat
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,7 +67,12 @@ def read_key(path: Path) -> bytes:
         ConfigError: If others can read the file, or it is no key.
         OSError: If it cannot be read.
     """
-    with path.open("rb") as file:
+    make = f"make one with (umask 077; head -c {KEY_LENGTH} /dev/urandom > {shlex.quote(str(path))})"
+    try:
+        file = path.open("rb")
+    except FileNotFoundError as error:
+        raise FileNotFoundError(error.errno, f"no such signing key; {make}", str(path)) from error
+    with file:
         status = os.fstat(file.fileno())  # status of the open file, not of what the name pointed to earlier
         if not stat.S_ISREG(status.st_mode) or stat.S_IMODE(status.st_mode) not in (0o600, 0o400):
             raise ConfigError(f"{path}: a signing key must be a file of mode 0600; chmod 600 {path}")
@@ -78,7 +84,4 @@ def read_key(path: Path) -> bytes:
     with contextlib.suppress(ValueError):
         if len(key := bytes.fromhex(content.decode("ascii", "replace").strip())) == KEY_LENGTH:
             return key
-    raise ConfigError(
-        f"{path}: a signing key has {KEY_LENGTH} bytes or {2 * KEY_LENGTH} hexadecimal digits; make one with "
-        f"(umask 077; head -c {KEY_LENGTH} /dev/urandom > {path})"
-    )
+    raise ConfigError(f"{path}: a signing key has {KEY_LENGTH} bytes or {2 * KEY_LENGTH} hexadecimal digits; {make}")

@@ -32,7 +32,12 @@ def test_f34_a_key_is_taken_from_its_owners_file_alone(key_file: Path) -> None:
     ("arguments", "mode", "code", "says"),
     [
         (["--signing-key", "{key}"], 0o644, 2, "chmod 600"),
-        (["--signing-key", "{key}.gone"], 0o600, 3, "No such file"),
+        (
+            ["--signing-key", "{key}.gone"],
+            0o600,
+            3,
+            "key.gone: no such signing key; make one with (umask",
+        ),
         (["--require-signature"], 0o600, 2, "give signing-key"),
     ],
 )
