@@ -28,17 +28,27 @@ def refuse_unreadable(path: str) -> None:
     """Check that a file can be opened, before modules that read it are loaded.
 
     Raises:
+        click.UsageError: If it is a link; the text names commands for links.
         OSError: If it cannot be opened.
     """
-    if path != "-" and not stat.S_ISFIFO(os.stat(path).st_mode):  # the writer of a pipe would see it close
-        open(path, "rb").close()
+    try:
+        if path != "-" and not stat.S_ISFIFO(os.stat(path).st_mode):  # the writer of a pipe would see it close
+            open(path, "rb").close()
+    except FileNotFoundError:
+        from ridlink.links import Scheme
+
+        if path.partition(":")[0] in list(Scheme):
+            name = display_name(path)
+            remedy = f"'ridlink view --source {name}' shows its traffic, 'ridlink record {name} -o FILE' keeps it"
+            raise click.UsageError(f"{name} is a link, not a file: {remedy}") from None
+        raise
 
 
 def readable(files: tuple[str, ...]) -> tuple[str, ...]:
     """The files that can be opened. The others are reported at once, not after an hour of reading earlier files.
 
     Raises:
-        click.UsageError: If standard input is to be read twice.
+        click.UsageError: If standard input is to be read twice, or one is a link.
         OSError: If none can be opened.
     """
     if files.count("-") > 1:

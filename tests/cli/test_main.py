@@ -352,6 +352,15 @@ class TestExitCodes:
             assert "torn down" not in done.stdout
 
 
+@pytest.mark.parametrize("command", ["view", "report", "whatif", "decode"])
+def test_a_link_in_place_of_a_file_is_told_the_commands_for_links(command: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "ridlink", command, "udpin:127.0.0.1:14550"], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "is a link, not a file: 'ridlink view --source udpin:127.0.0.1:14550' shows its traffic" in done.stderr
+
+
 @pytest.mark.parametrize("command", ["view", "report", "whatif"])
 def test_a_file_that_is_missing_is_told_before_anything_is_loaded_that_would_read_it(command: str) -> None:
     program = (
