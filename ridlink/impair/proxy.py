@@ -10,7 +10,7 @@ import asyncio
 import heapq
 import itertools
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ridlink.errors import ConfigError, LinkError
 from ridlink.impair.model import Impairer, Impairment
@@ -193,11 +193,15 @@ async def open_proxy(
         LinkError: If the port is in use.
     """
     if near.scheme is not Scheme.UDPIN:
-        raise ConfigError(f"{near}: the proxy listens on UDP; write udpin:{near.host}:{near.port}")
+        raise ConfigError(f"{near}: the proxy listens on UDP; write {_udp('udpin', near)}")
     if far.scheme is not Scheme.UDPOUT:
-        raise ConfigError(f"{far}: the proxy speaks UDP to the far end; write udpout:{far.host}:{far.port}")
+        raise ConfigError(f"{far}: the proxy speaks UDP to the far end; write {_udp('udpout', far)}")
     if far.leads_to(near):
         raise ConfigError(f"{far}: is the near end itself; what comes would go round for ever")
     proxy = Proxy(far, there, back, seed)
     proxy.near = await open_link(near, proxy.receive)
     return proxy
+
+
+def _udp(scheme: str, url: LinkUrl) -> str:
+    return f"{scheme}:HOST:PORT" if url.scheme is Scheme.SERIAL else str(replace(url, scheme=Scheme(scheme)))

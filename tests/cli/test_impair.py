@@ -40,6 +40,8 @@ ENDS = ("--listen", "udpin:127.0.0.1:0", "--to", "udpout:127.0.0.1:9")
     ("arguments", "code", "says"),
     [
         (["--listen", "udp:127.0.0.1:1", "--to", "udpout:127.0.0.1:9"], 2, "udpin:127.0.0.1:1"),
+        (["--listen", "serial:/dev/ttyS9:57600", "--to", "udpout:127.0.0.1:9"], 2, "on UDP; write udpin:HOST:PORT"),
+        (["--listen", "tcpin:[::1]:1", "--to", "udpout:127.0.0.1:9"], 2, "on UDP; write udpin:[::1]:1"),
         ([*ENDS, "--loss", "30"], 2, "--loss 30.0: a share is at most 1 (30 % is 0.3)"),
         ([*ENDS, "--rate", "nan"], 2, "--rate nan: must be a number of at least 0"),
         ([*ENDS, "--delay", "inf"], 2, "--delay inf: must be"),
