@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from ridlink.errors import LinkError, MissingExtraError
-from ridlink.links import LinkUrl
+from ridlink.links import LinkUrl, open_link
 
 try:
     from mavsdk import log_subscribe
@@ -47,7 +47,8 @@ async def connect(mavsdk: Mavsdk, link: LinkUrl, timeout_s: float = DISCOVERY_S)
     await open_connection(mavsdk, link)
     system = await mavsdk.first_autopilot(timeout_s=timeout_s)
     if system is None:
-        raise LinkError(f"no autopilot is heard on {link} within {timeout_s:g} s")
+        what = f"no autopilot is heard on {link} within {timeout_s:g} s"
+        raise LinkError(f"{what}: {link.where_to_look} --vehicle names another link")
     return system
 
 
@@ -60,4 +61,5 @@ async def open_connection(mavsdk: Mavsdk, link: LinkUrl) -> None:
     try:
         await mavsdk.add_any_connection(mavsdk_url(link))
     except MavsdkConnectionError as error:
+        (await open_link(link, lambda *_: None)).close()  # says why not, and what to do
         raise LinkError(f"{link} cannot be opened: {error}") from error

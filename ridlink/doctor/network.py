@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from ridlink.doctor.finding import Finding, Verdict
 from ridlink.doctor.parameters import EXPECTED, parameter_value
-from ridlink.links import Address, Link, LinkUrl, Scheme, open_link
+from ridlink.links import Address, Link, LinkUrl, open_link
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Cause, Frame, parse_datagram
 from ridlink.mavlink.ground_station import HEARTBEAT_EVERY_S, MAV_AUTOPILOT_INVALID, ground_station, heartbeat
@@ -136,7 +136,7 @@ def _vehicle(url: LinkUrl, heard: Listened, for_s: float) -> Iterator[Finding]:
         what = f"no heartbeat of an autopilot within {for_s:g} s"
         if heard.counts or heard.rejects:
             what += f" ({counted(heard.counts.total(), 'other message')}, {heard.rejects} damaged)"
-        yield Finding("autopilot", Verdict.FAILURE, what, f"{url}: {_where_to_look(url)}")
+        yield Finding("autopilot", Verdict.FAILURE, what, f"{url}: {url.where_to_look}")
         return
     sysid, autopilot = next(iter(heard.autopilots.items()))
     name = AUTOPILOTS.get(autopilot, f"MAV_AUTOPILOT {autopilot}")
@@ -165,15 +165,6 @@ def _vehicle(url: LinkUrl, heard: Listened, for_s: float) -> Iterator[Finding]:
             yield Finding(wanted.name, Verdict.OK, f"{value:g} {wanted.meaning}")
         else:
             yield Finding(wanted.name, Verdict.WARNING, f"{value:g} {wanted.meaning}", wanted.remedy)
-
-
-def _where_to_look(url: LinkUrl) -> str:
-    if url.scheme is Scheme.SERIAL:
-        return (
-            f"does that port of the autopilot speak MAVLink at {url.port} baud (PX4: MAV_1_CONFIG, SER_TEL2_BAUD; "
-            "ArduPilot: SERIAL2_PROTOCOL, SERIAL2_BAUD)?"
-        )
-    return "is the vehicle powered, and does it send here?" if url.listens else "does anything answer there?"
 
 
 def _state(heard: Listened, autopilot: int) -> Iterator[Finding]:

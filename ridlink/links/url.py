@@ -67,6 +67,16 @@ class LinkUrl:
         """Whether peers connect to this end."""
         return self.scheme in (Scheme.UDPIN, Scheme.TCPIN)
 
+    @property
+    def where_to_look(self) -> str:
+        """What to check where no autopilot is heard on it."""
+        if self.scheme is Scheme.SERIAL:
+            return (
+                f"does that port of the autopilot speak MAVLink at {self.port} baud (PX4: MAV_1_CONFIG, SER_TEL2_BAUD; "
+                "ArduPilot: SERIAL2_PROTOCOL, SERIAL2_BAUD)?"
+            )
+        return "is the vehicle powered, and does it send here?" if self.listens else "does anything answer there?"
+
     def at(self, address: tuple[str, int]) -> LinkUrl:
         """The same link at the address that the system gave it."""
         return replace(self, host=address[0], port=address[1])
