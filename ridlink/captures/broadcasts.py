@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from ridlink.captures.records import Origin, Rejects, TracedRecord
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
@@ -11,6 +11,7 @@ from ridlink.remote_id.astm import decode_message
 from ridlink.remote_id.astm_pack import BadMember, split_broadcast
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.quantities import ID_LENGTH
+from ridlink.remote_id.radio import Heard, Unheard
 
 RECEIVER_COMPONENT = 236
 """MAV_COMP_ID_ODID_TXRX_1: the component that relays what it hears to the vehicle's bus."""
@@ -55,6 +56,19 @@ class Relay:
                 continue
             origin = Origin(transport, mac, counter, item.index, item.data)
             yield TracedRecord(time_us, self._frame(item.data, id_of(mac)), offset, origin)
+
+    def heard(
+        self, found: Iterable[Heard | Unheard], time_us: int | None, offset: int, *, place: int | None = None
+    ) -> Iterator[TracedRecord]:
+        """Records of what was found in one radio frame; arguments as in `records`."""
+        for item in found:
+            if isinstance(item, Heard):
+                yield from self.records(
+                    item.payload, time_us, offset,
+                    transport=item.transport, mac=item.mac, counter=item.counter, place=place,
+                )  # fmt: skip
+            else:
+                self._rejects.add_one(item, offset if place is None else place)
 
     def _frame(self, data: bytes, id_or_mac: bytes | None) -> Frame:
         name, fields = to_mavlink(decode_message(data, id_or_mac=id_or_mac))

@@ -1,4 +1,7 @@
-"""Lines of hexadecimal, without times: each is one message of 25 bytes, one message pack, or one MAVLink frame.
+"""Lines of hexadecimal, without times: each is one message of 25 bytes, one message pack, or one frame.
+
+A frame is one of MAVLink, or one of the air that needs no capture around it: 802.11 without radiotap, Bluetooth from
+its access address on. Whether a checksum at the end of these is right is not known, as in `ridlink.remote_id.radio`.
 
 Spaces, colons, dashes, ``0x`` and comments (from ``#``) are allowed, empty lines too. Rejects are reported by line.
 """
@@ -14,6 +17,7 @@ from ridlink.captures.records import Record, Rejects
 from ridlink.mavlink.frames import MAGIC_V1, MAGIC_V2, Frame
 from ridlink.remote_id.astm import MESSAGE_LENGTH, Refusal
 from ridlink.remote_id.astm_pack import Member, is_pack, split_broadcast
+from ridlink.remote_id.radio import Heard, Unheard, read_80211, read_ble
 
 MAX_LINE_LENGTH = 4096
 NOT_HEX = "not_hexadecimal"
@@ -47,6 +51,8 @@ def read_hex(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Record]:
                     rejects.add_one(item.cause, number)
         elif data and (is_pack(data) or len(data) == MESSAGE_LENGTH):
             yield from relay.records(data, None, offset, place=number)
+        elif found := _on_the_air(data):
+            yield from relay.heard(found, None, offset, place=number)
         elif data:
             rejects.add_one(Refusal.WRONG_LENGTH, number)
 
@@ -63,7 +69,13 @@ def looks_like_hex(head: bytes) -> bool:
             return True
         if is_pack(data) or len(data) == MESSAGE_LENGTH:
             return any(isinstance(item, Member) for item in split_broadcast(data))
+        if _on_the_air(data):
+            return True
     return False
+
+
+def _on_the_air(data: bytes) -> list[Heard | Unheard]:
+    return read_80211(data) or read_ble(data)
 
 
 def _data_of(line: bytes) -> bytes | None:

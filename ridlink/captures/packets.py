@@ -76,7 +76,7 @@ def read_contents(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Datagra
     for packet in read_packets(chunks, rejects):
         if packet.link_type in RADIOS:
             understood = True
-            yield from _heard(packet, relay, rejects)
+            yield from relay.heard(RADIOS[packet.link_type](packet.data), packet.time_us, packet.offset)
         elif packet.link_type in NETWORKS:
             understood = True
             content = carried(packet, rejects)
@@ -113,17 +113,6 @@ def read_packets(chunks: Iterable[bytes], rejects: Rejects) -> Iterator[Packet]:
         yield from PcapngReader(window, rejects).packets()
     elif window.left:
         rejects.add(Cause.TRUNCATED if magic in PCAP_MAGICS else Cause.GARBAGE, 0, window.left)
-
-
-def _heard(packet: Packet, relay: Relay, rejects: Rejects) -> Iterator[TracedRecord]:
-    for item in RADIOS[packet.link_type](packet.data):
-        if isinstance(item, radio.Heard):
-            yield from relay.records(
-                item.payload, packet.time_us, packet.offset,
-                transport=item.transport, mac=item.mac, counter=item.counter,
-            )  # fmt: skip
-        else:
-            rejects.add_one(item, packet.offset)
 
 
 def records_of(datagram: Datagram, rejects: Rejects) -> Iterator[TracedRecord]:

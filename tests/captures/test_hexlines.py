@@ -20,6 +20,7 @@ from ridlink.remote_id.astm_pack import join_pack
 from ridlink.remote_id.messages import BasicId, Location, Separation
 from tests.captures.command import run
 from tests.captures.conftest import flight
+from tests.remote_id import radio_frames
 
 IDENTITY = encode_message(BasicId(1, 2, b"SERIAL"))
 LOCATION = encode_message(Location(latitude_deg=47.4, longitude_deg=8.5))
@@ -43,6 +44,33 @@ def test_a_line_is_a_message_a_pack_or_a_frame(tmp_path: Path) -> None:
     assert names(path) == [
         "LOCATION", "BASIC_ID", "LOCATION", "RIDLINK_SEPARATION", "HEARTBEAT", "LOCATION", "RIDLINK_SEPARATION",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("frame", "transport", "members"),
+    [
+        (radio_frames.odid_beacon(), "wifi-beacon", 3),
+        (radio_frames.nan(), "wifi-nan", 3),
+        (radio_frames.legacy(LOCATION), "bt4", 1),
+        (radio_frames.extended(), "bt5", 3),
+    ],
+)
+def test_a_line_is_a_frame_of_the_air(tmp_path: Path, frame: bytes, transport: str, members: int) -> None:
+    path = tmp_path / "lines.txt"
+    path.write_text(f"# heard\n{frame.hex()}\n")
+    rows = [json.loads(line) for line in run(path, "-f", "jsonl").stdout.splitlines()]
+    assert [(row["transport"], row["counter"], row["index"]) for row in rows] == [
+        (transport, 7, index) for index in range(members)
+    ]
+    assert {row["mac"] for row in rows} == {radio_frames.MAC.hex(":")}
+
+
+def test_frames_of_the_air_are_refused_by_line() -> None:
+    empty = radio_frames.beacon(radio_frames.element(0xDD, b"\xfa\x0b\xbc\x0d"))
+    frames = (radio_frames.odid_beacon(PACK[:-1]), radio_frames.beacon(b""), empty)
+    records, rejects = read("\n".join(frame.hex() for frame in frames).encode())
+    assert len(records) == 2
+    assert rejects.first_offset == {"truncated_pack": 1, "wrong_length": 2, "truncated": 3}
 
 
 @pytest.mark.parametrize(
