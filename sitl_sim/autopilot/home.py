@@ -10,7 +10,9 @@ from dataclasses import replace
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from sitl_sim.autopilot.board import Board
+from sitl_sim.autopilot.guidance import GoTo, SteeringEstimate
 from sitl_sim.autopilot.navigation import Navigation, Vector
+from sitl_sim.autopilot.speeds import Speeds
 
 
 class Home:
@@ -54,6 +56,10 @@ class Home:
         """Estimated position, as in LOCAL_POSITION_NED."""
         north, east, down = self.about_origin(navigation.position_ned_m)
         return north, east, down - self.error_m
+
+    def way(self, estimate: SteeringEstimate, speeds: Speeds) -> GoTo:
+        """The way to above home, at this height."""
+        return speeds.way_to((self.place_ned_m[0], self.place_ned_m[1], estimate.down_m))
 
     def about_origin(self, place_ned_m: Vector) -> Vector:
         """A position about the scenario's home, converted to the local frame."""

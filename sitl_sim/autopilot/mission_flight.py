@@ -13,6 +13,7 @@ from enum import Enum
 from ridlink.geodesy import ned_from_geodetic
 from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.guidance import Climb, Descend, GoTo, Guidance, Nose, SteeringEstimate, Velocity
+from sitl_sim.autopilot.home import Home
 from sitl_sim.autopilot.mission_items import NAVIGATION, Item, MissionItem
 from sitl_sim.autopilot.speeds import Speeds
 
@@ -22,12 +23,15 @@ AT_ONCE = 64
 _NO_MISSION, _NOT_STARTED, _ACTIVE, _PAUSED, _COMPLETE = 1, 2, 3, 4, 5
 """MISSION_STATE."""
 
+_COME_DOWN = (Item.LAND, Item.RETURN_TO_LAUNCH)
+"""Items that end on the ground."""
+
 _OVERHEAD_M = 1.0
 """Distance to its point within which a landing descends."""
 
 
 class End(Enum):
-    """Reasons why there is no velocity to fly."""
+    """Reasons why there is no velocity to fly. The return home is another mode in PX4 alone."""
 
     FINISHED = "finished"
     RETURN = "return"
@@ -40,6 +44,7 @@ class MissionFlight:
         board: The flight controller. ArduPilot's item 0 is home, and it begins with item 1. An item 0 that is no
             placeholder for home is flown here: a real one would lose it, and so MAVSDK's mission plugin its first
             waypoint.
+        home: Its home.
         speeds: Its speeds; DO_CHANGE_SPEED changes them.
         nose: Its heading.
 
@@ -50,8 +55,8 @@ class MissionFlight:
         is_flown: Whether the mode is MISSION; `is_paused`: whether it is paused there.
     """
 
-    def __init__(self, board: Board, speeds: Speeds, nose: Nose) -> None:
-        self._board, self._speeds, self._nose = board, speeds, nose
+    def __init__(self, board: Board, home: Home, speeds: Speeds, nose: Nose) -> None:
+        self._board, self._home, self._speeds, self._nose = board, home, speeds, nose
         self.plan: tuple[MissionItem, ...] = ()
         self.current = 0
         self.reached: list[int] = []
@@ -73,6 +78,11 @@ class MissionFlight:
     def is_complete(self) -> bool:
         """Whether its last item has been flown."""
         return self.exists and self._complete
+
+    @property
+    def returns(self) -> bool:
+        """Whether the present item is the return home."""
+        return self.exists and self.plan[self.current].command == Item.RETURN_TO_LAUNCH
 
     @property
     def begins_with_takeoff(self) -> bool:
@@ -165,7 +175,7 @@ class MissionFlight:
 
     def landed(self) -> None:
         """Note that the vehicle touched the ground."""
-        if not self._complete and self.plan and self.plan[self.current].command == Item.LAND:
+        if not self._complete and self.plan and self.plan[self.current].command in _COME_DOWN:
             self._arrive()
 
     def step(self, estimate: SteeringEstimate, now_s: float, *, grounded: bool) -> Guidance | End:
@@ -183,7 +193,7 @@ class MissionFlight:
             if item.command not in NAVIGATION:
                 self._do(item)
                 continue
-            if item.command == Item.RETURN_TO_LAUNCH:
+            if item.command == Item.RETURN_TO_LAUNCH and self._board.is_px4:
                 self._arrive()
                 return End.RETURN
             if self._leg is None:
@@ -224,10 +234,13 @@ class MissionFlight:
             return Velocity()
         if item.command == Item.TAKEOFF:
             return Climb(self._height_m(item), self._speeds.takeoff_mps)
-        if grounded and item.command == Item.LAND:
+        if grounded and item.command in _COME_DOWN:
             return Descend()
         if grounded and self._board.is_px4:  # first straight up to the height of the waypoint
             return Climb(max(self._height_m(item), self._board.parameters["MIS_TAKEOFF_ALT"]), self._speeds.takeoff_mps)
+        if item.command == Item.RETURN_TO_LAUNCH:
+            climb = Climb(self._speeds.return_height_m, self._speeds.climb_mps)
+            return self._home.way(estimate, self._speeds) if climb.is_done(estimate) else climb
         if item.command == Item.LAND and item.latitude_longitude_deg is None:
             return Descend()
         if self._board.is_px4 and (yaw := item.parameter(4)) is not None:
@@ -242,7 +255,7 @@ class MissionFlight:
                 if item.command == Item.TAKEOFF:
                     return True
                 self._leg = self._leg_of(item, estimate, grounded=False)
-            case GoTo() if item.command == Item.LAND:
+            case GoTo() if item.command in _COME_DOWN:
                 if self._leg.distance_m(estimate) < _OVERHEAD_M:
                     self._leg = Descend(self._leg.target_ned_m[:2])
             case GoTo():

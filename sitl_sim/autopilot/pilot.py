@@ -73,7 +73,7 @@ class Pilot:
         self.estimate = SteeringEstimate(self.home.origin_ned_m if start is Start.GROUND else spec.start_ned_m)
         self.nose = Nose(follows=not flavour.is_px4)
         self.speeds = Speeds(flavour, parameters)
-        self.mission = MissionFlight(board, self.speeds, self.nose)
+        self.mission = MissionFlight(board, self.home, self.speeds, self.nose)
         self.failsafes = Failsafes(flavour, parameters, navigation.time_s)
         self.navigation = navigation
         self.armed = start is not Start.GROUND
@@ -103,7 +103,8 @@ class Pilot:
     @property
     def is_climbing_out(self) -> bool:
         """Whether it climbs after a take-off."""
-        return isinstance(self.guidance, Climb) and self.mode is not Mode.RETURN
+        returns = self.mode is Mode.RETURN or (self.mode is Mode.MISSION and self.mission.returns)
+        return isinstance(self.guidance, Climb) and not returns
 
     @property
     def is_landing(self) -> bool:
@@ -272,8 +273,7 @@ class Pilot:
 
     def way_home(self) -> GoTo:
         """The way to above home, at this height."""
-        north, east, _ = self.home.place_ned_m
-        return self.speeds.way_to((north, east, self.estimate.down_m))
+        return self.home.way(self.estimate, self.speeds)
 
     def fly(self) -> None:
         """Command the velocity of the present manoeuvre."""

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from ridlink.mavlink.codec import Encoder
+from sitl_sim.autopilot import Start
 from sitl_sim.autopilot.mission_items import MAX_ITEMS
 from sitl_sim.autopilot.results import MissionResult
 from tests.sitl_sim.flight import (
@@ -61,6 +62,9 @@ from tests.sitl_sim.missions import (
 )
 
 both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+
+IN_AIR = 2
+"""MAV_LANDED_STATE."""
 
 
 # --- up and down ------------------------------------------------------------------------------------------------------
@@ -426,6 +430,20 @@ def test_px4_arms_for_the_command_to_start() -> None:
     assert flight.command(MISSION_START) == ACCEPTED
     advance_until(flight, lambda: flight.mode == PX4_RETURN)
     assert flight.armed and reached(flight) == [0, 1]
+
+
+def test_ardupilot_stays_in_auto_while_its_mission_returns_home() -> None:
+    flight = Flight("ardupilot", Start.HOLDING, scenario=one_vehicle(start_ned_m=(*START_NED_M[:2], -5.0)))
+    flight.advance(0.1)
+    assert upload(flight, planned("ardupilot", [item(north=20.0, height=5.0), item(RETURN)])) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    advance_until(flight, lambda: flight.height_m > 8.0)
+    assert (flight.mode, flight.last("MISSION_CURRENT").seq, reached(flight)) == (AUTO, 2, [1])
+    assert flight.last("EXTENDED_SYS_STATE").landed_state == IN_AIR
+    advance_until(flight, lambda: flight.height_m > 14.5)
+    advance_until(flight, lambda: not flight.armed)
+    assert (flight.mode, reached(flight), flight.height_m) == (AUTO, [1, 2], 0.0)
+    assert float(flight.world.position_ned_m[0, 0]) == pytest.approx(START_NED_M[0], abs=1.5)
 
 
 @both
