@@ -247,9 +247,13 @@ class Encoder:
     def encode(self, name: str, /, **fields: Any) -> bytes:
         """One frame.
 
+        Args:
+            name: Name of the message in the XML.
+            fields: Fields by their names and in the units of the XML; those left out are 0.
+
         Raises:
             UnknownMessageError: If the dialect has no such message.
-            PayloadError: If a field does not fit.
+            PayloadError: If there is no such field, or a value does not fit.
         """
         spec = message_spec(name)
         payload = encode_payload(spec, fields)
