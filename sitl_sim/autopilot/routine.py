@@ -93,7 +93,8 @@ class Routine:
             pilot.enter(Mode.LAND, None)
         if self._was_in_air and not in_air:
             pilot.guidance = Velocity()
-            if pilot.mode is Mode.MISSION or (pilot.mode in FROM_THE_AIR and not self._board.is_px4):
+            alone = not self._board.spec.cooperative  # armed, it would set out again
+            if alone or pilot.mode is Mode.MISSION or (pilot.mode in FROM_THE_AIR and not self._board.is_px4):
                 pilot.arm(False)
             if pilot.mode in (*FROM_THE_AIR, Mode.MISSION):
                 pilot.mission.landed()

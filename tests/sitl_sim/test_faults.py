@@ -323,6 +323,19 @@ def test_what_is_said_while_there_is_no_link_is_not_heard_afterwards() -> None:
     assert flight.mode == LAND_MODE and flight.texts == [] and flight.passed_on == []
 
 
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+def test_who_avoids_nobody_stays_on_the_ground_where_it_was_forced_to_land(flavour: str) -> None:
+    low = one_vehicle(cooperative=False, start_ned_m=(-200.0, 0.0, -3.0), goal_ned_m=(200.0, 0.0, -3.0))
+    flight = Flight(flavour, Start.AIRBORNE, scenario=low)
+    flight.autopilot.begin_mission()
+    flight.advance(1.0)
+    flight.world.inject(event("forced-landing"))
+    flight.advance(10.0)
+    assert flight.world.state[0] == VehicleState.GROUNDED and not flight.armed
+    flight.advance(5.0)
+    assert flight.world.state[0] == VehicleState.GROUNDED
+
+
 def test_estimator_of_px4_claims_less_and_is_surprised_by_a_jump() -> None:
     flight = Flight("px4", Start.AIRBORNE, scenario=one_vehicle(sigma_m=0.9))
     flight.advance(2.0)
