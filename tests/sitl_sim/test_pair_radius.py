@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -26,6 +27,9 @@ VEHICLES = (
 )
 
 
+HEARD_S = 3.0
+
+
 def flown(vehicles: tuple[VehicleSpec, ...]) -> World:
     """Three that fly north."""
     world = World(Scenario("three", 60.0, vehicles), autopilot="ideal")
@@ -36,15 +40,17 @@ def flown(vehicles: tuple[VehicleSpec, ...]) -> World:
 
 
 def heard(world: World, convention: AccuracyConvention) -> Sky:
-    """Whoever hears them all, at 0 s."""
+    """Whoever has heard them all for HEARD_S: standard Remote ID does not tell how often it is sent."""
     navigation, sky = FleetNavigation(world, DEFAULT_HOME), Sky(convention=convention)
     navigation.refresh()
     for index, spec in enumerate(world.scenario.vehicles):
-        sender = Broadcaster(index + 1, spec, DEFAULT_HOME, interval_s=0.1, utc_clock=lambda: 1_800_000_123.4)
-        for datagram in sender.tick(navigation[index], None, 0.0):
-            for frame in parse_datagram(datagram, CRC_EXTRAS):
-                assert isinstance(frame, Frame)
-                sky.receive(frame, 0.0)
+        clock = count(1_800_000_123.4, 0.1)
+        sender = Broadcaster(index + 1, spec, DEFAULT_HOME, interval_s=0.1, utc_clock=clock.__next__)
+        for now_s in np.arange(0.0, HEARD_S, 0.1).tolist():
+            for datagram in sender.tick(navigation[index], None, now_s):
+                for frame in parse_datagram(datagram, CRC_EXTRAS):
+                    assert isinstance(frame, Frame)
+                    sky.receive(frame, now_s)
     return sky
 
 
@@ -54,7 +60,7 @@ def test_discs_are_those_of_who_hears_the_broadcasts(definition: Definition, con
     """One of the vehicles sends standard Remote ID: of it others know neither size nor error, but for its code."""
     world = flown((*VEHICLES[:2], replace(VEHICLES[2], extended=False)))
     judged = pair_radius_under(definition, convention=convention)(world)
-    scene = heard(world, convention).at(0.0)
+    scene = heard(world, convention).at(HEARD_S)
     others = ~np.eye(3, dtype=np.bool_)
     assert judged[others] == pytest.approx(pair_discs(scene, definition)[others], abs=0.1)
 
