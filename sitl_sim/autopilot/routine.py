@@ -93,10 +93,11 @@ class Routine:
             pilot.enter(Mode.LAND, None)
         if self._was_in_air and not in_air:
             pilot.guidance = Velocity()
+            comes_down = pilot.mode in (*FROM_THE_AIR, Mode.MISSION)
             alone = not self._board.spec.cooperative  # armed, it would set out again
-            if alone or pilot.mode is Mode.MISSION or (pilot.mode in FROM_THE_AIR and not self._board.is_px4):
+            if alone or (comes_down and not self._board.is_px4):
                 pilot.arm(False)
-            if pilot.mode in (*FROM_THE_AIR, Mode.MISSION):
+            if comes_down:
                 pilot.mission.landed()
         self._was_in_air = in_air
 
@@ -120,14 +121,12 @@ class Routine:
         pilot = self._pilot
         grounded = pilot.navigation.state is VehicleState.GROUNDED
         if grounded and not (pilot.armed and (self._board.is_px4 or pilot.mission_started)):
-            if not pilot.armed and self._board.is_px4 and pilot.mission.is_complete:
-                pilot.mode = self._board.flavour.ground_mode
             return
         match pilot.mission.step(pilot.estimate, now_s, grounded=grounded):
             case End.RETURN:
                 pilot.fly_home()
             case End.FINISHED if self._board.is_px4:
-                self._board.say(Severity.INFO, "Mission finished, loitering")
+                self._board.say(Severity.INFO, f"Mission finished, {'landed' if grounded else 'loitering'}")
                 pilot.enter(Mode.HOLD, Velocity())
             case End.FINISHED:
                 pilot.guidance = Velocity()

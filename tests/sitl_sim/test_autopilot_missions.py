@@ -381,6 +381,22 @@ def test_px4_takes_off_by_itself_for_a_mission_and_lands_with_its_last_item() ->
     assert flight.mode == PX4_HOLD
 
 
+def test_px4_that_lands_amid_its_mission_goes_on_and_disarms_after_its_end() -> None:
+    flight = Flight("px4", Start.HOLDING, scenario=one_vehicle(start_ned_m=(*START_NED_M[:2], -2.0)))
+    flight.advance(0.1)
+    assert upload(flight, [item(LAND, height=0.0), item(TAKEOFF, height=2.0), item(LAND, height=0.0)]) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    advance_until(flight, lambda: reached(flight) == [0])
+    assert flight.height_m == pytest.approx(0.0, abs=0.1) and flight.armed
+    advance_until(flight, lambda: reached(flight) == [0, 1])
+    assert flight.height_m > 1.5
+    advance_until(flight, lambda: reached(flight) == [0, 1, 2])
+    flight.advance(1.5)
+    assert flight.armed and flight.mode == PX4_HOLD
+    flight.advance(1.0)
+    assert not flight.armed and flight.texts == ["Mission finished, landed", "Disarmed by landing"]
+
+
 def test_ardupilot_wants_a_takeoff_item_and_the_command_to_start() -> None:
     flight = Flight("ardupilot")
     flight.advance(0.1)
