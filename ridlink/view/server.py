@@ -340,6 +340,9 @@ def _listen(host: str, port: int) -> socket.socket:
     except UnicodeError as error:  # a name with an empty label is no OSError
         raise LinkError(f"http://{host}:{port}/: no such host: {error}") from error
     except OSError as error:
-        in_use = f"port {port} is in use; name another, or 0 for any that is free"
-        what = in_use if error.errno == errno.EADDRINUSE else (error.strerror or str(error))
+        known = {
+            errno.EADDRINUSE: f"port {port} is in use; name another, or 0 for any that is free",
+            errno.EADDRNOTAVAIL: "no address of this machine; 127.0.0.1 is for this machine only, 0.0.0.0 for all",
+        }
+        what = known.get(error.errno or 0) or error.strerror or str(error)
         raise LinkError(f"http://{host}:{port}/: {what}") from error

@@ -19,7 +19,7 @@ from websockets.exceptions import ConnectionClosed
 from ridlink.errors import LinkError
 from ridlink.view.guard import host_name
 from ridlink.view.instants import Instant
-from ridlink.view.server import MOST_PAGES
+from ridlink.view.server import MOST_PAGES, check_can_listen
 from tests.observer.flights import Flyer
 from tests.view.serving import PATIENCE_S, a_page, a_show, heard, run, serving
 
@@ -303,6 +303,11 @@ def test_what_fails_in_the_history_ends_what_is_served_beside_it() -> None:
                 await asyncio.Event().wait()
 
     run(body)
+
+
+def test_an_address_of_another_machine_is_told_what_to_write() -> None:
+    with pytest.raises(LinkError, match=r"192\.0\.2\.1:0/: no address of this machine; 127\.0\.0\.1 is for"):
+        check_can_listen("192.0.2.1", 0)
 
 
 def test_a_port_in_use_is_named() -> None:
