@@ -7,6 +7,7 @@ change it from outside, `routine` as time passes.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from enum import StrEnum
 
 from ridlink.mavlink.codec import Message
@@ -248,6 +249,7 @@ class Pilot:
     def lift_off(self) -> None:
         """Leave the ground; it climbs when commanded to."""
         self._world.lift_off(self._index)
+        self.navigation = replace(self.navigation, state=VehicleState.AIRBORNE)  # for orders within this tick
         self.command_ned_mps = STILL  # the world drops earlier commands
 
     def come_down(self) -> None:

@@ -819,6 +819,21 @@ def test_any_fields_of_well_formed_frames_are_survived(sent: list[tuple[str, byt
     assert flight.messages("HEARTBEAT")
 
 
+@both
+def test_orders_that_come_with_a_takeoff_find_the_vehicle_in_the_air(flavour: str) -> None:
+    flight = Flight(flavour)
+    flight.advance(0.1)
+    if flavour == "ardupilot":
+        assert flight.set_mode(GUIDED) == ACCEPTED
+    assert flight.command(ARM, 1) == ACCEPTED
+    above_m = HOME.altitude_m if flavour == "px4" else 0.0
+    assert flight.command(TAKEOFF, 0.0, 0.0, 0.0, NAN, 0.0, 0.0, above_m + 5.0) == ACCEPTED
+    assert flight.command(ARM, 0) == (TEMPORARILY_REJECTED if flavour == "px4" else FAILED)
+    assert flight.command(LAND) == ACCEPTED  # all within one tick
+    flight.advance(5.0)
+    assert not flight.armed and flight.world.state[0] == VehicleState.GROUNDED
+
+
 def test_frames_of_every_other_message_are_ignored() -> None:
     flight = Flight(start=Start.AIRBORNE)
     flight.advance(0.1)
