@@ -342,6 +342,12 @@ def test_distance_to_a_hollow_polygon_counts_the_hollow_as_outside() -> None:
     assert distance_to_polygon([[20.0, 15.0], [20.0, 5.0], [5.0, 15.0]], u_shape) == pytest.approx([5.0, 0.0, 0.0])
 
 
+def test_who_is_exactly_south_of_a_corner_is_outside() -> None:
+    triangle = [(-34.7, -37.0), (26.6, 30.4), (32.2, -6.9)]
+    for _, east in triangle:
+        assert distance_to_polygon([-200.0, east], triangle) > 100.0
+
+
 # --- what goes wrong, ghosts, wind, home ------------------------------------------------------------------------------
 
 EVENTFUL = """\

@@ -181,12 +181,14 @@ def distance_to_polygon(point_ne_m: npt.ArrayLike, polygon_ne_m: npt.ArrayLike) 
     """
     point = np.asarray(point_ne_m, dtype=np.float64)[..., None, :]
     start = np.asarray(polygon_ne_m, dtype=np.float64)
-    edge = np.roll(start, -1, axis=0) - start
+    end = np.roll(start, -1, axis=0)
+    edge = end - start
     along = np.clip(((point - start) * edge).sum(-1) / np.maximum((edge * edge).sum(-1), 1e-12), 0.0, 1.0)
     gap = point - (start + along[..., None] * edge)
     distance = np.sqrt((gap * gap).sum(-1).min(-1))
-    # a ray to the north crosses the outline an odd number of times from inside
-    crosses = (start[:, 1] > point[..., 1]) != (start[:, 1] + edge[:, 1] > point[..., 1])
+    # a ray to the north crosses the outline an odd number of times from inside; a corner is compared as it is for both
+    # of its edges, since a rounded one would be passed by one of them only
+    crosses = (start[:, 1] > point[..., 1]) != (end[:, 1] > point[..., 1])
     slope = edge[:, 0] / np.where(edge[:, 1] == 0.0, 1.0, edge[:, 1])
     north_of_crossing = start[:, 0] + (point[..., 1] - start[:, 1]) * slope
     inside = (crosses & (point[..., 0] < north_of_crossing)).sum(-1) % 2 == 1
