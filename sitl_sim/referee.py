@@ -58,7 +58,7 @@ class Referee:
 
     Args:
         scenario: Goals, airframes and obstacles.
-        position_ned_m: True positions at time zero, shape (n, 3).
+        position_ned_m: True positions now, shape (n, 3).
 
     Attributes:
         arrival_time_s: Mission time of arrival, shape (n,), NaN if not arrived.
@@ -76,13 +76,13 @@ class Referee:
         self._polygons = [np.array(obstacle.polygon_ne_m) for obstacle in scenario.obstacles]
         self._others = ~np.eye(count, dtype=np.bool_)
         self._distances = _PairDistances(count)
-        self._before: FloatArray = np.array(position_ned_m, dtype=np.float64).reshape(count, 3)
         self._bound_m: FloatArray = np.full((count, count), ALTITUDE_SLICE_M)
-        self.begin()
+        self.begin(position_ned_m)
 
-    def begin(self) -> None:
-        """Reset all judgements; the mission begins now."""
-        count = len(self._before)
+    def begin(self, position_ned_m: npt.ArrayLike) -> None:
+        """Reset all judgements; the mission begins now, from these true positions, shape (n, 3)."""
+        count = len(self._others)
+        self._before: FloatArray = np.array(position_ned_m, dtype=np.float64).reshape(count, 3)
         self.arrival_time_s: FloatArray = np.full(count, np.nan)
         self.collisions: list[Collision] = []
         self.obstacle_hits: list[tuple[float, int]] = []

@@ -274,7 +274,7 @@ class World:
     def begin_mission(self) -> None:
         """Start mission time and reset all judgements."""
         self._mission_from_s = self.time_s
-        self.referee.begin()
+        self.referee.begin(self.position_ned_m)
         for index in np.flatnonzero(self.is_ghost).tolist():
             self.fly_straight(index)
 

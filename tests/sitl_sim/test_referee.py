@@ -236,6 +236,6 @@ def test_begin_forgets_what_was_before_the_mission() -> None:
     match.move((50.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     match.move((-20.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert match.referee.verdict().min_separation_m == pytest.approx(10.0)
-    match.referee.begin()
+    match.referee.begin(match.position)
     match.move((-20.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert match.referee.verdict().min_separation_m == pytest.approx(30.0)

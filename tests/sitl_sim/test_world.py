@@ -97,6 +97,22 @@ def test_head_on_without_avoidance_collides_and_both_are_gone() -> None:
     assert np.array_equal(world.position_ned_m, where)
 
 
+def test_what_was_flown_before_the_mission_is_no_way_of_its_first_step() -> None:
+    first = VehicleSpec((0.0, 0.0, -20.0), (200.0, 0.0, -20.0))
+    second = VehicleSpec((20.0, -10.0, -20.0), (20.0, 200.0, -20.0))
+    world = World(Scenario("in turn", 60.0, (first, second)), autopilot="ideal", begins=False)
+    world.command_velocity(0, [10.0, 0.0, 0.0])
+    world.step(4.0)
+    world.command_velocity(0, [0.0, 0.0, 0.0])
+    world.command_velocity(1, [0.0, 10.0, 0.0])  # crosses the way of the first, 20 m behind it
+    world.step(2.0)
+    world.begin_mission()
+    world.step(TICK_S)
+    verdict = world.verdict()
+    assert verdict.macs == 0
+    assert verdict.min_separation_m is not None and verdict.min_separation_m > 20.0
+
+
 def test_an_obstacle_removes_who_flies_into_it() -> None:
     square = built_in("square24", 4)
     world = World(replace(square, vehicles=square.vehicles[:1]), autopilot="ideal")
