@@ -122,7 +122,7 @@ class World:
             [load_airframe(kind or MEASURED[name]).battery for name, kind in zip(autopilots, types, strict=True)]
         )
         self.radio_on: BoolArray = np.ones(count, dtype=np.bool_)
-        self.link_on: BoolArray = ~self.is_ghost
+        self.link_on: BoolArray = np.ones(count, dtype=np.bool_)
         self._seed = seed
         self._wind = FleetWind(scenario.wind, count, seed=seed, tick_s=TICK_S)
         self.faults = Faults(
@@ -267,8 +267,8 @@ class World:
             self.state[index] = VehicleState.AIRBORNE
 
     def land(self, index: int) -> None:
-        """Change AIRBORNE to LANDING: it stops, descends, and stays where it touches the ground."""
-        if self.state[index] == VehicleState.AIRBORNE:
+        """Change AIRBORNE to LANDING: it stops, descends, and stays where it touches the ground; a ghost does not."""
+        if self.state[index] == VehicleState.AIRBORNE and not self.is_ghost[index]:
             self.state[index] = VehicleState.LANDING
 
     def begin_mission(self) -> None:
@@ -302,7 +302,8 @@ class World:
         self._dynamics.step(self._commands(), TICK_S, in_air, self._wind.velocity_ne_mps)
         self._touch_ground(in_air)
         self.battery.step(self.velocity_ned_mps, in_air, TICK_S)
-        self.state[(self.battery.remaining <= 0.0) & (self.state == VehicleState.AIRBORNE)] = VehicleState.LANDING
+        for index in np.flatnonzero(self.battery.remaining <= 0.0).tolist():
+            self.land(index)
         self.receivers.step(TICK_S)
         self.heights.step(self.receivers.position_error_ned_m[:, 2], TICK_S)
         self._ticks += 1

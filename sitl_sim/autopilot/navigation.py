@@ -114,7 +114,7 @@ class FleetNavigation:
             world.battery.remaining.tolist(),
             world.battery.voltage_v.tolist(),
             world.battery.current_a.tolist(),
-            world.link_on.tolist(),
+            (world.link_on & ~world.is_ghost).tolist(),
             map(VehicleState, world.state.tolist()),
             strict=True,
         )

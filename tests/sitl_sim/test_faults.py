@@ -201,7 +201,23 @@ def test_a_ghost_flies_its_route_hits_nobody_and_is_not_counted() -> None:
     assert world.state[1] == VehicleState.GONE
     verdict = world.verdict()
     assert (verdict.vehicles, verdict.macs) == (1, 0)
-    assert world.on_air.tolist() == [True, False] and world.link_on.tolist() == [True, False]
+    assert world.on_air.tolist() == [True, False]
+
+
+@pytest.mark.parametrize("what, figures", [("forced-landing", {}), ("battery", {"remaining": 0.0})])
+def test_what_befalls_everybody_brings_no_ghost_down(what: str, figures: dict[str, float]) -> None:
+    world = world_of(event(what, 0, **figures), vehicles=2, ghost=True, cooperative=False)
+    world.step(20.0)
+    assert world.position_ned_m[:, 2].tolist() == [-50.0, -50.0]
+    assert world.position_ned_m[:, 1] == pytest.approx([200.0, 200.0], abs=1.0)
+
+
+def test_a_link_that_comes_back_to_everybody_is_none_of_a_ghost() -> None:
+    flight = Flight("px4", Start.AIRBORNE, scenario=one_vehicle(ghost=True, cooperative=False))
+    for what in ("link-off", "link-on"):
+        flight.world.inject(event(what, 0))
+        flight.advance(2.0)
+    assert flight.messages("HEARTBEAT") == []
 
 
 @pytest.mark.parametrize("wind", [Wind(), Wind((-4.0, 2.0), 1.5)])
