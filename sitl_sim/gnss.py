@@ -218,7 +218,7 @@ class GnssReceivers:
 
     def release(self, index: int) -> None:
         """End the spoofing: reports are as without it."""
-        self._innovation_m[index] = np.hypot(*self._pulled_m[index])
+        self._innovation_m[index] = max(self._innovation_m[index], np.hypot(*self._pulled_m[index]))
         self._pull_mps[index] = self._pulled_m[index] = 0.0
 
     def restore(self, index: int, sigma_m: float) -> None:

@@ -87,6 +87,15 @@ def test_a_jump_shows_in_the_reports_and_in_no_figure_of_the_receiver() -> None:
     assert error_m(world) == pytest.approx(before)
 
 
+def test_the_estimator_is_as_surprised_by_the_end_of_a_jump_whatever_ends_it() -> None:
+    for end in (event("gnss-restore"), event("gnss-jump")):
+        world = world_of(event("gnss-jump", north_m=30.0))
+        world.step(30.0)
+        assert world.receivers.innovation_ratio[0] < 0.1
+        world.inject(end)
+        assert world.receivers.innovation_ratio[0] > 1.0
+
+
 def test_a_spoofer_pulls_position_and_velocity_off_together() -> None:
     world = world_of()
     world.inject(event("gnss-spoof", north_mps=2.0, duration_s=10.0))
