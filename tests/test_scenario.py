@@ -489,6 +489,14 @@ def test_tracks_become_vehicles_that_fly_them(geojson: Callable[..., str]) -> No
     assert resolve_scenario(path, 1).vehicles == (first,)
 
 
+@pytest.mark.parametrize("latitude_deg", [-17.0, 0.0])
+def test_a_track_may_cross_the_date_line(geojson: Callable[..., str], latitude_deg: float) -> None:
+    scenario = load_tracks(geojson(track([179.999, latitude_deg, 500.0], [-179.999, latitude_deg, 500.0])))
+    (vehicle,) = scenario.vehicles
+    assert scenario.home_deg_m == (latitude_deg, pytest.approx(-180.0), 450.0)
+    assert -112.0 < vehicle.start_ned_m[1] < -106.0 and 106.0 < vehicle.goal_ned_m[1] < 112.0
+
+
 @pytest.mark.parametrize(
     "feature, told",
     [

@@ -22,6 +22,7 @@ from ridlink.errors import ConfigError
 from ridlink.geodesy import Geodetic, ned_from_geodetic
 from ridlink.scenario.model import DEFAULT_SPEED_MPS, MOST_SPEED_MPS, Point3, Scenario, VehicleSpec
 from ridlink.scenario.vehicle_keys import read_vehicle_keys
+from ridlink.units import wrap_deg
 
 FLOOR_M = 50.0
 """Height of the lowest point above home."""
@@ -72,8 +73,8 @@ def load_tracks(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Sc
     points = [point for track in tracks for point in track.points]
     altitudes = [point[2] for point in points if point[2] is not None]
     home = Geodetic(
-        (min(point[1] for point in points) + max(point[1] for point in points)) / 2.0,
-        (min(point[0] for point in points) + max(point[0] for point in points)) / 2.0,
+        _middle([point[1] for point in points]),
+        _middle_longitude([point[0] for point in points]),
         min(altitudes) - FLOOR_M if altitudes else 0.0,
     )
     made = [track.vehicle(home, speed_mps, faults) for track in tracks]
@@ -89,6 +90,16 @@ def load_tracks(path: str | Path, *, speed_mps: float = DEFAULT_SPEED_MPS) -> Sc
         )
     except ConfigError as error:
         raise ConfigError(f"{name}: {error}") from None
+
+
+def _middle(values: list[float]) -> float:
+    return (min(values) + max(values)) / 2.0
+
+
+def _middle_longitude(values_deg: list[float]) -> float:
+    if max(values_deg) - min(values_deg) <= 180.0:
+        return _middle(values_deg)
+    return wrap_deg(_middle([value % 360.0 for value in values_deg]))  # across the date line
 
 
 def _refuse(faults: list[ConfigError]) -> None:
