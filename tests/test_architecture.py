@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -236,6 +237,15 @@ def test_imports_inside_functions_stay_in_commands(path: Path) -> None:
     ]
     in_commands = name.startswith(("ridlink.cli", "sitl_sim.cli", "ridlink.__main__"))
     assert not late or in_commands, f"{name} imports {late} inside a function"
+
+
+@pytest.mark.parametrize("path", [*sources("ridlink"), *sources("sitl_sim")], ids=module_name)
+def test_no_cancellation_is_lost(path: Path) -> None:
+    """`asyncio.wait_for` of Python 3.11 loses one that comes in the same turn of the loop as its result, and whoever
+    waits goes on. Only who waits for the stop itself ends all the same; others use `asyncio.timeout`."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "asyncio.wait_for":
+            assert re.search(r"\b_?stop\.wait\(\)$", ast.unparse(node.args[0])), f"line {node.lineno}"
 
 
 def test_no_module_cycles() -> None:

@@ -137,12 +137,13 @@ def _connect(scheduler: str) -> Any:
         raise ConfigError(f"scheduler {scheduler!r}: write it as tcp://HOST:PORT")
 
     async def knock() -> None:
-        comm = await distributed.comm.connect(scheduler, timeout=CONNECT_S)
-        await comm.close()
+        # If a port accepts connections but sends nothing, a dask client waits forever.
+        async with asyncio.timeout(2.0 * CONNECT_S):
+            comm = await distributed.comm.connect(scheduler, timeout=CONNECT_S)
+            await comm.close()
 
     try:
-        # If a port accepts connections but sends nothing, a dask client waits forever.
-        asyncio.run(asyncio.wait_for(knock(), 2.0 * CONNECT_S))
+        asyncio.run(knock())
         return distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise LinkError(f"no dask scheduler answers at {scheduler}; 'dask scheduler' starts one") from error

@@ -183,7 +183,8 @@ class ConductedFlight:
         if self._process.returncode is None:
             self._process.terminate()
         try:
-            await asyncio.wait_for(self._process.wait(), DAEMON_ENDS_S)
+            async with asyncio.timeout(DAEMON_ENDS_S):
+                await self._process.wait()
         except TimeoutError:
             self._process.kill()
             await self._process.wait()

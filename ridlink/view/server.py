@@ -213,7 +213,8 @@ class ViewServer:
                 raise failures[0]
             elif page.conversation.hopeless:
                 with contextlib.suppress(RuntimeError, TimeoutError):
-                    await asyncio.wait_for(websocket.close(1008, "too many mistakes"), SECOND_S)
+                    async with asyncio.timeout(SECOND_S):
+                        await websocket.close(1008, "too many mistakes")
         except GONE:
             pass
         finally:

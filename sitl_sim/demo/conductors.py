@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -86,10 +87,9 @@ class Conductors:
                 words = "; ".join(self._failures) or f"not all vehicles are {what.replace('_', ' ')}"
                 raise LinkError(f"the flight from the ground failed: {words}")
             self._changed.clear()
-            try:
-                await asyncio.wait_for(self._changed.wait(), left_s)
-            except TimeoutError:
-                continue
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(left_s):
+                    await self._changed.wait()
 
     async def _read(self) -> None:
         assert self._process is not None and self._process.stdout is not None

@@ -184,7 +184,8 @@ class Daemons:
         elif configs:
             await self._launch(None, "sitl_sim.demo.crew", *map(str, configs.values()))
         try:
-            await asyncio.wait_for(self._all_heard(), READY_TIMEOUT_S)
+            async with asyncio.timeout(READY_TIMEOUT_S):
+                await self._all_heard()
         except TimeoutError:
             raise LinkError(f"the daemons did not come up within {READY_TIMEOUT_S:g} s") from None
 

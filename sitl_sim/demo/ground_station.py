@@ -8,6 +8,7 @@ the second acknowledgement may be a refusal.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable, Sequence
 
 from ridlink.errors import LinkError
@@ -80,10 +81,9 @@ class GroundStation:
             for system_id in sorted(wanted - self._external):
                 self._links[system_id - 1].send(self._set_mode(system_id))
             self._changed.clear()
-            try:
-                await asyncio.wait_for(self._changed.wait(), RETRY_S)
-            except TimeoutError:
-                continue
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(RETRY_S):
+                    await self._changed.wait()
 
     def _set_mode(self, system_id: int) -> bytes:
         main_mode = ARDUCOPTER_GUIDED if system_id in self._ardupilot else PX4_OFFBOARD
