@@ -69,9 +69,7 @@ class Outbox:
         if message.key in lane:
             self.replaced += 1
         lane[message.key] = message
-        if len(self) > self._capacity:
-            max(self._lanes, key=len).popitem(last=False)
-            self.dropped += 1
+        self._make_room()
 
     def put_back(self, message: Outgoing) -> None:
         """Queue a message that could not be sent at the front, unless a newer one of its topic waits."""
@@ -79,11 +77,14 @@ class Outbox:
         if message.key in lane:
             self.replaced += 1
             return
-        if len(self) >= self._capacity:
-            self.dropped += 1
-            return
         lane[message.key] = message
         lane.move_to_end(message.key, last=False)
+        self._make_room()
+
+    def _make_room(self) -> None:
+        if len(self) > self._capacity:
+            max(self._lanes, key=len).popitem(last=False)
+            self.dropped += 1
 
     def take(self) -> Outgoing | None:
         """The next message: the oldest of one lane, then of the next lane in turn; None if there is none."""

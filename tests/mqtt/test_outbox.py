@@ -68,6 +68,18 @@ def test_what_could_not_be_sent_and_has_no_room_any_more_is_dropped_not_overtake
     assert (outbox.replaced, outbox.dropped) == (0, 1)
 
 
+def test_what_the_broker_retains_and_could_not_be_sent_finds_room_though_others_have_filled_it() -> None:
+    outbox = Outbox(3)
+    gone = Outgoing("uas/a/availability", b"offline", 1, True)
+    outbox.put(gone)
+    assert outbox.take() == gone
+    for number in range(3):
+        outbox.put(Outgoing(f"uas/{number}/state", b""))
+    outbox.put_back(gone)
+    assert sorted(message.topic for message in drained(outbox)) == ["uas/1/state", "uas/2/state", gone.topic]
+    assert outbox.dropped == 1
+
+
 def test_what_the_broker_retains_is_not_given_up_for_what_is_worth_nothing_later() -> None:
     outbox = Outbox(10)
     gone = Outgoing("uas/a/availability", b"offline", 1, True)
