@@ -122,8 +122,9 @@ class Publisher:
             now_s: The clock of `receive`.
             utc_s: Seconds since 1970-01-01 UTC, for the payloads.
         """
-        out = self._arrivals_and_departures(now_s)
+        self.sky.forget_silent(now_s)
         scene = self.sky.at(now_s)
+        out = self._arrivals_and_departures(scene.merged)
         out += self._meetings(scene, utc_s)
         if self._states_due.due(now_s):
             out += self._states(scene, utc_s)
@@ -142,9 +143,8 @@ class Publisher:
             out.append(_device_tracker(topics, name))
         return out
 
-    def _arrivals_and_departures(self, now_s: float) -> list[Outgoing]:
+    def _arrivals_and_departures(self, merged: frozenset[int]) -> list[Outgoing]:
         topics = self._settings.topics
-        self.sky.forget_silent(now_s)
         present = {one.number: one.name for one in self.sky.aircraft.values()}
         if present == self._known:
             return []
@@ -154,8 +154,10 @@ class Publisher:
         out += [_availability(topics, name, online=False) for name in sorted(before - now)]
         for name in sorted(now - before):
             out += self._arrival(name)
-        if self._settings.home_assistant:  # an aircraft whose name changed with its identity is not a second tracker
-            renamed = {name for number, name in self._known.items() if present.get(number, name) != name}
+        if self._settings.home_assistant:  # a name from before the identity is no second tracker of an aircraft
+            renamed = {
+                name for number, name in self._known.items() if number in merged or present.get(number, name) != name
+            }
             out += [_no_device_tracker(name) for name in sorted(renamed - now)]
         self._known = present
         return out

@@ -118,6 +118,15 @@ def test_home_assistant_keeps_no_tracker_under_the_name_before_the_identity() ->
     assert b"ALPHA" in trackers["ridlink_ALPHA"] and sum(map(bool, trackers.values())) == 2
 
 
+def test_home_assistant_keeps_no_tracker_of_a_relayed_aircraft_that_turns_out_to_be_a_known_one() -> None:
+    relayed = replace(ONE, sysid=200, start_ne_m=(-99.0, 0.0), identity_from_s=2.0, id_or_mac=b"relay".ljust(20, b"\0"))
+    trackers: dict[str, bytes] = {}
+    for message in published([ONE, relayed], 5.0, home_assistant=True):
+        if message.topic.startswith("homeassistant/"):
+            trackers[message.topic.split("/")[2]] = message.payload
+    assert len(trackers) == 2 and [name for name, config in trackers.items() if config] == ["ridlink_ALPHA"]
+
+
 def test_home_assistant_gets_a_device_tracker_for_each() -> None:
     messages = published([replace(ONE, identity=b"A+#/<b>")], 0.5, home_assistant=True)
     [config] = [message for message in messages if message.topic.startswith("homeassistant/")]
