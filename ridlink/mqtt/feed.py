@@ -1,7 +1,7 @@
 """A foreign feed as traffic: converts JSON objects of aircraft to Remote ID frames, as a receiver would relay them.
 
-A broker is not trusted. An item that is no object, or has no identity or no position on Earth, is counted and dropped.
-An identity only names a transmitter behind our relay (``id_or_mac``). Nothing in a feed can be a command.
+A broker is not trusted. An item that is no object, or has no identity, no position on Earth or an old one, is counted
+and dropped. An identity only names a transmitter behind our relay (``id_or_mac``). Nothing in a feed can be a command.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ RELAY_SYSID, RELAY_COMPID = 254, 236
 
 LONGEST_PAYLOAD = 64 * 1024
 MOST_AIRCRAFT_A_MESSAGE = 500
+OLD_S = 60.0
+"""A position of this age is dropped: whoever hears it would take it for one just measured."""
+
 SERIAL_NUMBER = 1
 
 NAMES: dict[str, tuple[str, ...]] = {
@@ -90,7 +93,10 @@ class Feed:
             self.counters["without_position"] += 1
             return []
         age_s = row.get("age_s")
-        late_s = age_s if isinstance(age_s, int | float) and 0.0 <= age_s < 60.0 else 0.0
+        late_s = max(age_s, 0.0) if isinstance(age_s, int | float) else 0.0
+        if late_s >= OLD_S:
+            self.counters["too_old"] += 1
+            return []
         timestamp_s = round((utc_s - late_s) % SECONDS_PER_HOUR, 1) % SECONDS_PER_HOUR
         transmitter = _transmitter(identity)
         raw = identity.encode("utf-8", "replace")[:ID_LENGTH]

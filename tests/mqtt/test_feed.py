@@ -65,6 +65,8 @@ def test_names_of_other_tools_are_understood_but_an_altitude_above_an_unknown_re
         (b'{"id": "a", "lat": 0, "lon": 0}', "without_position"),
         (b'{"id": "a", "lat": 91, "lon": 1}', "without_position"),
         (b'{"id": "a", "lat": "47", "lon": 1}', "without_position"),
+        (b'{"id": "a", "lat": 47, "lon": 1, "age_s": 60}', "too_old"),
+        (b'{"id": "a", "lat": 47, "lon": 1, "age_s": 1' + b"0" * 400 + b"}", "too_old"),
         (b'{"id": "a", "lat": true, "lon": 1}', "without_position"),
         (b'{"id": "a", "lat": 1, "lon": 1' + b"0" * 400 + b"}", "without_position"),  # an integer that is no float
     ],
