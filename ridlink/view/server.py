@@ -257,10 +257,8 @@ class ViewServer:
                 await asyncio.sleep(0)
 
     async def _count_seconds(self) -> None:
-        due_s = time.monotonic()
         while True:
-            due_s += SECOND_S
-            await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+            await asyncio.sleep(SECOND_S)
             vehicles = 0 if self.show.scenery.live else self.show.vehicles
             facts = {"frames_per_s": 0.0, "vehicles": vehicles, "rejects": {}, "lag_ms": 0.0, **self._health()}
             failed = {"answers_failed": self._guard.failures} if self._guard.failures else {}

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import time
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -266,6 +268,31 @@ def test_f32_hostile_ids_arrive_as_text() -> None:
             await page.send(json.dumps({"select": names[0]}))
             await page.send('{"select":"</script>\\u0000","at":1,"id":1}')
             await heard(page, "instants", id=1)
+
+    run(body)
+
+
+def test_how_far_behind_a_loop_was_that_stood_still_is_told_and_not_at_once_replaced(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("ridlink.view.server.SECOND_S", 0.2)
+
+    async def body() -> None:
+        told_s: list[float] = []
+        has_gone_on = asyncio.Event()
+
+        def health() -> dict[str, Any]:
+            now_s = time.monotonic()
+            told_s.append(now_s)
+            while len(told_s) == 2 and time.monotonic() < now_s + 1.0:
+                continue
+            if len(told_s) == 5:
+                has_gone_on.set()
+            return {}
+
+        async with serving(a_show(), health=health):
+            await has_gone_on.wait()
+        assert min(later - one for one, later in pairwise(told_s)) > 0.1
 
     run(body)
 
