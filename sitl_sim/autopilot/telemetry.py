@@ -103,7 +103,7 @@ class Telemetry:
             "onboard_control_sensors_enabled": _SENSORS,
             "onboard_control_sensors_health": healthy | (0 if self._board.is_px4 else _GEOFENCE),
             "load": 150,
-            "voltage_battery": round(navigation.battery_v * 1e3),
+            "voltage_battery": _millivolts(navigation.battery_v),
             "current_battery": _centiamperes(navigation.battery_a),
             "battery_remaining": round(navigation.battery_remaining * 100.0),
         }
@@ -114,7 +114,7 @@ class Telemetry:
             "type": 1,
             "temperature": _INT16_MAX,
             # the first entry is the whole battery if cells are not measured singly
-            "voltages": (round(navigation.battery_v * 1e3), *(_UINT16_UNKNOWN,) * 9),
+            "voltages": (_millivolts(navigation.battery_v), *(_UINT16_UNKNOWN,) * 9),
             "current_battery": _centiamperes(navigation.battery_a),
             "current_consumed": -1,
             "energy_consumed": -1,
@@ -328,6 +328,10 @@ class Telemetry:
 
 def _position(latitude_deg: float, longitude_deg: float, latitude_name: str, longitude_name: str) -> Fields:
     return {latitude_name: dege7_from_deg(latitude_deg), longitude_name: dege7_from_deg(longitude_deg)}
+
+
+def _millivolts(voltage_v: float) -> int:
+    return min(round(voltage_v * 1e3), _UINT16_UNKNOWN - 1)
 
 
 def _centiamperes(current_a: float) -> int:

@@ -35,6 +35,9 @@ CELL_VOLTS = (3.0, 3.5, 3.68, 3.8, 4.0, 4.2)
 SAG_SHARE = 0.03
 """Share of voltage lost in the internal resistance at hover power."""
 
+MOST_SAG_SHARE = 0.3
+"""Limit of this loss, for vehicles so fast that the drag above is no longer that of a multirotor."""
+
 
 @dataclass(frozen=True, slots=True)
 class BatteryType:
@@ -86,7 +89,8 @@ class FleetBattery:
     def voltage_v(self) -> FloatArray:
         """Voltage at the terminals under load, shape (n,)."""
         at_rest = np.interp(self.remaining, CELL_CHARGE, CELL_VOLTS)
-        return np.asarray(self._cells * at_rest * (1.0 - SAG_SHARE * self.power_w / self._hover_w))
+        sag = np.minimum(SAG_SHARE * self.power_w / self._hover_w, MOST_SAG_SHARE)
+        return np.asarray(self._cells * at_rest * (1.0 - sag))
 
     @property
     def current_a(self) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from ridlink.mavlink.codec import Encoder
 from ridlink.scenario import EVENTS, Event, Scenario, VehicleSpec, Wind, event_of
 from sitl_sim.autopilot import Start
 from sitl_sim.vehicle import TICK_S, VehicleState
+from sitl_sim.vehicle.airframe import FOLDER
 from sitl_sim.world import World
 from tests.sitl_sim.flight import Flight, one_vehicle
 
@@ -325,6 +327,15 @@ def test_the_battery_drains_in_what_the_vehicle_says() -> None:
     flight.advance(1.5)
     assert flight.last("BATTERY_STATUS").charge_state == 4
     assert flight.last("SYS_STATUS").battery_remaining == 4
+
+
+def test_a_battery_of_more_volts_than_the_field_holds_is_told_as_the_most(tmp_path: Path) -> None:
+    file = tmp_path / "lifter.toml"
+    text = (FOLDER / "px4-sih-quad.toml").read_text()
+    file.write_text(text.replace("cells = 4\n", "cells = 24\n"))
+    flight = Flight("px4", Start.AIRBORNE, scenario=one_vehicle(airframe=str(file)))
+    flight.advance(2.0)
+    assert flight.last("SYS_STATUS").voltage_battery == flight.last("BATTERY_STATUS").voltages[0] == 65534
 
 
 def test_who_has_no_link_is_silent_and_deaf() -> None:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from ridlink.errors import ConfigError
 from ridlink.scenario import Wind
+from ridlink.scenario.model import MOST_SPEED_MPS
 from sitl_sim.vehicle import (
     AIRFRAMES,
     AUTOPILOTS,
@@ -319,6 +320,13 @@ def test_climbing_and_speed_cost_power_and_voltage_falls_with_charge() -> None:
         after(v, air) for v, air in (((0, 0, 0), False), ((0, 0, 0), True), ((0, 0, -3), True), ((12, 0, 0), True))
     )
     assert ground > hover > climb and hover > fast
+
+
+def test_a_battery_has_a_voltage_at_every_speed_that_a_scenario_allows() -> None:
+    battery = FleetBattery([BatteryType(4, 50.0, 150.0)])
+    battery.step(np.array([[MOST_SPEED_MPS, 0.0, 0.0]]), np.array([True]), TICK_S)
+    assert 4 * 2.0 < battery.voltage_v[0] < 4 * 4.2
+    assert battery.current_a[0] > 0.0
 
 
 def test_a_battery_can_be_set() -> None:
