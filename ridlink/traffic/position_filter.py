@@ -40,7 +40,7 @@ class PositionFilter:
         self._reports = 0
         self._beyond = False
         self._at_s = 0.0
-        self._velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self._velocity: tuple[float, float, float] | None = None
         self.latitude_deg = self.longitude_deg = 0.0
         self.resets = 0
         self.innovation_m = 0.0
@@ -79,7 +79,8 @@ class PositionFilter:
         self.innovation_m = 0.0
         if self._reports > 0 and elapsed >= 0.0 and velocity_ned_mps is not None:
             # The mean of both velocities gives the displacement of a vehicle that changed its velocity steadily.
-            (north_before, east_before, _), (north_now, east_now, _) = self._velocity, velocity_ned_mps
+            north_now, east_now, _ = velocity_ned_mps
+            north_before, east_before, _ = self._velocity or velocity_ned_mps
             mean = (north_before + north_now) / 2.0, (east_before + east_now) / 2.0, 0.0
             predicted = self.extrapolate(elapsed, mean)
             north, east = offset_m(predicted, (latitude_deg, longitude_deg))
@@ -95,7 +96,7 @@ class PositionFilter:
                 self._beyond = False
         else:
             self._reports = 1
-        self._velocity = velocity_ned_mps or (0.0, 0.0, 0.0)
+        self._velocity = velocity_ned_mps
         self._at_s = at_s
         self.latitude_deg, self.longitude_deg = latitude_deg, longitude_deg
         return latitude_deg, longitude_deg

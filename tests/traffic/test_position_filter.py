@@ -55,6 +55,17 @@ def test_without_a_velocity_or_a_time_constant_reports_pass_as_they_are(constant
     assert smoother.extrapolate(1.0, (2.0, 0.0, 0.0)) == pytest.approx(moved(*there, 2.0, 0.0))
 
 
+def test_a_velocity_that_was_unknown_was_not_zero() -> None:
+    smoother, fast = PositionFilter(), (20.0, 0.0, 0.0)
+    for second, velocity in enumerate([fast, fast, fast, None, fast, fast]):
+        there = moved(*HERE, 20.0 * second, 0.0)
+        assert smoother.update(*there, velocity, 3.0, float(second)) == pytest.approx(there, abs=1e-9)
+    assert smoother.resets == 0
+    smoother.update(*there, None, 3.0, 6.0)
+    smoother.update(*moved(*there, 40.0, 0.0), fast, 3.0, 7.0)  # 20 m further than it flies
+    assert smoother.resets == 1
+
+
 def test_time_that_goes_back_restarts() -> None:
     smoother = PositionFilter()
     smoother.update(*HERE, STILL, 10.0, 5.0)
