@@ -185,6 +185,8 @@ class EncounterLog:
         """For open pairs with both aircraft present: time until the disc is entered, whether they are apart, radii of
         the discs under every definition."""
         keys = [key for key in self.open if key[0] in index and key[1] in index]
+        if not keys:  # as in most scenes
+            return {}
         first, second = np.array([(index[one], index[other]) for one, other in keys], np.intp).reshape(-1, 2).T
         pairs = pairs_at(scene, first, second, self.definition)
         radii = [discs_at(scene, first, second, definition) for definition in self._definitions[1:]]
