@@ -20,6 +20,9 @@ from ridlink.observer.pairs import Pairs, pairs_at, pairs_of
 from ridlink.observer.scene import FloatArray, Scene
 from ridlink.separation.definitions import Definition, bounded_airframe
 
+Point = tuple[float, float]
+"""A place or a velocity, north and east."""
+
 CLOSES_AFTER_S = 3.0
 ABANDONED_AFTER_S = 60.0
 """A pair that still comes nearer this long after its last alert, as in slow overtaking, is no encounter any more."""
@@ -124,8 +127,8 @@ class EncounterLog:
         self._definitions = tuple(dict.fromkeys((definition, *also)))
         self._gone_after_s = gone_after_s
         self._most = most
-        self._before: Scene | None = None
-        self._index: dict[int, int] = {}
+        self._before_s = math.nan
+        self._places: dict[int, Point] = {}
 
     def step(self, scene: Scene, pairs: Pairs | None = None) -> list[tuple[Phase, Encounter]]:
         """Changes since the previous scene: encounters that opened, continue, or closed.
@@ -134,9 +137,10 @@ class EncounterLog:
             scene: All aircraft, later than the previous scene.
             pairs: Its pairs under the definition of this log, if they are known already.
         """
-        before, self._before = self._before, scene
-        index_before, self._index = self._index, {number: at for at, number in enumerate(scene.numbers)}
-        index = self._index
+        before_s, self._before_s = self._before_s, scene.time_s
+        places_before, self._places = self._places, dict(zip(scene.numbers, _points(scene.position_ne_m), strict=True))
+        velocities = dict(zip(scene.numbers, _points(scene.velocity_ne_mps), strict=True))
+        index = {number: at for at, number in enumerate(scene.numbers)}
         changes: list[tuple[Phase, Encounter]] = []
         pairs = pairs_of(scene, self.definition) if pairs is None else pairs
         for i, j in self._alerts(pairs):
@@ -155,11 +159,13 @@ class EncounterLog:
                 i, j = index[key[0]], index[key[1]]
                 encounter.pair = scene.names[i], scene.names[j]
                 encounter.entry_in_s, apart, *radius = present[key]
-                was = None if before is None else (index_before.get(key[0]), index_before.get(key[1]))
                 encounter.required_m = dict(zip(self._definitions, radius, strict=True))
-                self._follow(encounter, scene, before, (i, j), was, apart=bool(apart))
+                now = _between(self._places, key)
+                was = _between(places_before, key) if key[0] in places_before and key[1] in places_before else None
+                self._follow(encounter, scene, (i, j), now, was, before_s, apart=bool(apart))
                 clear_s = scene.time_s - encounter.last_alert_s
-                if _closing(scene, i, j):
+                to_north, to_east = _between(velocities, key)
+                if now[0] * to_north + now[1] * to_east < 0.0:  # they come nearer
                     encounter.last_closing_s = scene.time_s
                 parting_s = scene.time_s - max(encounter.last_alert_s, encounter.last_closing_s)
                 if clear_s <= ABANDONED_AFTER_S and parting_s <= CLOSES_AFTER_S:
@@ -214,24 +220,23 @@ class EncounterLog:
         self,
         encounter: Encounter,
         scene: Scene,
-        before: Scene | None,
         at: tuple[int, int],
-        was_at: tuple[int | None, int | None] | None,
+        now: Point,
+        was: Point | None,
+        before_s: float,
         *,
         apart: bool,
     ) -> None:
         i, j = at
-        now = scene.position_ne_m[j] - scene.position_ne_m[i]
-        distance, when = float(np.hypot(*now)), scene.time_s
+        distance, when = math.hypot(*now), scene.time_s
         encounter.distance_m, encounter.seen_s = distance, scene.time_s
         if apart:  # they pass above each other
             return
         lasted_s = 0.0
-        if before is not None and was_at is not None and was_at[0] is not None and was_at[1] is not None:
-            was = before.position_ne_m[was_at[1]] - before.position_ne_m[was_at[0]]
-            lasted_s = scene.time_s - before.time_s
+        if was is not None:
+            lasted_s = scene.time_s - before_s
             share, distance = _nearest_of_segment(was, now)
-            when = before.time_s + share * lasted_s
+            when = before_s + share * lasted_s
         if distance < encounter.closest_m:
             encounter.closest_m, encounter.closest_s = distance, when
             encounter.closest_errors_m = float(scene.error_bound_m[i]), float(scene.error_bound_m[j])
@@ -249,18 +254,24 @@ class EncounterLog:
             encounter.inside_s[definition] = encounter.inside_s.get(definition, 0.0) + inside
 
 
-def _closing(scene: Scene, i: int, j: int) -> bool:
-    offset = scene.position_ne_m[j] - scene.position_ne_m[i]
-    return float(offset @ (scene.velocity_ne_mps[j] - scene.velocity_ne_mps[i])) < 0.0
+def _points(rows: FloatArray) -> list[Point]:
+    """Rows of an array, shape (n, 2), as numbers: for one pair they are several times as fast as arrays."""
+    return [(north, east) for north, east in rows.tolist()]
+
+
+def _between(points: dict[int, Point], pair: tuple[int, int]) -> Point:
+    """From the first of a pair to the second."""
+    (north, east), (to_north, to_east) = points[pair[0]], points[pair[1]]
+    return to_north - north, to_east - east
 
 
 def _ordered(one: int, other: int) -> tuple[int, int]:
     return (one, other) if one <= other else (other, one)
 
 
-def _nearest_of_segment(start: FloatArray, end: FloatArray) -> tuple[float, float]:
+def _nearest_of_segment(start: Point, end: Point) -> tuple[float, float]:
     """Point of a segment nearest to the origin, as a share of its length, and its distance."""
-    way = end - start
-    square = float(way @ way)
-    share = 0.0 if square == 0.0 else min(1.0, max(0.0, -float(start @ way) / square))
-    return share, float(np.hypot(*(start + share * way)))
+    north, east = end[0] - start[0], end[1] - start[1]
+    square = north * north + east * east
+    share = 0.0 if square == 0.0 else min(1.0, max(0.0, -(start[0] * north + start[1] * east) / square))
+    return share, math.hypot(start[0] + share * north, start[1] + share * east)
