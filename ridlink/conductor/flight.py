@@ -137,7 +137,7 @@ class ConductedFlight:
         end = None
         if self._under_daemon and not stop.is_set():
             await conductor.hand_over()
-            end = await conductor.follow(stop)
+            end = End.STOPPED if stop.is_set() else await conductor.follow(stop)
         elif stop.is_set():
             self.outcome = "stopped"
         await self._down(conductor, end)

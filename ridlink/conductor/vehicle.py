@@ -206,7 +206,8 @@ class Conductor:
         return self._daemon.is_heard(time.monotonic())
 
     async def hand_over(self, timeout_s: float = HAND_OVER_S) -> None:
-        """Switch the vehicle to the mode in which it obeys setpoints, and wait until the daemon steers.
+        """Switch the vehicle to the mode in which it obeys setpoints, and wait until the daemon steers, or the flight
+        is to end.
 
         Raises:
             FlightError: If the mode is not confirmed, or the daemon does not engage.
@@ -218,6 +219,8 @@ class Conductor:
         async def is_steered() -> bool:
             nonlocal asked_s
             await self._still_ours()
+            if self._is_to_end():
+                return True
             external = await self._obeys_setpoints()
             if not external and time.monotonic() - asked_s >= ASK_AGAIN_S:
                 asked_s = time.monotonic()
@@ -225,7 +228,8 @@ class Conductor:
             return external and self._daemon.active
 
         await self._until(is_steered, "handed over", timeout_s)
-        self._say("handed over: the daemon steers")
+        if not self._is_to_end():
+            self._say("handed over: the daemon steers")
 
     async def follow(self, stop: asyncio.Event) -> End:
         """Watch until the flight under the daemon ends.

@@ -252,6 +252,28 @@ def test_a_vehicle_that_has_fallen_silent_is_not_waited_for_after_a_signal(
 
 
 @needs_mavsdk
+def test_a_handover_that_does_not_come_about_is_not_waited_for_after_a_signal() -> None:
+    """It was for a minute and a half, and ended as a failure."""
+    warm_up(SolverKind.HALFPLANE)
+
+    async def act(server: FleetServer) -> None:
+        async with a_daemon(server, FAR, "--standby"):
+            command = fly_command("--vehicle", vehicle_of(server), "--takeoff", "2", "--land", "--daemon", "running")
+            process = await asyncio.create_subprocess_exec(*command, stdout=PIPE, stderr=PIPE)
+            assert process.stdout is not None
+            async for line in process.stdout:
+                if "offboard refused" in json.loads(line)["text"]:
+                    break
+            process.send_signal(signal.SIGTERM)
+            output, said = await process.communicate()
+        final = json.loads(output.splitlines()[-1])
+        assert process.returncode == 1 and final["outcome"] == "stopped" and final["landed"], said
+        assert not server.autopilots[0].pilot.armed
+
+    fly(built_in("circle8", 1), act, sigma_m=0.0, start=Start.GROUND, **ANY_PORT)
+
+
+@needs_mavsdk
 def test_a_conductor_that_hears_no_more_says_so() -> None:
     """Its words go to somebody who takes none of the vehicle's: nobody would know what the vehicle warns of."""
     from ridlink.conductor import Conductor, FlightError, connect, mavsdk_ground_station
