@@ -51,6 +51,8 @@ class Fleet:
     ) -> None:
         self._scenario, self._config = scenario, config
         autopilots = config.autopilots_of(scenario)
+        self.home = config.home_of(scenario)
+        self.air = Air(config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=self.home)
         self.world = World(
             scenario,
             seed=config.seed,
@@ -63,10 +65,9 @@ class Fleet:
             gnss_common_share=config.gnss_common_share,
             gnss_time_constant_s=config.gnss_time_constant_s,
             airframe=config.airframe,
+            shortest_interval_s=self.air.technology.period_s,
             pair_radius=pair_radius,
         )
-        self.home = config.home_of(scenario)
-        self.air = Air(config.technology, range_m=config.range_m, loss=config.loss, seed=config.seed, home=self.home)
         self._navigation = FleetNavigation(self.world, self.home)
         self.autopilots = [
             Autopilot(
@@ -91,7 +92,7 @@ class Fleet:
             autopilot.system_id,
             spec,
             autopilot.telemetry.home,
-            interval_s=max(spec.interval_s or self._scenario.interval_s, self.air.technology.period_s),
+            interval_s=float(self.world.interval_s[index]),
             utc_clock=utc_clock,
             phase=float(vehicle_generator(self._config.seed, Stream.PHASE, index).random()),
         )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, coded_bound_m
 from ridlink.scenario import Scenario
 from ridlink.separation.chance import DEFAULT_ETA
-from ridlink.separation.definitions import Definition, Reported, separation_discs
+from ridlink.separation.definitions import Definition, Reported, bounded_interval, separation_discs
 from ridlink.separation.volumes import unmac_radius
 
 FloatArray = npt.NDArray[np.float64]
@@ -22,7 +22,11 @@ class Flown(Protocol):
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario, with intervals and airframes."""
+        """The scenario, with airframes."""
+
+    @property
+    def interval_s(self) -> FloatArray:
+        """Time between two Remote ID updates of each vehicle, shape (n,)."""
 
     @property
     def bound_3sigma_m(self) -> FloatArray:
@@ -38,7 +42,7 @@ class Flown(Protocol):
 
 
 def eq8_pair_radius(world: Flown) -> FloatArray:
-    """uNMAC radii of all pairs from true sizes, bounds and speeds [m], shape (n, n).
+    """uNMAC radii of all pairs from true sizes, bounds, speeds and intervals [m], shape (n, n).
 
     Source: paper Eq. 8. The radius of a pair is the sum of one share of each, so n shares are enough: a share is the
     radius with a point that stands still and has no error.
@@ -52,7 +56,7 @@ def eq8_pair_radius(world: Flown) -> FloatArray:
         beside_nothing(_airframes_m(world)),
         beside_nothing(world.bound_3sigma_m),
         beside_nothing(speed_mps),
-        world.scenario.interval_s,
+        world.interval_s,
     )
     return np.asarray(share[:, None] + share[None, :])
 
@@ -81,7 +85,15 @@ def pair_radius_under(
         airframe, error = (np.where(is_told, figures, np.nan) for figures in (_airframes_m(world), bound))
         fleet = Reported(airframe, error, coded, speed)
         neighbours = max(len(bound) - 1, 1)
-        return separation_discs(definition, fleet[:, None], fleet, eta=eta, neighbours=neighbours).radius_m
+        interval = bounded_interval(world.interval_s)
+        return separation_discs(
+            definition,
+            fleet[:, None],
+            fleet,
+            interval_s=np.maximum(interval[:, None], interval),
+            eta=eta,
+            neighbours=neighbours,
+        ).radius_m
 
     return radii
 

@@ -62,6 +62,7 @@ class World:
         gnss_common_share: Share of the variance of position errors that all vehicles have in common.
         gnss_time_constant_s: Correlation time of "gauss-markov".
         airframe: Type of vehicles without one in the scenario; None: the measured type.
+        shortest_interval_s: Shortest time between two Remote ID updates of a vehicle that their technology allows.
         pair_radius: Function for uNMAC radii of all pairs, shape (n, n); by default Eq. 8 with true sizes and bounds.
 
     Raises:
@@ -69,6 +70,7 @@ class World:
 
     Attributes:
         state: A `VehicleState` for each vehicle, shape (n,).
+        interval_s: Time between two Remote ID updates of each vehicle, shape (n,).
         receivers: Their receivers, with the figures that these report.
         referee: The judge of this flight.
     """
@@ -87,6 +89,7 @@ class World:
         gnss_common_share: float = 0.0,
         gnss_time_constant_s: float = CORRELATION_TIME_S,
         airframe: str | None = None,
+        shortest_interval_s: float = 0.0,
         pair_radius: Callable[[World], FloatArray] | None = None,
     ) -> None:
         vehicles = scenario.vehicles
@@ -105,6 +108,8 @@ class World:
         ]
         sigmas = [sigma_m if vehicle.sigma_m is None else vehicle.sigma_m for vehicle in vehicles]
         self.scenario = scenario
+        wanted_s = np.array([vehicle.interval_s or scenario.interval_s for vehicle in vehicles], dtype=np.float64)
+        self.interval_s: FloatArray = np.maximum(wanted_s, shortest_interval_s)
         self.time_s = 0.0
         self.receivers = GnssReceivers(
             gnss,

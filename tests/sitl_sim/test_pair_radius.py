@@ -16,7 +16,8 @@ from ridlink.scenario import Scenario, VehicleSpec
 from ridlink.separation.definitions import Definition
 from sitl_sim.autopilot import FleetNavigation
 from sitl_sim.broadcast import Broadcaster
-from sitl_sim.fleet_config import DEFAULT_HOME
+from sitl_sim.fleet import Fleet
+from sitl_sim.fleet_config import DEFAULT_HOME, FleetConfig
 from sitl_sim.pair_radius import pair_radius_under
 from sitl_sim.world import World
 
@@ -27,7 +28,7 @@ VEHICLES = (
 )
 
 
-HEARD_S = 3.0
+HEARD_S = 8.0
 
 
 def flown(vehicles: tuple[VehicleSpec, ...]) -> World:
@@ -45,7 +46,8 @@ def heard(world: World, convention: AccuracyConvention) -> Sky:
     navigation.refresh()
     for index, spec in enumerate(world.scenario.vehicles):
         clock = count(1_800_000_123.4, 0.1)
-        sender = Broadcaster(index + 1, spec, DEFAULT_HOME, interval_s=0.1, utc_clock=clock.__next__)
+        interval_s = float(world.interval_s[index])
+        sender = Broadcaster(index + 1, spec, DEFAULT_HOME, interval_s=interval_s, utc_clock=clock.__next__)
         for now_s in np.arange(0.0, HEARD_S, 0.1).tolist():
             for datagram in sender.tick(navigation[index], None, now_s):
                 for frame in parse_datagram(datagram, CRC_EXTRAS):
@@ -54,11 +56,15 @@ def heard(world: World, convention: AccuracyConvention) -> Sky:
     return sky
 
 
+@pytest.mark.parametrize("interval_s", [0.1, 1.0])
 @pytest.mark.parametrize("convention", AccuracyConvention)
 @pytest.mark.parametrize("definition", Definition)
-def test_discs_are_those_of_who_hears_the_broadcasts(definition: Definition, convention: AccuracyConvention) -> None:
+def test_discs_are_those_of_who_hears_the_broadcasts(
+    definition: Definition, convention: AccuracyConvention, interval_s: float
+) -> None:
     """One of the vehicles sends standard Remote ID: of it others know neither size nor error, but for its code."""
-    world = flown((*VEHICLES[:2], replace(VEHICLES[2], extended=False)))
+    first, second, third = VEHICLES
+    world = flown((replace(first, interval_s=interval_s), second, replace(third, extended=False)))
     judged = pair_radius_under(definition, convention=convention)(world)
     scene = heard(world, convention).at(HEARD_S)
     others = ~np.eye(3, dtype=np.bool_)
@@ -69,3 +75,9 @@ def test_who_broadcasts_nothing_is_taken_as_it_is() -> None:
     first, second = replace(VEHICLES[0], silent=True, extended=False), VEHICLES[1]
     told, silent = (pair_radius_under(Definition.CANDIDATE2)(flown((one, second))) for one in (VEHICLES[0], first))
     assert silent[0, 1] == pytest.approx(told[0, 1], abs=0.1)
+
+
+def test_no_interval_is_shorter_than_that_of_the_technology() -> None:
+    scenario = Scenario("two", 60.0, (VEHICLES[0], replace(VEHICLES[1], interval_s=2.0)))
+    fleet = Fleet(scenario, FleetConfig(technology="bt4"), lambda: 1_800_000_000.0)
+    assert fleet.world.interval_s.tolist() == [1.0, 2.0]
