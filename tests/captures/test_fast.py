@@ -167,6 +167,7 @@ def test_damage_costs_intact_frames_almost_nothing_and_invents_none(tmp_path: Pa
             assert checksum(frame[1:end], CRC_EXTRAS[msgid]) == int.from_bytes(frame[end : end + 2], "little")
 
 
+@pytest.mark.programs
 @needs_compiler
 def test_without_a_compiler_the_results_are_the_same(tmp_path: Path) -> None:
     data = bytearray(tlog_bytes(flight(60)))
@@ -201,6 +202,7 @@ def test_without_a_compiler_the_results_are_the_same(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.programs
 @needs_compiler
 def test_the_compiler_is_announced_once_and_kept(tmp_path: Path) -> None:
     (tmp_path / "f.tlog").write_bytes(tlog_bytes(flight(9)))

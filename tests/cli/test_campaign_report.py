@@ -140,6 +140,7 @@ NAMES = (r"half $\frac{a$ | b", "../../" + "\u98db" * 60)
 """What a formula would begin with, what ends a cell of a table, other folders, and longer than a file's name may be."""
 
 
+@pytest.mark.programs
 def test_a_scene_may_be_called_anything(tmp_path: Path, ridlink: Ridlink) -> None:
     files = [tmp_path / f"{k}.toml" for k in range(len(NAMES))]
     for file, name in zip(files, NAMES, strict=True):
@@ -160,6 +161,7 @@ def test_a_scene_may_be_called_anything(tmp_path: Path, ridlink: Ridlink) -> Non
     assert len({line.replace("\\|", "").count("|") for line in lines}) == 1
 
 
+@pytest.mark.programs
 def test_two_reports_at_a_time_are_both_written(folder: Path) -> None:
     """They wrote under one name, and one of them took it away from the other."""
     command = [sys.executable, "-m", "ridlink", "campaign", "report", str(folder)]

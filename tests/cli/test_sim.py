@@ -363,6 +363,7 @@ def test_list_as_json_has_all_of_it_with_figures() -> None:
     assert found["accuracy_classes_sigma_m"]["worst-case"] == 10.0
 
 
+@pytest.mark.programs
 def test_the_configuration_of_a_daemon_has_goal_and_obstacles_in_degrees(tmp_path: Path) -> None:
     path, config = tmp_path / "wall.toml", tmp_path / "one.toml"
     path.write_text(
@@ -397,6 +398,7 @@ def of_one_vehicle(speed_mps: float, airframe_m: float) -> str:
     )
 
 
+@pytest.mark.programs
 def test_what_is_written_for_a_daemon_is_taken_by_it_up_to_the_fastest_and_largest(tmp_path: Path) -> None:
     """Its speed limit, above its cruise speed, was out of range from 80 m/s on."""
     path, config = tmp_path / "one.toml", tmp_path / "daemon.toml"

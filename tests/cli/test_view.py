@@ -129,6 +129,7 @@ def test_a_link_is_shown_live() -> None:
     assert process.returncode == 0
 
 
+@pytest.mark.programs
 def test_the_page_of_a_demo_knows_the_truth_and_stays_if_asked_to(tmp_path: Path) -> None:
     process, address = started(
         "demo", "--scenario", scenario(tmp_path, ALONE), "--autopilot", "ideal", "--any-ports", "--stay", "--json",

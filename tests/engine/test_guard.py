@@ -148,6 +148,7 @@ def test_a_conflict_on_a_mission_is_resolved_and_mission_and_mode_are_handed_bac
     assert flight.observer.setpoints[0].vx == 0.0
 
 
+@pytest.mark.no_cover
 def test_a_vehicle_that_brakes_for_a_pause_is_not_led_on() -> None:
     flight = on_a_mission("ardupilot")
     assert flight.command(missions.PAUSE_CONTINUE, 0) == ACCEPTED
@@ -163,6 +164,7 @@ def test_a_vehicle_that_brakes_for_a_pause_is_not_led_on() -> None:
     assert math.hypot(*flight.velocity[:2]) < 1.0
 
 
+@pytest.mark.no_cover
 def test_a_mission_that_the_operator_has_paused_stays_so_until_the_operator_chooses_a_mode() -> None:
     """Handed back, AUTO flew on: a change of the mode ends a pause."""
     flight = on_a_mission("ardupilot")
