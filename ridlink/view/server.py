@@ -1,7 +1,7 @@
 """Serves pages on a socket: HTTP for the files, a WebSocket for the data.
 
 Each page has a reader and a writer. The writer takes one message at a time from its `Conversation`, which computes it
-if it is not cached, and waits until the socket has taken it. A page that reads nothing for 10 s is dropped. Work is
+if it is not cached, and waits until the socket has taken it. A page that reads nothing for 5 s is dropped. Work is
 done in slices of one instant, one slice after the other for all pages, so that the next tenth of a second is late by
 one slice at most.
 """
@@ -42,7 +42,7 @@ except ImportError as error:
 DEFAULT_PORT = 8090
 MOST_PAGES = 32
 TRY_AGAIN_LATER = 1013
-UNREAD_S = 10.0
+UNREAD_S = 5.0
 """A page that reads nothing for this time is dropped."""
 
 LEAVES_S = 1.0
