@@ -73,6 +73,9 @@ def replay(file: str, url: str, kind: str, speed: float, rate: float, types: str
     if url.lower().startswith(("mqtt:", "mqtts:")):
         raise click.UsageError("a broker is fed by the bridge: write --out udpout:127.0.0.1:14790 here, and run "
                                "'ridlink mqtt --broker URL --source udpin:127.0.0.1:14790' beside it")  # fmt: skip
+    if url.lower().endswith((".tlog", ".mavlink", ".hex")):
+        raise click.UsageError("--out takes a link, such as udpout:127.0.0.1:14550; what writes a file is "
+                               f"'ridlink decode {file} -f jsonl --frames | ridlink encode - -o {url}'")  # fmt: skip
     if file != "-":
         open_capture(file, kind).close()  # an unreadable file is an error before the link is opened
     wanted = wanted_names(types)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import signal
 import socket
 import struct
@@ -184,6 +185,7 @@ def test_a_listening_link_waits_for_somebody(tmp_path: Path) -> None:
         (["{log}", "--out", "udpout:nowhere"], 2),
         (["{log}"], 2),
         (["{log}", "--out", "mqtt://127.0.0.1:1883"], 2),
+        (["{log}", "--out", "copy.tlog"], 2),
         (["{log}", "--out", "udpout:127.0.0.1:9", "--speed", "0"], 2),
         (["{log}", "--out", "udpout:127.0.0.1:9", "--rate", "nan"], 2),
         (["-", "--out", "udpout:127.0.0.1:9", "--loop"], 2),
@@ -196,3 +198,14 @@ def test_errors_are_one_line(tmp_path: Path, arguments: list[str], code: int) ->
     with replaying(*(argument.replace("{log}", str(path)) for argument in arguments)) as process:
         out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == code and len(err.splitlines()) == 1 and out == ""
+
+
+def test_who_wants_a_file_is_told_what_writes_one(tmp_path: Path) -> None:
+    path, _ = spaced(tmp_path, [0.0, 0.1])
+    copy = tmp_path / "copy.tlog"
+    with replaying(str(path), "--out", str(copy)) as process:
+        _, err = process.communicate(timeout=PATIENCE_S)
+    (command,) = re.findall(r"'(ridlink decode [^']*)'", err)
+    program = f'ridlink() {{ {shlex.quote(sys.executable)} -m ridlink "$@"; }}'
+    subprocess.run(f"{program}; {command}", shell=True, check=True)
+    assert copy.read_bytes() == path.read_bytes()
