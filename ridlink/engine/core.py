@@ -8,6 +8,7 @@ Axes: north, east, down about the present own position; metres, m/s, seconds of 
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Hashable
 from dataclasses import replace
@@ -162,7 +163,12 @@ class Engine:
         Args:
             now_s: Monotonic time; must not go back.
             utc_s: UTC now, for the own Remote ID and for turns in a jam.
+
+        Raises:
+            ValueError: If `now_s` is not finite.
         """
+        if not math.isfinite(now_s):
+            raise ValueError(f"now_s must be finite, got {now_s}")
         if self._started_s is None:
             self._started_s = now_s
         since_last = 0.0 if self._last_step_s is None else now_s - self._last_step_s

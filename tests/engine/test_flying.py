@@ -44,6 +44,15 @@ def test_the_first_setpoint_is_zero_and_every_step_has_one() -> None:
     assert len(flight.vehicle.observer.setpoints) == 22
 
 
+@pytest.mark.parametrize("now_s", [math.nan, math.inf, -math.inf])
+def test_a_time_that_is_none_is_refused_and_changes_nothing(now_s: float) -> None:
+    flight, other = Flight(), Flight()
+    flight.step(20), other.step(20)
+    with pytest.raises(ValueError, match=f"now_s must be finite, got {now_s}"):
+        flight.engine.step(now_s)
+    assert flight.step().decision == other.step().decision
+
+
 @pytest.mark.parametrize(("wanted_mps", "flown_mps"), [(4.0, 4.0), (25.0, 10.0), (None, 10.0)])
 def test_a_goal_may_be_flown_to_slower_than_at_cruise_speed_and_never_faster(
     wanted_mps: float | None, flown_mps: float
