@@ -58,19 +58,6 @@ def test_f17_a_clock_that_is_set_back_by_less_than_a_restart_costs_no_more_than_
     run(test)
 
 
-def test_f17_a_clock_that_comes_round_after_fifty_days_is_no_restart() -> None:
-    async def test() -> None:
-        async with running() as flight:
-            vehicle, engine = await flying(flight), flight.daemon.engine
-            vehicle.began_s = asyncio.get_running_loop().time() - 2**32 / 1e3 + 0.5
-            count = len(vehicle.setpoints())
-            await vehicle.until(lambda: len(vehicle.setpoints()) >= count + 15 or state(flight) is not State.ENGAGED)
-            assert engine.rung.reason == "avoiding" and all(after.vx > 0.0 for after in vehicle.setpoints()[count:])
-            assert not engine.counters.keys() & {"autopilot_restart", "own_position_delayed", "own_position_jump"}
-
-    run(test)
-
-
 def test_f15_an_autopilot_whose_clock_begins_at_zero_again_has_restarted() -> None:
     async def test() -> None:
         async with running() as flight:

@@ -136,6 +136,19 @@ def test_f20_head_on_through_a_bad_air_nobody_collides(seed: int) -> None:
     assert sum(engine.counters["report_repeated"] for engine in engines) > 0
 
 
+def test_f17_a_clock_that_comes_round_after_fifty_days_is_no_restart() -> None:
+    flight = Flight()
+    flight.now_s = 2**32 / 1e3 - 3.0
+    flight.step(20)
+    assert flight.engine.rung.state is State.ENGAGED
+    before = len(flight.vehicle.observer.setpoints)
+    flight.step(20)
+    assert flight.engine.rung.reason == "avoiding"
+    assert len(flight.vehicle.observer.setpoints) == before + 20
+    assert all(setpoint.vx > 0.0 for setpoint in flight.vehicle.observer.setpoints[before:])
+    assert not flight.engine.counters.keys() & {"autopilot_restart", "own_position_delayed", "own_position_jump"}
+
+
 def test_f17_after_a_stop_of_five_seconds_what_waited_in_the_socket_is_no_own_state() -> None:
     flight = Flight()
     flight.step(30)
