@@ -80,6 +80,11 @@ class MissionFlight:
         return self.exists and self._complete
 
     @property
+    def is_running(self) -> bool:
+        """Whether it is flown and not over; a pause does not end it."""
+        return self.is_flown and self.exists and not self._complete
+
+    @property
     def returns(self) -> bool:
         """Whether the present item is the return home."""
         return self.exists and self.plan[self.current].command == Item.RETURN_TO_LAUNCH

@@ -4,9 +4,11 @@ An upload replaces the mission when its last item has arrived and all were good;
 Only one peer uploads at a time. A download needs no state: every request is answered separately.
 
 ArduPilot keeps home as item 0, see `mission_flight`. It requests items with the old MISSION_REQUEST, and can replace
-some items. During an upload, no other peer can clear, and nobody can read.
+some items. During an upload, no other peer can clear, and nobody can read. A mission that is flown cannot be cleared,
+but replaced, and there is no word for all kinds of items at once.
 
-Source: https://mavlink.io/en/services/mission.html, MissionItemProtocol.cpp of ArduPilot, mavlink_mission.cpp of PX4.
+Source: https://mavlink.io/en/services/mission.html, mavlink_mission.cpp of PX4, MissionItemProtocol.cpp,
+GCS_Common.cpp and AP_Mission.cpp of ArduPilot.
 """
 
 from __future__ import annotations
@@ -75,8 +77,15 @@ class MissionProtocol:
             now_s: Monotonic time.
         """
         reads = message.name in ("MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_REQUEST")
-        if reads and self._upload is not None and not self._board.is_px4 and message.mission_type == MISSION:
-            return [self._refused(sender, MissionResult.DENIED)]
+        clears = message.name == "MISSION_CLEAR_ALL"
+        if not self._board.is_px4 and (reads or clears):
+            kind = message.mission_type
+            if kind not in (MISSION, FENCE, RALLY):
+                return [self._refused(sender, MissionResult.UNSUPPORTED, kind)]
+            if reads and kind == MISSION and self._upload is not None:
+                return [self._refused(sender, MissionResult.DENIED)]
+            if clears and kind == MISSION and self._flight.is_running:
+                return [self._refused(sender, MissionResult.ERROR)]
         match message.name:
             case "MISSION_COUNT":
                 return self._begin(message, sender, peer, now_s)

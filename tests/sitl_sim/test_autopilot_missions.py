@@ -263,6 +263,35 @@ def test_an_upload_goes_on_whoever_else_clears_the_mission(flavour: str) -> None
     assert cleared.type == ACCEPTED and download(flight) == []
 
 
+def test_ardupilot_does_not_clear_the_mission_that_it_flies() -> None:
+    flight = holding("ardupilot")
+    plan = planned("ardupilot", [item(north=60.0)])
+    assert upload(flight, plan) == ACCEPTED
+    assert start(flight) == ACCEPTED
+    flight.advance(0.1)
+    (refused,) = to_vehicle(flight, "MISSION_CLEAR_ALL")
+    assert refused.type == MissionResult.ERROR and len(download(flight)) == len(plan)
+    assert flight.set_mode(GUIDED) == ACCEPTED
+    flight.advance(0.1)
+    (cleared,) = to_vehicle(flight, "MISSION_CLEAR_ALL")
+    assert cleared.type == ACCEPTED and download(flight) == []
+
+    assert upload(flight, plan) == start(flight) == ACCEPTED
+    flight.advance(0.1)
+    (emptied,) = to_vehicle(flight, "MISSION_COUNT", count=0)  # an upload of nothing is not refused
+    assert emptied.type == ACCEPTED and download(flight) == []
+
+
+def test_ardupilot_knows_three_kinds_of_items_and_no_word_for_all_of_them() -> None:
+    flight = holding("ardupilot")
+    plan = planned("ardupilot", [item()])
+    assert upload(flight, plan) == ACCEPTED
+    for name in ("MISSION_CLEAR_ALL", "MISSION_REQUEST_LIST"):
+        (refused,) = to_vehicle(flight, name, mission_type=255)
+        assert (refused.name, refused.type, refused.mission_type) == ("MISSION_ACK", MissionResult.UNSUPPORTED, 255)
+    assert len(download(flight)) == len(plan)
+
+
 @both
 def test_who_uploads_and_then_clears_has_no_mission(flavour: str) -> None:
     flight = holding(flavour)
