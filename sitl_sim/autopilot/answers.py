@@ -94,6 +94,7 @@ class Answers:
             "PARAM_SET": self._param_set,
             "REQUEST_DATA_STREAM": self._request_data_stream,
             "FILE_TRANSFER_PROTOCOL": self._file_transfer,
+            "LOG_REQUEST_LIST": lambda _: [("LOG_ENTRY", {})],  # all zeros: there are none
             **{f"MISSION_{name}": self._mission for name in _MISSION_MESSAGES},
         }
         self._handlers = {message_spec(name).msgid: handler for name, handler in handlers.items()}

@@ -779,11 +779,19 @@ def test_file_transfer_is_refused_at_once_so_that_nobody_waits_for_it(flavour: s
     assert flight.send("FILE_TRANSFER_PROTOCOL", target_system=1, payload=answer_of_somebody) == []
 
 
+@both
+def test_who_asks_for_logs_is_told_at_once_that_there_are_none(flavour: str) -> None:
+    """MAVSDK and ground stations wait for seconds where nobody answers, and report an error."""
+    (entry,) = Flight(flavour).send("LOG_REQUEST_LIST", target_system=1, target_component=1, start=0, end=0xFFFF)
+    assert (entry.name, entry.id, entry.num_logs, entry.last_log_num) == ("LOG_ENTRY", 0, 0, 0)
+
+
 # --- what no client would send ----------------------------------------------------------------------------------------
 
 HANDLED = ["HEARTBEAT", "PING", "TIMESYNC", "SET_MODE", "COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_LOCAL_NED",
            "SET_POSITION_TARGET_GLOBAL_INT", "RC_CHANNELS_OVERRIDE", "MANUAL_CONTROL", "ADSB_VEHICLE",
            "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET", "REQUEST_DATA_STREAM", "FILE_TRANSFER_PROTOCOL",
+           "LOG_REQUEST_LIST",
            *(f"MISSION_{name}" for name in ("COUNT", "ITEM_INT", "ITEM", "REQUEST_LIST", "REQUEST_INT", "REQUEST",
                                             "CLEAR_ALL", "SET_CURRENT", "WRITE_PARTIAL_LIST", "ACK"))]  # fmt: skip
 
