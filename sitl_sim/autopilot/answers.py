@@ -13,6 +13,7 @@ from sitl_sim.autopilot.commands import Command, Commands, MavCommand, read_comm
 from sitl_sim.autopilot.files import refuse_file_transfer
 from sitl_sim.autopilot.link import Address, Link
 from sitl_sim.autopilot.mission_protocol import MissionProtocol
+from sitl_sim.autopilot.modes import Mode
 from sitl_sim.autopilot.orders import Orders
 from sitl_sim.autopilot.parameter_protocol import ParameterProtocol
 from sitl_sim.autopilot.peers import MAX_PASSED_ON
@@ -86,6 +87,7 @@ class Answers:
             "COMMAND_INT": self._command,
             "SET_POSITION_TARGET_LOCAL_NED": self._setpoint,
             "SET_POSITION_TARGET_GLOBAL_INT": self._setpoint,
+            "SET_ATTITUDE_TARGET": self._attitude_setpoint,
             "RC_CHANNELS_OVERRIDE": self._rc_override,
             "MANUAL_CONTROL": self._manual_control,
             "ADSB_VEHICLE": self._adsb_vehicle,
@@ -147,6 +149,12 @@ class Answers:
 
     def _setpoint(self, heard: Heard) -> list[Reply]:
         self._pilot.take_setpoint(heard.message, heard.now_s)
+        return []
+
+    def _attitude_setpoint(self, heard: Heard) -> list[Reply]:
+        """Not flown: PX4 then loses its stream, ArduPilot stays where it is, and neither would say why."""
+        if self._pilot.mode is Mode.OFFBOARD:
+            self._board.say(Severity.WARNING, "attitude setpoints are not flown here")
         return []
 
     def _rc_override(self, heard: Heard) -> list[Reply]:

@@ -791,7 +791,7 @@ def test_who_asks_for_logs_is_told_at_once_that_there_are_none(flavour: str) -> 
 HANDLED = ["HEARTBEAT", "PING", "TIMESYNC", "SET_MODE", "COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_LOCAL_NED",
            "SET_POSITION_TARGET_GLOBAL_INT", "RC_CHANNELS_OVERRIDE", "MANUAL_CONTROL", "ADSB_VEHICLE",
            "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET", "REQUEST_DATA_STREAM", "FILE_TRANSFER_PROTOCOL",
-           "LOG_REQUEST_LIST",
+           "LOG_REQUEST_LIST", "SET_ATTITUDE_TARGET",
            *(f"MISSION_{name}" for name in ("COUNT", "ITEM_INT", "ITEM", "REQUEST_LIST", "REQUEST_INT", "REQUEST",
                                             "CLEAR_ALL", "SET_CURRENT", "WRITE_PARTIAL_LIST", "ACK"))]  # fmt: skip
 

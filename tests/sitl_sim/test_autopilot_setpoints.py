@@ -184,6 +184,17 @@ def test_unknown_frames_are_refused_in_words() -> None:
 
 
 @both
+def test_attitude_setpoints_are_not_flown_and_said_so(flavour: str) -> None:
+    for start, said in ((Start.AIRBORNE, 1), (Start.HOLDING, 0)):
+        flight = Flight(flavour, start)
+        for _ in range(2):
+            assert flight.send("SET_ATTITUDE_TARGET", target_system=1, target_component=1, thrust=0.7) == []
+        flight.advance(0.1)
+        assert sum("attitude setpoint" in text for text in flight.texts) == said
+        assert flight.velocity == [0.0, 0.0, 0.0]
+
+
+@both
 def test_setpoints_outside_their_mode_are_dropped_without_a_word(flavour: str) -> None:
     flight = Flight(flavour, Start.HOLDING)
     flight.fly(2.0, 5.0, 0.0, 0.0)
