@@ -152,10 +152,12 @@ def compiling_alone(kernel: Any) -> Iterator[None]:
     Daemons of several vehicles start together, and each would compile the same. After MOST_WAITED_S the wait ends: the
     other process may have been stopped.
     """
+    folder = getattr(getattr(kernel, "_cache", None), "cache_path", None)
+    if folder is None:  # nothing is kept: each process compiles for itself
+        yield
+        return
     with ExitStack() as until:
-        # If nothing is kept, or folders have no locks, each process compiles for itself.
-        with suppress(AttributeError, OSError):
-            folder = kernel._cache.cache_path
+        with suppress(OSError):  # folders may have no locks
             Path(folder).mkdir(parents=True, exist_ok=True)
             descriptor = os.open(folder, os.O_RDONLY)
             until.callback(os.close, descriptor)
