@@ -89,7 +89,7 @@ class ConfigError(RidlinkError, ValueError):
 
 
 class MissingExtraError(RidlinkError):
-    """An optional dependency is not installed.
+    """An optional dependency is not installed, or is and cannot be loaded: then the cause of this error says why.
 
     Attributes:
         extra: The extra of ridlink that installs it.
@@ -98,6 +98,12 @@ class MissingExtraError(RidlinkError):
     def __init__(self, extra: str, purpose: str) -> None:
         super().__init__(f"{purpose} needs the extra '{extra}': pip install 'ridlink[{extra}]'")
         self.extra = extra
+
+    def __str__(self) -> str:
+        cause = self.__cause__
+        if cause is None or isinstance(cause, ModuleNotFoundError):
+            return super().__str__()
+        return f"{super().__str__()} (what is installed cannot be loaded: {' '.join(str(cause).split())})"
 
 
 class LinkError(RidlinkError, OSError):

@@ -63,7 +63,12 @@ def test_facts_are_attributes() -> None:
 def test_a_missing_extra_says_how_to_install_it() -> None:
     error = MissingExtraError("export", "Parquet output")
     assert error.extra == "export"
-    assert str(error) == "Parquet output needs the extra 'export': pip install 'ridlink[export]'"
+    says = "Parquet output needs the extra 'export': pip install 'ridlink[export]'"
+    assert str(error) == says
+    error.__cause__ = ModuleNotFoundError("No module named 'pyarrow'")
+    assert str(error) == says
+    error.__cause__ = ImportError("libarrow.so:\n undefined symbol")
+    assert str(error) == f"{says} (what is installed cannot be loaded: libarrow.so: undefined symbol)"
 
 
 def test_a_link_error_prints_its_text_alone() -> None:
