@@ -14,9 +14,9 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import entry_points
-from typing import NoReturn
+from typing import Any, NoReturn, TextIO
 
 import click
 
@@ -55,6 +55,21 @@ COMMANDS = {
 """Sub-commands of this package, as ``module:attribute``."""
 
 
+@contextlib.contextmanager
+def _reader_may_leave() -> Iterator[None]:
+    """The reader of stdout may close it, as `head` does; click would exit with 1."""
+    try:
+        yield
+    except BrokenPipeError:
+        _lead_nowhere(sys.stdout)
+        raise click.exceptions.Exit(EXIT_DONE) from None
+
+
+def _lead_nowhere(stream: TextIO) -> None:
+    """Let what a stream still holds vanish: Python would write it at its end, and exit with 120 if that fails."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
 class LazyGroup(click.Group):
     """A group that imports a sub-command only when it is used."""
 
@@ -77,12 +92,14 @@ class LazyGroup(click.Group):
             raise click.UsageError(f"No such command {name!r}{did_you_mean(name, self.list_commands(ctx)) or '.'}", ctx)
         return super().resolve_command(ctx, args)
 
+    def make_context(self, *arguments: Any, **named: Any) -> click.Context:
+        with _reader_may_leave():
+            return super().make_context(*arguments, **named)
+
     def invoke(self, ctx: click.Context) -> object:
         try:
-            return super().invoke(ctx)
-        except BrokenPipeError:  # the reader of stdout has closed it, as `head` does; click would exit with 1
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            ctx.exit(EXIT_DONE)
+            with _reader_may_leave():
+                return super().invoke(ctx)
         except click.UsageError as error:
             if error.ctx is None and ctx.invoked_subcommand is not None:  # click's parser says not of which command
                 error.ctx = click.Context(self, ctx, ctx.invoked_subcommand)
@@ -127,8 +144,9 @@ def _fail(text: str, code: int, others: Iterable[str] = ()) -> NoReturn:
     """Print errors, one line each, and exit. Control characters in names are made harmless to a terminal."""
     from ridlink.remote_id.text import display_name
 
-    for line in (text, *others):
-        click.echo(f"ridlink: {display_name(line)}", err=True)
+    with contextlib.suppress(OSError):  # the disk of stderr is full, or its reader has gone
+        for line in (text, *others):
+            click.echo(f"ridlink: {display_name(line)}", err=True)
     sys.exit(code)
 
 
@@ -150,10 +168,12 @@ def main(loaded: Callable[[], None] | None = None) -> NoReturn:
     try:
         _run(loaded)
     except SystemExit as end:
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except OSError:  # has been reported, if that could be
+                _lead_nowhere(stream)
         if (warming := sys.modules.get("ridlink.daemon.warming")) is not None and warming.is_compiling():
-            for stream in (sys.stdout, sys.stderr):
-                with contextlib.suppress(OSError):
-                    stream.flush()
             os._exit(end.code if isinstance(end.code, int) else EXIT_DONE)
         raise
 
@@ -165,7 +185,8 @@ def _run(loaded: Callable[[], None] | None) -> NoReturn:
         sys.exit(stop.exit_code)
     except click.UsageError as error:
         if isinstance(error, getattr(click.exceptions, "NoArgsIsHelpError", ())):  # of click since 8.2
-            click.echo(error.format_message(), err=True)
+            with contextlib.suppress(OSError):
+                click.echo(error.format_message(), err=True)
             sys.exit(EXIT_USAGE)
         command = error.ctx.command_path if error.ctx else "ridlink"
         text = _NO_NUMBER.sub("is not a number", error.format_message())

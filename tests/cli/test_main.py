@@ -65,6 +65,9 @@ NO_PRIVILEGE = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search",
                 "--inh-caps", "-dac_override,-dac_read_search"]  # fmt: skip
 """Root may read everything: what it begins with this may not."""
 
+BUFFERED = os.environ | {"PYTHONUNBUFFERED": ""}
+"""An environment in which Python keeps what could not be written, as it does unless told otherwise."""
+
 Run = Callable[..., int]
 
 
@@ -184,6 +187,29 @@ class TestUsage:
         assert process.stderr.read() == b""
         process.stderr.close()
         assert process.wait(timeout=60) == 0
+
+    @pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["sim", "--list"]])
+    def test_a_reader_that_has_gone_before_the_first_line_is_no_error(self, arguments: list[str]) -> None:
+        reads, writes = os.pipe()
+        os.close(reads)
+        command = [sys.executable, "-m", "ridlink", *arguments]
+        with open(writes, "wb") as pipe:
+            done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, env=BUFFERED, timeout=60)
+        assert (done.returncode, done.stderr) == (0, b"")
+
+    @pytest.mark.parametrize("arguments", [["--version"], ["sim", "--list"]])
+    def test_output_that_a_full_disk_does_not_take_is_one_line(self, arguments: list[str]) -> None:
+        """Python would try again at its end, say so in two lines more, and end with 120."""
+        command = [sys.executable, "-m", "ridlink", *arguments]
+        with open("/dev/full", "wb") as full:
+            done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, env=BUFFERED, timeout=60)
+        assert (done.returncode, done.stderr) == (3, b"ridlink: standard output: No space left on device\n")
+
+    @pytest.mark.parametrize(("arguments", "code"), [([], 2), (["decode"], 2), (["decode", "missing.tlog"], 3)])
+    def test_an_error_that_a_full_disk_does_not_take_keeps_its_code(self, arguments: list[str], code: int) -> None:
+        with open("/dev/full", "wb") as full:
+            done = subprocess.run([sys.executable, "-m", "ridlink", *arguments], stderr=full, timeout=60)
+        assert done.returncode == code
 
     @pytest.mark.parametrize(
         "arguments", ["decode f.hex -f jsonl", "whatif f.tlog", "sim --list", "encode f.jsonl -o o.hex"]
