@@ -10,6 +10,7 @@ simulations do; the air is 14650.
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
 import math
 import time
@@ -104,7 +105,7 @@ class FleetServer:
 
         Raises:
             PortError: If a port is in use; after any error, ports opened before are released.
-            LinkError, ConfigError: If the link to the ground station cannot be opened.
+            LinkError, ConfigError: If a port cannot be used, or the link to the ground station not be opened.
         """
         self._loop = asyncio.get_running_loop()
         config = self.config
@@ -300,6 +301,8 @@ async def _listen(port: int, handler: Callable[[bytes, Address], None]) -> Link:
     try:
         return await open_link(f"udpin:{HOST}:{port}", handler)
     except LinkError as error:
+        if not isinstance(error.__cause__, OSError) or error.__cause__.errno != errno.EADDRINUSE:
+            raise
         raise PortError(
             f"cannot use UDP port {port}: another simulation may be running (ss -ulpn shows who has it)"
         ) from error

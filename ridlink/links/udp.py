@@ -189,4 +189,6 @@ def open_failure(url: LinkUrl, error: OSError) -> str:
         return f"{url}: not allowed to use port {url.port}; ports from 1024 up need no privileges"
     if error.errno == errno.ECONNREFUSED:
         return f"{url}: nobody listens there"
+    if error.errno == errno.EMFILE:
+        return f"{url}: {error.strerror}; 'ulimit -n' says how many there may be, and sets it"
     return f"{url}: {error.strerror or error}"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
+import resource
 import socket
 from dataclasses import replace
 from typing import Any
@@ -224,6 +226,17 @@ def test_port_in_use_is_named_and_nothing_stays_open() -> None:
             asyncio.run(server.start())
         with pytest.raises(RuntimeError):
             _ = server.ports
+
+
+def test_a_fleet_of_more_vehicles_than_sockets_is_not_told_of_another_simulation() -> None:
+    config = FleetConfig(vehicle_port=0, companion_port=0, air_port=0)
+    most, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) + 50, hard))
+    try:
+        with pytest.raises(LinkError, match=r"udpin:127.0.0.1:0: Too many open files; 'ulimit -n' says how many"):
+            asyncio.run(FleetServer(built_in("circle8", 100), config).start())
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
 
 def test_a_ground_station_that_cannot_be_keeps_no_port() -> None:
