@@ -14,6 +14,7 @@ from importlib.metadata import version
 
 from ridlink.avoidance.solver import warm_up
 from ridlink.avoidance.types import SolverKind
+from ridlink.compiled import can_be_kept
 from ridlink.doctor.finding import Finding, Verdict
 from ridlink.links.udp import RECEIVE_BUFFER_BYTES
 
@@ -141,10 +142,11 @@ def _kernels() -> Finding:
     took_s = time.monotonic() - begun_s
     if took_s < COMPILED_S:
         return Finding("solver", Verdict.OK, f"kernels ready in {took_s:.2f} s")
-    return Finding(
-        "solver",
-        Verdict.NOTE,
-        f"kernels compiled in {took_s:.1f} s",
-        "nothing, if it is quick the next time; else make the package's folder or the home directory writable, so that "
-        "they are kept",
-    )
+    if not can_be_kept():
+        return Finding(
+            "solver",
+            Verdict.WARNING,
+            f"kernels compiled in {took_s:.1f} s, as at every start: they can be kept nowhere",
+            "name a folder in NUMBA_CACHE_DIR, or make the home directory writable",
+        )
+    return Finding("solver", Verdict.NOTE, f"kernels compiled in {took_s:.1f} s, and kept for the next start")

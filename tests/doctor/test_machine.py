@@ -6,6 +6,7 @@ import importlib.util
 import socket
 
 import pytest
+from numba.core import caching
 
 from ridlink.doctor import Verdict, examine_machine, machine
 
@@ -38,3 +39,13 @@ def test_an_extra_that_is_missing_comes_with_its_installation(monkeypatch: pytes
     [finding] = [finding for finding in examine_machine() if finding.name == "extra mqtt"]
     assert finding.verdict is Verdict.NOTE
     assert finding.remedy == "pip install 'ridlink[mqtt]'"
+
+
+def test_kernels_that_can_be_kept_nowhere_are_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "COMPILED_S", 0.0)  # as if they had been compiled
+    for places, verdict in ((None, Verdict.NOTE), ([], Verdict.WARNING)):
+        if places is not None:
+            monkeypatch.setattr(caching.CacheImpl, "_locator_classes", places)
+        [finding] = [finding for finding in examine_machine() if finding.name == "solver"]
+        assert finding.verdict is verdict
+        assert ("NUMBA_CACHE_DIR" in finding.remedy) is (verdict is Verdict.WARNING)
