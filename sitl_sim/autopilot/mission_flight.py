@@ -120,6 +120,12 @@ class MissionFlight:
         if self._first:
             self.plan = (self._home_item(), *self.plan[1:])
 
+    def item(self, seq: int) -> MissionItem | None:
+        """The item with this number, None if there is none. ArduPilot has its home as item 0 of no mission, too."""
+        if seq < len(self.plan):
+            return self.plan[seq]
+        return self._home_item() if seq == 0 and not self._board.is_px4 else None
+
     def _home_item(self) -> MissionItem:
         home = self._board.own_home
         x, y = round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7)

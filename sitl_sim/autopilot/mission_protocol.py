@@ -8,7 +8,7 @@ some items. During an upload, no other peer can clear, and nobody can read. A mi
 but replaced, and there is no word for all kinds of items at once.
 
 Source: https://mavlink.io/en/services/mission.html, mavlink_mission.cpp of PX4, MissionItemProtocol.cpp,
-GCS_Common.cpp and AP_Mission.cpp of ArduPilot.
+MissionItemProtocol_Waypoints.cpp, GCS_Common.cpp and AP_Mission.cpp of ArduPilot.
 """
 
 from __future__ import annotations
@@ -193,10 +193,11 @@ class MissionProtocol:
     # --- down, clear --------------------------------------------------------------------------------------------------
 
     def _give(self, message: Message, sender: Sender) -> list[Reply]:
-        plan, seq = self._flight.plan, message.seq
-        if message.mission_type != MISSION or seq >= len(plan):
+        seq = message.seq
+        item = self._flight.item(seq) if message.mission_type == MISSION else None
+        if item is None:
             return [self._refused(sender, MissionResult.INVALID_SEQUENCE, message.mission_type)]
-        fields = plan[seq].fields() | {"seq": seq, "current": int(seq == self._flight.current), "mission_type": MISSION}
+        fields = item.fields() | {"seq": seq, "current": int(seq == self._flight.current), "mission_type": MISSION}
         if message.name == "MISSION_REQUEST_INT":
             return [("MISSION_ITEM_INT", _to(sender) | fields)]
         degrees = {"x": fields["x"] / 1e7, "y": fields["y"] / 1e7}

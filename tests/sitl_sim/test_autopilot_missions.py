@@ -282,6 +282,21 @@ def test_ardupilot_does_not_clear_the_mission_that_it_flies() -> None:
     assert emptied.type == ACCEPTED and download(flight) == []
 
 
+@pytest.mark.parametrize("name", ["MISSION_ITEM_INT", "MISSION_ITEM"])
+def test_home_of_ardupilot_is_read_as_item_0_without_a_mission(name: str) -> None:
+    """DroneKit asks for item 0 although there are none, and gives up without it."""
+    flight = holding("ardupilot")
+    asked = {"MISSION_ITEM_INT": "MISSION_REQUEST_INT", "MISSION_ITEM": "MISSION_REQUEST"}[name]
+    (home,) = to_vehicle(flight, asked, seq=0)
+    assert (home.name, home.seq, home.command, home.frame) == (name, 0, WAYPOINT, 0)
+    latitude_deg = home.x / 1e7 if name == "MISSION_ITEM_INT" else home.x
+    assert latitude_deg == pytest.approx(flight.last("HOME_POSITION").latitude / 1e7, abs=1e-5)
+    (refused,) = to_vehicle(flight, asked, seq=1)
+    assert refused.type == MissionResult.INVALID_SEQUENCE
+    (none,) = to_vehicle(holding("px4"), asked, seq=0)
+    assert none.type == MissionResult.INVALID_SEQUENCE
+
+
 def test_ardupilot_knows_three_kinds_of_items_and_no_word_for_all_of_them() -> None:
     flight = holding("ardupilot")
     plan = planned("ardupilot", [item()])
