@@ -12,7 +12,7 @@ from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.commands import Command, Commands, MavCommand, read_command
 from sitl_sim.autopilot.files import refuse_file_transfer
 from sitl_sim.autopilot.link import Address, Link
-from sitl_sim.autopilot.mission_protocol import MissionProtocol
+from sitl_sim.autopilot.mission_protocol import MISSION, MissionProtocol
 from sitl_sim.autopilot.modes import Mode
 from sitl_sim.autopilot.orders import Orders
 from sitl_sim.autopilot.parameter_protocol import ParameterProtocol
@@ -33,6 +33,9 @@ THROTTLE_MIDDLE = (400, 600)
 
 CHANNEL_IGNORED = 0xFFFF
 """Value of a channel that RC_CHANNELS_OVERRIDE leaves as it is."""
+
+FOR_NOW = 2
+"""Value of `current` in an item that ArduPilot flies to at once."""
 
 _FOR_EVERYBODY = (MavCommand.REQUEST_PROTOCOL_VERSION, MavCommand.REQUEST_AUTOPILOT_CAPABILITIES)
 """Commands that PX4 takes if they are addressed to all vehicles; ArduPilot takes all commands."""
@@ -181,6 +184,10 @@ class Answers:
         return [("COMMAND_ACK", {"command": command, "result": int(result), **_to(heard.frame)})]
 
     def _mission(self, heard: Heard) -> list[Reply]:
+        message = heard.message
+        is_item = message.name in ("MISSION_ITEM_INT", "MISSION_ITEM") and message.mission_type == MISSION
+        if is_item and message.current == FOR_NOW and not self._board.is_px4:
+            return [("MISSION_ACK", {"type": int(self._commands.go_to_item(message)), **_to(heard.frame)})]
         sender = heard.frame.sysid, heard.frame.compid
         return self._missions.receive(heard.message, sender, heard.link.address, heard.now_s)
 

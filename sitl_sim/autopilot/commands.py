@@ -16,11 +16,11 @@ from ridlink.mavlink.codec import Message
 from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.failures import failure_event
 from sitl_sim.autopilot.guidance import GoTo
-from sitl_sim.autopilot.mission_items import UNUSED_INT
+from sitl_sim.autopilot.mission_items import UNUSED_INT, Item, read_item
 from sitl_sim.autopilot.modes import Mode, px4_custom_mode
 from sitl_sim.autopilot.orders import Orders
 from sitl_sim.autopilot.pilot import Pilot
-from sitl_sim.autopilot.results import Result, Severity
+from sitl_sim.autopilot.results import MissionResult, Result, Severity
 from sitl_sim.autopilot.setpoints import ALTITUDE_FRAMES, HEIGHT_FRAMES
 
 
@@ -206,6 +206,21 @@ class Commands:
         if result is Result.ACCEPTED and is_px4 and yaw_rad is not None:
             self._pilot.nose.turn_to(yaw_rad)
         return result if is_supported else Result.UNSUPPORTED
+
+    def go_to_item(self, message: Message) -> MissionResult:
+        """ArduPilot in GUIDED: fly to the waypoint in a MISSION_ITEM or MISSION_ITEM_INT that is no part of a mission.
+
+        Source: GCS_MAVLINK::handle_mission_item and ModeAuto::do_guided of ArduPilot.
+        """
+        item = read_item(message, 0)
+        if isinstance(item, MissionResult):
+            return item
+        pilot, is_place = self._pilot, item.command == Item.WAYPOINT and item.latitude_longitude_deg is not None
+        if pilot.mode is not Mode.OFFBOARD or not is_place:
+            self._orders.refuse("item refused: another mode, or no place")
+            return MissionResult.ERROR
+        result = self._orders.go_to(pilot.mission.place_ned_m(item, pilot.estimate), None)
+        return MissionResult.ACCEPTED if result is Result.ACCEPTED else MissionResult.ERROR
 
     def _pause_or_continue(self, command: Command, now_s: float) -> Result:
         """Pause with 0, go on with 1."""

@@ -256,9 +256,8 @@ class MissionFlight:
             return Descend()
         if self._board.is_px4 and (yaw := item.parameter(4)) is not None:
             self._nose.turn_degrees(yaw)
-        height_m = -estimate.down_m if item.command == Item.LAND else self._height_m(item)
-        north, east = self._place(item, estimate)
-        return self._speeds.way_to((north, east, -height_m))
+        north, east, down = self.place_ned_m(item, estimate)
+        return self._speeds.way_to((north, east, estimate.down_m if item.command == Item.LAND else down))
 
     def _is_there(self, item: MissionItem, estimate: SteeringEstimate) -> bool:
         match self._leg:
@@ -290,13 +289,14 @@ class MissionFlight:
     def _height_m(self, item: MissionItem) -> float:
         return item.z - (self._board.own_home.altitude_m if item.is_above_sea else 0.0)
 
-    def _place(self, item: MissionItem, estimate: SteeringEstimate) -> tuple[float, float]:
+    def place_ned_m(self, item: MissionItem, estimate: SteeringEstimate) -> tuple[float, float, float]:
+        """Where an item with a position is; without one it is where the vehicle is, at the height of the item."""
         where = item.latitude_longitude_deg
         if where is None:
-            return estimate.north_m, estimate.east_m
+            return estimate.north_m, estimate.east_m, -self._height_m(item)
         home = self._board.scenario_home
         north, east, _ = ned_from_geodetic(*where, home.altitude_m, home).tolist()
-        return north, east
+        return north, east, -self._height_m(item)
 
 
 def _is_home(item: MissionItem) -> bool:

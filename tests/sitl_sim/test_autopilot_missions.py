@@ -297,6 +297,31 @@ def test_home_of_ardupilot_is_read_as_item_0_without_a_mission(name: str) -> Non
     assert none.type == MissionResult.INVALID_SEQUENCE
 
 
+@pytest.mark.parametrize("name", ["MISSION_ITEM_INT", "MISSION_ITEM"])
+def test_ardupilot_in_guided_flies_to_an_item_that_is_for_now(name: str) -> None:
+    """DroneKit's simple_goto: a waypoint whose `current` is 2, which is no part of a mission."""
+    flight = holding("ardupilot")
+    now = {**item(north=40.0), "current": 2, "seq": 0}
+    if name == "MISSION_ITEM":
+        now |= {"x": now["x"] / 1e7, "y": now["y"] / 1e7}
+    (refused,) = to_vehicle(flight, name, **now)
+    assert refused.type == MissionResult.ERROR  # another mode
+    assert flight.set_mode(GUIDED) == ACCEPTED
+    (fine,) = to_vehicle(flight, name, **now)
+    assert (fine.name, fine.type) == ("MISSION_ACK", MissionResult.ACCEPTED)
+    flight.advance(4.0)
+    assert flight.velocity[0] > 2.0 and download(flight) == []
+    for wrong, why in (
+        ({"command": TAKEOFF}, MissionResult.ERROR),
+        ({"x": 0, "y": 0}, MissionResult.ERROR),
+        ({"frame": 12}, MissionResult.UNSUPPORTED_FRAME),
+    ):
+        (refused,) = to_vehicle(flight, name, **(now | wrong))
+        assert refused.type == why
+    (upload_only,) = to_vehicle(holding("px4"), name, **now)
+    assert upload_only.type == MissionResult.ERROR
+
+
 def test_ardupilot_knows_three_kinds_of_items_and_no_word_for_all_of_them() -> None:
     flight = holding("ardupilot")
     plan = planned("ardupilot", [item()])
