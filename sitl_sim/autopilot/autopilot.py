@@ -14,10 +14,11 @@ from collections import Counter
 from collections.abc import Callable
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned
-from ridlink.mavlink.codec import CRC_EXTRAS, Message, decode_message, encode_payload, message_spec
+from ridlink.mavlink.codec import CRC_EXTRAS, Message, decode_message, encode_payload
 from ridlink.mavlink.frames import BadFrame, parse_datagram
 from sitl_sim.autopilot.answers import Answers, Heard
 from sitl_sim.autopilot.board import Board
+from sitl_sim.autopilot.ekf_status import spec_of
 from sitl_sim.autopilot.link import Address, Link, packed
 from sitl_sim.autopilot.mission_protocol import MissionProtocol
 from sitl_sim.autopilot.modes import FLAVOURS
@@ -148,7 +149,7 @@ class Autopilot:
     def _payload(self, name: str) -> bytes:
         payload = self._payloads.get(name)
         if payload is None:
-            payload = self._payloads[name] = encode_payload(message_spec(name), self.telemetry.fields(name))
+            payload = self._payloads[name] = encode_payload(spec_of(name), self.telemetry.fields(name))
         return payload
 
     # --- bytes in -----------------------------------------------------------------------------------------------------

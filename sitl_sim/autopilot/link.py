@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from ridlink.mavlink.codec import Encoder, encode_payload, message_spec
+from ridlink.mavlink.codec import Encoder, encode_payload
 from ridlink.mavlink.frames import encode_frame
+from sitl_sim.autopilot.ekf_status import spec_of
 
 Address = tuple[str, int]
 
@@ -54,7 +55,7 @@ class Link:
 
     def frame(self, name: str, payload: bytes) -> bytes:
         """One frame with this link's sequence number."""
-        spec, encoder = message_spec(name), self._encoder
+        spec, encoder = spec_of(name), self._encoder
         encoder.seq = (encoder.seq + 1) & 0xFF
         return encode_frame(
             spec.msgid, payload, spec.crc_extra, seq=encoder.seq, sysid=encoder.sysid, compid=encoder.compid
@@ -62,7 +63,7 @@ class Link:
 
     def message(self, name: str, fields: dict[str, object]) -> bytes:
         """One frame from the fields of its message."""
-        return self.frame(name, encode_payload(message_spec(name), fields))
+        return self.frame(name, encode_payload(spec_of(name), fields))
 
 
 def packed(frames: list[bytes]) -> list[bytes]:

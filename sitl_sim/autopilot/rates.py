@@ -27,6 +27,7 @@ _ARDUPILOT_INTERVAL_S = {"TIMESYNC": 10.0}
 
 _ON_REQUEST = ("AUTOPILOT_VERSION", "GPS_GLOBAL_ORIGIN", "POSITION_TARGET_GLOBAL_INT")
 _PX4_ON_REQUEST = ("OPEN_DRONE_ID_BASIC_ID",)
+_ARDUPILOT_ON_REQUEST = ("EKF_STATUS_REPORT",)
 
 
 def default_intervals(flavour: Flavour) -> dict[str, float]:
@@ -40,7 +41,7 @@ def default_intervals(flavour: Flavour) -> dict[str, float]:
 
 def on_request(flavour: Flavour) -> tuple[str, ...]:
     """Messages that are sent only on request."""
-    return (*_ON_REQUEST, *_PX4_ON_REQUEST) if flavour.is_px4 else _ON_REQUEST
+    return (*_ON_REQUEST, *(_PX4_ON_REQUEST if flavour.is_px4 else _ARDUPILOT_ON_REQUEST))
 
 
 LEGACY_STREAMS: dict[int, tuple[str, ...]] = {
@@ -49,6 +50,6 @@ LEGACY_STREAMS: dict[int, tuple[str, ...]] = {
     6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
     10: ("ATTITUDE", "ATTITUDE_QUATERNION"),
     11: ("VFR_HUD",),
-    12: ("POSITION_TARGET_LOCAL_NED", "EXTENDED_SYS_STATE"),
+    12: ("POSITION_TARGET_LOCAL_NED", "EXTENDED_SYS_STATE", "EKF_STATUS_REPORT"),
 }
 """MAV_DATA_STREAM of the old REQUEST_DATA_STREAM; 0 is all of them."""

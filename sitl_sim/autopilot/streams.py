@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from ridlink.mavlink.codec import MESSAGES, Message
+from ridlink.mavlink.codec import Message
 from sitl_sim.autopilot.board import Board
 from sitl_sim.autopilot.commands import Command, MavCommand
+from sitl_sim.autopilot.ekf_status import name_of
 from sitl_sim.autopilot.link import Link
 from sitl_sim.autopilot.rates import LEGACY_STREAMS, default_intervals
 from sitl_sim.autopilot.results import Reply, Result, Severity
@@ -62,7 +63,7 @@ class Streams:
         """REQUEST_DATA_STREAM: one rate for a group of messages, 0 for all."""
         everything = tuple(name for names in LEGACY_STREAMS.values() for name in names)
         names = LEGACY_STREAMS.get(message.req_stream_id, everything if message.req_stream_id == 0 else ())
-        for name in names:
+        for name in filter(self._telemetry.__contains__, names):
             wanted = message.start_stop and message.req_message_rate
             self._stream(link, name, 1.0 / message.req_message_rate if wanted else math.inf, now_s)
 
@@ -100,5 +101,5 @@ class Streams:
         link.stream(name, interval_s, now_s + phase)
 
     def _name(self, msgid: float | None) -> str | None:
-        spec = MESSAGES.get(int(msgid or 0))
-        return spec.name if spec is not None and spec.name in self._telemetry else None
+        name = name_of(int(msgid or 0))
+        return name if name is not None and name in self._telemetry else None

@@ -15,6 +15,7 @@ from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.units import cmps_from_mps, dege7_from_deg, mm_from_m
 from sitl_sim.autopilot.attitude import attitude_rad, quaternion
 from sitl_sim.autopilot.board import Board
+from sitl_sim.autopilot.ekf_status import ekf_status_fields
 from sitl_sim.autopilot.failsafes import FIX_3D
 from sitl_sim.autopilot.modes import MODE_FLAG_ARMED
 from sitl_sim.autopilot.own_remote_id import basic_id_fields, location_fields, system_fields
@@ -234,6 +235,9 @@ class Telemetry:
             "pos_horiz_accuracy": navigation.ekf_h_acc_m,
             "pos_vert_accuracy": navigation.v_acc_m,
         }
+
+    def _ekf_status_report(self) -> Fields:
+        return ekf_status_fields(has_position=self._pilot.failsafes.has_position)
 
     def _extended_sys_state(self) -> Fields:
         pilot = self._pilot

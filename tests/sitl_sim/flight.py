@@ -8,12 +8,16 @@ from typing import Any
 import pytest
 
 from ridlink.geodesy import Geodetic
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message, decode_payload
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.scenario import Scenario, VehicleSpec
 from sitl_sim.autopilot import Autopilot, FleetNavigation, Start
+from sitl_sim.autopilot.ekf_status import EKF_STATUS_REPORT
 from sitl_sim.vehicle import TICK_S
 from sitl_sim.world import World
+
+SENT = {**CRC_EXTRAS, EKF_STATUS_REPORT.msgid: EKF_STATUS_REPORT.crc_extra}
+"""CRC_EXTRA of the messages that a vehicle may send."""
 
 HOME = Geodetic(47.397742, 8.545594, 488.0)
 COMPANION = ("127.0.0.1", 14540)
@@ -40,6 +44,12 @@ both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 def one_vehicle(**details: Any) -> Scenario:
     usual: dict[str, Any] = {"start_ned_m": START_NED_M, "goal_ned_m": (200.0, 0.0, -50.0), "sigma_m": 0.0}
     return Scenario("one", 600.0, (VehicleSpec(**(usual | details)),))
+
+
+def _message(frame: Frame) -> Message:
+    if frame.msgid != EKF_STATUS_REPORT.msgid:
+        return decode_message(frame)
+    return Message(EKF_STATUS_REPORT.name, frame.msgid, decode_payload(EKF_STATUS_REPORT, frame.payload))
 
 
 class Flight:
@@ -88,12 +98,12 @@ class Flight:
     def _note(self, outgoing: list[tuple[bytes, tuple[str, int]]]) -> list[Message]:
         messages = []
         for datagram, address in outgoing:
-            for frame in parse_datagram(datagram, CRC_EXTRAS):
+            for frame in parse_datagram(datagram, SENT):
                 assert isinstance(frame, Frame)
                 if (frame.sysid, frame.compid) != (1, 1):
                     self.passed_on.append((address, frame))
                     continue
-                messages.append(decode_message(frame))
+                messages.append(_message(frame))
                 self.heard.setdefault(address, []).append((self.now_s, messages[-1]))
         return messages
 

@@ -7,8 +7,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega
 
+from ridlink.mavlink.codec import Encoder
 from sitl_sim.autopilot import FLAVOURS, Start
+from sitl_sim.autopilot.ekf_status import ekf_status_fields
+from sitl_sim.autopilot.link import Link
 from sitl_sim.autopilot.rates import default_intervals
 from tests.sitl_sim.flight import (
     ACCEPTED,
@@ -41,6 +45,42 @@ def test_ardupilot_has_no_estimator_status() -> None:
     flight = Flight("ardupilot")
     flight.advance(3.0)
     assert not flight.messages("ESTIMATOR_STATUS")
+
+
+@pytest.mark.parametrize("asked", ["interval", "group", "once"])
+def test_ardupilot_tells_the_state_of_its_estimator_when_asked(asked: str) -> None:
+    """DroneKit does not call a vehicle armable before it has heard it, and the daemon asks for it."""
+    flight = Flight("ardupilot", Start.AIRBORNE)
+    flight.advance(1.0)
+    assert not flight.messages("EKF_STATUS_REPORT")
+    flight.world.receivers.set_outage(0, True)
+    for flags, after_s in ((831, 6.0), (37, 2.0)):
+        flight.advance(after_s)
+        if asked == "interval":
+            assert flight.command(SET_INTERVAL, 193, 5e5) == ACCEPTED
+        elif asked == "group":
+            flight.send("REQUEST_DATA_STREAM", target_system=1, req_stream_id=0, req_message_rate=2, start_stop=1)
+        else:
+            assert flight.command(REQUEST, 193) == ACCEPTED
+        flight.advance(0.6)
+        assert flight.last("EKF_STATUS_REPORT", GROUND_STATION).flags == flags
+
+
+def test_pymavlink_reads_the_state_of_the_estimator_of_ardupilot() -> None:
+    frame = Link(GROUND_STATION, Encoder(1, 1), 0.0).message("EKF_STATUS_REPORT", ekf_status_fields(has_position=True))
+    read = ardupilotmega.MAVLink(None).parse_char(bytearray(frame))
+    assert (read.get_type(), read.flags, read.pos_horiz_variance) == (
+        "EKF_STATUS_REPORT", 831, pytest.approx(0.009)
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("flavour", ["px4", "ideal"])
+def test_px4_has_no_report_of_ardupilots_estimator(flavour: str) -> None:
+    flight = Flight(flavour)
+    assert flight.command(REQUEST, 193) == DENIED
+    flight.send("REQUEST_DATA_STREAM", target_system=1, req_stream_id=0, req_message_rate=2, start_stop=1)
+    flight.advance(1.0)
+    assert not flight.messages("EKF_STATUS_REPORT", GROUND_STATION)
 
 
 def test_telemetry_tells_the_navigation_solution_and_never_the_truth() -> None:
