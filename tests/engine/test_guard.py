@@ -12,14 +12,24 @@ from ridlink.engine import Engine, EngineConfig
 from ridlink.engine.guard import CHANGED, DO_SET_MODE, EXTERNAL_MODE, FOREIGN_MODE, Guard, Phase
 from ridlink.failsafe import STEERING, UNHEARD, State
 from ridlink.geodesy import moved
-from ridlink.mavlink.codec import CRC_EXTRAS, decode_message
+from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import ARDUPILOT, PX4
 from sitl_sim.autopilot import Start
 from tests.daemon.emulated import Emulated
 from tests.daemon.invariants import ASKED, GUARDING, Observer, messages
 from tests.sitl_sim import missions
-from tests.sitl_sim.flight import ACCEPTED, COMPANION, GUIDED, HOME, PX4_HOLD, PX4_MISSION, START_NED_M, Flight
+from tests.sitl_sim.flight import (
+    ACCEPTED,
+    COMPANION,
+    GUIDED,
+    HOME,
+    PX4_HOLD,
+    PX4_MISSION,
+    START_NED_M,
+    Flight,
+    message_of,
+)
 
 MISSION = {"px4": PX4_MISSION, "ardupilot": missions.AUTO}
 both = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
@@ -44,7 +54,7 @@ class Guarded(Flight):
         for datagram, address in outgoing:
             if address == COMPANION:
                 frames = [frame for frame in parse_datagram(datagram, CRC_EXTRAS) if isinstance(frame, Frame)]
-                kept = [frame.raw for frame in frames if decode_message(frame).name not in self.lost]
+                kept = [frame.raw for frame in frames if message_of(frame).name not in self.lost]
                 self.engine.receive_vehicle(b"".join(kept), self.now_s, source=COMPANION)
         return super()._note(outgoing)
 

@@ -46,7 +46,8 @@ def one_vehicle(**details: Any) -> Scenario:
     return Scenario("one", 600.0, (VehicleSpec(**(usual | details)),))
 
 
-def _message(frame: Frame) -> Message:
+def message_of(frame: Frame) -> Message:
+    """The message of an autopilot in a frame."""
     if frame.msgid != EKF_STATUS_REPORT.msgid:
         return decode_message(frame)
     return Message(EKF_STATUS_REPORT.name, frame.msgid, decode_payload(EKF_STATUS_REPORT, frame.payload))
@@ -103,7 +104,7 @@ class Flight:
                 if (frame.sysid, frame.compid) != (1, 1):
                     self.passed_on.append((address, frame))
                     continue
-                messages.append(_message(frame))
+                messages.append(message_of(frame))
                 self.heard.setdefault(address, []).append((self.now_s, messages[-1]))
         return messages
 

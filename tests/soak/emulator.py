@@ -20,6 +20,7 @@ from ridlink.mavlink.frames import Frame, encode_frame, parse_datagram
 
 DATAGRAMS = 100_000
 AT_ONCE = 20
+TIMESYNC = 111
 PATIENCE_S = 10.0
 VALUES = (0.0, 1.0, math.nan, math.inf, 3e38, -1.0)
 
@@ -49,8 +50,7 @@ def answers(port: int) -> bool:
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
             for frame in parse_datagram(asker.recv(65535), CRC_EXTRAS):
-                message = decode_message(frame) if isinstance(frame, Frame) else None
-                if message is not None and message.name == "TIMESYNC" and message.ts1 == 77:
+                if isinstance(frame, Frame) and frame.msgid == TIMESYNC and decode_message(frame).ts1 == 77:
                     return True
     return False
 
