@@ -18,7 +18,6 @@ from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.vehicle_link import open_vehicle_link
 from ridlink.engine.intake import STATUSTEXT, VEHICLE_IDS, Intake
 from ridlink.engine.unheard import Unheard
-from ridlink.failsafe import HEARTBEAT_LOST_S
 from ridlink.links import (
     Address,
     Link,
@@ -32,7 +31,7 @@ from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.broadcast import INTERVAL_S, Broadcast, BroadcastSettings, honest_error_m
 from ridlink.own_ship.names import OwnNames
-from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, message_requests
+from ridlink.own_ship.requests import Requests
 from ridlink.periodic import Periodic
 from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.remote_id.messages import BasicId
@@ -95,7 +94,8 @@ class Transmitter:
         self._encoder = Encoder(config.vehicle_sysid or 1, TRANSMITTER_COMPONENT)
         self._utc = SteadyUtc(time.monotonic())
         self._names = OwnNames(self._telemetry, config.settings.uas_id)
-        self._heartbeat_due, self._second, self._home_due = Periodic(1.0), Periodic(1.0), Periodic(HOME_PERIOD_S)
+        self._heartbeat_due, self._second = Periodic(1.0), Periodic(1.0)
+        self._requests = Requests(steers=False, broadcasts=True)
         self._told: tuple[int, str] | None = None
         self._vehicle: Link | None = None
         self._to: Link | None = None
@@ -171,8 +171,8 @@ class Transmitter:
             self._to_vehicle(beat)
             if lock is not None or telemetry.pinned is not None:  # others must know which vehicle sends
                 self._send(beat)
-            if lock is not None and telemetry.heard_s(now_s) < HEARTBEAT_LOST_S:
-                self._ask(lock.sysid, now_s)
+        for frame in self._requests.due(self._encoder, telemetry, now_s):
+            self._to_vehicle(frame)
         names = self._names
         for datagram in self._broadcast.datagrams(
             self._encoder, telemetry, now_s=now_s, utc_s=utc_s, uas_id=names.uas_id, id_type=names.id_type
@@ -180,15 +180,6 @@ class Transmitter:
             self.counters["sent"] += self._send(datagram)
         if self._second.due(now_s):
             self._tell(now_s)
-
-    def _ask(self, sysid: int, now_s: float) -> None:
-        """Request messages that an autopilot does not send by itself."""
-        if self._telemetry.position_silent_s(now_s) > 1.0 or self._telemetry.trust.receiver_silent_s(now_s) > 5.0:
-            for frame in message_requests(self._encoder, sysid):
-                self._to_vehicle(frame)
-        if self._telemetry.home is None and self._home_due.due(now_s):
-            for frame in message_requests(self._encoder, sysid, HOME_POSITION_US):
-                self._to_vehicle(frame)
 
     def _to_vehicle(self, frame: bytes) -> None:
         lock = self._telemetry.lock

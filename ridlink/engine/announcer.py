@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 
 from ridlink.engine.announce import collision, heartbeat, status, warning
 from ridlink.engine.decision import DecisionRecord, StepOutput
-from ridlink.failsafe import HEARTBEAT_LOST_S, UNHEARD, State
+from ridlink.failsafe import UNHEARD, State
 from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import OwnShipTelemetry
-from ridlink.own_ship.requests import TARGET_US, UNTOLD_PERIOD_S, UNTOLD_US, message_requests
+from ridlink.own_ship.requests import Requests
 from ridlink.own_ship.rival import Rivals
 from ridlink.periodic import Periodic
 from ridlink.traffic.track import TrackKey
@@ -43,17 +43,18 @@ ALERTS = {
 class Announcer:
     """Adds all messages except setpoints to the output of a step.
 
+    Args:
+        broadcasts: Whether the vehicle's Remote ID is sent, too.
+
     Attributes:
         decision_time_s: How long the last step took, for RIDLINK_STATUS.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, broadcasts: bool) -> None:
         self.decision_time_s = 0.0
         self._heartbeat_due = Periodic(1.0)
         self._status_due = Periodic(1.0)
-        self._request_due = Periodic(1.0)
-        self._untold_due = Periodic(UNTOLD_PERIOD_S)
-        self._target_due = Periodic(UNTOLD_PERIOD_S)
+        self._requests = Requests(steers=True, broadcasts=broadcasts)
         self._claimed = 0
         self._warned_at_s: dict[TrackKey, float] = {}
         self._counted = dict.fromkeys(ALERTS, 0)
@@ -95,23 +96,10 @@ class Announcer:
         if self._status_due.due(now_s):
             vehicle.append(status(encoder, record, time_boot_ms, self.decision_time_s))
             output.warnings.extend(self._alerts(count(), now_s))
-        if telemetry.heard_s(now_s) <= HEARTBEAT_LOST_S:
-            vehicle.extend(self._requests(encoder, telemetry, lock.sysid, now_s))
+        vehicle.extend(self._requests.due(encoder, telemetry, now_s))
         if telemetry.armed:
             vehicle.extend(self._collisions(encoder, record, now_s))
         vehicle.extend(warning(encoder, text) for text in output.warnings)
-
-    def _requests(self, encoder: Encoder, telemetry: OwnShipTelemetry, sysid: int, now_s: float) -> list[bytes]:
-        """Requests to an autopilot that is there and does not say all that is needed."""
-        trust = telemetry.trust
-        silent = telemetry.position_silent_s(now_s) > 1.0 or trust.receiver_silent_s(now_s) > 5.0
-        if silent or trust.estimator_silent(now_s):
-            return message_requests(encoder, sysid) if self._request_due.due(now_s) else []
-        if not telemetry.landed_state_known(now_s) and self._untold_due.due(now_s):
-            return message_requests(encoder, sysid, UNTOLD_US)
-        if telemetry.other_writer.seldom_told and self._target_due.due(now_s):
-            return message_requests(encoder, sysid, TARGET_US)
-        return []
 
     def _collisions(self, encoder: Encoder, record: DecisionRecord, now_s: float) -> list[bytes]:
         """COLLISION for the most urgent conflicts, once a second for each and `MOST_COLLISIONS` a second in all."""

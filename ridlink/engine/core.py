@@ -30,9 +30,8 @@ from ridlink.mavlink.codec import Encoder, Message
 from ridlink.mavlink.frames import Frame
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
 from ridlink.own_ship.broadcast import Broadcast
-from ridlink.own_ship.requests import HOME_PERIOD_S, HOME_POSITION_US, command, message_requests
+from ridlink.own_ship.requests import command
 from ridlink.own_ship.rival import Rivals
-from ridlink.periodic import Periodic
 from ridlink.remote_id.bridge import REMOTE_ID_IDS
 from ridlink.setpoint import STOP, SetpointStream, Velocity
 from ridlink.traffic.own_state import OwnState
@@ -79,9 +78,8 @@ class Engine:
         self._air_intake = Intake(allow_v1=config.allow_v1)
         self._hearing = Hearing(config, self._air_intake, self.telemetry, self.picture)
         self.unheard = Unheard(self._intake, self.telemetry)
-        self._announcer = Announcer()
+        self._announcer = Announcer(broadcasts=config.broadcast)
         self._broadcast = Broadcast(config.broadcast_settings) if config.broadcast else None
-        self._home_due = Periodic(HOME_PERIOD_S)
         self._hold_next = False
         self.rivals = Rivals()
         self.warm = True
@@ -236,7 +234,7 @@ class Engine:
 
     def _transmit(self, broadcast: Broadcast, output: StepOutput, now_s: float, utc_s: float | None) -> None:
         """Add the own Remote ID, with the velocity that was sent in this step."""
-        lock, telemetry = self.telemetry.lock, self.telemetry
+        telemetry = self.telemetry
         steers = telemetry.external_mode and not self.config.dry_run
         output.broadcasts = broadcast.datagrams(
             self.encoder,
@@ -248,8 +246,6 @@ class Engine:
             commanded=output.decision.commanded_ned_mps if steers else None,
             avoiding=self.rung.state is State.ENGAGED and steers,
         )
-        if lock is not None and telemetry.home is None and self._home_due.due(now_s):
-            output.to_vehicle += message_requests(self.encoder, lock.sysid, HOME_POSITION_US)
 
     def _watch(self, guard: Guard, own: OwnState | None, now_s: float) -> list[bytes]:
         """Ask the guard; returns the commands that it wants to send."""

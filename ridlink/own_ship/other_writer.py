@@ -17,6 +17,7 @@ import math
 from collections import deque
 
 from ridlink.mavlink.codec import Message
+from ridlink.own_ship.rhythm import Rhythm
 from ridlink.own_ship.rival import PATIENCE_S
 from ridlink.setpoint import Velocity
 
@@ -41,7 +42,7 @@ SIGHTINGS, WITHIN_S = 4, 3.0
 """SIGHTINGS foreign targets within this time are another writer. Where two streams alternate in step, one is seen
 almost always and the other hardly ever, so targets of ours in between are no excuse."""
 
-TOLD, SELDOM_S = 5, 0.085
+SELDOM_S = 0.085
 """Targets that are told at the rate of two streams, or less often, may show only one of them while clocks are alike."""
 
 HEARD_S = 2.0
@@ -67,7 +68,7 @@ class OtherWriter:
         self._obeys_since_s: float | None = None
         self._standing: Target | None = None
         self._somebody = False
-        self._told_s: deque[float] = deque(maxlen=TOLD)
+        self._told = Rhythm()
 
     def sent(self, velocity: Velocity | None, now_s: float) -> None:
         """Note what was sent in this step, None for nothing."""
@@ -86,7 +87,7 @@ class OtherWriter:
             now_s: Monotonic time.
             stands_unheard: The autopilot keeps its mode when it hears no setpoints, and stands (ArduPilot).
         """
-        self._told_s.append(now_s)
+        self._told.hear(now_s)
         standing = _standing(message) if stands_unheard else None
         if not self._is_foreign(message, now_s):
             if standing is None and self._obeys_since_s is None:
@@ -119,8 +120,7 @@ class OtherWriter:
     @property
     def seldom_told(self) -> bool:
         """Whether targets come too seldom to show every writer in our rhythm."""
-        told = self._told_s
-        return len(told) == TOLD and told[-1] - told[0] > SELDOM_S * (TOLD - 1)
+        return self._told.is_slower_than(SELDOM_S)
 
     def must_give_up(self, now_s: float) -> bool:
         """Whether the vehicle has not heard us for so long that this is no steering."""

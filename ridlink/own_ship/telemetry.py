@@ -24,6 +24,7 @@ from ridlink.own_ship.grave_words import GraveWords
 from ridlink.own_ship.jump import JumpWatch
 from ridlink.own_ship.lateness import Lateness
 from ridlink.own_ship.other_writer import OtherWriter
+from ridlink.own_ship.rhythm import Rhythm
 from ridlink.own_ship.trust import NavigationTrust
 from ridlink.separation.reference import ERROR_CAP_M
 from ridlink.traffic.own_state import OwnState
@@ -117,6 +118,7 @@ class OwnShipTelemetry:
         self._landed_told_at_s = -math.inf
         self._rebooted = False
         self._position_heard_at_s = -math.inf
+        self._positions = Rhythm()
         self._clock_ms: int | None = None
         self._rounds_ms = 0
         self._lateness = Lateness()
@@ -224,6 +226,7 @@ class OwnShipTelemetry:
             self.counters["own_position_late"] += 1
             return
         self._position_heard_at_s = now_s
+        self._positions.hear(now_s)
         latitude, longitude = deg_from_dege7(message.lat), deg_from_dege7(message.lon)
         if (message.lat == 0 and message.lon == 0) or abs(latitude) > 90.0 or abs(longitude) > 180.0:
             self.counters["own_position_unusable"] += 1
@@ -299,6 +302,11 @@ class OwnShipTelemetry:
     def position_silent_s(self, now_s: float) -> float:
         """Time since the last position message, trusted or not [s]; infinite without one."""
         return now_s - self._position_heard_at_s
+
+    @property
+    def position_seldom_told(self) -> bool:
+        """Whether positions come so seldom that the own error grows between them."""
+        return self._positions.is_slower_than(INFLATE_AFTER_S)
 
     def jumped(self, now_s: float) -> bool:
         """Whether the own position jumped within the last second."""

@@ -8,6 +8,7 @@ import pytest
 from ridlink.engine import Engine
 from ridlink.failsafe import State
 from ridlink.mavlink.codec import Encoder, Message
+from ridlink.periodic import Periodic
 from tests.daemon.emulated import Emulated
 from tests.daemon.invariants import messages
 from tests.engine.flight import STEP_S, Flight, config, intruder
@@ -109,6 +110,18 @@ def test_messages_are_requested_from_an_ardupilot_that_sends_none() -> None:
     flight.step(20)
     assert flight.heard("COMMAND_LONG") == []
     assert flight.engine.rung.state is State.ENGAGED
+
+
+def test_positions_that_a_ground_station_has_slowed_down_are_asked_for_again() -> None:
+    flight, slow = Flight(Emulated(autopilot=3)), True
+    told, due = flight.vehicle.telemetry, Periodic(0.5)
+    flight.vehicle.telemetry = lambda now_s: told(now_s) if due.due(now_s) or not slow else b""  # type: ignore[method-assign]
+    flight.step(30)
+    assert {(asked.param1, asked.param2) for asked in flight.heard("COMMAND_LONG")} == {(33.0, 50_000.0)}
+    slow = False
+    flight.vehicle.heard.clear()
+    flight.step(100)
+    assert flight.heard("COMMAND_LONG") == []
 
 
 def test_an_autopilot_that_tells_no_more_whether_it_stands_or_flies_is_asked_again() -> None:

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
+from ridlink.mavlink.codec import CRC_EXTRAS, MESSAGES, Encoder, Message, decode_message
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.requests import (
@@ -42,6 +42,20 @@ def test_messages_are_asked_for_by_id_and_interval() -> None:
         assert {(message.command, message.target_system, message.target_component) for message in asked} == {
             (511, 7, 1)
         }
+
+
+def test_what_an_own_state_is_made_of_comes_often_enough() -> None:
+    told_hz = {MESSAGES[msgid].name: 1e6 / every_us for msgid, every_us in WANTED_MESSAGES_US.items() if msgid != 193}
+    assert told_hz == {
+        "GLOBAL_POSITION_INT": 20.0,
+        "GPS_RAW_INT": 5.0,
+        "POSITION_TARGET_LOCAL_NED": 1e6 / 70_000,
+        "EXTENDED_SYS_STATE": 2.0,
+    }
+    assert WANTED_MESSAGES_US[193] == 500_000, "EKF_STATUS_REPORT, which is not in the dialect"
+    assert {MESSAGES[msgid].name: every_us for msgid, every_us in HOME_POSITION_US.items()} == {
+        "HOME_POSITION": 2_000_000
+    }
 
 
 def test_setpoints_and_commands_steer_and_words_and_requests_do_not() -> None:

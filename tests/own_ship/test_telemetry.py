@@ -7,11 +7,9 @@ import math
 import pytest
 
 from ridlink.geodesy import moved, offset_m
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message, decode_message
-from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.codec import Message
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.jump import JumpWatch
-from ridlink.own_ship.requests import HOME_POSITION_US, WANTED_MESSAGES_US, command, message_requests, steers
 from tests.own_ship.autopilot import HERE, Autopilot, flying
 
 
@@ -483,33 +481,6 @@ def test_a_home_that_cannot_be_is_none(fields: dict[str, int]) -> None:
     autopilot.say(0.3, "HOME_POSITION", **fields)
     assert telemetry.home is not None
     assert (telemetry.home.latitude_deg, telemetry.home.longitude_deg, telemetry.home.altitude_m) == (47.0, 8.0, 490.5)
-
-
-# --- what is asked of an autopilot ---
-
-
-def said(frame: bytes) -> Message:
-    (found,) = parse_datagram(frame, CRC_EXTRAS)
-    assert isinstance(found, Frame)
-    return decode_message(found)
-
-
-def test_messages_are_asked_for_by_id_and_interval() -> None:
-    for wanted in (None, HOME_POSITION_US):
-        asked = [said(frame) for frame in message_requests(Encoder(7, 196), 7, wanted)]
-        intervals = {int(message.param1): int(message.param2) for message in asked}
-        assert intervals == (wanted or WANTED_MESSAGES_US)
-        assert {(message.command, message.target_system, message.target_component) for message in asked} == {
-            (511, 7, 1)
-        }
-
-
-def test_setpoints_and_commands_steer_and_words_and_requests_do_not() -> None:
-    encoder = Encoder(1, 196)
-    assert steers(encoder.encode("SET_POSITION_TARGET_LOCAL_NED"))
-    assert steers(command(encoder, 176, (1.0, 6.0, 0.0), 1))
-    assert not any(steers(frame) for frame in message_requests(encoder, 1))
-    assert not steers(encoder.encode("HEARTBEAT")) and not steers(encoder.encode("STATUSTEXT", text=b"x"))
 
 
 def test_grave_words_of_the_vehicle_are_told_once_and_a_flood_of_them_not_at_once() -> None:

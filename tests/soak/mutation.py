@@ -46,6 +46,8 @@ MUTATED = {
     "ridlink/own_ship/jump.py": OWN_SHIP,
     "ridlink/own_ship/lateness.py": OWN_SHIP,
     "ridlink/own_ship/other_writer.py": OWN_SHIP,
+    "ridlink/own_ship/requests.py": ["tests/own_ship/test_requests.py"],
+    "ridlink/own_ship/rhythm.py": OWN_SHIP,
     "ridlink/own_ship/trust.py": OWN_SHIP,
     "ridlink/traffic/altitude.py": TRAFFIC,
     "ridlink/traffic/doubt.py": TRAFFIC,
