@@ -173,7 +173,7 @@ def lean(r_1, r_2, w_1, w_2, radius_m, once_per_horizon, horizons):  # type: ign
     Args:
         r_1: North of the neighbour as seen from own-ship.
         r_2: East of it.
-        w_1: North of the relative velocity, preferred less neighbour's.
+        w_1: North of the relative velocity, preferred less the neighbour's velocity or command.
         w_2: East of it.
         radius_m: Disc without its buffer.
         once_per_horizon: One over the conflict horizon, 1/s.

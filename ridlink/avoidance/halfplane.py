@@ -158,9 +158,9 @@ def avoid_one(  # type: ignore[no-untyped-def]
         own, neighbours, count, range_m, preferred, settings, candidates, names
     )
     result[R_MATTERING] = found
-    sooner, wider = earlier_and_wider(heard) if settings[RESPONSE] > 0.0 else (0.0, 0.0)
+    sooner, wider, announced = earlier_and_wider(heard) if settings[RESPONSE] > 0.0 else (0.0, 0.0, 0.0)
     right, left, start, violation = meet(
-        own, neighbours, candidates, found, names, meetings, preferred, LEAN_HORIZONS + sooner, settings
+        own, neighbours, candidates, found, names, meetings, preferred, LEAN_HORIZONS + sooner, announced, settings
     )
     if margin < 0.0:
         violation = 0.0

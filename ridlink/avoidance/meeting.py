@@ -51,7 +51,9 @@ of it. A vehicle that stands at the edge of a disc waits; it is not just startin
 
 
 @kernel(forceinline=True, inner=True)
-def meet(own, neighbours, candidates, found, names, meetings, preferred, horizons, settings):  # type: ignore[no-untyped-def]
+def meet(  # type: ignore[no-untyped-def]
+    own, neighbours, candidates, found, names, meetings, preferred, horizons, announced, settings
+):
     """Work out passing sides and turns for the neighbours that are met on the way.
 
     Args:
@@ -64,6 +66,7 @@ def meet(own, neighbours, candidates, found, names, meetings, preferred, horizon
         meetings: Number of neighbours that are met.
         preferred: Velocity without traffic, shape (2,).
         horizons: Conflicts later than this many conflict horizons call for no turn.
+        announced: Weight in [0, 1] of turns that neighbours call for by their commands alone.
         settings: Constants.
 
     Returns:
@@ -98,7 +101,10 @@ def meet(own, neighbours, candidates, found, names, meetings, preferred, horizon
             violation = smaller(violation, entry if heard else FAR)
 
             rule = rule_side(v_1, v_2, u_1, u_2, reciprocal, cosine, course_speed)
-            called = lean(r_1, r_2, a_1 - u_1, a_2 - u_2, disc, once_per_horizon, horizons)
+            # By their velocities alone, while all speed up, each of a few expects to pass first.
+            flown = lean(r_1, r_2, a_1 - u_1, a_2 - u_2, disc, once_per_horizon, horizons)
+            commanded = lean(r_1, r_2, a_1 - c_1, a_2 - c_2, disc, once_per_horizon, horizons)
+            called = larger(flown, announced * commanded)
             weight = called if heard else 0.0
             right, left = larger(right, 0.0 if rule < 0.0 else weight), larger(left, weight if rule < 0.0 else 0.0)
             # Circling works only if the neighbour does it too; one that stands or lands is passed instead.

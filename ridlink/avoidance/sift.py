@@ -30,6 +30,7 @@ from ridlink.avoidance.rows import (
     LANES,
     LIMIT,
     MATTERS,
+    N_COMMAND,
     N_POSITION,
     N_VELOCITY,
     POSITION,
@@ -185,7 +186,7 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
         settings[HORIZON], settings[RESPONSE], settings[BUFFER_SHARE], settings[AGE_ACCELERATION] / 2.0,
     )  # fmt: skip
     buffer *= buffer_growth_in_kernels(own[CRUISE], wait)
-    reach = range_m * range_m
+    reach, late = range_m * range_m, wait > 0.0
     margin, near = FAR, -1
     for b in range(count):
         block, before = neighbours[b], margin
@@ -207,7 +208,10 @@ def sift(own, neighbours, count, range_m, preferred, settings, candidates, names
             w_1, w_2 = v_1 - u_1, v_2 - u_2
             hold_square = HOLD_SQUARE * (radius * radius)
             passed = approaches(r_1, r_2, square, w_1, w_2, hold_square)
-            leans = approaches(r_1, r_2, square, a_1 - u_1, a_2 - u_2, LEAN_SQUARE * disc * disc + EPSILON)
+            lean_square = LEAN_SQUARE * disc * disc + EPSILON
+            leans = approaches(r_1, r_2, square, a_1 - u_1, a_2 - u_2, lean_square)
+            c_1, c_2 = block[N_COMMAND + k], block[N_COMMAND + LANES + k]
+            leans = leans | (late & approaches(r_1, r_2, square, a_1 - c_1, a_2 - c_2, lean_square))
             e_1, e_2 = plus_product(r_1, -horizon, o_1 - u_1), plus_product(r_2, -horizon, o_2 - u_2)
             l_1, l_2 = plus_product(e_1, -wait, w_1), plus_product(e_2, -wait, w_2)
             # h / share; the share is a half or one.

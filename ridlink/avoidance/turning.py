@@ -1,7 +1,7 @@
 """Changes for vehicles that do not obey at once; for all others nothing here changes anything.
 
-Such vehicles turn sooner, and among several further, while few are heard, and keep a larger buffer if they cruise
-slowly.
+Such vehicles turn sooner, among several further, and also for what others are about to fly, while few are heard. They
+keep a larger buffer if they cruise slowly.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ one."""
 
 @kernel(forceinline=True, inner=True)
 def earlier_and_wider(heard):  # type: ignore[no-untyped-def]
-    """How many horizons sooner, and by which share further, a vehicle that obeys late turns, with so many heard."""
+    """How many horizons sooner, and by which share further, a vehicle that obeys late turns, with so many heard; and
+    how much the commands of the others count for its turn, beside their velocities [0, 1]."""
     few = min(max(CROWD - heard, 0), CROWD - FEW) / (CROWD - FEW)
     several = min(max(heard - 1, 0), SEVERAL - 1) / (SEVERAL - 1)
-    return SOONER_HORIZONS * few, WIDER_SHARE * few * several
+    return SOONER_HORIZONS * few, WIDER_SHARE * few * several, few
 
 
 BRISK_MPS, SLOW_MPS = 8.0, 5.0

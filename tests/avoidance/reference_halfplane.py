@@ -474,7 +474,7 @@ def avoid_one(
     used = firm = hard
     if settings[CONTACT_STEP] > 0.0:
         firm = used = contact_half_planes(own, neighbours, count, settings, lines, owner, hard)
-    sooner, wider = earlier_and_wider(count) if settings[RESPONSE] > 0.0 else (0.0, 0.0)
+    sooner, wider, announced = earlier_and_wider(count) if settings[RESPONSE] > 0.0 else (0.0, 0.0, 0.0)
     buffer = settings[BUFFER_SHARE] * turning.buffer_growth(own[CRUISE], settings[RESPONSE])
     pressed = False
     right = left = start = 0.0
@@ -492,7 +492,14 @@ def avoid_one(
             margin, nearest = distance - neighbours[j, RADIUS], j
         violation = min(violation, time_to_entry(r_1, r_2, v_1 - u_1, v_2 - u_2, neighbours[j, RADIUS]))
         overlapped = overlapped or distance < neighbours[j, RADIUS]
-        weight = lean(preferred, r_1, r_2, u_1, u_2, neighbours[j, RADIUS], horizon, 2.5 + sooner)
+        c_1, c_2 = u_1, u_2
+        if not math.isnan(neighbours[j, N_COMMAND]) and not math.isnan(neighbours[j, N_COMMAND + 1]):
+            c_1, c_2 = neighbours[j, N_COMMAND], neighbours[j, N_COMMAND + 1]
+        met = (neighbours[j, RADIUS], horizon, 2.5 + sooner)
+        weight = max(
+            lean(preferred, r_1, r_2, u_1, u_2, *met),
+            announced * lean(preferred, r_1, r_2, c_1, c_2, *met),
+        )
         if weight > 0.0 and rule_side(v_1, v_2, u_1, u_2, neighbours[j, RECIPROCAL], settings) < 0:
             left = max(left, weight)
         else:
@@ -500,9 +507,6 @@ def avoid_one(
         if neighbours[j, RECIPROCAL] != 0.0:
             # Going round works where the other does it too; who stands or lands is passed, not gone round with.
             start = max(start, weight * min(max(distance / max(radius, EPSILON) - START_RADII, 0.0), 1.0))
-        c_1, c_2 = u_1, u_2
-        if not math.isnan(neighbours[j, N_COMMAND]) and not math.isnan(neighbours[j, N_COMMAND + 1]):
-            c_1, c_2 = neighbours[j, N_COMMAND], neighbours[j, N_COMMAND + 1]
         before = int(memory[j])
         apart = (before & APART) != 0 or distance >= HOLD_FACTOR * radius
         # The edge that the barrier defends: with the buffer, but not against a neighbour that began inside of it.

@@ -110,6 +110,20 @@ def test_eight_vehicles_through_one_point_from_a_hover(response, median_s):
     assert out.least_gap_m.min() > 6.0
 
 
+@pytest.mark.parametrize("response", ["px4", "ardupilot"])
+@pytest.mark.parametrize("sigma_m", [0.02, 0.3])
+def test_three_that_leave_a_hover_for_one_crossing_turn_while_the_others_still_speed_up(response, sigma_m):
+    """Discs of 3 m, and no room in them for the answer of the vehicle. By the velocities of the others alone each
+    expected to pass first, and two of three flights ended in a collision."""
+    seed = 1
+    out = fly(
+        circle(3, radius_m=30.0), worlds=24, seed=seed, response=response, sigma_m=sigma_m, airframe_m=(1.0, 1.0),
+        from_rest=True, duration_s=60.0,
+    )  # fmt: skip
+    assert_safe_arrival(out, seed)
+    assert out.least_gap_m.min() > 3.0
+
+
 def test_who_comes_down_at_its_goal_is_an_obstacle_until_it_stands():
     """The second one's goal lies within the disc of the first, which has arrived long before."""
     seed = 20
