@@ -190,7 +190,7 @@ async def open_proxy(
 
     Raises:
         ConfigError: If a link has another scheme, or ``far`` leads to ``near``.
-        LinkError: If the port is in use.
+        LinkError: If the port is in use, or the far end has no address.
     """
     if near.scheme is not Scheme.UDPIN:
         raise ConfigError(f"{near}: the proxy listens on UDP; write {_udp('udpin', near)}")
@@ -198,6 +198,7 @@ async def open_proxy(
         raise ConfigError(f"{far}: the proxy speaks UDP to the far end; write {_udp('udpout', far)}")
     if far.leads_to(near):
         raise ConfigError(f"{far}: is the near end itself; what comes would go round for ever")
+    (await open_link(far, lambda *_: None)).close()  # says now why nobody would get through
     proxy = Proxy(far, there, back, seed)
     proxy.near = await open_link(near, proxy.receive)
     return proxy

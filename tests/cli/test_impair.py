@@ -51,6 +51,8 @@ ENDS = ("--listen", "udpin:127.0.0.1:0", "--to", "udpout:127.0.0.1:9")
         (["--listen", "udpin:127.0.0.1:0"], 2, "--to"),
         (["--listen", "udpin:127.0.0.1:9", "--to", "udpout:127.0.0.1:9"], 2, "go round for ever"),
         (["--listen", "udpin:0.0.0.0:9", "--to", "udpout:localhost:9"], 2, "go round for ever"),
+        (["--listen", "udpin:127.0.0.1:0", "--to", "udpout:no..host:9"], 3, "no such host"),
+        (["--listen", "udpin:127.0.0.1:0", "--to", "udpout:255.255.255.255:9"], 3, "of a whole network"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], code: int, says: str) -> None:
