@@ -12,6 +12,8 @@ import time
 from collections.abc import Iterator
 from importlib.metadata import version
 
+from numba import config
+
 from ridlink.avoidance.solver import warm_up
 from ridlink.avoidance.types import SolverKind
 from ridlink.compiled import can_be_kept
@@ -137,6 +139,9 @@ def _punctuality() -> Finding:
 
 
 def _kernels() -> Finding:
+    if config.DISABLE_JIT:
+        text = "kernels are not compiled, as NUMBA_DISABLE_JIT says: decisions take many times as long"
+        return Finding("solver", Verdict.WARNING, text, "unset NUMBA_DISABLE_JIT")
     begun_s = time.monotonic()
     warm_up(SolverKind.HALFPLANE)
     took_s = time.monotonic() - begun_s

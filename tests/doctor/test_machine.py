@@ -6,6 +6,7 @@ import importlib.util
 import socket
 
 import pytest
+from numba import config
 from numba.core import caching
 
 from ridlink.doctor import Verdict, examine_machine, machine
@@ -41,6 +42,7 @@ def test_an_extra_that_is_missing_comes_with_its_installation(monkeypatch: pytes
     assert finding.remedy == "pip install 'ridlink[mqtt]'"
 
 
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
 def test_kernels_that_can_be_kept_nowhere_are_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "COMPILED_S", 0.0)  # as if they had been compiled
     for places, verdict in ((None, Verdict.NOTE), ([], Verdict.WARNING)):
@@ -49,3 +51,9 @@ def test_kernels_that_can_be_kept_nowhere_are_a_warning(monkeypatch: pytest.Monk
         [finding] = [finding for finding in examine_machine() if finding.name == "solver"]
         assert finding.verdict is verdict
         assert ("NUMBA_CACHE_DIR" in finding.remedy) is (verdict is Verdict.WARNING)
+
+
+def test_kernels_that_must_not_be_compiled_are_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(config, "DISABLE_JIT", 1)
+    [finding] = [finding for finding in examine_machine() if finding.name == "solver"]
+    assert finding.verdict is Verdict.WARNING and finding.remedy == "unset NUMBA_DISABLE_JIT"
