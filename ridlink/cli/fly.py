@@ -84,6 +84,8 @@ def fly(vehicle: str, height_m: float, daemon: str | None, land: bool, health_s:
     options, given = (None, None) if daemon in (None, RUNNING) else _split(daemon)
     config = None if given is None else configuration(given)
     link = parse_link_url(vehicle)
+    if not link.port:
+        raise click.UsageError(f"--vehicle {link}: MAVSDK listens on no port but one that is named")
     end_by_interrupts()
     printer = Printer()
 

@@ -405,6 +405,7 @@ def test_a_goal_with_latitude_and_longitude_swapped_keeps_the_vehicle_on_the_gro
         (["--takeoff", "5000"], "takeoff must lie between 0.5 and 1000 m, got 5000"),
         (["--takeoff", "nan"], "takeoff must lie between 0.5 and 1000 m, got nan"),
         (["--takeoff", "5", "--vehicle", "udp:127.0.0.1:14580"], "udpin:127.0.0.1:14580"),
+        (["--takeoff", "5", "--vehicle", "udpin:0.0.0.0:0"], "udpin:0.0.0.0:0: MAVSDK listens on no port but"),
         (["--takeoff", "5", "--daemon", "--gaol 1,2"], "such as '--goal 47.39,8.54': No such option '--gaol'"),
         (
             ["--takeoff", "5", "--daemon", '--goal "1,2'],
