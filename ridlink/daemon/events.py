@@ -59,7 +59,7 @@ def summary_facts(engine: Engine, record: DecisionRecord, rejects: dict[str, int
         "speed_mps": _finite(record.own.speed_mps if record.own is not None else None),
         "commanded_ned_mps": None if command is None else rounded(command),
         "status": None if record.status is None else record.status.name.lower(),
-        "setpoints": engine.setpoints.sent,
+        "setpoints": engine.setpoints_sent,
         "recovering": record.recovering,
         "doubtful": sum(track.doubt.widening_m(record.time_s) > 0.0 for track in engine.picture.tracks.values()),
         "rejects": rejects,

@@ -190,7 +190,8 @@ class AvoidDaemon:
         took_s = self._pace.decided()
         self.engine.note_decision_time(took_s)
         self._send(output)
-        self._pace.sent(output.decision.commanded_ned_mps is not None, time.monotonic())
+        is_setpoint = output.decision.commanded_ned_mps is not None and not self.config.engine.dry_run
+        self._pace.sent(is_setpoint, time.monotonic())
         self._recordings.decided(output, self.engine.rung.reason, took_s)
         self._leave_figures(output)
         self._telling.tell(
@@ -279,7 +280,7 @@ class AvoidDaemon:
         """Totals so far."""
         totals = self.engine.summary()
         return Summary(
-            setpoints=0 if self.config.engine.dry_run else totals.setpoints,
+            setpoints=totals.setpoints,
             reports_received=totals.reports_received,
             decision_ms=self._pace.decision_ms.summary(),
             decision_cpu_ms=self._pace.decision_cpu_ms.summary(),

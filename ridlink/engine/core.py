@@ -305,10 +305,15 @@ class Engine:
         parts = (*intakes, self.steering, self._hearing, self.telemetry, self.picture, self.setpoints)
         return sum((part.counters for part in parts), self._counters)
 
+    @property
+    def setpoints_sent(self) -> int:
+        """Number of setpoints so far; 0 in a dry run, which sends none."""
+        return 0 if self.config.dry_run else self.setpoints.sent
+
     def summary(self) -> EngineSummary:
         """Totals so far."""
         return EngineSummary(
-            setpoints=self.setpoints.sent,
+            setpoints=self.setpoints_sent,
             reports_received=self._hearing.reports,
             rejects=dict(self.counters),
             tracks=len(self.picture),

@@ -59,15 +59,22 @@ def test_a_flight_is_seen_from_outside() -> None:
 def test_a_dry_run_says_what_it_would_send_and_sends_no_setpoint() -> None:
     async def test() -> None:
         engine = EngineConfig(goal=Goal(*at(300.0)), dry_run=True, broadcast=True)
-        async with running(engine=engine) as flight:
+        async with running(engine=engine, metrics=("127.0.0.1", 0)) as flight:
             vehicle = flight.vehicle
             await vehicle.until(lambda: any(event["event"] == "dry_run" for event in flight.events))
             await vehicle.until(lambda: flight.events[-1].get("velocity_ned_mps", [0.0])[0] > 1.0)
             assert not vehicle.setpoints()
+            assert {event["setpoints"] for event in flight.events if event["event"] == "summary"} == {0}
+            port = flight.daemon.metrics_port
+            assert port is not None
+            found = await asyncio.to_thread(read, port)
+            assert found[("ridlink_setpoints_total",)] == 0.0
+            assert ("ridlink_setpoint_gap_seconds", "0.5") not in found
             names = {message.name for message in vehicle.vehicle.heard}
             assert {"HEARTBEAT", "RIDLINK_STATUS"} <= names
             summary = await flight.end()
-            assert summary.setpoints == 0 and summary.rejects["dry_run_withheld"] > 10
+            assert summary.setpoints == 0 and summary.setpoint_gap_ms["max"] == 0.0
+            assert summary.rejects["dry_run_withheld"] > 10
             assert any(len(data) > 60 for data in flight.air.heard)  # everything else leaves
 
     run(test)
