@@ -91,7 +91,7 @@ class Transmitter:
         self._intake = Intake(allow_v1=config.allow_v1)
         self._unheard = Unheard(self._intake, self._telemetry)
         self._broadcast = Broadcast(config.settings)
-        self._encoder = Encoder(config.vehicle_sysid or 1, TRANSMITTER_COMPONENT)
+        self._speak_as(config.vehicle_sysid or 1)
         self._utc = SteadyUtc(time.monotonic())
         self._names = OwnNames(self._telemetry, config.settings.uas_id)
         self._heartbeat_due, self._second = Periodic(1.0), Periodic(1.0)
@@ -148,7 +148,11 @@ class Transmitter:
                     self._names.hear(part)
         lock = self._telemetry.lock
         if lock is not None and lock.sysid != self._encoder.sysid:
-            self._encoder = Encoder(lock.sysid, TRANSMITTER_COMPONENT)
+            self._speak_as(lock.sysid)
+
+    def _speak_as(self, sysid: int) -> None:
+        # each link counts its own messages, so that receivers see no loss
+        self._encoder, self._to_encoder = (Encoder(sysid, TRANSMITTER_COMPONENT) for _ in range(2))
 
     def _from_module(self, data: bytes, _: Address) -> None:
         for found in parse_datagram(data, CRC_EXTRAS):
@@ -165,17 +169,14 @@ class Transmitter:
         telemetry, utc_s = self._telemetry, self._utc.at(now_s)
         lock = telemetry.lock
         if self._heartbeat_due.due(now_s):
-            beat = self._encoder.encode(
-                "HEARTBEAT", type=TYPE_ODID, autopilot=AUTOPILOT_INVALID, system_status=STATE_ACTIVE, mavlink_version=3
-            )
-            self._to_vehicle(beat)
+            self._to_vehicle(_heartbeat(self._encoder))
             if lock is not None or telemetry.pinned is not None:  # others must know which vehicle sends
-                self._send(beat)
+                self._send(_heartbeat(self._to_encoder))
         for frame in self._requests.due(self._encoder, telemetry, now_s):
             self._to_vehicle(frame)
         names = self._names
         for datagram in self._broadcast.datagrams(
-            self._encoder, telemetry, now_s=now_s, utc_s=utc_s, uas_id=names.uas_id, id_type=names.id_type
+            self._to_encoder, telemetry, now_s=now_s, utc_s=utc_s, uas_id=names.uas_id, id_type=names.id_type
         ):
             self.counters["sent"] += self._send(datagram)
         if self._second.due(now_s):
@@ -204,3 +205,9 @@ class Transmitter:
             sent=self.counters["sent"],
             rejects=self.rejects(),
         )
+
+
+def _heartbeat(encoder: Encoder) -> bytes:
+    return encoder.encode(
+        "HEARTBEAT", type=TYPE_ODID, autopilot=AUTOPILOT_INVALID, system_status=STATE_ACTIVE, mavlink_version=3
+    )

@@ -64,6 +64,7 @@ class Announcer:
         self,
         output: StepOutput,
         encoder: Encoder,
+        air_encoder: Encoder,
         telemetry: OwnShipTelemetry,
         *,
         state: State,
@@ -76,7 +77,8 @@ class Announcer:
 
         Args:
             output: Output of this step.
-            encoder: Encoder of the own messages.
+            encoder: Encoder of the own messages to the vehicle.
+            air_encoder: The same for the Remote ID link.
             telemetry: Telemetry of the vehicle.
             state: State of the failsafe ladder.
             rivals: Own claim to steer, which others hear at once.
@@ -90,7 +92,7 @@ class Announcer:
             vehicle.append(heartbeat(encoder, state is State.ENGAGED, rivals.claim))
             # The air listens to those that say which vehicle they are: not before that is known.
             if lock is not None or telemetry.pinned is not None:
-                output.to_air.append(vehicle[-1])
+                output.to_air.append(heartbeat(air_encoder, state is State.ENGAGED, rivals.claim))
         if lock is None:
             return
         if self._status_due.due(now_s):

@@ -54,7 +54,8 @@ class Engine:
         rivals: Claims of other daemons on this vehicle.
         unheard: Why no autopilot is heard.
         steering: Makes the decisions.
-        encoder: Encoder of our messages, with the system id of the vehicle and the component id of obstacle avoidance.
+        encoder: Encoder of our messages to the vehicle, with its system id and the component id of obstacle avoidance.
+        air_encoder: The same for the Remote ID link: each link counts its own messages, so that receivers see no loss.
         guard: Takes over from the autopilot's own plan; None without `--guard`.
         warm: Whether decisions can be made in time; they cannot while kernels are being compiled.
     """
@@ -70,8 +71,8 @@ class Engine:
         self.setpoints = SetpointStream(config.limits)
         self._counters: Counter[str] = Counter()
         self.steering = Steering(config, self.picture, self.telemetry)
-        self.encoder = Encoder(config.vehicle_sysid or 1, AVOIDANCE_COMPONENT)
-        self._replies: list[tuple[bytes, Hashable]] = []
+        self._speak_as(config.vehicle_sysid or 1)
+        self._answers: list[tuple[Message, int, Frame, Hashable]] = []
         self._started_s: float | None = None
         self._last_step_s: float | None = None
         self._intake = Intake(allow_v1=config.allow_v1)
@@ -118,7 +119,10 @@ class Engine:
                 self.telemetry.receive(frame.sysid, frame.compid, message, now_s, source)
         lock = self.telemetry.lock
         if lock is not None and self.encoder.sysid != lock.sysid:
-            self.encoder = Encoder(lock.sysid, AVOIDANCE_COMPONENT)
+            self._speak_as(lock.sysid)
+
+    def _speak_as(self, sysid: int) -> None:
+        self.encoder, self.air_encoder = Encoder(sysid, AVOIDANCE_COMPONENT), Encoder(sysid, AVOIDANCE_COMPONENT)
 
     def receive_remote_id(self, datagram: bytes, source: Hashable, now_s: float, *, utc_s: float | None = None) -> None:
         """Take a datagram of the Remote ID link. Nothing in it can change anything but tracks.
@@ -139,7 +143,7 @@ class Engine:
         if _host(source) != _host(lock.source):
             self._counters["foreign_command"] += 1
             return
-        if len(self._replies) == MOST_REPLIES:
+        if len(self._answers) == MOST_REPLIES:
             self._counters["command_refused"] += 1
             return
         own = self.telemetry.state(now_s)
@@ -150,8 +154,7 @@ class Engine:
             self.goal = answer.goal
             self.rung = request(self.rung)
             self.steering.begin_leg()
-        ack = acknowledged(self.encoder, message, answer.result, frame.sysid, frame.compid)
-        self._replies.append((ack, source))
+        self._answers.append((message, answer.result, frame, source))
 
     # --- out ------------------------------------------------------------------------------------------------------
 
@@ -190,12 +193,12 @@ class Engine:
         else:
             self.setpoints.restart()
         self._watch_writers(output.decision.commanded_ned_mps, now_s)
-        output.replies, self._replies = self._replies, []
         if text := self.steering.detection_warning(record):
             output.warnings.append(text)
         self._announcer.announce(
             output,
             self.encoder,
+            self.air_encoder,
             self.telemetry,
             state=self.rung.state,
             rivals=self.rivals,
@@ -203,6 +206,9 @@ class Engine:
             count=lambda: self.counters,
             now_s=now_s,
         )
+        answers, self._answers = self._answers, []
+        for message, result, frame, source in answers:
+            output.replies.append((acknowledged(self.encoder, message, result, frame.sysid, frame.compid), source))
         if self._broadcast is not None:
             self._transmit(self._broadcast, output, now_s, utc_s)
         return output
@@ -237,7 +243,7 @@ class Engine:
         telemetry = self.telemetry
         steers = telemetry.external_mode and not self.config.dry_run
         output.broadcasts = broadcast.datagrams(
-            self.encoder,
+            self.air_encoder,
             telemetry,
             now_s=now_s,
             utc_s=utc_s,

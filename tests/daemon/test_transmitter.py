@@ -99,6 +99,41 @@ def test_a_vehicle_goes_by_its_serial_number_and_the_next_one_not_by_that_of_the
     run(test)
 
 
+def test_each_link_counts_its_own_messages() -> None:
+    async def test() -> None:
+        numbers: dict[str, list[int]] = {"vehicle": [], "air": []}
+        enough = asyncio.Event()
+
+        def hear(where: str, data: bytes) -> None:
+            numbers[where] += [found.seq for found in parse_datagram(data, CRC_EXTRAS) if isinstance(found, Frame)]
+            if min(map(len, numbers.values())) >= 7:  # two heartbeats, and what is asked for in between
+                enough.set()
+
+        air = await open_link("udpin:127.0.0.1:0", lambda data, _: hear("air", data))
+        config = TransmitterConfig(
+            vehicle=parse_link_url("udpin:127.0.0.1:0"),
+            to=parse_link_url(f"udpout:127.0.0.1:{air.local_address[1]}"),
+            settings=BroadcastSettings(airframe_m=0.6, airframe_height_m=0.3),
+            vehicle_sysid=1,
+        )
+        transmitter, stop = Transmitter(config), asyncio.Event()
+        task = asyncio.create_task(transmitter.run(stop))
+        await asyncio.wait_for(transmitter.ready.wait(), PATIENCE_S)
+        assert transmitter.vehicle_address is not None
+        port = transmitter.vehicle_address[1]
+        vehicle = await open_link(f"udpout:127.0.0.1:{port}", lambda data, _: hear("vehicle", data))
+        vehicle.send(Emulated(autopilot=3).heartbeat())
+        await asyncio.wait_for(enough.wait(), PATIENCE_S)
+        stop.set()
+        await asyncio.wait_for(task, PATIENCE_S)
+        for link in (air, vehicle):
+            link.close()
+        for heard in numbers.values():
+            assert heard == list(range(heard[0], heard[0] + len(heard)))
+
+    run(test)
+
+
 def test_whoever_watches_cannot_end_the_transmission() -> None:
     async def test() -> None:
         told: list[dict[str, Any]] = []

@@ -7,11 +7,12 @@ import pytest
 
 from ridlink.engine import Engine
 from ridlink.failsafe import State
-from ridlink.mavlink.codec import Encoder, Message
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, Message
+from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.periodic import Periodic
 from tests.daemon.emulated import Emulated
 from tests.daemon.invariants import messages
-from tests.engine.flight import STEP_S, Flight, config, intruder
+from tests.engine.flight import STEP_S, Flight, config, intruder, reposition
 
 
 class Stubborn(Emulated):
@@ -85,6 +86,20 @@ def test_heartbeats_go_to_the_vehicle_and_to_the_air() -> None:
     to_air = [frame for output in flight.outputs for frame in output.to_air]
     assert len(to_air) == 3
     assert (to_air[-1][5], to_air[-1][6]) == (7, 196)
+
+
+def test_each_link_counts_its_own_messages_so_that_nobody_sees_a_loss() -> None:
+    flight = Flight(Emulated(autopilot=3), config(broadcast=True))
+    flight.step(10)
+    assert flight.command("COMMAND_INT", **reposition()) == 0
+    flight.step(10)
+    to_vehicle, to_air = b"", b""
+    for output in flight.outputs:
+        to_vehicle += b"".join((*output.to_vehicle, *(answer for answer, _ in output.replies)))
+        to_air += b"".join((*output.to_air, *output.broadcasts))
+    for sent in (to_vehicle, to_air):
+        numbers = [frame.seq for frame in parse_datagram(sent, CRC_EXTRAS, limit=None) if isinstance(frame, Frame)]
+        assert numbers == list(range(len(numbers))) and len(numbers) > 20
 
 
 def test_before_an_autopilot_is_heard_the_air_is_left_alone() -> None:
