@@ -12,13 +12,14 @@ encounters  encounters of pairs: opened, followed, closed
 
 from __future__ import annotations
 
-from ridlink.observer.discs import pair_discs, rings
+from ridlink.observer.discs import discs_at, largest_disc, rings
 from ridlink.observer.encounters import Encounter, EncounterLog, Phase
 from ridlink.observer.known import Aircraft
-from ridlink.observer.pairs import Pairs, closing_times, least_margin, nearest_of, pairs_at, pairs_of
+from ridlink.observer.near import within
+from ridlink.observer.pairs import Pairs, least_margin, nearest_of, pairs_at, pairs_of
 from ridlink.observer.scene import Scene
 from ridlink.observer.sky import Sky
 from ridlink.observer.states import aircraft_states
 
-__all__ = ["Aircraft", "Encounter", "EncounterLog", "Pairs", "Phase", "Scene", "Sky", "aircraft_states",
-           "closing_times", "least_margin", "nearest_of", "pair_discs", "pairs_at", "pairs_of", "rings"]  # fmt: skip
+__all__ = ["Aircraft", "Encounter", "EncounterLog", "Pairs", "Phase", "Scene", "Sky", "aircraft_states", "discs_at",
+           "largest_disc", "least_margin", "nearest_of", "pairs_at", "pairs_of", "rings", "within"]  # fmt: skip

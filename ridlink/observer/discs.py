@@ -22,21 +22,6 @@ from ridlink.separation.definitions import (
 )
 
 
-def pair_discs(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> FloatArray:
-    """Radius of the disc of every pair [m].
-
-    Args:
-        scene: All n aircraft.
-        definition: Separation definition, which decides what fields count.
-        eta: Parameter of ``chance`` only.
-
-    Returns:
-        Symmetric, shape (n, n); the diagonal has no meaning.
-    """
-    everybody = np.arange(len(scene))
-    return discs_at(scene, everybody[:, None], everybody, definition, eta=eta)
-
-
 def discs_at(
     scene: Scene, first: Places, second: Places, definition: Definition, *, eta: float = DEFAULT_ETA
 ) -> FloatArray:
@@ -62,12 +47,13 @@ def discs_at(
     ).radius_m
 
 
-def largest_disc(scene: Scene, definition: Definition) -> float:
+def largest_disc(scene: Scene, definition: Definition, *, eta: float = DEFAULT_ETA) -> float:
     """Upper bound of the discs of all pairs [m]: the disc of two aircraft with the largest reported values of all.
 
     Args:
         scene: All aircraft, at least one.
         definition: Separation definition, which decides what fields count.
+        eta: Parameter of ``chance`` only.
     """
     worst = Reported(
         bounded_airframe(scene.airframe_m).max(),
@@ -77,7 +63,7 @@ def largest_disc(scene: Scene, definition: Definition) -> float:
     )
     interval = bounded_interval(scene.interval_s.max())
     neighbours = max(1, len(scene) - 1)
-    discs = separation_discs(definition, worst, worst, interval_s=interval, neighbours=neighbours)
+    discs = separation_discs(definition, worst, worst, interval_s=interval, eta=eta, neighbours=neighbours)
     return float(discs.radius_m)
 
 

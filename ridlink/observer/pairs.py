@@ -10,6 +10,7 @@ import numpy as np
 from ridlink.observer.discs import discs_at, largest_disc
 from ridlink.observer.near import meeting, within
 from ridlink.observer.scene import CONSIDERED_M, BoolArray, FloatArray, Places, Scene
+from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition
 
 HORIZON_S = 30.0
@@ -88,15 +89,16 @@ def pairs_of(scene: Scene, definition: Definition) -> Pairs:
     return pairs.only(pairs.entry_s <= HORIZON_S)
 
 
-def pairs_at(scene: Scene, first: Places, second: Places, definition: Definition) -> Pairs:
+def pairs_at(scene: Scene, first: Places, second: Places, definition: Definition, *, eta: float = DEFAULT_ETA) -> Pairs:
     """Facts of given pairs of a scene.
 
     Args:
         scene: All aircraft.
         first, second: Indices of the two of each pair, shape (k,).
         definition: What sizes the discs.
+        eta: Parameter of ``chance`` only.
     """
-    radius, apart = discs_at(scene, first, second, definition), scene.apart_at(first, second)
+    radius, apart = discs_at(scene, first, second, definition, eta=eta), scene.apart_at(first, second)
     north, east = (scene.position_ne_m[second] - scene.position_ne_m[first]).T
     distance_square = north * north + east * east
     distance = np.sqrt(distance_square)
@@ -178,25 +180,6 @@ def _further_and_further(
         if is_all:
             return
         reach *= FURTHER
-
-
-def closing_times(scene: Scene, radius_m: FloatArray) -> FloatArray:
-    """Time until each pair enters its disc if both fly on [s].
-
-    Args:
-        scene: All n aircraft.
-        radius_m: Radii of the discs of the pairs, shape (n, n).
-
-    Returns:
-        0 inside, infinite if never or at safely different heights, shape (n, n).
-    """
-    gaps = scene.gaps()
-    entry = np.full(radius_m.shape, np.inf)
-    beyond = gaps.distance_square_m2.take(gaps.nearing) - radius_m.take(gaps.nearing) ** 2
-    entry.put(gaps.nearing, _entry(beyond, gaps.closing, gaps.square))
-    entry = np.asarray(np.minimum(entry, entry.T))
-    entry[gaps.counted & (gaps.distance_m < radius_m)] = 0.0
-    return entry
 
 
 def _closing(scene: Scene, first: Places, second: Places) -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,26 +18,6 @@ Places = NDArray[np.intp]
 VERTICAL_HORIZON_S = 8.0
 CONSIDERED_M = 2000.0
 """Pairs further apart than this do not count."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Gaps:
-    """Distances and closing speeds of the n vehicles of a scene, independent of the definition.
-
-    Attributes:
-        distance_m, distance_square_m2: Between centres, shape (n, n).
-        counted: Mask of pairs within 2 km and not at safely different heights, without the diagonal, shape (n, n).
-        nearing: Flat indices into (n, n) of counted pairs that come nearer, each once, shape (k,).
-        closing: For these pairs, offset times relative velocity, positive [m2/s], shape (k,).
-        square: For these pairs, square of the relative speed [m2/s2], shape (k,).
-    """
-
-    distance_m: FloatArray
-    distance_square_m2: FloatArray
-    counted: BoolArray
-    nearing: NDArray[np.intp]
-    closing: FloatArray
-    square: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +63,6 @@ class Scene:
     command_ne_mps: FloatArray
     avoiding: BoolArray
     merged: frozenset[int] = frozenset()
-    _apart: list[BoolArray] = field(default_factory=list, init=False, repr=False)
-    _gaps: list[Gaps] = field(default_factory=list, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -108,48 +86,6 @@ class Scene:
             names=tuple(self.names[at] for at in kept),
             **arrays,
         )
-
-    def apart(self) -> BoolArray:
-        """Pairs that are known to fly at safely different heights, shape (n, n); computed once, do not change it."""
-        if not self._apart:
-            self._apart.append(self._known_apart())
-        return self._apart[0]
-
-    def gaps(self) -> Gaps:
-        """Distances and closing speeds of all pairs; computed once, do not change it."""
-        if not self._gaps:
-            self._gaps.append(self._between())
-        return self._gaps[0]
-
-    def _between(self) -> Gaps:
-        # One axis at a time: arrays whose last axis has length 2 are several times as slow.
-        north, east = np.ascontiguousarray(self.position_ne_m.T)
-        to_north, to_east = np.ascontiguousarray(self.velocity_ne_mps.T)
-        r_north, r_east = north - north[:, None], east - east[:, None]
-        distance_square = r_north * r_north + r_east * r_east
-        counted = ~self.apart() & (distance_square <= CONSIDERED_M**2)
-        np.fill_diagonal(counted, False)
-        # Each pair once, the first of a row before the second.
-        each = np.flatnonzero(counted & np.less.outer(np.arange(len(self)), np.arange(len(self))))
-        i, j = np.divmod(each, max(len(self), 1))
-        v_north, v_east = to_north[j] - to_north[i], to_east[j] - to_east[i]
-        closing = -(r_north.take(each) * v_north + r_east.take(each) * v_east)
-        nearing = np.flatnonzero(closing > 0.0)
-        v_north, v_east = v_north.take(nearing), v_east.take(nearing)
-        return Gaps(
-            np.sqrt(distance_square),
-            distance_square,
-            counted,
-            each.take(nearing),
-            closing.take(nearing),
-            v_north * v_north + v_east * v_east,
-        )
-
-    def _known_apart(self) -> BoolArray:
-        apart = np.zeros((len(self), len(self)), np.bool_)
-        i, j = np.nonzero(self.altitude_m - self.altitude_m[:, None] > RESERVE_M)  # each pair once
-        apart[i, j] = apart[j, i] = self.apart_at(i, j)
-        return apart
 
     def apart_at(self, first: Places, second: Places) -> BoolArray:
         """Whether given pairs are known to fly at safely different heights.

@@ -132,13 +132,16 @@ class Report:
         before, self._before = self._before, scene
         if len(scene) < 2:
             return
-        approach = nearest_since(before, scene)
-        i, j = divmod(int(approach.distance_m.argmin()), len(scene))
-        distance_m = float(approach.distance_m[i, j])
-        if math.isfinite(distance_m) and (self.closest is None or distance_m < self.closest.distance_m):
+        closest_m = math.inf if self.closest is None else self.closest.distance_m
+        approach = nearest_since(before, scene, closest_m)
+        if not len(approach.first):
+            return
+        at = approach.distance_m.argmin()
+        i, j, distance_m = approach.first[at], approach.second[at], float(approach.distance_m[at])
+        if distance_m < closest_m:
             errors = float(scene.error_bound_m[i]), float(scene.error_bound_m[j])
             pair = scene.names[i], scene.names[j]
-            self.closest = Closest(pair, float(approach.time_s[i, j]), distance_m, errors)
+            self.closest = Closest(pair, float(approach.time_s[at]), distance_m, errors)
 
 
 def encounter_row(encounter: Encounter, definition: Definition, *, at_end: bool = False) -> dict[str, Any]:

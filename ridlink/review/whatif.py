@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from ridlink.avoidance.settings import HalfplaneSettings
-from ridlink.observer import Scene, closing_times, pair_discs
+from ridlink.observer import Scene, largest_disc, pairs_at
 from ridlink.observer.encounters import CLOSES_AFTER_S
-from ridlink.observer.scene import BoolArray, FloatArray
+from ridlink.observer.scene import BoolArray
 from ridlink.review.approach import Approach, nearest_since
 from ridlink.separation.chance import DEFAULT_ETA
 from ridlink.separation.definitions import Definition, bounded_airframe
@@ -147,11 +147,15 @@ class WhatIf:
             self._tidy(scene)
         if len(scene) < 2:
             return
-        approach = nearest_since(before, scene)
+        # What is further apart has no alert, no MAC and no less margin than before.
+        largest_m = max(
+            1.001 * largest_disc(scene, judgement.definition, eta=self._eta) + max(0.0, judgement.margin_m)
+            for judgement in self.judgements
+        )
+        approach = nearest_since(before, scene, largest_m, ahead_s=self._ahead_s)
         macs = self._new_macs(scene, approach)
         for judgement in self.judgements:
-            radius = pair_discs(scene, judgement.definition, eta=self._eta)
-            self._judge(judgement, scene, approach, radius, macs)
+            self._judge(judgement, scene, approach, macs)
 
     def end(self) -> None:
         """Finish: the recording is over."""
@@ -159,52 +163,47 @@ class WhatIf:
             judgement.fold(list(judgement.open))
         self._begin()
 
-    def _new_macs(self, scene: Scene, approach: Approach) -> set[tuple[int, int]]:
-        """Indices of pairs that touch now and have not touched for a while."""
+    def _new_macs(self, scene: Scene, approach: Approach) -> list[int]:
+        """Those of the pairs, by their place, that touch now and have not touched for a while."""
         size = bounded_airframe(scene.airframe_m)
-        touching = approach.distance_m < (size[:, None] + size[None, :]) / 2.0
-        new = set()
-        for i, j in _pairs(touching):
-            key = _key(scene, i, j)
+        touching = approach.distance_m < (size[approach.first] + size[approach.second]) / 2.0
+        new = []
+        for at in _places(touching):
+            key = _key(scene, approach, at)
             if scene.time_s - self._collided.get(key, -math.inf) > CLOSES_AFTER_S:
-                new.add((i, j))
+                new.append(at)
             self._collided[key] = scene.time_s
         return new
 
-    def _judge(
-        self,
-        judgement: Judgement,
-        scene: Scene,
-        approach: Approach,
-        radius_m: FloatArray,
-        macs: set[tuple[int, int]],
-    ) -> None:
-        margin = approach.distance_m - radius_m
+    def _judge(self, judgement: Judgement, scene: Scene, approach: Approach, macs: list[int]) -> None:
+        pairs = pairs_at(scene, approach.first, approach.second, judgement.definition, eta=self._eta)
+        margin = approach.distance_m - pairs.radius_m
         inside = margin < 0.0
-        alerting = inside | (closing_times(scene, radius_m) <= self._ahead_s)
-        for i, j in macs:
-            one = self._ledger(judgement, scene, i, j)
-            at_s = float(approach.time_s[i, j])
+        alerting = inside | (pairs.entry_s <= self._ahead_s)
+        for at in macs:
+            one = self._ledger(judgement, scene, approach, at)
+            at_s = float(approach.time_s[at])
             announced = at_s - one.last_s <= CLOSES_AFTER_S and one.begun_s < at_s
             one.macs += 1
             one.unannounced += not announced
             if announced:
                 one.warning_s = min(one.warning_s, at_s - one.begun_s)
-        for i, j in _pairs(alerting):
-            one = self._ledger(judgement, scene, i, j)
+        for at in _places(alerting):
+            one = self._ledger(judgement, scene, approach, at)
             if scene.time_s - one.last_s > CLOSES_AFTER_S:
                 one.alerts, one.begun_s, one.is_inside = one.alerts + 1, scene.time_s, False
             one.last_s = scene.time_s
-            one.alert_s += float(approach.lasted_s[i, j])
-            if inside[i, j] and not one.is_inside:
+            one.alert_s += float(approach.lasted_s[at])
+            if inside[at] and not one.is_inside:
                 one.entered, one.is_inside = one.entered + 1, True
-            one.note(float(margin[i, j]), float(approach.time_s[i, j]), one.pair)
+            one.note(float(margin[at]), float(approach.time_s[at]), one.pair)
         others = np.where(alerting, np.inf, margin)
-        i, j = divmod(int(others.argmin()), len(scene))
-        judgement.note(float(others[i, j]), float(approach.time_s[i, j]), (scene.names[i], scene.names[j]))
+        if len(others):
+            at = int(others.argmin())
+            judgement.note(float(others[at]), float(approach.time_s[at]), _names(scene, approach, at))
 
-    def _ledger(self, judgement: Judgement, scene: Scene, i: int, j: int) -> _Ledger:
-        key, names = _key(scene, i, j), (scene.names[i], scene.names[j])
+    def _ledger(self, judgement: Judgement, scene: Scene, approach: Approach, at: int) -> _Ledger:
+        key, names = _key(scene, approach, at), _names(scene, approach, at)
         one = judgement.open.setdefault(key, _Ledger(pair=names, seen_s=scene.time_s))
         one.pair, one.seen_s = names, scene.time_s
         return one
@@ -220,11 +219,15 @@ class WhatIf:
         }
 
 
-def _pairs(which: BoolArray) -> list[tuple[int, int]]:
-    places = np.nonzero(np.triu(which, 1))
-    return list(zip(places[0].tolist(), places[1].tolist(), strict=True))
+def _places(which: BoolArray) -> list[int]:
+    places: list[int] = np.flatnonzero(which).tolist()
+    return places
 
 
-def _key(scene: Scene, i: int, j: int) -> Pair:
-    one, other = scene.numbers[i], scene.numbers[j]
+def _key(scene: Scene, approach: Approach, at: int) -> Pair:
+    one, other = scene.numbers[approach.first[at]], scene.numbers[approach.second[at]]
     return (one, other) if one < other else (other, one)
+
+
+def _names(scene: Scene, approach: Approach, at: int) -> tuple[str, str]:
+    return scene.names[approach.first[at]], scene.names[approach.second[at]]

@@ -5,13 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from ridlink.geodesy import Geodetic, geodetic_from_ned
 from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
-from ridlink.observer import Sky
+from ridlink.observer import Scene, Sky, discs_at
+from ridlink.observer.scene import FloatArray
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import STATUS_AIRBORNE, BasicId, Location, RemoteIdMessage, Separation
+from ridlink.separation.definitions import Definition
 
 HOME = Geodetic(47.3977, 8.5456, 500.0)
 
@@ -105,3 +110,40 @@ def seen(flyers: list[Flyer], until_s: float, **options: float) -> Sky:
     for time_s, frame in frames(flyers, until_s):
         sky.receive(frame, time_s)
     return sky
+
+
+def a_crowd(seed: int, count: int, side_m: float) -> Scene:
+    """Some of them stand, some at one place, some are unknown in part or boast."""
+    draws = np.random.default_rng(seed)
+
+    def some(values: Any, share: float, instead: float) -> Any:
+        return np.where(draws.random(count) < share, instead, values)
+
+    velocity = draws.uniform(-20.0, 20.0, (count, 2)) * (draws.random((count, 1)) < 0.8)
+    place = draws.uniform(-side_m / 2.0, side_m / 2.0, (count, 2))
+    place[draws.random(count) < 0.1] = side_m / 3.0
+    return Scene(
+        time_s=0.0,
+        numbers=tuple(range(count)),
+        names=tuple(map(str, range(count))),
+        position_ne_m=place,
+        velocity_ne_mps=velocity,
+        speed_mps=some(np.hypot(*velocity.T), 0.1, np.nan),
+        airframe_m=some(draws.uniform(0.1, 8.0, count), 0.2, np.nan),
+        error_bound_m=some(some(draws.uniform(0.0, 20.0, count), 0.2, np.nan), 0.05, 500.0),
+        accuracy_bound_m=some(draws.uniform(1.0, 30.0, count), 0.2, np.nan),
+        interval_s=draws.uniform(0.05, 3.0, count),
+        age_s=draws.uniform(0.0, 2.0, count),
+        altitude_m=some(draws.uniform(0.0, 120.0, count), 0.2, np.nan),
+        climb_mps=draws.uniform(-3.0, 3.0, count),
+        vertical_error_m=some(draws.uniform(0.0, 10.0, count), 0.2, np.nan),
+        airframe_height_m=draws.uniform(0.1, 1.0, count),
+        command_ne_mps=np.full((count, 2), np.nan),
+        avoiding=np.ones(count, np.bool_),
+    )
+
+
+def all_discs(scene: Scene, definition: Definition) -> FloatArray:
+    """Radius of the disc of every pair, shape (n, n); the diagonal has no meaning."""
+    everybody = np.arange(len(scene))
+    return discs_at(scene, everybody[:, None], everybody, definition)

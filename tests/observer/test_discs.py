@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ridlink.observer import pair_discs, rings
+from ridlink.observer import rings
 from ridlink.separation.definitions import Definition
-from tests.observer.flights import Flyer, seen
+from tests.observer.flights import Flyer, all_discs, seen
 
 FLYERS = [
     Flyer(1, (0.0, 0.0), (10.0, 0.0), airframe_m=0.6, error_m=6.0),
@@ -19,7 +19,7 @@ ADDITIVE = [definition for definition in Definition if definition is not Definit
 
 @pytest.mark.parametrize("definition", list(Definition))
 def test_discs_are_those_of_the_definition_whoever_looks(definition: Definition) -> None:
-    radius = pair_discs(seen(FLYERS, 2.0).at(2.0), definition)
+    radius = all_discs(seen(FLYERS, 2.0).at(2.0), definition)
     assert radius == pytest.approx(radius.T)
     assert np.isfinite(radius).all() and (radius >= 0.6).all()
     if definition is Definition.CANDIDATE2:
@@ -30,7 +30,7 @@ def test_discs_are_those_of_the_definition_whoever_looks(definition: Definition)
 @pytest.mark.parametrize("definition", ADDITIVE)
 def test_where_outer_rings_touch_the_pair_is_at_its_distance(definition: Definition) -> None:
     scene = seen(FLYERS, 2.0).at(2.0)
-    radius, outer = pair_discs(scene, definition), rings(scene, definition)[:, 2]
+    radius, outer = all_discs(scene, definition), rings(scene, definition)[:, 2]
     for i in range(3):
         for j in range(i):
             assert outer[i] + outer[j] == pytest.approx(radius[i, j], abs=0.06)

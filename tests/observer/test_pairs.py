@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +12,8 @@ from hypothesis import strategies as st
 from ridlink.observer import (
     Scene,
     Sky,
-    closing_times,
     least_margin,
     nearest_of,
-    pair_discs,
     pairs_at,
     pairs_of,
 )
@@ -24,7 +21,7 @@ from ridlink.observer import pairs as under_test
 from ridlink.observer.scene import CONSIDERED_M
 from ridlink.separation.definitions import Definition
 from ridlink.traffic.altitude import known_apart, vertical_bound
-from tests.observer.flights import HOME, Flyer, frames
+from tests.observer.flights import HOME, Flyer, a_crowd, frames
 
 metres = st.floats(-900.0, 900.0)
 speeds = st.floats(-15.0, 15.0)
@@ -59,37 +56,6 @@ def test_whoever_flies_on_until_then_stands_on_the_edge_of_the_disc(places: list
             assert np.hypot(*along.T).min() > radius - 1e-6, "never"
 
 
-def a_crowd(seed: int, count: int, side_m: float) -> Scene:
-    """Some of them stand, some at one place, some are unknown in part or boast."""
-    draws = np.random.default_rng(seed)
-
-    def some(values: Any, share: float, instead: float) -> Any:
-        return np.where(draws.random(count) < share, instead, values)
-
-    velocity = draws.uniform(-20.0, 20.0, (count, 2)) * (draws.random((count, 1)) < 0.8)
-    place = draws.uniform(-side_m / 2.0, side_m / 2.0, (count, 2))
-    place[draws.random(count) < 0.1] = side_m / 3.0
-    return Scene(
-        time_s=0.0,
-        numbers=tuple(range(count)),
-        names=tuple(map(str, range(count))),
-        position_ne_m=place,
-        velocity_ne_mps=velocity,
-        speed_mps=some(np.hypot(*velocity.T), 0.1, np.nan),
-        airframe_m=some(draws.uniform(0.1, 8.0, count), 0.2, np.nan),
-        error_bound_m=some(some(draws.uniform(0.0, 20.0, count), 0.2, np.nan), 0.05, 500.0),
-        accuracy_bound_m=some(draws.uniform(1.0, 30.0, count), 0.2, np.nan),
-        interval_s=draws.uniform(0.05, 3.0, count),
-        age_s=draws.uniform(0.0, 2.0, count),
-        altitude_m=some(draws.uniform(0.0, 120.0, count), 0.2, np.nan),
-        climb_mps=draws.uniform(-3.0, 3.0, count),
-        vertical_error_m=some(draws.uniform(0.0, 10.0, count), 0.2, np.nan),
-        airframe_height_m=draws.uniform(0.1, 1.0, count),
-        command_ne_mps=np.full((count, 2), np.nan),
-        avoiding=np.ones(count, np.bool_),
-    )
-
-
 @pytest.mark.parametrize("definition", Definition)
 @pytest.mark.parametrize("side_m", [100.0, 1000.0, 6000.0, 50_000.0])
 def test_nobody_is_missed_by_not_looking_at_all_pairs(
@@ -98,16 +64,18 @@ def test_nobody_is_missed_by_not_looking_at_all_pairs(
     monkeypatch.setattr(under_test, "FEW", 1)
     for seed, count in enumerate((1, 2, 3, 31, 32, 33, 150)):
         scene = a_crowd(seed, count, side_m)
-        radius, apart = pair_discs(scene, definition), scene.apart()
-        entry, distance = closing_times(scene, radius), scene.gaps().distance_m
+        everybody = pairs_at(scene, *np.triu_indices(count, 1), definition)
+        theirs = everybody.only(everybody.entry_s <= under_test.HORIZON_S)
         pairs = pairs_of(scene, definition)
-        first, second = np.nonzero(np.triu(entry <= under_test.HORIZON_S, 1))
-        assert np.array_equal(pairs.first, first) and np.array_equal(pairs.second, second)
-        assert np.allclose(pairs.entry_s, entry[first, second], rtol=1e-9)
-        assert np.allclose(pairs.distance_m, distance[first, second]) and not pairs.apart.any()
-        assert np.allclose(pairs.radius_m, radius[first, second], rtol=1e-12)
+        assert np.array_equal(pairs.first, theirs.first) and np.array_equal(pairs.second, theirs.second)
+        assert np.allclose(pairs.entry_s, theirs.entry_s, rtol=1e-9)
+        assert np.allclose(pairs.distance_m, theirs.distance_m) and not pairs.apart.any()
+        assert np.allclose(pairs.radius_m, theirs.radius_m, rtol=1e-12)
 
-        margin = np.where(apart | np.eye(count, dtype=np.bool_), np.inf, distance - radius)
+        margin, distance = np.full((2, count, count), np.inf)
+        for i, j in ((everybody.first, everybody.second), (everybody.second, everybody.first)):
+            distance[i, j] = everybody.distance_m
+            margin[i, j] = np.where(everybody.apart, np.inf, everybody.distance_m - everybody.radius_m)
         nearest = nearest_of(scene, definition)
         alone = ~np.isfinite(margin.min(axis=1))
         assert np.array_equal(nearest.who < 0, alone)
@@ -130,6 +98,8 @@ def test_a_pair_is_apart_as_one_of_the_two_would_find_it_alone(told: list[tuple[
     flyers = [Flyer(k + 1, (300.0 * k, 0.0), (0.0, 0.0)) for k in range(len(told))]
     scene = replace(scene_of(flyers), altitude_m=altitude, vertical_error_m=error, airframe_height_m=height,
                     climb_mps=climb, age_s=age)  # fmt: skip
+    first, second = np.indices((len(told), len(told))).reshape(2, -1)
+    apart = scene.apart_at(first, second).reshape(len(told), len(told))
     for i in range(len(told)):
         for j in range(len(told)):
             above = altitude[j] - altitude[i]
@@ -141,7 +111,7 @@ def test_a_pair_is_apart_as_one_of_the_two_would_find_it_alone(told: list[tuple[
                 age_s=max(age[i], age[j]),
                 horizon_s=8.0,
             )
-            assert scene.apart()[i, j] == known_apart(above, bound)
+            assert apart[i, j] == known_apart(above, bound)
 
 
 def test_the_pair_in_most_danger_is_not_always_the_nearest_one() -> None:

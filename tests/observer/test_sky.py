@@ -22,6 +22,7 @@ from tests.traffic.reports import SETTINGS
 
 ONE = Flyer(1, (0.0, 0.0), (10.0, 0.0), b"ALPHA")
 TWO = Flyer(2, (400.0, 30.0), (-10.0, 0.0))
+FIRST = np.array([0])
 
 
 def test_everybody_is_where_he_says_in_metres_about_the_origin() -> None:
@@ -123,7 +124,7 @@ def test_a_part_of_a_scene_is_a_scene() -> None:
     part = scene.only(np.array([True, False, True]))
     assert part.names == (scene.names[0], scene.names[2]) and part.numbers == (scene.numbers[0], scene.numbers[2])
     assert part.position_ne_m == pytest.approx(scene.position_ne_m[[0, 2]]) and part.avoiding.shape == (2,)
-    assert scene.apart()[0, 2] and part.apart().shape == (2, 2) and part.apart()[0, 1]
+    assert scene.apart_at(FIRST, FIRST + 2) and part.apart_at(FIRST, FIRST + 1)
 
 
 def test_who_missed_reports_can_be_left_out() -> None:
@@ -159,9 +160,9 @@ def test_who_stands_on_the_ground_is_not_in_the_air() -> None:
 
 def test_heights_that_are_known_to_differ_are_apart_and_unknown_ones_are_not() -> None:
     high = replace(TWO, altitude_m=700.0)
-    assert seen([ONE, high], 1.0).at(1.0).apart()[0, 1]
-    assert not seen([ONE, replace(high, extended=False)], 1.0).at(1.0).apart()[0, 1]
-    assert not seen([ONE, TWO], 1.0).at(1.0).apart()[0, 1]
+    assert seen([ONE, high], 1.0).at(1.0).apart_at(FIRST, FIRST + 1)
+    assert not seen([ONE, replace(high, extended=False)], 1.0).at(1.0).apart_at(FIRST, FIRST + 1)
+    assert not seen([ONE, TWO], 1.0).at(1.0).apart_at(FIRST, FIRST + 1)
 
 
 @settings(max_examples=50, deadline=None)

@@ -18,7 +18,7 @@ from ridlink.review.approach import nearest_since
 from ridlink.view.recorded import read_history
 from tests.captures.conftest import START_US, tlog_bytes
 from tests.captures.pcap_files import ethernet, ipv4, pcap, udp
-from tests.observer.flights import Flyer, frames
+from tests.observer.flights import Flyer, a_crowd, frames
 from tests.review.recordings import NORTHBOUND, SOUTHBOUND, START_S, recorded, records
 
 
@@ -164,9 +164,30 @@ def test_the_approach_between_two_scenes_is_that_of_the_straight_lines(tmp_path:
     fast = Flyer(1, (-5.0, 0.0), (80.0, 0.0), b"FAST")
     still = Flyer(2, (0.0, 1.0), (0.0, 0.0), b"STILL")
     _, seen = walked(recorded(tmp_path / "f.tlog", [fast, still], 0.3))
-    approach = nearest_since(seen.scenes[0], seen.scenes[1])
-    assert approach.distance_m[0, 1] == approach.distance_m[1, 0] == pytest.approx(1.0, abs=0.05)
-    assert approach.time_s[0, 1] - START_S == pytest.approx(5.0 / 80.0, abs=0.002)
-    assert np.isinf(np.diag(approach.distance_m)).all()
-    alone = nearest_since(None, seen.scenes[0])
-    assert alone.distance_m[0, 1] == pytest.approx(26**0.5, abs=0.05) and alone.lasted_s[0, 1] == 0.0
+    approach = nearest_since(seen.scenes[0], seen.scenes[1], np.inf)
+    assert (approach.first.tolist(), approach.second.tolist()) == ([0], [1])
+    assert approach.distance_m == pytest.approx([1.0], abs=0.05)
+    assert approach.time_s - START_S == pytest.approx([5.0 / 80.0], abs=0.002)
+    alone = nearest_since(None, seen.scenes[0], np.inf)
+    assert alone.distance_m == pytest.approx([26**0.5], abs=0.05) and alone.lasted_s == 0.0
+
+
+@given(st.floats(0.0, 1200.0), st.floats(0.0, 10.0), st.integers(0, 99))
+def test_pairs_that_did_not_come_so_near_are_left_out_and_no_others(within_m: float, ahead_s: float, seed: int) -> None:
+    before = replace(a_crowd(seed, 40, 1000.0), time_s=-10.0)
+    scene = replace(a_crowd(seed + 1, 40, 1000.0), numbers=tuple(range(10, 50)))  # the last ten are new
+    everybody, some = nearest_since(before, scene, np.inf), nearest_since(before, scene, within_m, ahead_s=ahead_s)
+    offsets = np.diff(scene.position_ne_m[[everybody.first, everybody.second]], axis=0)[0]
+    speeds = np.diff(scene.velocity_ne_mps[[everybody.first, everybody.second]], axis=0)[0]
+    then = np.hypot(*(offsets + ahead_s * speeds).T)
+    wanted = (everybody.distance_m <= within_m) | (then <= within_m)
+    found = np.isin(40 * everybody.first + everybody.second, 40 * some.first + some.second)
+    assert found[wanted].all() and len(some.first) == found.sum()
+    for name in ("first", "second", "distance_m", "time_s", "lasted_s"):
+        assert np.array_equal(getattr(everybody, name)[found], getattr(some, name))
+
+
+def test_of_many_that_are_far_from_each_other_few_pairs_are_looked_at() -> None:
+    scene = a_crowd(1, 500, 20_000.0)
+    apart = replace(scene, position_ne_m=scene.position_ne_m + 30.0 * np.arange(500)[:, None])
+    assert len(nearest_since(None, apart, 100.0).first) < 1000 < len(nearest_since(None, apart, np.inf).first)

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from ridlink.observer import Scene
 from ridlink.review import Source, Walk, together
+from ridlink.review import whatif as under_test
+from ridlink.review.approach import Approach, nearest_since
 from ridlink.review.whatif import AHEAD_S, WhatIf
 from ridlink.separation.definitions import Definition
 from tests.captures.conftest import START_US, tlog_bytes
@@ -85,6 +90,30 @@ def test_what_was_said_of_somebody_who_is_another_is_taken_back(tmp_path: Path) 
     shadow = replace(NORTHBOUND, sysid=200, start_ne_m=(-200.2, 0.0), identity_from_s=3.0)
     row = judged(recorded(tmp_path / "f.tlog", [NORTHBOUND, shadow], 8.0))["candidate2"]
     assert (row["macs"], row["alerts"], row["entered"]) == (0, 0, 0)
+
+
+def test_nothing_is_missed_by_not_looking_at_all_pairs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    draws = np.random.default_rng(3)
+    crowd = [
+        Flyer(k + 1, tuple(draws.uniform(-600.0, 600.0, 2)), tuple(draws.uniform(-15.0, 15.0, 2)), error_m=5.0)
+        for k in range(40)
+    ]
+    log = recorded(tmp_path / "f.tlog", crowd, 12.0)
+    looked_at: list[int] = []
+
+    def nearest(before: Scene | None, scene: Scene, within_m: float, *, ahead_s: float, everywhere: bool) -> Approach:
+        approach = nearest_since(before, scene, np.inf if everywhere else within_m, ahead_s=ahead_s)
+        looked_at.append(len(approach.first))
+        return approach
+
+    rows, pairs = [], []
+    for everywhere in (True, False):
+        monkeypatch.setattr(under_test, "nearest_since", partial(nearest, everywhere=everywhere))
+        looked_at.clear()
+        rows.append(judged(log))
+        pairs.append(sum(looked_at))
+    assert rows[0] == rows[1] and rows[0]["candidate2"]["alerts"] > 1
+    assert pairs[1] < pairs[0] / 2
 
 
 def test_nobody_and_one_alone_have_no_margin(tmp_path: Path) -> None:

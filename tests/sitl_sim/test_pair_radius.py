@@ -10,7 +10,7 @@ import pytest
 
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
-from ridlink.observer import Sky, pair_discs
+from ridlink.observer import Sky
 from ridlink.remote_id.accuracy import AccuracyConvention
 from ridlink.scenario import Scenario, VehicleSpec
 from ridlink.separation.definitions import Definition
@@ -20,6 +20,7 @@ from sitl_sim.fleet import Fleet
 from sitl_sim.fleet_config import DEFAULT_HOME, FleetConfig
 from sitl_sim.pair_radius import pair_radius_under
 from sitl_sim.world import World
+from tests.observer.flights import all_discs
 
 VEHICLES = (
     VehicleSpec((0.0, 0.0, -50.0), (600.0, 0.0, -50.0), speed_mps=10.0, airframe_m=2.0, sigma_m=3.5),
@@ -68,7 +69,7 @@ def test_discs_are_those_of_who_hears_the_broadcasts(
     judged = pair_radius_under(definition, convention=convention)(world)
     scene = heard(world, convention).at(HEARD_S)
     others = ~np.eye(3, dtype=np.bool_)
-    assert judged[others] == pytest.approx(pair_discs(scene, definition)[others], abs=0.1)
+    assert judged[others] == pytest.approx(all_discs(scene, definition)[others], abs=0.1)
 
 
 def test_who_broadcasts_nothing_is_taken_as_it_is() -> None:
