@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterable
 
 import numpy as np
 from msgspec.structs import replace
@@ -21,6 +22,7 @@ from ridlink.observer.scene import FloatArray, Scene
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
 from ridlink.remote_id.assembler import ReportAssembler
 from ridlink.remote_id.bridge import REMOTE_ID_IDS, messages_of
+from ridlink.remote_id.messages import RemoteIdMessage
 from ridlink.remote_id.quantities import FieldRejects
 from ridlink.remote_id.report import RemoteIdReport, SourceKey
 from ridlink.separation.reference import REPORT_INTERVAL_S
@@ -76,8 +78,12 @@ class Sky:
         """
         if not frame.checked or frame.msgid not in REMOTE_ID_IDS:
             return None
+        return self.hear(frame, messages_of(decode_message(frame), self.rejects), now_s)
+
+    def hear(self, frame: Frame, said: Iterable[RemoteIdMessage], now_s: float) -> Aircraft | None:
+        """The same of a frame whose messages are known already."""
         moved = None
-        for part in messages_of(decode_message(frame), self.rejects):
+        for part in said:
             report = self._assembler.receive((frame.sysid, frame.compid), part, now_s)
             if report is not None:
                 moved = self.take(report, now_s) or moved

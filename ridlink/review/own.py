@@ -11,7 +11,7 @@ accuracy code of its own; PX4 does so on all links. The broadcast, or else the t
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ridlink.mavlink.codec import MESSAGES_BY_NAME, decode_message
@@ -19,14 +19,10 @@ from ridlink.mavlink.frames import Frame
 from ridlink.observer import Sky
 from ridlink.own_ship import AUTOPILOT_COMPONENT, OwnShipTelemetry
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention, coded_bound_m
-from ridlink.remote_id.bridge import messages_of
-from ridlink.remote_id.messages import STATUS_AIRBORNE, STATUS_ON_GROUND, BasicId, Location
+from ridlink.remote_id.messages import STATUS_AIRBORNE, STATUS_ON_GROUND, BasicId, Location, RemoteIdMessage
 from ridlink.remote_id.report import RemoteIdReport
 
 GLOBAL_POSITION = MESSAGES_BY_NAME["GLOBAL_POSITION_INT"].msgid
-ALWAYS_LOOKED_AT = frozenset(
-    MESSAGES_BY_NAME[name].msgid for name in ("OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_LOCATION")
-)
 TELEMETRY_IDS = frozenset(
     MESSAGES_BY_NAME[name].msgid
     for name in ("HEARTBEAT", "GPS_RAW_INT", "GLOBAL_POSITION_INT", "ESTIMATOR_STATUS", "EXTENDED_SYS_STATE")
@@ -71,15 +67,12 @@ class OwnVehicles:
         self._component: dict[int, int] = {}
         self._identity: dict[int, bytes] = {}
         self._telemetry: dict[int, _Telemetry] = {}
-        self._refused: Counter[str] = Counter()
 
-    def supersedes(self, frame: Frame, now_s: float) -> bool:
-        """Take a Remote ID frame. Whether it says less than broadcast or telemetry of its sender."""
+    def supersedes(self, frame: Frame, messages: Iterable[RemoteIdMessage], now_s: float) -> bool:
+        """Take a Remote ID frame and its messages. Whether it says less than broadcast or telemetry of its sender."""
         sysid = frame.sysid
-        if frame.msgid not in ALWAYS_LOOKED_AT and now_s - self._spoke_s.get(sysid, -math.inf) < RENEWED_S:
-            return False
         superseded = False
-        for said in messages_of(decode_message(frame), self._refused):
+        for said in messages:
             if said.id_or_mac is not None:
                 continue
             if isinstance(said, BasicId) and said.uas_id:

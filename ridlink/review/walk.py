@@ -15,10 +15,11 @@ from typing import Protocol
 
 import numpy as np
 
+from ridlink.mavlink.codec import decode_message
 from ridlink.mavlink.frames import Frame
 from ridlink.observer import Scene, Sky
 from ridlink.remote_id.accuracy import DEFAULT_CONVENTION, AccuracyConvention
-from ridlink.remote_id.bridge import REMOTE_ID_IDS
+from ridlink.remote_id.bridge import REMOTE_ID_IDS, messages_of
 from ridlink.review.own import OwnVehicles
 from ridlink.review.source import Timed
 from ridlink.separation.reference import REPORT_INTERVAL_S
@@ -98,8 +99,10 @@ class Walk:
         now_s = self._now_us / 1e6
         if frame.msgid not in REMOTE_ID_IDS:
             self.own.receive(frame, now_s)
-        elif not self.own.supersedes(frame, now_s):
-            self.sky.receive(frame, now_s)
+            return
+        said = messages_of(decode_message(frame), self.sky.rejects)
+        if not self.own.supersedes(frame, said, now_s):
+            self.sky.hear(frame, said, now_s)
 
     def end(self) -> None:
         """Finish: the recording is over."""
