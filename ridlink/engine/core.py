@@ -122,7 +122,8 @@ class Engine:
             self._speak_as(lock.sysid)
 
     def _speak_as(self, sysid: int) -> None:
-        self.encoder, self.air_encoder = Encoder(sysid, AVOIDANCE_COMPONENT), Encoder(sysid, AVOIDANCE_COMPONENT)
+        self.encoder, self.air_encoder, withheld = (Encoder(sysid, AVOIDANCE_COMPONENT) for _ in range(3))
+        self._steering_encoder = withheld if self.config.dry_run else self.encoder
 
     def receive_remote_id(self, datagram: bytes, source: Hashable, now_s: float, *, utc_s: float | None = None) -> None:
         """Take a datagram of the Remote ID link. Nothing in it can change anything but tracks.
@@ -369,12 +370,13 @@ class Engine:
     def _commands(self, wanted: Commands) -> list[bytes]:
         lock = self.telemetry.lock
         target = lock.sysid if lock is not None else 0
-        return [command(self.encoder, number, parameters, target) for number, parameters in wanted]
+        return [command(self._steering_encoder, number, parameters, target) for number, parameters in wanted]
 
     def _setpoint(self, velocity: Velocity, now_s: float) -> bytes:
         lock = self.telemetry.lock
         target = lock.sysid if lock is not None else 0
-        return self.setpoints.next(self.encoder, velocity, self.time_boot_ms(now_s), target, AUTOPILOT_COMPONENT)
+        time_boot_ms = self.time_boot_ms(now_s)
+        return self.setpoints.next(self._steering_encoder, velocity, time_boot_ms, target, AUTOPILOT_COMPONENT)
 
 
 def _host(source: Hashable) -> Hashable:
