@@ -235,7 +235,7 @@ def new_scratch(count: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
     """
     blocks = new_blocks(count)
     lanes = LANES * len(blocks)
-    lines = new_lines(obstacles.piece_count + REACH_SIDES, 2 * lanes, lanes)
+    lines = new_lines(2 * obstacles.piece_count + REACH_SIDES, 2 * lanes, lanes)
     width = lines.shape[1]
     return blocks, new_names(len(blocks)), lines, new_choice(width), new_choice(width)
 
@@ -243,4 +243,4 @@ def new_scratch(count: int, obstacles: Obstacles) -> tuple[np.ndarray, ...]:
 def has_room(scratch: tuple[np.ndarray, ...], obstacles: Obstacles) -> bool:
     """Whether a scratch is large enough for these obstacles, at the number of neighbours it was made for."""
     blocks, _, lines, *_ = scratch
-    return bool(obstacles.piece_count + REACH_SIDES <= lines.shape[1] - 3 * LANES * len(blocks))
+    return bool(2 * obstacles.piece_count + REACH_SIDES <= lines.shape[1] - 3 * LANES * len(blocks))

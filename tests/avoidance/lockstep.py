@@ -3,8 +3,9 @@
 Physics at 20 ms; every vehicle decides and reports at 10 Hz in a phase of its own. Reports arrive 0.1 to 0.3 s late and
 carry the position error of the sender; own positions carry the same error. North-east axes throughout.
 
-Flights begin at cruise or from a hover. Who has arrived is gone at once if it is ideal, as in the paper; with an
-autopilot it comes down where it is, and for so long it is an obstacle that avoids nobody.
+Flights begin at cruise towards the goal, from a hover, or at given velocities. Who has arrived is gone at once if it is
+ideal, as in the paper; with an autopilot it comes down where it is, and for so long it is an obstacle that avoids
+nobody.
 
 The responses are fits to what the two autopilots do with velocity setpoints: ArduPilot shapes its target with limited
 acceleration (2.5 m/s^2) and jerk (5 m/s^3) and follows it through a delay of 0.06 s and a lag of 0.1 s; PX4 closes a
@@ -254,6 +255,7 @@ def fly(
     airframe_m=(0.5, 2.0),
     watch=True,
     from_rest=False,
+    first_velocity=None,
     landing_s: float | None = None,
     keep_path=False,
     first_form=False,
@@ -272,7 +274,9 @@ def fly(
     cooperative = np.broadcast_to(plan.cooperative, shape)
     to_goal = goal - position
     velocity = to_goal / np.linalg.norm(to_goal, axis=-1, keepdims=True) * speed[..., None]
-    if from_rest:
+    if first_velocity is not None:
+        velocity = np.broadcast_to(first_velocity, velocity.shape).copy()
+    elif from_rest:
         velocity = np.where(cooperative[..., None], 0.0, velocity)
     model = RESPONSES[response](velocity)
     command = velocity.copy()

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ridlink.avoidance import keep_out, preference, turning
 from ridlink.avoidance.encounter import CLEAR_FACTOR, DODGE_MPS, EPSILON, HOLD_FACTOR
 from ridlink.avoidance.evasion import ACCELERATION_MPS2, DEEP, LESS_DEEP, REACTION_S, SOON_S
@@ -57,11 +59,11 @@ from ridlink.avoidance.rows import (
 from ridlink.avoidance.sift import HORIZON_RADII
 from tests.avoidance.way_in import way_in
 
-buffered_clearance, preferred_velocity, slowness, approach_speed, nearest_point, earlier_and_wider = map(
+buffered_clearance, preferred_velocity, slowness, approach_speed, braking_share, nearest_point, earlier_and_wider = map(
     way_in,
     (
         keep_out.buffered_clearance, preference.preferred_velocity, preference.slowness, keep_out.approach_speed,
-        keep_out.nearest_point, turning.earlier_and_wider,
+        keep_out.braking_share, keep_out.nearest_point, turning.earlier_and_wider,
     ),
 )  # fmt: skip
 
@@ -338,29 +340,41 @@ def time_to_entry(r_1, r_2, w_1, w_2, radius_m):
 
 
 def obstacle_half_planes(own, vertex, start, settings, lines, owner, normal):
-    """One hard half-plane for each convex piece that could matter; returns their number, and True while too near
-    one."""
-    used = 0
+    """One hard half-plane for each convex piece that could matter, two where it is folded; returns their number, and
+    True while too near one."""
+    walls = []
     inside = False
     limit = own[LIMIT]
+    v = np.array(own[VELOCITY : VELOCITY + 2])
     for piece in range(len(start) - 1):
         distance = nearest_point(vertex, start[piece], start[piece + 1], own[POSITION], own[POSITION + 1], normal)
         inside = inside or distance < own[CLEARANCE]
         gap = distance - buffered_clearance(own, settings)
         # What is left of the gap when the vehicle begins to obey; moving away earns nothing in advance.
-        gap += min(settings[RESPONSE] * (normal[0] * own[VELOCITY] + normal[1] * own[VELOCITY + 1]), 0.0)
+        toward = max(-(normal @ v), 0.0)
+        gap -= settings[RESPONSE] * toward
         if gap >= 0.0:
-            approach = approach_speed(
+            bound = -approach_speed(
                 gap, settings[OBSTACLE_HORIZON], settings[OBSTACLE_DECELERATION], settings[OBSTACLE_RESPONSE]
             )
-            if approach >= limit:
-                continue
-            bound = -approach
         else:
             bound = min(-gap * settings[BARRIER], settings[BARRIER_SHARE] * limit)
-        lines[used, 0], lines[used, 1], lines[used, 2] = normal[0], normal[1], bound
-        owner[used] = -1
-        used += 1
+        share = braking_share(gap, toward, settings[OBSTACLE_DECELERATION], settings[OBSTACLE_RESPONSE])
+        if bound > -limit or math.tan(math.asin(share)) * (norm(*v) + limit) > -bound - limit:
+            walls.append((normal.copy(), bound, share))
+    used = 0
+    out = sum((share * n for n, _, share in walls), np.zeros(2))
+    for n, bound, share in walls:
+        most = keep_out.MOST_BRAKING * max(out @ n, 0.0) / max(norm(*out), 1e-300)
+        angle = math.asin(min(share, most))
+        tangent = np.array([-n[1], n[0]])
+        # Both flanks go through the velocity that leads towards the obstacle at the bound, and along it as now.
+        edge = bound * n + (tangent @ v) * tangent
+        for turn in (angle, -angle) if angle > 0.0 else (0.0,):
+            flank = math.cos(turn) * n + math.sin(turn) * tangent
+            lines[used, 0], lines[used, 1], lines[used, 2] = *flank, flank @ edge
+            owner[used] = -1
+            used += 1
     return used, inside
 
 
@@ -453,9 +467,9 @@ def avoid_one(
         roadmap: Ways round them, `Roadmap`.
         route: Memory of the way round obstacles.
         settings: Constants, `HalfplaneSettings.as_vector`.
-        lines: Scratch for half-planes, shape (>= 3 count + pieces + 2, 3).
+        lines: Scratch for half-planes, shape (>= 3 count + 2 pieces + 2, 3).
         work: Scratch of the same shape.
-        owner: Scratch: neighbour of each half-plane, shape (>= 3 count + pieces,), int64.
+        owner: Scratch: neighbour of each half-plane, shape (>= 3 count + 2 pieces,), int64.
         result: Result, shape (RESULT_COLUMNS,).
 
     Returns:

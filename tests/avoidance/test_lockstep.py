@@ -23,6 +23,7 @@ from tests.avoidance.lockstep import (
     scene,
     square24,
 )
+from tests.avoidance.study_obstacles import AIRFRAME_M, fly_alone
 
 pytestmark = pytest.mark.no_cover
 
@@ -181,6 +182,14 @@ def test_twenty_four_vehicles_cross_a_square_round_an_obstacle():
     assert_safe_arrival(out, seed)
     assert out.least_obstacle_m.min() > 2.0
     assert np.median(out.arrival_s) < 72.0
+
+
+@pytest.mark.parametrize("shape", ["wall", "gate"])
+def test_who_is_sent_elsewhere_at_the_last_moment_touches_no_obstacle(shape):
+    """ArduPilot, which shares 2.5 m/s^2 between braking and turning, comes as fast as half-planes let it."""
+    out = fly_alone(shape, "ardupilot", 15.0, 0.02, flights=60)
+    assert out.least_obstacle_m.min() > AIRFRAME_M
+    assert out.arrived.all()
 
 
 def test_discs_wider_than_the_start_ring_still_let_everybody_through():

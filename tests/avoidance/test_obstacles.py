@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridlink.avoidance import keep_out
+from ridlink.avoidance import OwnShip, Traffic, keep_out
 from ridlink.avoidance.obstacles import Obstacles, signed_area
+from tests.avoidance.encounters import SOLVER
 from tests.avoidance.way_in import way_in
 
 nearest_point = way_in(keep_out.nearest_point)
@@ -98,3 +99,40 @@ def test_distance_is_signed_and_the_normal_leads_out(point, distance, normal):
     found = np.zeros(2)
     assert nearest_point(SQUARE, 0, 4, *point, found) == pytest.approx(distance)
     assert found == pytest.approx(normal)
+
+
+WALL = Obstacles.from_polygons([[(0, -400), (80, -400), (80, 400), (0, 400)]])
+CORNER = Obstacles.from_polygons(
+    [[(0, -400), (80, -400), (80, 400), (0, 400)], [(-400, 0), (0, 0), (0, 80), (-400, 80)]]
+)
+
+
+def sent_elsewhere(obstacles, position, velocity, goal):
+    """The velocity asked of a vehicle that would keep 3 m, with a buffer of 1 m."""
+    own = OwnShip(np.array(position), np.array(velocity), np.array(velocity), 0.6, 15.0)
+    return SOLVER.solve(
+        own, Traffic.empty(), goal_ne_m=goal, cruise_mps=15.0, obstacles=obstacles, own_clearance_m=3.0
+    ).velocity_ne_mps  # fmt: skip
+
+
+@given(along=st.floats(-10.0, 10.0), goal=st.floats(-300.0, 300.0))
+def test_who_comes_as_fast_as_it_can_stop_turns_no_more_than_braking_leaves(along, goal):
+    """At 8 m/s it stops in 8 m/s (1 s + 0.6 s) + 16 m: of 2.5 m/s^2, which it has in all, 2 must brake."""
+    velocity = np.array([8.0, along])
+    change = sent_elsewhere(WALL, (-(4.0 + 8.0 * 1.6 + 16.0), 0.0), velocity, (-30.0, goal)) - velocity
+    assert -change[0] >= 0.77 * np.linalg.norm(change) - 1e-6
+
+
+@given(along=st.floats(-12.0, 12.0), goal=st.sampled_from([-300.0, 300.0]))
+def test_who_flies_along_an_obstacle_turns_freely(along, goal):
+    found = sent_elsewhere(WALL, (-8.0, 0.0), (0.0, along), (-8.0, goal))
+    assert found[1] == pytest.approx(math.copysign(15.0, goal), abs=0.3)
+
+
+@given(st.floats(0.0, 2.0 * math.pi))
+def test_in_a_corner_the_way_out_stays_open(angle):
+    """Both walls ask for more than the vehicle has: it brakes, and turns neither into the one nor into the other."""
+    goal = (-150.0 + 100.0 * math.cos(angle), -150.0 + 100.0 * math.sin(angle))
+    found = sent_elsewhere(CORNER, (-32.0, -32.0), (8.0, 8.0), goal)
+    assert found[0] < 1.0
+    assert found[1] < 1.0

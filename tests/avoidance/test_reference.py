@@ -17,6 +17,12 @@ from ridlink.campaign.deciding import new_decider
 from tests.avoidance import reference_halfplane as plain
 
 SQUARE = Obstacles.from_polygons([[[40.0, -20.0], [80.0, -20.0], [80.0, 20.0], [40.0, 20.0]]])
+CORNER = Obstacles.from_polygons(
+    [
+        [[25.0, -60.0], [40.0, -60.0], [40.0, 60.0], [25.0, 60.0]],
+        [[-60.0, 20.0], [25.0, 30.0], [25.0, 45.0], [-60.0, 45.0]],
+    ]
+)
 NOTHING = Obstacles.from_polygons(())
 # The first one also knows contacts, see `contact_step_s`.
 SETTINGS = {
@@ -55,7 +61,7 @@ def decide_plainly(own: OwnShip, traffic: Traffic, goal, cruise, obstacles, clea
          traffic.error_sum_m, traffic.reciprocal]
     )  # fmt: skip
     memory, result = traffic.memory.copy(), rows.result_row()
-    lines = 3 * count + obstacles.piece_count
+    lines = 3 * count + 2 * obstacles.piece_count
     plain.avoid_one(
         vector, table, count, memory, obstacles.pieces,
         new_roadmap(obstacles), 0, constants.as_vector(),
@@ -68,17 +74,17 @@ def decide_plainly(own: OwnShip, traffic: Traffic, goal, cruise, obstacles, clea
 @settings(max_examples=300, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), count=st.integers(0, 26), extent_m=st.sampled_from([30.0, 150.0, 400.0]),
-    response=st.sampled_from([0.0, 1.0]), walled=st.booleans(), standing=st.booleans(),
+    response=st.sampled_from([0.0, 1.0]), obstacles=st.sampled_from([NOTHING, SQUARE, CORNER]), standing=st.booleans(),
     turn=st.sampled_from([0.0, 0.5]),
 )  # fmt: skip
 def test_every_number_of_the_decision_is_that_of_the_plain_form(
-    seed, count, extent_m, response, walled, standing, turn
+    seed, count, extent_m, response, obstacles, standing, turn
 ):
     random = np.random.default_rng(seed)
     velocity = np.zeros(2) if standing else random.uniform(-8.0, 8.0, 2)
     own = OwnShip(np.zeros(2), velocity, velocity + random.normal(0.0, 1.0, 2), 1.0, 10.0)
     traffic = drawn_traffic(random, count, extent_m)
-    goal, obstacles = random.uniform(-300.0, 300.0, 2), SQUARE if walled else NOTHING
+    goal = random.uniform(-300.0, 300.0, 2)
     wanted, memory = decide_plainly(own, traffic, goal, 9.0, obstacles, 5.0, turn, SETTINGS[response])
     found = SOLVERS[response].solve(
         own, traffic, goal_ne_m=goal, cruise_mps=9.0, obstacles=obstacles, own_clearance_m=5.0,
