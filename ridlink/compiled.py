@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy.ma  # noqa: F401 - numba asks for it at the first array; in two threads at once that recurses for ever
 from numba import config, njit, types
-from numba.core.caching import FunctionCache
+from numba.core.caching import CacheImpl, CompileResultCacheImpl, FunctionCache
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 
@@ -101,8 +101,30 @@ class _InnerKernel(CPUDispatcher):  # type: ignore[misc]
         )
 
 
+_NamedFolder: Any = CacheImpl._locator_classes[0]
+"""What keeps code in NUMBA_CACHE_DIR; its name differs between versions of numba."""
+
+
+class _ReadOnlyFolder(_NamedFolder):  # type: ignore[misc]
+    """NUMBA_CACHE_DIR in a container with a read-only disk: nothing is added to what was compiled when it was built."""
+
+    def ensure_cache_path(self) -> None:
+        """Check that there is such a folder.
+
+        Raises:
+            OSError: If there is none.
+        """
+        os.stat(self.get_cache_path())
+
+
+class _Placed(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = property(lambda _: [*CacheImpl._locator_classes, _ReadOnlyFolder])
+
+
 class _KernelCache(FunctionCache):  # type: ignore[misc]
     """Cache of the compiled code of one kernel."""
+
+    _impl_class = _Placed
 
     def __init__(self, plain: Callable[..., Any], sources: tuple[Path, ...]) -> None:
         super().__init__(plain)
@@ -139,10 +161,10 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
 def can_be_kept() -> bool:
     """Whether there is a place on disk for compiled code."""
     try:
-        _KernelCache(can_be_kept, ())
+        place = _KernelCache(can_be_kept, ())._impl.locator
     except RuntimeError:
         return False
-    return True
+    return not isinstance(place, _ReadOnlyFolder)
 
 
 @contextmanager
@@ -153,7 +175,7 @@ def compiling_alone(kernel: Any) -> Iterator[None]:
     other process may have been stopped.
     """
     folder = getattr(getattr(kernel, "_cache", None), "cache_path", None)
-    if folder is None:  # nothing is kept: each process compiles for itself
+    if folder is None or not can_be_kept():  # each process compiles for itself
         yield
         return
     with ExitStack() as until:

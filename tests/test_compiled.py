@@ -26,7 +26,7 @@ from numba.core.typing.context import BaseContext
 
 import ridlink
 from ridlink.captures.fast.calling import announce
-from ridlink.compiled import _KernelCache, compiling_alone, is_compiled, kernel_decorator
+from ridlink.compiled import _KernelCache, can_be_kept, compiling_alone, is_compiled, kernel_decorator
 from ridlink.compiler import instructions_for
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
@@ -155,6 +155,19 @@ def test_without_a_place_to_keep_them_kernels_are_compiled_all_the_same(monkeypa
     assert not is_compiled(kernel)
     with compiling_alone(kernel):  # with nobody to wait for
         assert kernel(3.0) == 1.5 and is_compiled(kernel)
+
+
+def test_kernels_in_a_folder_that_cannot_be_written_are_used(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As in a container whose disk is read-only: they were compiled when it was built."""
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    kernel = kernel_decorator([Path(__file__)])
+    assert can_be_kept() and kernel(halved)(3.0) == 1.5
+    monkeypatch.setattr(caching._CacheLocator, "ensure_cache_path", lambda _: (tmp_path / "no" / "file").touch())
+    again = kernel(halved)
+    assert is_compiled(again) and again(3.0) == 1.5 and again.stats.cache_hits
+    assert not can_be_kept()
+    with compiling_alone(again), compiling_alone(again):  # with nobody to wait for
+        pass
 
 
 def test_whoever_waits_for_the_compiler_is_told_whether_that_is_for_once(
