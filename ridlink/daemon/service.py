@@ -232,9 +232,10 @@ class AvoidDaemon:
         for frame in output.to_vehicle:
             self._to_vehicle(frame)
         for frame in output.to_air:
-            if self._air is not None:
-                self._air.send(frame)
-                self._recordings.sent(frame)
+            for link in (self._air, self._transmitter):  # a module speaks only once it has heard of which vehicle it is
+                if link is not None:
+                    link.send(frame)
+            self._recordings.sent(frame)
         transmitter = self._transmitter or self._air
         for datagram in output.broadcasts:
             if transmitter is not None:

@@ -76,7 +76,7 @@ class StepOutput:
 
     Attributes:
         to_vehicle: Frames for the autopilot.
-        to_air: Frames for the Remote ID link.
+        to_air: Frames for the Remote ID link, and for its transmitter if that has a link of its own.
         broadcasts: The own Remote ID, as datagrams for its transmitter.
         replies: Frames for other senders on the vehicle link, with their addresses.
         warnings: Warnings for the operator; on the vehicle link each is a STATUSTEXT.

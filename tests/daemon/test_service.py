@@ -17,6 +17,8 @@ from ridlink.daemon.service import AvoidDaemon, DecisionError
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
 from ridlink.failsafe import State
+from ridlink.links import parse_link_url
+from ridlink.own_ship.broadcast import Form
 from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, at
 from tests.daemon.harness import Air, running
 from tests.daemon.invariants import messages
@@ -111,6 +113,20 @@ def test_flies_and_says_so() -> None:
             assert summary.as_dict().keys() >= {"setpoints", "reports_received", "decision_ms", "setpoint_gap_ms"}
             await vehicle.until(lambda: len(vehicle.setpoints()) == summary.setpoints)
             assert [message.vx for message in vehicle.setpoints()[-3:]] == [0.0, 0.0, 0.0]
+
+    run(test)
+
+
+def test_a_transmitter_module_hears_whose_remote_id_it_sends_and_the_air_hears_it_from_the_module() -> None:
+    async def test() -> None:
+        engine = EngineConfig(goal=Goal(*at(300.0)), broadcast=True, broadcast_form=Form.MODULE)
+        async with (
+            Air() as module,
+            running(engine=engine, broadcast_to=parse_link_url(f"udpout:127.0.0.1:{module.port}")) as flight,
+        ):
+            wanted = {"HEARTBEAT", *(f"OPEN_DRONE_ID_{name}" for name in ("LOCATION", "AUTHENTICATION", "SYSTEM"))}
+            await flight.vehicle.until(lambda: wanted <= {said.name for said in messages(b"".join(module.heard))})
+            assert {said.name for said in messages(b"".join(flight.air.heard))} == {"HEARTBEAT"}
 
     run(test)
 
