@@ -285,7 +285,7 @@ class Engine:
             frames = [self._setpoint(STOP, now_s + 0.05 * k) for k in range(LAST_WORDS)]
         if lock is not None and (frames or wanted):
             self.rung = ended(lock.autopilot, asked=bool(wanted), dry_run=self.config.dry_run)
-        return frames + LAST_WORDS * self._commands(wanted)
+        return frames + self._commands(LAST_WORDS * wanted)
 
     def note_decision_time(self, seconds: float) -> None:
         """Note how long the last step took to compute, for RIDLINK_STATUS; the engine itself reads no clock."""
