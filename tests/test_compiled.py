@@ -150,6 +150,7 @@ def test_two_threads_may_meet_their_first_array_at_once() -> None:
 
 def test_without_a_place_to_keep_them_kernels_are_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """As for a system user without a home, where the package belongs to root."""
+    monkeypatch.setattr(config, "CACHE_DIR", "")
     monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
     kernel = kernel_decorator([Path(__file__)])(halved)
     assert not is_compiled(kernel)
