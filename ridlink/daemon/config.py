@@ -99,8 +99,8 @@ class DaemonConfig:
         period_s: Time between decisions. The study of vehicle response is valid for 0.1 s.
 
     Raises:
-        ConfigError: If the period is out of its range, a connection string is invalid, or two links would talk to each
-            other.
+        ConfigError: If the period is out of its range, a connection string is invalid, two links would talk to each
+            other, or a link to transmit on is given and nothing is transmitted.
     """
 
     vehicle: LinkUrl = field(default_factory=lambda: parse_link_url(DEFAULT_VEHICLE))
@@ -119,6 +119,8 @@ class DaemonConfig:
             if isinstance(value, str):
                 object.__setattr__(self, name, parse_link_url(value))
         refuse_to_speak_to_oneself({"vehicle": self.vehicle, "rid": self.remote_id, "broadcast-to": self.broadcast_to})
+        if self.broadcast_to is not None and not self.engine.broadcast:
+            raise ConfigError("broadcast-to says where to transmit, and nothing is transmitted: give broadcast, too")
         if not 0.02 <= self.period_s <= 0.25:
             raise ConfigError(f"period must lie between 0.02 and 0.25 s, got {self.period_s}")
 

@@ -167,6 +167,7 @@ WALL = "[[obstacle]]\npolygon = [[47.0, 8.0], [47.1, 8.0], [47.1, 8.1]]\n"
         ('rid = "udpout:127.0.0.1:14540"', ["rid udpout:127.0.0.1:14540", "vehicle listens on", "another port"]),
         ('rid = "udpin:127.0.0.1:14540"', ["vehicle and rid both listen on udpin:127.0.0.1:14540", "another port"]),
         ('vehicle = "udpin:0.0.0.0:1"\nbroadcast_to = "udpout:localhost:1"', ["broadcast-to", "heard here"]),
+        ('broadcast_to = "udpout:127.0.0.1:14651"', ["broadcast-to", "nothing is transmitted", "give broadcast"]),
         ("vehicle_sysid = 256", ["between 1 and 255"]),
     ],
 )
