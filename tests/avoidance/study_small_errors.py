@@ -2,7 +2,7 @@
 
 python -m tests.avoidance.study_small_errors [flights]
 
-Three of 1 m at the corners of a triangle leave a hover for the points opposite; three to five at random places within
+Three of 1 m at the corners of a triangle leave a hover for the points opposite; three to six at random places within
 60 m, at least 15 m apart, do so in 30 scenes. Printed: flights with a collision, and the smallest true gap between two
 airframes [m], by the standard deviation of the errors.
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from tests.avoidance.lockstep import Scene, circle, fly, scene
 
-SIGMAS_M = (0.02, 0.3, 1.0)
+SIGMAS_M = (0.02, 0.3, 0.6, 1.0)
 SCENES, EXTENT_M, APART_M = 30, (25.0, 60.0), 15.0
 
 
@@ -52,7 +52,7 @@ def main() -> None:
             name = f"3 at {speed:g} m/s, {radius_m * 3**0.5:.0f} m"
             row(name, [circle(3, radius_m, speed)], flights, response)
         random = np.random.default_rng(11)
-        for vehicles in (3, 4, 5):
+        for vehicles in (3, 4, 5, 6):
             plans = [scattered(random, vehicles) for _ in range(SCENES)]
             row(f"{vehicles} at random", plans, max(1, flights // 3), response)
 
