@@ -242,6 +242,8 @@ def test_a_vehicle_that_has_fallen_silent_is_not_waited_for_after_a_signal(
                 if moment in json.loads(line)["text"]:
                     break
             server.world.inject(Event(0.0, 0, "link-off", {"duration_s": 0.0}))
+            while server.autopilots[0].pilot.navigation.link_on:  # autopilots know it from the next tick on
+                await turn()
             process.send_signal(signal.SIGTERM)
             output, said = await process.communicate()
             final = json.loads(output.splitlines()[-1])
