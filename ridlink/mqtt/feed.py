@@ -17,14 +17,16 @@ from ridlink.mavlink.codec import Encoder
 from ridlink.remote_id.convert import to_mavlink
 from ridlink.remote_id.messages import STATUS_AIRBORNE, BasicId, Location, RemoteIdMessage, Separation
 from ridlink.remote_id.quantities import ID_LENGTH, SECONDS_PER_HOUR
+from ridlink.traffic.track import SENDER_AGE_S
 
 RELAY_SYSID, RELAY_COMPID = 254, 236
 """Ids of the relay: an ODID transmitter component (MAV_COMP_ID_ODID_TXRX_1) of a system of its own."""
 
 LONGEST_PAYLOAD = 64 * 1024
 MOST_AIRCRAFT_A_MESSAGE = 500
-OLD_S = 60.0
-"""A position of this age is dropped: whoever hears it would take it for one just measured."""
+OLD_S = SENDER_AGE_S[1] - 1.0
+"""A position of this age is dropped: when it arrives, up to a second later, its timestamp would be taken for that of a
+wrong clock, and it for one just measured."""
 
 SERIAL_NUMBER = 1
 

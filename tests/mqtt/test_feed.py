@@ -13,6 +13,8 @@ from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.mqtt.feed import Feed
 from ridlink.observer import Aircraft, Sky
+from ridlink.traffic.picture import TrafficPicture
+from tests.traffic.reports import SETTINGS
 
 UTC_S = 1_700_000_123.4
 
@@ -65,7 +67,7 @@ def test_names_of_other_tools_are_understood_but_an_altitude_above_an_unknown_re
         (b'{"id": "a", "lat": 0, "lon": 0}', "without_position"),
         (b'{"id": "a", "lat": 91, "lon": 1}', "without_position"),
         (b'{"id": "a", "lat": "47", "lon": 1}', "without_position"),
-        (b'{"id": "a", "lat": 47, "lon": 1, "age_s": 60}', "too_old"),
+        (b'{"id": "a", "lat": 47, "lon": 1, "age_s": 4}', "too_old"),
         (b'{"id": "a", "lat": 47, "lon": 1, "age_s": 1' + b"0" * 400 + b"}", "too_old"),
         (b'{"id": "a", "lat": true, "lon": 1}', "without_position"),
         (b'{"id": "a", "lat": 1, "lon": 1' + b"0" * 400 + b"}", "without_position"),  # an integer that is no float
@@ -81,6 +83,16 @@ def test_aircraft_beyond_those_of_one_message_are_counted() -> None:
     feed = Feed()
     feed.frames(json.dumps([{"id": f"N{number}", "lat": 47.4, "lon": 8.5} for number in range(503)]).encode(), UTC_S)
     assert feed.counters == {"aircraft": 500, "too_many": 3}
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.3, 2.0, 3.9])
+@pytest.mark.parametrize("on_the_way_s", [0.0, 0.5, 1.0])
+def test_an_old_position_is_never_taken_for_a_new_one(age_s: float, on_the_way_s: float) -> None:
+    picture = TrafficPicture(SETTINGS)
+    (one,) = sky_of({"id": "a", "lat": 47.4, "lon": 8.5, "age_s": age_s}).values()
+    picture.receive("relay", one.report, utc_s=UTC_S + on_the_way_s)
+    (track,) = picture.tracks.values()
+    assert one.report.received_at_s - track.measured_at_s == pytest.approx(age_s + on_the_way_s, abs=0.051)
 
 
 numbers = st.floats() | st.integers(-(10**400), 10**400)
