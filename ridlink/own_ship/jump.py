@@ -17,14 +17,9 @@ DECAY_S = 10.0
 
 
 class JumpWatch:
-    """Takes the distance of each position from where it was expected.
-
-    Attributes:
-        count: Number of jumps so far.
-    """
+    """Takes the distance of each position from where it was expected."""
 
     def __init__(self) -> None:
-        self.count = 0
         self._jump_m = 0.0
         self._at_s = 0.0
 
@@ -41,7 +36,6 @@ class JumpWatch:
             return False
         self._jump_m = max(off_m, self.error_m(now_s))
         self._at_s = now_s
-        self.count += 1
         return True
 
     def doubtful(self, now_s: float) -> bool:
