@@ -37,11 +37,7 @@ FIRST_RETRY_S, LONGEST_RETRY_S = 0.1, 1.0
 
 
 class UdpLink(Link):
-    """A UDP socket in an asyncio loop; made by `open_udp_link`.
-
-    Attributes:
-        receive_buffer_bytes: What the kernel granted (Linux reports twice the usable size).
-    """
+    """A UDP socket in an asyncio loop; made by `open_udp_link`."""
 
     def __init__(self, sock: socket.socket, make: Callable[[], socket.socket], on_datagram: OnDatagram,
                  loop: asyncio.AbstractEventLoop, peer: Address | None) -> None:  # fmt: skip
@@ -58,7 +54,6 @@ class UdpLink(Link):
     def _use(self, sock: socket.socket) -> None:
         self._socket = sock
         self.local_address = host_and_port(sock.getsockname())
-        self.receive_buffer_bytes = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         self._loop.add_reader(sock.fileno(), self._read)
 
     def _make_anew(self) -> None:
