@@ -64,6 +64,9 @@ AVOID_METRICS: Mapping[str, Metric] = MappingProxyType(
         "ridlink_setpoints": Metric(Kind.COUNTER, "Setpoints sent."),
         "ridlink_reports_received": Metric(Kind.COUNTER, "LOCATION messages taken."),
         "ridlink_infeasible_steps": Metric(Kind.COUNTER, "Decisions without an admissible velocity."),
+        "ridlink_guard_takeovers": Metric(
+            Kind.COUNTER, "Conflicts for which the guard took over; absent without --guard."
+        ),
         "ridlink_broadcasts": Metric(Kind.COUNTER, "Datagrams of the own Remote ID sent."),
         "ridlink_decision_seconds": Metric(Kind.GAUGE, "Time of a step, of the last minute.", "quantile"),
         "ridlink_setpoint_gap_seconds": Metric(Kind.GAUGE, "Between two setpoints, of the last minute.", "quantile"),

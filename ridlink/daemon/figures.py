@@ -50,6 +50,7 @@ def figures(
         ("ridlink_nearest_margin_metres", record.nearest_margin_m),
         ("ridlink_time_to_violation_seconds", record.time_to_violation_s),
         ("ridlink_own_error_metres", math.inf if record.own is None else record.own.error_bound_m),
+        ("ridlink_guard_takeovers", math.inf if engine.guard is None else engine.guard.takeovers),
     ):
         if math.isfinite(value):
             found[name] = value

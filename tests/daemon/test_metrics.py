@@ -122,10 +122,16 @@ def test_figures_of_one_instant_with_their_kinds() -> None:
 
 
 def test_every_figure_of_a_flight_is_a_metric_and_every_metric_has_one() -> None:
-    engine = Engine(EngineConfig())
+    engine = Engine(EngineConfig(guard=True))
+    assert engine.guard is not None
+    engine.guard.takeovers = 3
     found = figures(engine, engine.step(0.0), pace=Pace(), broadcasts=0, events={})
     absent = {"ridlink_nearest_margin_metres", "ridlink_time_to_violation_seconds", "ridlink_own_error_metres"}
     assert {*found} | absent == {*AVOID_METRICS}, "a metric is named in ridlink/metrics.py, its figure in figures.py"
+    assert found["ridlink_guard_takeovers"] == 3
+    engine = Engine(EngineConfig())
+    alone = figures(engine, engine.step(0.0), pace=Pace(), broadcasts=0, events={})
+    assert {*found} - {*alone} == {"ridlink_guard_takeovers"}
 
 
 def test_addresses_of_metrics() -> None:
