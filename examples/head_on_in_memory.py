@@ -71,7 +71,7 @@ while step < 900 and any(math.dist(vehicle.position, vehicle.goal) > 2.0 for veh
     now_s = step * STEP_S
     for me, other in (pair, pair[::-1]):
         me.engine.receive_vehicle(me.telemetry(now_s), now_s)
-        other.engine.receive_remote_id(me.remote_id(now_s), "air", now_s)
+        other.engine.receive_remote_id(me.remote_id(now_s), now_s, source="air")
     outputs = [vehicle.engine.step(now_s) for vehicle in pair]
     (n1, e1, _), (n2, e2, _) = (vehicle.position for vehicle in pair)
     distance_m = math.hypot(n1 - n2, e1 - e2)

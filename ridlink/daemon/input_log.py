@@ -207,7 +207,7 @@ def replay(path: str | os.PathLike[str], on_line: Callable[[bytes], None] | None
                         engine.receive_vehicle(data, now_s, source=source, utc_s=utc_s)
                 case FromAir(now_s, utc_s, source, data):
                     with contextlib.suppress(Exception):
-                        engine.receive_remote_id(data, source, now_s, utc_s=utc_s)
+                        engine.receive_remote_id(data, now_s, source=source, utc_s=utc_s)
                 case _Step(now_s, hold, warm, utc_s):
                     engine.warm = warm
                     if hold:

@@ -216,7 +216,7 @@ class AvoidDaemon:
 
     def _from_air(self, data: bytes, address: Address) -> None:
         if (heard := self._heard(FromAir, data, address)) is not None:
-            self.engine.receive_remote_id(data, address, heard.now_s, utc_s=heard.utc_s)
+            self.engine.receive_remote_id(data, heard.now_s, source=address, utc_s=heard.utc_s)
 
     def _heard(self, kind: type[FromVehicle | FromAir], data: bytes, address: Address) -> FromVehicle | FromAir | None:
         """Record a datagram with its times of receipt. None while links are still being opened, since the engine must

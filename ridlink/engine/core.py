@@ -125,13 +125,15 @@ class Engine:
         self.encoder, self.air_encoder, withheld = (Encoder(sysid, AVOIDANCE_COMPONENT) for _ in range(3))
         self._steering_encoder = withheld if self.config.dry_run else self.encoder
 
-    def receive_remote_id(self, datagram: bytes, source: Hashable, now_s: float, *, utc_s: float | None = None) -> None:
+    def receive_remote_id(
+        self, datagram: bytes, now_s: float, *, source: Hashable = None, utc_s: float | None = None
+    ) -> None:
         """Take a datagram of the Remote ID link. Nothing in it can change anything but tracks.
 
         Args:
             datagram: Bytes.
-            source: Address of the sender.
             now_s: Monotonic time.
+            source: Address of the sender: a flood of one leaves room for the others.
             utc_s: UTC now, for the age of reports.
         """
         self._hearing.receive_air(datagram, source, now_s, utc_s)

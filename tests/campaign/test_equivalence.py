@@ -67,7 +67,7 @@ def differences_of(plan: Plan, run: int) -> np.ndarray:
             engine.receive_vehicle(pairs[k].vehicle.telemetry(instant.now_s), instant.now_s, source="autopilot")
             for other in present:
                 if other != k:
-                    engine.receive_remote_id(heard[other], "air", instant.now_s)
+                    engine.receive_remote_id(heard[other], instant.now_s, source="air")
             goal = plan.scene.goal_ne_m[k] + instant.reported_ne_m[0, k] - instant.position_ne_m[0, k]
             engine.goal = Goal(*moved(HOME.latitude_deg, HOME.longitude_deg, *goal.tolist()))
             # What was sent last is what the vehicle was told last, in both.

@@ -38,7 +38,7 @@ class Flight:
             if self.telling:
                 self.engine.receive_vehicle(self.vehicle.telemetry(self.now_s), self.now_s, source="autopilot")
             for other in self.others:
-                self.engine.receive_remote_id(other(self.now_s), "air", self.now_s)
+                self.engine.receive_remote_id(other(self.now_s), self.now_s, source="air")
             output = self.engine.step(self.now_s, utc_s=self.utc_s)
             for frame in output.to_vehicle:
                 self.vehicle.hear(frame)

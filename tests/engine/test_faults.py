@@ -124,7 +124,7 @@ def test_f20_head_on_through_a_bad_air_nobody_collides(seed: int) -> None:
             heard = airs[k].carry(other.remote_id(now_s), now_s)
             other.position -= noise
             for datagram in heard:
-                engines[k].receive_remote_id(datagram, "air", now_s, utc_s=now_s)
+                engines[k].receive_remote_id(datagram, now_s, source="air", utc_s=now_s)
         for engine, vehicle in zip(engines, vehicles, strict=True):
             for frame in engine.step(now_s).to_vehicle:
                 vehicle.hear(frame)
@@ -235,7 +235,7 @@ def test_i5_no_bytes_of_the_air_change_own_state_goal_targets_or_identity(junk: 
         data = bytearray(rng.choice(forged)() + datagram)
         if rng.random() < 0.5:
             data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
-        engine.receive_remote_id(bytes(data), "air", 2.0, utc_s=2.0)
+        engine.receive_remote_id(bytes(data), 2.0, source="air", utc_s=2.0)
     assert fingerprint(engine) == before
 
 
@@ -246,7 +246,7 @@ def test_i6_i7_a_flood_is_bounded_and_every_datagram_is_accounted_for() -> None:
     for k in range(3000):
         ghost = Emulated(50, ned_m=(400.0 + k % 50, 0.0, -50.0))
         flight.engine.receive_remote_id(
-            ghost.remote_id(1.0, extended=False, id_or_mac=b"g%d" % k), "air", flight.now_s + k / 400.0
+            ghost.remote_id(1.0, extended=False, id_or_mac=b"g%d" % k), flight.now_s + k / 400.0, source="air"
         )
         sent += 1
     counters = flight.engine.counters
@@ -260,7 +260,7 @@ def test_f12_a_picture_that_is_full_of_those_who_are_nearer_is_said() -> None:
     flight.step(3)
     near = [Emulated(50, ned_m=(60.0, 10.0, -50.0)).remote_id(0.3, id_or_mac=b"g%d" % k) for k in range(2000)]
     for k, datagram in enumerate(near):
-        flight.engine.receive_remote_id(datagram, f"source {k % 5}", flight.now_s)
+        flight.engine.receive_remote_id(datagram, flight.now_s, source=f"source {k % 5}")
     assert not any("flood" in text for text in flight.step().warnings) and len(flight.engine.picture) == 2000
     far = Emulated(9, ned_m=(400.0, 0.0, -50.0))
     flight.others = [lambda now_s: far.remote_id(now_s)]

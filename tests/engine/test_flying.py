@@ -162,7 +162,7 @@ class Pair:
             reports = [vehicle.remote_id(now_s, **(spoilt or {})) for vehicle in self.vehicles]
             for vehicle, engine, report in zip(self.vehicles, self.engines, reversed(reports), strict=True):
                 engine.receive_vehicle(vehicle.telemetry(now_s), now_s, source="autopilot")
-                engine.receive_remote_id(report, "air", now_s)
+                engine.receive_remote_id(report, now_s, source="air")
                 output = engine.step(now_s)
                 self.commands.append(output.decision.commanded_ned_mps)
                 for frame in output.to_vehicle:
@@ -218,7 +218,7 @@ def test_f18_across_the_antimeridian_the_goal_and_the_traffic_are_near() -> None
         own += autopilot.encode("GLOBAL_POSITION_INT", time_boot_ms=tick * 100, **place)
         flight.engine.receive_vehicle(flight.vehicle.heartbeat() + own, now_s, source="autopilot")
         traffic = other.remote_id(now_s, latitude_deg=10.0, longitude_deg=-179.9995, altitude_geodetic_m=None)
-        flight.engine.receive_remote_id(traffic, "air", now_s)
+        flight.engine.receive_remote_id(traffic, now_s, source="air")
         flight.step()
     record = flight.outputs[-1].decision
     assert record.goal_distance_m == pytest.approx(219.2, abs=0.5)  # two thousandths of a degree

@@ -70,7 +70,7 @@ class Guarded(Flight):
             self.intruder.advance(0.1)
             apart = self.intruder.position[:2] - self.world.position_ned_m[0, :2]
             self.nearest_m = min(self.nearest_m, float(np.hypot(*apart)))
-            self.engine.receive_remote_id(intruding(self.intruder, self.now_s), "air", self.now_s)
+            self.engine.receive_remote_id(intruding(self.intruder, self.now_s), self.now_s, source="air")
         output = self.engine.step(self.now_s)
         self.warnings += output.warnings
         for frame in output.to_vehicle:

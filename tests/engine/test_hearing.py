@@ -24,7 +24,7 @@ def test_i5_nothing_on_the_remote_id_link_changes_own_state_goal_or_request() ->
     hostile = Emulated(1, ned_m=(500.0, 0.0, -50.0))
     hostile.armed = False
     command = Encoder(255, 190).encode("COMMAND_INT", target_system=1, target_component=196, **reposition())
-    flight.engine.receive_remote_id(hostile.telemetry(0.05) + command, "air", 0.05)
+    flight.engine.receive_remote_id(hostile.telemetry(0.05) + command, 0.05, source="air")
     assert flight.engine.telemetry.state(0.05) == before
     assert flight.engine.telemetry.armed
     assert flight.engine.goal is None and not flight.engine.rung.requested
@@ -39,7 +39,7 @@ def test_own_remote_id_on_the_own_bus_is_no_traffic_and_tells_our_identity() -> 
     flight.engine.receive_vehicle(own, flight.now_s, source="autopilot")
     assert len(flight.engine.picture) == 0
     relayed = Emulated(3, ned_m=(1.0, 0.0, -50.0)).remote_id(flight.now_s, id_or_mac=b"OWN-ID")
-    flight.engine.receive_remote_id(relayed, "air", flight.now_s)
+    flight.engine.receive_remote_id(relayed, flight.now_s, source="air")
     assert len(flight.engine.picture) == 0
     assert flight.engine.counters["own_echo"] >= 1
 
@@ -67,7 +67,7 @@ def test_own_remote_id_that_comes_before_the_first_heartbeat_is_no_neighbour() -
     flight = Flight()
     own = flight.vehicle.remote_id(0.0, extended=False)
     flight.engine.receive_vehicle(own, 0.0, source="autopilot")
-    flight.engine.receive_remote_id(own, "air", 0.0)
+    flight.engine.receive_remote_id(own, 0.0, source="air")
     flight.step(10)
     assert len(flight.engine.picture) == 0
     assert flight.engine.counters["heard_before_the_vehicle"] == 2
@@ -84,7 +84,7 @@ def test_another_vehicle_on_the_link_does_not_inherit_the_name_of_the_last_one()
     flight.step(2)
     assert flight.engine.telemetry.lock is not None and flight.engine.telemetry.lock.sysid == 2
     near = Emulated(1, ned_m=(10.0, 0.0, -50.0)).remote_id(flight.now_s)
-    flight.engine.receive_remote_id(first + near, "air", flight.now_s)
+    flight.engine.receive_remote_id(first + near, flight.now_s, source="air")
     assert len(flight.engine.picture) == 1, "taken for an echo of ourselves it would be flown into"
 
 
@@ -117,7 +117,7 @@ def test_a_stranger_on_the_vehicle_link_cannot_lend_us_the_identity_of_an_intrud
     lie = flight.vehicle.encoder.encode(name, **fields)
     flight.engine.receive_vehicle(lie, flight.now_s, source="stranger")
     near = Emulated(3, ned_m=(10.0, 0.0, -50.0)).remote_id(flight.now_s, id_or_mac=b"INTRUDER")
-    flight.engine.receive_remote_id(near, "air", flight.now_s)
+    flight.engine.receive_remote_id(near, flight.now_s, source="air")
     assert len(flight.engine.picture) == 1, "taken for an echo of ourselves it would be flown into"
 
 
@@ -153,9 +153,9 @@ def test_bad_bytes_are_counted_by_cause_and_the_good_ones_beside_them_count() ->
     good = other.remote_id(0.0, extended=False)
     flipped = good[:20] + bytes([good[20] ^ 1]) + good[21:]
     version_1 = bytes.fromhex("fe09004301000000000002030403031b68")
-    flight.engine.receive_remote_id(b"junk" + flipped + good, "air", 0.0)
-    flight.engine.receive_remote_id(b"", "air", 0.0)
-    flight.engine.receive_remote_id(version_1, "air", 0.0)
+    flight.engine.receive_remote_id(b"junk" + flipped + good, 0.0, source="air")
+    flight.engine.receive_remote_id(b"", 0.0, source="air")
+    flight.engine.receive_remote_id(version_1, 0.0, source="air")
     counters = flight.engine.counters
     assert len(flight.engine.picture) == 1
     assert counters["garbage"] >= 1 and counters["bad_checksum"] >= 1
@@ -173,7 +173,7 @@ def test_any_bytes_on_either_link_leave_a_valid_stream(datagrams: list[bytes], s
         mixed = bytearray(whole)
         for index in random.integers(0, len(mixed), 3):
             mixed[index] = int(random.integers(0, 256))
-        flight.engine.receive_remote_id(data + bytes(mixed), "air", flight.now_s)
+        flight.engine.receive_remote_id(data + bytes(mixed), flight.now_s, source="air")
         flight.engine.receive_vehicle(data, flight.now_s, source="autopilot")
         flight.engine.receive_vehicle(bytes(mixed), flight.now_s, source="stranger")
     flight.step(3)

@@ -299,7 +299,7 @@ def test_two_vehicles_that_hear_only_each_others_daemons_keep_clear(east_m: floa
         for me, (vehicle, engine) in enumerate(zip(vehicles, engines, strict=True)):
             engine.receive_vehicle(vehicle.telemetry(now_s), now_s, source="autopilot")
             for datagram in on_air[1 - me]:
-                engine.receive_remote_id(datagram, "air", now_s, utc_s=UTC_S + now_s)
+                engine.receive_remote_id(datagram, now_s, source="air", utc_s=UTC_S + now_s)
         for me, (vehicle, engine) in enumerate(zip(vehicles, engines, strict=True)):
             output = engine.step(now_s, utc_s=UTC_S + now_s)
             on_air[me] = output.broadcasts

@@ -195,7 +195,7 @@ class Pilot:
         ready = [each for each in self._waiting if each[0] <= now_s]
         self._waiting = [each for each in self._waiting if each[0] > now_s]
         for _, data in sorted(ready, key=lambda each: each[0]):
-            self.engine.receive_remote_id(data, "air", now_s, utc_s=utc_s)
+            self.engine.receive_remote_id(data, now_s, source="air", utc_s=utc_s)
 
     def step(self, now_s: float, utc_s: float) -> None:
         output = self.engine.step(now_s, utc_s=utc_s)
