@@ -90,7 +90,7 @@ class DaemonConfig:
     Args:
         vehicle: Link to the autopilot.
         remote_id: Link on which the Remote ID of others is received.
-        engine: Configuration of the engine.
+        engine: Configuration of the engine; `broadcast_to` decides its `broadcast_apart`.
         broadcast_to: Link on which the own Remote ID is transmitted; None: the link `remote_id`.
         signing: How the vehicle link is signed; None: it is not signed.
         metrics: Host and port where Prometheus metrics are served; None: nowhere.
@@ -121,6 +121,9 @@ class DaemonConfig:
         refuse_to_speak_to_oneself({"vehicle": self.vehicle, "rid": self.remote_id, "broadcast-to": self.broadcast_to})
         if self.broadcast_to is not None and not self.engine.broadcast:
             raise ConfigError("broadcast-to says where to transmit, and nothing is transmitted: give broadcast, too")
+        apart = self.broadcast_to is not None
+        if apart is not self.engine.broadcast_apart:
+            object.__setattr__(self, "engine", replace(self.engine, broadcast_apart=apart))
         if not 0.02 <= self.period_s <= 0.25:
             raise ConfigError(f"period must lie between 0.02 and 0.25 s, got {self.period_s}")
 

@@ -231,12 +231,13 @@ class AvoidDaemon:
     def _send(self, output: StepOutput) -> None:
         for frame in output.to_vehicle:
             self._to_vehicle(frame)
-        for frame in output.to_air:
-            for link in (self._air, self._transmitter):  # a module speaks only once it has heard of which vehicle it is
+        transmitter = self._transmitter or self._air
+        # a module speaks only once it has heard of which vehicle it is
+        for link, frames in ((self._air, output.to_air), (transmitter, output.to_transmitter)):
+            for frame in frames:
                 if link is not None:
                     link.send(frame)
-            self._recordings.sent(frame)
-        transmitter = self._transmitter or self._air
+                    self._recordings.sent(frame)
         for datagram in output.broadcasts:
             if transmitter is not None:
                 self._broadcasts += transmitter.send(datagram)

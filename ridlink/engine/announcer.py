@@ -65,6 +65,7 @@ class Announcer:
         output: StepOutput,
         encoder: Encoder,
         air_encoder: Encoder,
+        transmitter_encoder: Encoder,
         telemetry: OwnShipTelemetry,
         *,
         state: State,
@@ -79,6 +80,7 @@ class Announcer:
             output: Output of this step.
             encoder: Encoder of the own messages to the vehicle.
             air_encoder: The same for the Remote ID link.
+            transmitter_encoder: The same for the transmitter, on that link or on its own.
             telemetry: Telemetry of the vehicle.
             state: State of the failsafe ladder.
             rivals: Own claim to steer, which others hear at once.
@@ -93,6 +95,8 @@ class Announcer:
             # The air listens to those that say which vehicle they are: not before that is known.
             if lock is not None or telemetry.pinned is not None:
                 output.to_air.append(heartbeat(air_encoder, state is State.ENGAGED, rivals.claim))
+                if transmitter_encoder is not air_encoder:
+                    output.to_transmitter.append(heartbeat(transmitter_encoder, state is State.ENGAGED, rivals.claim))
         if lock is None:
             return
         if self._status_due.due(now_s):

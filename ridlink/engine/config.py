@@ -89,6 +89,7 @@ class EngineConfig:
         takeoff_height_m: A climb below this height over home is a climb-out.
         allow_v1: Take MAVLink 1 frames as well, on both links.
         broadcast: Transmit the own Remote ID as well.
+        broadcast_apart: The transmitter has a link of its own, which is told as well whose daemon speaks there.
         broadcast_form: Receivers that the broadcast is meant for.
         operator_id: Identity of the operator in the broadcast; empty for none.
         dry_run: Decisions are not sent: nobody is told that we avoid, and another writer is no reason to yield.
@@ -126,6 +127,7 @@ class EngineConfig:
     takeoff_height_m: float = 20.0
     allow_v1: bool = False
     broadcast: bool = False
+    broadcast_apart: bool = False
     broadcast_form: Form = Form.AIR
     operator_id: str = ""
     dry_run: bool = False

@@ -56,6 +56,7 @@ class Engine:
         steering: Makes the decisions.
         encoder: Encoder of our messages to the vehicle, with its system id and the component id of obstacle avoidance.
         air_encoder: The same for the Remote ID link: each link counts its own messages, so that receivers see no loss.
+        transmitter_encoder: The same for the own Remote ID: that of the air, unless its transmitter has another link.
         guard: Takes over from the autopilot's own plan; None without `--guard`.
         warm: Whether decisions can be made in time; they cannot while kernels are being compiled.
     """
@@ -122,7 +123,8 @@ class Engine:
             self._speak_as(lock.sysid)
 
     def _speak_as(self, sysid: int) -> None:
-        self.encoder, self.air_encoder, withheld = (Encoder(sysid, AVOIDANCE_COMPONENT) for _ in range(3))
+        self.encoder, self.air_encoder, apart, withheld = (Encoder(sysid, AVOIDANCE_COMPONENT) for _ in range(4))
+        self.transmitter_encoder = apart if self.config.broadcast_apart else self.air_encoder
         self._steering_encoder = withheld if self.config.dry_run else self.encoder
 
     def receive_remote_id(
@@ -202,6 +204,7 @@ class Engine:
             output,
             self.encoder,
             self.air_encoder,
+            self.transmitter_encoder,
             self.telemetry,
             state=self.rung.state,
             rivals=self.rivals,
@@ -246,7 +249,7 @@ class Engine:
         telemetry = self.telemetry
         steers = telemetry.external_mode and not self.config.dry_run
         output.broadcasts = broadcast.datagrams(
-            self.air_encoder,
+            self.transmitter_encoder,
             telemetry,
             now_s=now_s,
             utc_s=utc_s,

@@ -76,7 +76,8 @@ class StepOutput:
 
     Attributes:
         to_vehicle: Frames for the autopilot.
-        to_air: Frames for the Remote ID link, and for its transmitter if that has a link of its own.
+        to_air: Frames for the Remote ID link.
+        to_transmitter: The same for the link of a transmitter that has its own; to be sent before `broadcasts`.
         broadcasts: The own Remote ID, as datagrams for its transmitter.
         replies: Frames for other senders on the vehicle link, with their addresses.
         warnings: Warnings for the operator; on the vehicle link each is a STATUSTEXT.
@@ -86,6 +87,7 @@ class StepOutput:
     decision: DecisionRecord
     to_vehicle: list[bytes] = field(default_factory=list)
     to_air: list[bytes] = field(default_factory=list)
+    to_transmitter: list[bytes] = field(default_factory=list)
     broadcasts: list[bytes] = field(default_factory=list)
     replies: list[tuple[bytes, Hashable]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)

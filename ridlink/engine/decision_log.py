@@ -20,6 +20,7 @@ def decision_line(output: StepOutput, reason: str) -> bytes:
         reason: Reason of the state of the failsafe ladder.
     """
     record = output.decision
+    sent = (*output.to_vehicle, *output.to_air, *output.to_transmitter, *output.broadcasts)
     return msgspec.json.encode(
         {
             "t": record.time_s,
@@ -34,7 +35,7 @@ def decision_line(output: StepOutput, reason: str) -> bytes:
             "binding": [_name(track) for track in record.binding],
             "recovering": record.recovering,
             "warnings": output.warnings,
-            "sent": [frame.hex() for frame in (*output.to_vehicle, *output.to_air, *output.broadcasts)],
+            "sent": [frame.hex() for frame in sent],
         }
     )
 

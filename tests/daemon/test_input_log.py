@@ -20,11 +20,13 @@ from ridlink.daemon.config import DaemonConfig, as_toml
 from ridlink.daemon.config_file import LONGEST
 from ridlink.daemon.input_log import InputLog, read_records, replay
 from ridlink.daemon.service import AvoidDaemon
+from ridlink.engine import EngineConfig, Goal
 from ridlink.engine.announcer import Announcer
 from ridlink.errors import CaptureError
+from ridlink.links import parse_link_url
 from ridlink.own_ship import OwnShipTelemetry
-from tests.daemon.emulated import POSITION_MODE, Emulated
-from tests.daemon.harness import running
+from tests.daemon.emulated import POSITION_MODE, Emulated, at
+from tests.daemon.harness import Air, running
 from tests.loopback import run
 
 
@@ -33,7 +35,16 @@ def flown(path: Path, tlog: Path | None = None) -> str:
     digests: list[str | None] = []
 
     async def test() -> None:
-        async with running(input_log=path, log=tlog) as flight:
+        engine = EngineConfig(goal=Goal(*at(300.0)), broadcast=True)
+        async with (
+            Air() as module,
+            running(
+                engine=engine,
+                broadcast_to=parse_link_url(f"udpout:127.0.0.1:{module.port}"),
+                input_log=path,
+                log=tlog,
+            ) as flight,
+        ):
             vehicle, intruder = flight.vehicle, Emulated(9, ned_m=(60.0, 3.0, -50.0))
             intruder.velocity[0] = -8.0
             for count in range(3, 20):

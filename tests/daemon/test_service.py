@@ -18,6 +18,8 @@ from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
 from ridlink.failsafe import State
 from ridlink.links import parse_link_url
+from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship.broadcast import Form
 from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, at
 from tests.daemon.harness import Air, running
@@ -126,7 +128,12 @@ def test_a_transmitter_module_hears_whose_remote_id_it_sends_and_the_air_hears_i
         ):
             wanted = {"HEARTBEAT", *(f"OPEN_DRONE_ID_{name}" for name in ("LOCATION", "AUTHENTICATION", "SYSTEM"))}
             await flight.vehicle.until(lambda: wanted <= {said.name for said in messages(b"".join(module.heard))})
+            await flight.vehicle.until(lambda: len(flight.air.heard) >= 3)
             assert {said.name for said in messages(b"".join(flight.air.heard))} == {"HEARTBEAT"}
+            for heard in (module.heard, flight.air.heard):
+                frames = parse_datagram(b"".join(heard), CRC_EXTRAS, limit=None)
+                numbers = [frame.seq for frame in frames if isinstance(frame, Frame)]
+                assert numbers == [k % 256 for k in range(len(numbers))], "each link counts its own"
 
     run(test)
 

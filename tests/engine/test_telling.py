@@ -89,20 +89,23 @@ def test_heartbeats_go_to_the_vehicle_and_to_the_air() -> None:
     assert (to_air[-1][5], to_air[-1][6]) == (7, 196)
 
 
-@pytest.mark.parametrize("dry_run", [False, True])
-def test_each_link_counts_its_own_messages_so_that_nobody_sees_a_loss(dry_run: bool) -> None:
-    flight = Flight(Emulated(autopilot=3), config(broadcast=True, dry_run=dry_run))
+@pytest.mark.parametrize(("dry_run", "apart"), [(False, False), (True, False), (False, True)])
+def test_each_link_counts_its_own_messages_so_that_nobody_sees_a_loss(dry_run: bool, apart: bool) -> None:
+    flight = Flight(Emulated(autopilot=3), config(broadcast=True, broadcast_apart=apart, dry_run=dry_run))
     flight.step(10)
     assert flight.command("COMMAND_INT", **reposition()) == 0
     flight.step(60)
-    to_vehicle, to_air = b"", b""
+    to_vehicle, to_air, to_transmitter = b"", b"", b""
     for output in flight.outputs:
         leaving = [frame for frame in output.to_vehicle if not (dry_run and steers(frame))]
         to_vehicle += b"".join((*leaving, *(answer for answer, _ in output.replies)))
-        to_air += b"".join((*output.to_air, *output.broadcasts))
-    for sent in (to_vehicle, to_air):
+        to_air += b"".join((*output.to_air, *(() if apart else output.broadcasts)))
+        to_transmitter += b"".join((*output.to_transmitter, *(output.broadcasts if apart else ())))
+    links = {to_vehicle: 15, to_air: 6 if apart else 15, to_transmitter: 15 if apart else 0}
+    for sent, least in links.items():
         numbers = [frame.seq for frame in parse_datagram(sent, CRC_EXTRAS, limit=None) if isinstance(frame, Frame)]
-        assert numbers == list(range(len(numbers))) and len(numbers) > 15
+        assert numbers == list(range(len(numbers))) and len(numbers) >= least
+    assert bool(to_transmitter) is apart
 
 
 def test_before_an_autopilot_is_heard_the_air_is_left_alone() -> None:
