@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from ridlink.cli import EXIT_DONE
+from ridlink.cli.flight_lines import module_line
 from ridlink.cli.options import signing_options
 from ridlink.cli.printing import Printer
 from ridlink.cli.signals import stopped_by_signals
@@ -114,7 +115,7 @@ def broadcast(
 
 def _line(facts: dict[str, Any]) -> str:
     if facts["event"] == "module":
-        return "the module is good to arm" if facts["good_to_arm"] else f"the module says: {facts['text']}"
+        return module_line(facts)
     match facts["state"]:
         case "waiting":
             return "waiting for the heartbeat of an autopilot" + (f": {facts['why']}" if facts["why"] else "")

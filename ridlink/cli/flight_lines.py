@@ -68,6 +68,8 @@ class HumanPrinter(FlightPrinter):
             self.put(f"{self._clear}{self._state_line(facts)}\n", error=True)
         elif facts["event"] == "warning":
             self.put(f"{self._clear}warning: {facts['text']}\n", error=True)
+        elif facts["event"] == "module":
+            self.put(f"{self._clear}{module_line(facts)}\n", error=True)
         elif facts["event"] == "dry_run":
             north, east, down = facts["velocity_ned_mps"]
             said = f"would fly {north:+z.1f} north, {east:+z.1f} east, {-down:+z.1f} up m/s"
@@ -101,6 +103,13 @@ class HumanPrinter(FlightPrinter):
             f"{counted(summary.infeasible_steps, 'step', 'd')} without an admissible velocity\n",
             error=True,
         )
+
+
+def module_line(facts: dict[str, Any]) -> str:
+    """What a transmitter module says, as a line."""
+    if facts["good_to_arm"]:
+        return "the transmitter module is good to arm"
+    return f"warning: the transmitter module is not ready: {facts['text'] or 'it does not say why'}"
 
 
 def _cut(line: str) -> str:

@@ -51,12 +51,12 @@ class Recordings:
 
     def heard(self, datagram: FromVehicle | FromAir) -> None:
         """Record a datagram, before the engine gets it."""
-        self.sent(datagram.data)
+        self.on_wire(datagram.data)
         if self._inputs is not None:
             self._inputs.heard(datagram)
 
-    def sent(self, data: bytes) -> None:
-        """Record bytes that were sent."""
+    def on_wire(self, data: bytes) -> None:
+        """Record bytes that were sent, or received and are no input of the engine."""
         if self._wire is not None:
             self._wire.receive(data)
 

@@ -17,6 +17,7 @@ from ridlink.daemon.config import DaemonConfig
 from ridlink.daemon.events import Events, EventSink
 from ridlink.daemon.figures import figures
 from ridlink.daemon.input_log import FromAir, FromVehicle
+from ridlink.daemon.module_words import ModuleWords
 from ridlink.daemon.recordings import Recordings
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.summary import Pace, Summary
@@ -50,7 +51,7 @@ class AvoidDaemon:
     Args:
         config: Its configuration.
         on_event: Called with a dictionary for every change of state, once a second, for every warning, and if the
-            recording ends early; keys `event`, `t`, ... .
+            recording ends early, or a transmitter module says something new; keys `event`, `t`, ... .
 
     Attributes:
         engine: The engine.
@@ -72,7 +73,8 @@ class AvoidDaemon:
         self._recordings = Recordings(config)
         self._counters: Counter[str] = Counter()
         self._events = Events(on_event, self._counters)
-        self._telling = Telling(self.engine, self._events, self.rejects)
+        self._module = ModuleWords(self._events)
+        self._telling = Telling(self.engine, self._events, self._module, self.rejects)
         self._broadcasts = 0
         self._pace = Pace()
         self._failed_in_a_row = 0
@@ -100,7 +102,7 @@ class AvoidDaemon:
             self._vehicle = await open_vehicle_link(self.config.vehicle, self._from_vehicle, self.config.signing)
             self._air = await open_link(self.config.remote_id, self._from_air)
             if self.config.broadcast_to is not None:
-                self._transmitter = await open_link(self.config.broadcast_to, lambda _, __: None)
+                self._transmitter = await open_link(self.config.broadcast_to, self._from_module)
             if self.config.metrics is not None:
                 self._metrics = MetricsServer(self.config.metrics, AVOID_METRICS)
             self.vehicle_address, self.remote_id_address = self._vehicle.local_address, self._air.local_address
@@ -218,6 +220,10 @@ class AvoidDaemon:
         if (heard := self._heard(FromAir, data, address)) is not None:
             self.engine.receive_remote_id(data, heard.now_s, source=address, utc_s=heard.utc_s)
 
+    def _from_module(self, data: bytes, address: Address) -> None:
+        self._recordings.on_wire(data)
+        self._module.receive(data, address)
+
     def _heard(self, kind: type[FromVehicle | FromAir], data: bytes, address: Address) -> FromVehicle | FromAir | None:
         """Record a datagram with its times of receipt. None while links are still being opened, since the engine must
         not get inputs that cannot be recorded yet."""
@@ -237,15 +243,15 @@ class AvoidDaemon:
             for frame in frames:
                 if link is not None:
                     link.send(frame)
-                    self._recordings.sent(frame)
+                    self._recordings.on_wire(frame)
         for datagram in output.broadcasts:
             if transmitter is not None:
                 self._broadcasts += transmitter.send(datagram)
-                self._recordings.sent(datagram)
+                self._recordings.on_wire(datagram)
         for frame, address in output.replies:
             if self._vehicle is not None and isinstance(address, tuple):
                 self._vehicle.send(frame, address)
-                self._recordings.sent(frame)
+                self._recordings.on_wire(frame)
 
     def _to_vehicle(self, frame: bytes) -> None:
         if self._vehicle is None:
@@ -255,7 +261,7 @@ class AvoidDaemon:
             return
         address = self.engine.vehicle_source
         self._vehicle.send(frame, address if isinstance(address, tuple) else None)
-        self._recordings.sent(frame)
+        self._recordings.on_wire(frame)
 
     def _leave_figures(self, output: StepOutput) -> None:
         if self._metrics is None or not self._metrics_due.due(output.decision.time_s):
@@ -296,7 +302,7 @@ class AvoidDaemon:
 
     def rejects(self) -> dict[str, int]:
         """Everything that was dropped, clamped, rejected or noticed so far, by cause."""
-        rejects = self.engine.counters + self._counters + self._recordings.counters
+        rejects = self.engine.counters + self._counters + self._recordings.counters + self._module.counters
         for name, link in (("vehicle", self._vehicle), ("rid", self._air), ("transmitter", self._transmitter)):
             if link is not None:
                 rejects.update({f"{name}_link_{cause}": count for cause, count in link.counters.items()})

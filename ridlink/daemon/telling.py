@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 from ridlink.daemon.events import Events, rounded, summary_facts
 from ridlink.daemon.far_away import FarAway
+from ridlink.daemon.module_words import ModuleWords
 from ridlink.engine import Engine, StepOutput
 from ridlink.periodic import Periodic
 
@@ -20,11 +21,14 @@ class Telling:
     Args:
         engine: The engine that decides.
         events: Receives the reports.
+        module: What a transmitter module says.
         rejects: Everything that was dropped, clamped, rejected or noticed so far, by cause; called once a second.
     """
 
-    def __init__(self, engine: Engine, events: Events, rejects: Callable[[], dict[str, int]]) -> None:
-        self._engine, self._events, self._rejects = engine, events, rejects
+    def __init__(
+        self, engine: Engine, events: Events, module: ModuleWords, rejects: Callable[[], dict[str, int]]
+    ) -> None:
+        self._engine, self._events, self._module, self._rejects = engine, events, module, rejects
         self._announced: tuple[str, str, str | None] | None = None
         self._recording_ended = False
         self._told_of_signatures = False
@@ -71,6 +75,7 @@ class Telling:
             emit("stalled", stack=self._stalls.popleft())
         if not self._summary_due.due(record.time_s):
             return
+        self._module.tell()
         if (why := engine.unheard.why()) and why != self._told_of_unheard:
             self._told_of_unheard = why
             emit("warning", text=why)

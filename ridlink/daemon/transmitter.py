@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ridlink.daemon.events import Events, EventSink
+from ridlink.daemon.module_words import ModuleWords
 from ridlink.daemon.steady_utc import SteadyUtc
 from ridlink.daemon.vehicle_link import open_vehicle_link
 from ridlink.engine.intake import STATUSTEXT, VEHICLE_IDS, Intake
@@ -26,8 +27,7 @@ from ridlink.links import (
     open_link,
     refuse_to_speak_to_oneself,
 )
-from ridlink.mavlink.codec import CRC_EXTRAS, Encoder, decode_message
-from ridlink.mavlink.frames import Frame, parse_datagram
+from ridlink.mavlink.codec import Encoder
 from ridlink.own_ship import OwnShipTelemetry
 from ridlink.own_ship.broadcast import INTERVAL_S, Broadcast, BroadcastSettings, honest_error_m
 from ridlink.own_ship.names import OwnNames
@@ -39,7 +39,6 @@ from ridlink.remote_id.text import display_text
 
 TRANSMITTER_COMPONENT = 236
 TYPE_ODID, AUTOPILOT_INVALID, STATE_ACTIVE = 34, 8, 4
-ARM_STATUS = 12918
 HEARD_IDS = VEHICLE_IDS - {STATUSTEXT}
 """Messages read from the vehicle link; STATUSTEXT concerns only a program that steers."""
 
@@ -73,7 +72,7 @@ class Transmitter:
 
     Args:
         config: Its configuration.
-        on_event: Called with a dictionary whenever its state changes, once a second, and when a module answers.
+        on_event: Called with a dictionary once a second, and when a module says something new.
 
     Attributes:
         vehicle_address: Local end of the vehicle link, once `run` has opened it.
@@ -87,6 +86,7 @@ class Transmitter:
         self.ready = asyncio.Event()
         self.vehicle_address: Address | None = None
         self._events = Events(on_event, self.counters)
+        self._module = ModuleWords(self._events)
         self._telemetry = OwnShipTelemetry(config.vehicle_sysid)
         self._intake = Intake(allow_v1=config.allow_v1)
         self._unheard = Unheard(self._intake, self._telemetry)
@@ -96,7 +96,6 @@ class Transmitter:
         self._names = OwnNames(self._telemetry, config.settings.uas_id)
         self._heartbeat_due, self._second = Periodic(1.0), Periodic(1.0)
         self._requests = Requests(steers=False, broadcasts=True)
-        self._told: tuple[int, str] | None = None
         self._vehicle: Link | None = None
         self._to: Link | None = None
 
@@ -109,7 +108,7 @@ class Transmitter:
         """
         try:
             self._vehicle = await open_vehicle_link(self.config.vehicle, self._from_vehicle, self.config.signing)
-            self._to = await open_link(self.config.to, self._from_module)
+            self._to = await open_link(self.config.to, self._module.receive)
             self.vehicle_address = self._vehicle.local_address
             self.ready.set()
             due = time.monotonic()
@@ -127,8 +126,8 @@ class Transmitter:
         return {"event": "final", "sent": self.counters["sent"], "rejects": self.rejects()}
 
     def rejects(self) -> dict[str, int]:
-        """Messages that were not taken or not sent, by cause."""
-        found = self._intake.counters + self._telemetry.counters
+        """Messages that were not taken or not sent, or told of a fault, by cause."""
+        found = self._intake.counters + self._telemetry.counters + self._module.counters
         for name, link in (("vehicle", self._vehicle), ("transmitter", self._to)):
             if link is not None:
                 found.update({f"{name}_link_{cause}": count for cause, count in link.counters.items()})
@@ -153,16 +152,6 @@ class Transmitter:
     def _speak_as(self, sysid: int) -> None:
         # each link counts its own messages, so that receivers see no loss
         self._encoder, self._to_encoder = (Encoder(sysid, TRANSMITTER_COMPONENT) for _ in range(2))
-
-    def _from_module(self, data: bytes, _: Address) -> None:
-        for found in parse_datagram(data, CRC_EXTRAS):
-            if not (isinstance(found, Frame) and found.checked and found.msgid == ARM_STATUS):
-                continue
-            message = decode_message(found)
-            told = (message.status, display_text(message.error))
-            if told != self._told:
-                self._told = told
-                self._events.emit("module", good_to_arm=message.status == 0, text=told[1])
 
     def _step(self, now_s: float) -> None:
         self._utc.check(now_s)
@@ -192,6 +181,7 @@ class Transmitter:
         return self._to is not None and self._to.send(data)
 
     def _tell(self, now_s: float) -> None:
+        self._module.tell()
         telemetry = self._telemetry
         own = telemetry.state(now_s)
         state = "waiting" if telemetry.lock is None else "no-position" if own is None else "transmitting"

@@ -18,6 +18,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ridlink.cli import cli
+from ridlink.cli.broadcast import _line
 from ridlink.cli.flight_lines import HumanPrinter
 from ridlink.cli.signals import ending_signals
 from ridlink.daemon.config import daemon_config
@@ -380,6 +381,25 @@ def test_f26_a_stall_does_not_end_what_a_terminal_is_told(
     printer.event({"event": "stalled", "stack": "somewhere"})
     printer.close()
     assert capsys.readouterr().err == "\r\x1b[Kwarning: the loop stood still\n"
+
+
+@pytest.mark.parametrize(
+    ("good_to_arm", "text", "said"),
+    [
+        (False, "missing LOC", "warning: the transmitter module is not ready: missing LOC"),
+        (False, "", "warning: the transmitter module is not ready: it does not say why"),
+        (True, "", "the transmitter module is good to arm"),
+    ],
+)
+def test_what_a_transmitter_module_says_is_a_line_of_avoid_and_of_broadcast(
+    good_to_arm: bool, text: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    facts = {"event": "module", "good_to_arm": good_to_arm, "text": text}
+    printer = HumanPrinter("udpin:127.0.0.1:14540")
+    printer.event(facts)
+    printer.close()
+    assert capsys.readouterr().err == f"{said}\n"
+    assert _line(facts) == said
 
 
 @pytest.mark.parametrize("option", ["--config", "--replay"])

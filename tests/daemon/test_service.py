@@ -13,12 +13,13 @@ import pytest
 from ridlink.captures.records import Rejects
 from ridlink.captures.tlog import read_tlog
 from ridlink.daemon.config import DaemonConfig
+from ridlink.daemon.module_words import ARM_STATUS
 from ridlink.daemon.service import AvoidDaemon, DecisionError
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
 from ridlink.failsafe import State
 from ridlink.links import parse_link_url
-from ridlink.mavlink.codec import CRC_EXTRAS
+from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship.broadcast import Form
 from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, at
@@ -136,6 +137,38 @@ def test_a_transmitter_module_hears_whose_remote_id_it_sends_and_the_air_hears_i
                 assert numbers == [k % 256 for k in range(len(numbers))], "each link counts its own"
 
     run(test)
+
+
+def test_a_transmitter_module_that_is_not_ready_is_told_of_once_and_when_it_is_ready(tmp_path: Path) -> None:
+    """Its answers were dropped, and the module has nobody else to tell."""
+    path = tmp_path / "flight.tlog"
+
+    async def test() -> None:
+        engine = EngineConfig(goal=Goal(*at(300.0)), broadcast=True, broadcast_form=Form.MODULE)
+        module, of_module = Air(), Encoder(1, 236)
+
+        def told() -> list[tuple[bool, str]]:
+            return [(e["good_to_arm"], e["text"]) for e in flight.events if e["event"] == "module"]
+
+        async with (
+            module,
+            running(engine=engine, log=path, broadcast_to=parse_link_url(f"udpout:127.0.0.1:{module.port}")) as flight,
+        ):
+            await flight.vehicle.until(lambda: bool(module.heard))
+            assert module.link is not None
+            for _ in range(2):
+                module.link.send(of_module.encode("HEARTBEAT", type=34))
+                module.link.send(of_module.encode("OPEN_DRONE_ID_ARM_STATUS", status=1, error=b"missing \x1bLOC"))
+            await flight.vehicle.until(lambda: flight.daemon.rejects().get("module_not_ready") == 2)
+            await flight.vehicle.until(lambda: len(told()) == 1)
+            module.link.send(of_module.encode("OPEN_DRONE_ID_ARM_STATUS"))
+            await flight.vehicle.until(lambda: len(told()) == 2)
+            assert told() == [(False, "missing \\x1bLOC"), (True, "")]
+            assert (await flight.end()).rejects["module_not_ready"] == 2
+
+    run(test)
+    recorded = [record.frame for record in read_tlog([path.read_bytes()], Rejects())]
+    assert sum(frame.msgid == ARM_STATUS for frame in recorded) == 3
 
 
 def test_the_stream_ends_with_the_pilots_mode_change_and_does_not_come_back() -> None:
