@@ -108,3 +108,8 @@ async def running(
 
 def state(flight: Running) -> State:
     return flight.daemon.engine.rung.state
+
+
+def holds(flight: Running, reason: str) -> bool:
+    """Whether it holds for that reason: on a busy machine it also holds for a step after its loop paused."""
+    return state(flight) is State.HOLD and reason in flight.daemon.engine.rung.reason

@@ -13,7 +13,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from tests.captures.drawn import version_1
 from tests.daemon.emulated import PATIENCE_S, Emulated, LoopbackVehicle, at
-from tests.daemon.harness import Running, running, state
+from tests.daemon.harness import Running, holds, running, state
 from tests.loopback import run
 
 ASIDE_M = (80.0, 80.0, -50.0)
@@ -139,7 +139,7 @@ def test_f16_two_vehicles_with_one_system_id_behind_one_address_are_no_place_to_
             twin = Emulated(1, ned_m=ASIDE_M)
             own = vehicle.vehicle.position_messages
             vehicle.vehicle.position_messages = lambda now_s: own(now_s) + twin.position_messages(now_s)  # type: ignore[method-assign]
-            await vehicle.until(lambda: state(flight) is State.HOLD)
+            await vehicle.until(lambda: holds(flight, "own position jumped"))
             count = len(vehicle.setpoints())
             await vehicle.until(lambda: len(vehicle.setpoints()) >= count + 15)  # more than the second of one jump
             assert {(sent.vx, sent.vy, sent.vz) for sent in vehicle.setpoints()[count + 1 :]} == {(0.0, 0.0, 0.0)}

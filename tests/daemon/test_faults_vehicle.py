@@ -36,7 +36,7 @@ from tests.daemon.emulated import (
     LoopbackVehicle,
     at,
 )
-from tests.daemon.harness import running, state
+from tests.daemon.harness import holds, running, state
 from tests.daemon.hostile import Hostile, flown
 from tests.daemon.invariants import GUARDING
 from tests.daemon.process import START_S, daemon
@@ -197,7 +197,7 @@ def test_f14_gnss_lost_in_mid_conflict_holds_and_comes_back() -> None:
 
             await vehicle.until(in_conflict)
             vehicle.vehicle.fix_type = 1  # positions keep coming
-            await vehicle.until(lambda: state(flight) is State.HOLD)
+            await vehicle.until(lambda: holds(flight, "stale"))
             await vehicle.until(lambda: [m.vx for m in vehicle.setpoints()[-2:]] == [0.0, 0.0])
             assert len(flight.daemon.engine.picture) == 1, "the traffic is still there"
             vehicle.vehicle.fix_type = 3
@@ -214,7 +214,7 @@ def test_f14_an_own_state_that_stays_away_ends_the_stream_on_purpose_after_a_hol
             vehicle = flight.vehicle
             await vehicle.until(lambda: bool(vehicle.setpoints()) and vehicle.setpoints()[-1].vx > 0.5)
             vehicle.frozen = True
-            await vehicle.until(lambda: state(flight) is State.HOLD)
+            await vehicle.until(lambda: holds(flight, "stale"))
             await vehicle.until(lambda: state(flight) is State.STOPPED)
             count = len(vehicle.setpoints())
             assert [message.vx for message in vehicle.setpoints()[-3:]] == [0.0, 0.0, 0.0], "zero goes first"
@@ -268,7 +268,7 @@ def test_i3_a_vehicle_that_stands_on_the_ground_is_not_made_to_take_off() -> Non
             vehicle = flight.vehicle
             await vehicle.until(lambda: bool(vehicle.setpoints()) and vehicle.setpoints()[-1].vz < -0.5)
             vehicle.vehicle.landed_state = ON_GROUND
-            await vehicle.until(lambda: state(flight) is State.HOLD)
+            await vehicle.until(lambda: holds(flight, "on the ground"))
             count = len(vehicle.setpoints())
             await vehicle.until(lambda: len(vehicle.setpoints()) >= count + 10)
             assert {(m.vx, m.vy, m.vz) for m in vehicle.setpoints()[count:]} == {(0.0, 0.0, 0.0)}
@@ -284,7 +284,7 @@ def test_f16_a_jump_of_the_own_position_holds_for_a_second() -> None:
             vehicle = flight.vehicle
             await vehicle.until(lambda: len(vehicle.setpoints()) >= 4)
             vehicle.vehicle.position[1] += 60.0
-            await vehicle.until(lambda: state(flight) is State.HOLD)
+            await vehicle.until(lambda: holds(flight, "own position jumped"))
             count = len(vehicle.setpoints())
             await vehicle.until(lambda: state(flight) is State.ENGAGED)
             held = [message.vx for message in vehicle.setpoints()[count:-1]]

@@ -23,7 +23,7 @@ from ridlink.mavlink.codec import CRC_EXTRAS, Encoder
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship.broadcast import Form
 from tests.daemon.emulated import PATIENCE_S, POSITION_MODE, Emulated, LoopbackVehicle, at
-from tests.daemon.harness import Air, running
+from tests.daemon.harness import Air, holds, running
 from tests.daemon.invariants import messages
 from tests.loopback import run
 
@@ -195,7 +195,7 @@ def test_f14_a_stale_own_state_holds() -> None:
             vehicle = flight.vehicle
             await vehicle.until(lambda: len(vehicle.setpoints()) >= 8)
             vehicle.frozen = True
-            await vehicle.until(lambda: flight.daemon.engine.rung.state is State.HOLD)
+            await vehicle.until(lambda: holds(flight, "stale"))
             await vehicle.until(lambda: [m.vx for m in vehicle.setpoints()[-2:]] == [0.0, 0.0])
             vehicle.frozen = False
             await vehicle.until(lambda: vehicle.setpoints()[-1].vx > 0.0)
