@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
+import secrets
 import socket
 import types
 from collections.abc import Awaitable, Callable, Iterator
@@ -30,8 +32,14 @@ def turn() -> Iterator[None]:
     yield
 
 
+BELOW_THE_KERNELS = range(20_000, 32_000)
+"""Linux gives to whoever asks for any port those from 32768 on: a test beside this one is given none of these."""
+
+
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    """A port that is free now, for programs that must be told a number; whoever can asks the kernel for any."""
-    with socket.socket(type=kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A port that is free until it is opened, for programs that must be told a number; whoever can asks the kernel."""
+    while True:
+        port = secrets.choice(BELOW_THE_KERNELS)
+        with socket.socket(type=kind) as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port

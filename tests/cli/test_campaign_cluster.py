@@ -14,6 +14,7 @@ import pytest
 
 from ridlink.campaign_runner.cluster import Cluster
 from tests.cli.campaign_process import await_shards, rows_of, shards, start
+from tests.loopback import free_port
 
 distributed = pytest.importorskip("distributed", reason="needs the extra 'cluster'")
 parquet = pytest.importorskip("pyarrow.parquet", reason="shards need the extra 'export'")
@@ -98,8 +99,7 @@ def test_a_worker_that_is_killed_is_replaced(cluster: object, alone: Path, tmp_p
 
 
 def test_a_scheduler_that_is_not_there_is_said_in_one_line(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
+    port = free_port(socket.SOCK_STREAM)
     few = ["--scenario", "crossing", "--runs", 1, "-o", tmp_path / "out"]
     for address, code, text in (
         (f"tcp://127.0.0.1:{port}", 3, f"no dask scheduler answers at tcp://127.0.0.1:{port}"),

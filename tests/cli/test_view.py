@@ -23,6 +23,7 @@ from websockets.asyncio.client import connect
 
 from ridlink.captures.tlog import TlogWriter
 from tests.cli.scenes import ALONE, scenario
+from tests.loopback import free_port
 from tests.observer.flights import Flyer, frames
 from tests.view.serving import HEAD_ON, PATIENCE_S, heard
 
@@ -105,9 +106,7 @@ def test_what_could_be_read_before_the_disk_failed_is_shown_and_told(log: Path) 
 
 
 def test_a_link_is_shown_live() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     process, address = started("view", "--source", f"udpin:127.0.0.1:{port}", "--port", "0")
 
     async def body() -> None:

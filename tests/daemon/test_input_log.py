@@ -27,7 +27,7 @@ from ridlink.links import parse_link_url
 from ridlink.own_ship import OwnShipTelemetry
 from tests.daemon.emulated import POSITION_MODE, Emulated, at
 from tests.daemon.harness import Air, running
-from tests.loopback import run
+from tests.loopback import free_port, run
 
 
 def flown(path: Path, tlog: Path | None = None) -> str:
@@ -168,9 +168,7 @@ def test_whatever_fits_into_a_configuration_fits_into_the_log(tmp_path: Path) ->
 def test_a_vehicle_that_speaks_while_links_are_opened_is_decided_about_alike_again(tmp_path: Path) -> None:
     path, vehicle = tmp_path / "early.input", Emulated()
     telemetry, silent = vehicle.telemetry(0.0), threading.Event()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
 
     def speak() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as voice:

@@ -15,7 +15,7 @@ from ridlink.links.addresses import host_and_port
 from ridlink.links.tcp import VANISHED_S, TcpLink, _Peer
 from ridlink.links.udp import BATCH_S, UdpLink
 from tests.links.ends import PATIENCE_S, Inbox, counted, heartbeat
-from tests.loopback import run, turn
+from tests.loopback import free_port, run, turn
 
 
 def test_udp_both_ways() -> None:
@@ -103,10 +103,7 @@ def test_udpout_hears_its_peer_only() -> None:
 
 def test_f24_refused_datagrams_are_counted_and_the_link_lives_on() -> None:
     async def test() -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        inbox = Inbox()
+        port, inbox = free_port(), Inbox()
         client = await open_link(f"udpout:127.0.0.1:{port}", inbox)
         for _ in range(5):
             client.send(b"into the void")
@@ -296,10 +293,7 @@ def test_addresses_that_are_none_of_ours() -> None:
         with pytest.raises(LinkError, match="no address of this machine"):
             await open_link("udpin:192.0.2.1:14540", Inbox())
         with pytest.raises(LinkError, match="nobody listens there"):
-            with socket.socket() as free:
-                free.bind(("127.0.0.1", 0))
-                port = free.getsockname()[1]
-            await open_link(f"tcpout:127.0.0.1:{port}", Inbox())
+            await open_link(f"tcpout:127.0.0.1:{free_port(socket.SOCK_STREAM)}", Inbox())
         with pytest.raises(LinkError, match="a whole network"):
             await open_link("udpout:127.255.255.255:14550", Inbox())
         for scheme in ("udpout", "tcpout", "tcpin"):
