@@ -241,6 +241,8 @@ def test_a_vehicle_that_has_fallen_silent_is_not_waited_for_after_a_signal(
             async for line in process.stdout:
                 if moment in json.loads(line)["text"]:
                     break
+            while not server.world.in_air[0]:  # the climb is told of before it is asked for
+                await turn()
             server.world.inject(Event(0.0, 0, "link-off", {"duration_s": 0.0}))
             while server.autopilots[0].pilot.navigation.link_on:  # autopilots know it from the next tick on
                 await turn()
