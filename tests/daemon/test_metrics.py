@@ -39,12 +39,13 @@ def test_a_flight_is_seen_from_outside() -> None:
             flight.air.link.send(Emulated(9, ned_m=(250.0, 0.0, -50.0)).remote_id(0.0))
             flight.air.link.send(b"junk")
             found: dict[Any, float] = {}
+            wanted = {("ridlink_events_total", "garbage"): 1.0, ("ridlink_state", "engaged"): 1.0}
             async with asyncio.timeout(4 * PATIENCE_S):
-                while found.get(("ridlink_events_total", "garbage")) != 1.0:
+                while not wanted.items() <= found.items():  # a busy machine may hold it for a step
                     await vehicle.changed()
                     found = await asyncio.to_thread(read, port)
             assert found[("ridlink_setpoints_total",)] > 0.0
-            assert found["ridlink_state", "engaged"] == 1.0 and found["ridlink_state", "hold"] == 0.0
+            assert found["ridlink_state", "hold"] == 0.0
             assert found[("ridlink_tracks",)] == 1.0
             assert found[("ridlink_reports_received_total",)] == 1.0
             assert 0.0 < found["ridlink_decision_seconds", "0.5"] <= found["ridlink_decision_seconds", "1"]
