@@ -225,8 +225,8 @@ def test_whoever_comes_into_an_empty_sky_is_shown(browser: Any, tmp_path: Path) 
     write_tlog(path, [Flyer(2, (0.0, 0.0), (0.0, 0.0), identity=b"LATE")], seconds=20.0, begin_s=5.0)
     with ridlink("view", str(path), "--port", "0") as address:
         visit = Visit(browser, address)
-        visit.until("shown.vehicles === '0' && Number(shown.t) > 3.0", timeout_s=10.0)
-        visit.until("shown.vehicles === '1' && Number(shown.t) > 5.0", timeout_s=10.0)
+        visit.until("shown.vehicles === '0' && Number(shown.t) > 3.0")
+        visit.until("shown.vehicles === '1' && Number(shown.t) > 5.0")
         visit.close()
 
 
