@@ -95,12 +95,7 @@ class _Lane:
         while (text := self._queue.get()) is not None:
             if self.stream is not None:
                 try:
-                    try:
-                        self.stream.write(text)
-                    except UnicodeEncodeError:  # a name that this terminal cannot show
-                        encoding = self.stream.encoding
-                        self.stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
-                    self.stream.flush()
+                    _write(self.stream, text)
                 except OSError as error:  # the flight goes on
                     os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
                     self.reader_has_gone = error.errno in GONE
@@ -121,6 +116,24 @@ class _Lane:
             printed = self._printed
             self._thread.join(patience_s)
         return self._left_out + self._queued - self._printed
+
+
+def _write(stream: TextIO, text: str) -> None:
+    """Write all of a text past the buffer of its stream: whoever waits for a reader in there keeps it locked, and
+    Python cannot end without it."""
+    try:
+        data = text.encode(stream.encoding, stream.errors or "strict")
+    except UnicodeEncodeError:  # a name that this terminal cannot show
+        data = text.encode(stream.encoding, "backslashreplace")
+    try:
+        descriptor = stream.fileno()
+    except io.UnsupportedOperation:  # it is none of the system's
+        stream.write(data.decode(stream.encoding))
+        stream.flush()
+        return
+    rest = memoryview(data)
+    while rest:
+        rest = rest[os.write(descriptor, rest) :]
 
 
 class _Stream(io.TextIOBase):

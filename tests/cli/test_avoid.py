@@ -359,17 +359,16 @@ def test_on_a_terminal_it_stands_when_a_silent_vehicle_was_heard_and_what_it_was
     [(80, "standby | 0 tracks"), (19, "standby | 0 tracks"), (18, "standby | 0 track"), (0, "standby | 0 tracks")],
 )
 def test_a_status_that_is_rewritten_keeps_to_its_line(
-    columns: int, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    columns: int, said: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What had gone on to a second line stayed, and a line more came every second."""
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setattr(sys.stderr, "fileno", lambda: 2)
     monkeypatch.setattr(os, "get_terminal_size", lambda descriptor: os.terminal_size((columns, 24)))
     engine = Engine(EngineConfig(standby=True))
     printer = HumanPrinter("udpin:127.0.0.1:14540")
     printer.event({"event": "summary", **summary_facts(engine, engine.step(0.0).decision, {})})
     printer.close()
-    assert capsys.readouterr().err == f"\r\x1b[K{said}"
+    assert capfd.readouterr().err == f"\r\x1b[K{said}"
 
 
 def test_f26_a_stall_does_not_end_what_a_terminal_is_told(

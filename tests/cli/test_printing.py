@@ -7,6 +7,8 @@ import select
 import subprocess
 import sys
 
+import pytest
+
 from tests.cli.full_pipe import full_pipe
 
 PROGRAM = """
@@ -17,6 +19,12 @@ for number in range(int(sys.argv[1])):
     printer.put(f"{number:{sys.argv[2]}}\\n")
 printer.close()
 """
+
+
+@pytest.fixture(autouse=True, params=["", "1"], ids=["buffered", "unbuffered"])
+def _whatever_python_buffers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a buffer Python aborted, or did not end, where nobody read; without one pieces of lines were lost."""
+    monkeypatch.setenv("PYTHONUNBUFFERED", request.param)
 
 
 def test_what_nobody_reads_is_bounded_counted_and_said_at_the_end() -> None:
