@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import io
 import os
 import re
 import sys
@@ -158,6 +159,17 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
 
 
+def _buffer_lines() -> None:
+    """Give standard streams without a buffer (``python -u``, ``PYTHONUNBUFFERED``) one that holds a line.
+
+    Without one Python writes a text once and drops what was not taken, as when a stop and go on come between.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is getattr(sys, f"__{name}__") and isinstance(stream.buffer, io.RawIOBase):
+            setattr(sys, name, os.fdopen(stream.fileno(), "w", 1, stream.encoding, stream.errors, closefd=False))
+
+
 def main(loaded: Callable[[], None] | None = None) -> NoReturn:
     """Run the command; report every expected failure with one line and a documented exit code.
 
@@ -165,6 +177,7 @@ def main(loaded: Callable[[], None] | None = None) -> NoReturn:
         loaded: Called once the command is known and loaded, before it runs.
     """
     _open_closed_streams()
+    _buffer_lines()
     try:
         _run(loaded)
     except SystemExit as end:

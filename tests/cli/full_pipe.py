@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import fcntl
 import os
+import struct
+import termios
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -34,3 +36,9 @@ def full_pipe() -> Iterator[WritingEnd]:
     finally:
         os.close(reading)
         os.close(writing)
+
+
+def bytes_in(reading: int) -> int:
+    """How much can be read from a pipe now."""
+    (count,) = struct.unpack("i", fcntl.ioctl(reading, termios.FIONREAD, bytes(4)))
+    return int(count)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import select
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -29,6 +31,8 @@ from ridlink.errors import (
 )
 from ridlink.mavlink.codec import Encoder
 from ridlink.separation.definitions import Definition
+from tests.captures.conftest import flight, tlog_bytes
+from tests.cli.full_pipe import LEAST_BYTES, bytes_in, full_pipe
 
 HEAVY = ("numpy", "numba", "pymavlink", "pymap3d", "lxml", "mavsdk", "rich", "ridlink.mavlink")
 
@@ -187,6 +191,29 @@ class TestUsage:
         assert process.stderr.read() == b""
         process.stderr.close()
         assert process.wait(timeout=60) == 0
+
+    @pytest.mark.parametrize("arguments", [["dialect", "lua"], ["decode", "{log}", "-f", "jsonl"]])
+    def test_what_a_pipe_takes_in_pieces_is_whole_though_a_signal_comes_between(
+        self, tmp_path: Path, arguments: list[str]
+    ) -> None:
+        """Where Python buffers nothing, what the first piece had not taken was left out without a word."""
+        (tmp_path / "f.tlog").write_bytes(tlog_bytes(flight(200)))
+        command = [sys.executable, "-m", "ridlink", *(word.format(log=tmp_path / "f.tlog") for word in arguments)]
+        whole = subprocess.run(command, capture_output=True, timeout=60).stdout
+        assert len(whole) > 4 * LEAST_BYTES
+        with full_pipe() as writing:
+            process = subprocess.Popen(command, stdout=writing, env=os.environ | {"PYTHONUNBUFFERED": "1"})
+            os.read(writing.reading, LEAST_BYTES)
+            while bytes_in(writing.reading) < LEAST_BYTES:  # then it waits in the middle of a text
+                assert process.poll() is None
+            process.send_signal(signal.SIGSTOP)
+            os.waitid(os.P_PID, process.pid, os.WSTOPPED)
+            process.send_signal(signal.SIGCONT)
+            text = b""
+            while process.poll() is None or bytes_in(writing.reading):
+                if select.select([writing.reading], [], [], 0.1)[0]:
+                    text += os.read(writing.reading, LEAST_BYTES)
+        assert (process.returncode, text) == (0, whole)
 
     @pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["sim", "--list"]])
     def test_a_reader_that_has_gone_before_the_first_line_is_no_error(self, arguments: list[str]) -> None:
