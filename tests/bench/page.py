@@ -12,7 +12,6 @@ import contextlib
 import itertools
 import multiprocessing
 import os
-import socket
 import statistics
 import sys
 import tempfile
@@ -24,6 +23,7 @@ from playwright.sync_api import sync_playwright
 
 from tests.bench.view import speak, spoken
 from tests.e2e.page import FLAGS, WIDE, chromium, crowd, quantile, ridlink, write_tlog
+from tests.loopback import free_port
 
 VEHICLES = 250
 FRAMES = """seconds => new Promise(resolve => {
@@ -77,9 +77,7 @@ def line(row: dict[str, Any]) -> str:
 @contextlib.contextmanager
 def flying() -> Iterator[str]:
     """Vehicles on a link, and the address of the page that shows them."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     speaker = multiprocessing.get_context("spawn").Process(target=fly, args=(port,), daemon=True)
     speaker.start()
     try:

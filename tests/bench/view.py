@@ -19,6 +19,7 @@ import numpy as np
 from websockets.asyncio.client import connect
 
 from ridlink.separation.definitions import Definition
+from tests.loopback import free_port
 from tests.observer.flights import Flyer, frames
 
 SECONDS = 20.0
@@ -49,9 +50,7 @@ def report() -> dict[str, list[dict[str, Any]]]:
 async def measure(vehicles: int, pages: int, definitions: int) -> dict[str, Any]:
     """One server."""
     said = spoken(vehicles)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "ridlink", "view", "--source", f"udpin:127.0.0.1:{port}", "--port", "0",
         stderr=asyncio.subprocess.PIPE,
