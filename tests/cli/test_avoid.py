@@ -58,7 +58,8 @@ def test_f28_flies_reports_and_ends_on_sigterm(number: signal.Signals) -> None:
                 assert process.returncode == 0, err.decode()
                 assert [message.vx for message in vehicle.setpoints()[-3:]] == [0.0, 0.0, 0.0]
                 events: list[dict[str, Any]] = [json.loads(text) for text in out.decode().splitlines()]
-                assert {event["event"] for event in events} >= {"state", "summary", "final"}  # and what a stall tells
+                of_a_busy_machine = {"stalled", "warning"}
+                assert {event["event"] for event in events} - of_a_busy_machine == {"state", "summary", "final"}
                 last = [event["reason"] for event in events if event["event"] == "state"][-1]
                 assert last == "ended: the vehicle is told to stop, and leaves OFFBOARD by its own failsafe"
                 final = events[-1]

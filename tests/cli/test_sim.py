@@ -65,8 +65,8 @@ def refused(*arguments: str) -> str:
 def test_a_moment_of_flight_ends_with_one_line_and_exit_code_0() -> None:
     done = ridlink_sim(*ANY_PORT, "-n", "2", "--duration", "0.3")
     assert done.returncode == 0
-    # How far it was flown when the time was up depends on the machine.
-    assert re.fullmatch(r"circle8: \d\.\d s, no mission was flown\n", done.stdout)
+    # A busy machine is late by tenths of a second.
+    assert re.fullmatch(r"circle8: [01]\.\d s, no mission was flown\n", done.stdout)
     assert done.stderr.startswith("ridlink sim: circle8, 2 vehicles (px4, ground) on UDP ")
 
 

@@ -209,7 +209,7 @@ def test_f14_gnss_lost_in_mid_conflict_holds_and_comes_back() -> None:
 
 def test_f14_an_own_state_that_stays_away_ends_the_stream_on_purpose_after_a_hold() -> None:
     async def test() -> None:
-        impatient = FailsafeSettings(hold_after_s=0.4, stop_after_s=1.0)
+        impatient = FailsafeSettings(hold_after_s=0.4, stop_after_s=2.5)  # a busy machine may pause it for a second
         async with running(engine=EngineConfig(goal=Goal(*at(300.0)), failsafe=impatient)) as flight:
             vehicle = flight.vehicle
             await vehicle.until(lambda: bool(vehicle.setpoints()) and vehicle.setpoints()[-1].vx > 0.5)
@@ -217,7 +217,7 @@ def test_f14_an_own_state_that_stays_away_ends_the_stream_on_purpose_after_a_hol
             await vehicle.until(lambda: holds(flight, "stale"))
             await vehicle.until(lambda: state(flight) is State.STOPPED)
             count = len(vehicle.setpoints())
-            assert vehicle.setpoints()[-1].vx == 0.0, "zero goes first"
+            assert [message.vx for message in vehicle.setpoints()[-3:]] == [0.0, 0.0, 0.0], "zero goes first"
             vehicle.frozen = False  # it comes back, and nobody asked
             await vehicle.speaks(25)
             assert len(vehicle.setpoints()) <= count + 1 and state(flight) is State.STOPPED
