@@ -6,10 +6,11 @@ import json
 import math
 import time
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import click
 
+from ridlink.cli.printing import write_past_buffer
 from ridlink.words import counted, or_dash
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 NAMES = ("scenario", "definition")
 SPARED = ("infeasible %", "nearest m", "longest s")
 """Columns that are left out on a narrow terminal, in this order."""
+
+SHOW_CURSOR = "\x1b[?25h"
 
 
 def say_if_compiling(plans: Sequence[Plan]) -> None:
@@ -67,12 +70,12 @@ def progress_shown(total: int, kept: int, who: str) -> Iterator[Callable[[int], 
 
 def say(text: str) -> None:
     """Print a line on standard error below the bar, and show the cursor that the bar has hidden: it may be the last
-    line."""
+    line, and that of a signal that came while the bar was written."""
     from rich.console import Console
 
     console = Console(stderr=True)
-    console.show_cursor()
-    click.echo(f"{chr(10) * console.is_terminal}campaign: {text}", err=True)
+    below_the_bar = f"{SHOW_CURSOR}\n" if console.is_terminal else ""
+    write_past_buffer(cast("TextIO", console.file), f"{below_the_bar}campaign: {text}\n")  # not the bar's own stream
 
 
 def show_rows(rows: list[Row], steps: int, wall_s: float, as_json: bool, more: dict[str, Any] | None = None) -> None:

@@ -95,7 +95,7 @@ class _Lane:
         while (text := self._queue.get()) is not None:
             if self.stream is not None:
                 try:
-                    _write(self.stream, text)
+                    write_past_buffer(self.stream, text)
                 except OSError as error:  # the flight goes on
                     os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
                     self.reader_has_gone = error.errno in GONE
@@ -118,9 +118,12 @@ class _Lane:
         return self._left_out + self._queued - self._printed
 
 
-def _write(stream: TextIO, text: str) -> None:
-    """Write all of a text past the buffer of its stream: whoever waits for a reader in there keeps it locked, and
-    Python cannot end without it."""
+def write_past_buffer(stream: TextIO, text: str) -> None:
+    """Write all of a text past the buffer of its stream.
+
+    Whoever waits for a reader in there keeps it locked, and Python cannot end without it; and a signal that comes
+    meanwhile must not enter it again.
+    """
     try:
         data = text.encode(stream.encoding, stream.errors or "strict")
     except UnicodeEncodeError:  # a name that this terminal cannot show

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -23,7 +23,8 @@ def removed_by_signals(remove: Callable[[], None]) -> Iterator[None]:
     """
 
     def end(number: int, _: object) -> None:
-        remove()
+        with suppress(OSError):  # a terminal that has gone is told nothing
+            remove()
         os._exit(128 + number)
 
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}

@@ -1,12 +1,16 @@
-"""What a second signal does."""
+"""What signals do to a program that writes, and what a second one does."""
 
 from __future__ import annotations
 
+import os
+import select
 import signal
 import subprocess
 import sys
 
 import pytest
+
+from tests.cli.full_pipe import LEAST_BYTES, bytes_in, full_pipe
 
 PROGRAM = """
 import asyncio, os, signal, sys, time
@@ -50,3 +54,34 @@ def test_i8_a_second_signal_forces_the_end_but_not_the_same_one_at_once(how, sec
         assert done.stdout == ""
     else:
         assert (done.returncode, done.stdout, done.stderr) == (0, "ended in its own time\n", "")
+
+
+WRITES = """
+import sys
+from ridlink.cli.campaign_show import say
+from ridlink.cli.signals import removed_by_signals
+
+def remove():
+    say("7 shards kept")
+    raise OSError("nothing to remove")
+
+with removed_by_signals(remove):
+    while True:
+        sys.stderr.write("flying" + 100_000 * "." + "\\n")
+"""
+
+
+def test_a_signal_that_comes_while_a_line_is_written_says_what_it_left_and_ends_with_its_code() -> None:
+    """Its words went into the buffer that was being written: a reentrant call, and exit code 70."""
+    with full_pipe() as writing:
+        environment = os.environ | {"PYTHONUNBUFFERED": ""}
+        with subprocess.Popen([sys.executable, "-c", WRITES], stderr=writing, env=environment) as process:
+            text = os.read(writing.reading, LEAST_BYTES)
+            while bytes_in(writing.reading) < LEAST_BYTES:  # then it waits in the middle of a line
+                assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            while process.poll() is None or bytes_in(writing.reading):
+                if select.select([writing.reading], [], [], 0.1)[0]:
+                    text += os.read(writing.reading, LEAST_BYTES)
+        assert process.returncode == 128 + signal.SIGINT
+        assert text.endswith(b"campaign: 7 shards kept\n")
