@@ -220,9 +220,9 @@ class AvoidDaemon:
         if (heard := self._heard(FromAir, data, address)) is not None:
             self.engine.receive_remote_id(data, heard.now_s, source=address, utc_s=heard.utc_s)
 
-    def _from_module(self, data: bytes, address: Address) -> None:
+    def _from_module(self, data: bytes, _: Address) -> None:
         self._recordings.on_wire(data)
-        self._module.receive(data, address)
+        self._module.receive(data, time.monotonic())
 
     def _heard(self, kind: type[FromVehicle | FromAir], data: bytes, address: Address) -> FromVehicle | FromAir | None:
         """Record a datagram with its times of receipt. None while links are still being opened, since the engine must

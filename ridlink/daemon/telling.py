@@ -75,7 +75,7 @@ class Telling:
             emit("stalled", stack=self._stalls.popleft())
         if not self._summary_due.due(record.time_s):
             return
-        self._module.tell()
+        self._module.tell(record.time_s)
         if (why := engine.unheard.why()) and why != self._told_of_unheard:
             self._told_of_unheard = why
             emit("warning", text=why)

@@ -72,7 +72,7 @@ class Transmitter:
 
     Args:
         config: Its configuration.
-        on_event: Called with a dictionary once a second, and when a module says something new.
+        on_event: Called with a dictionary once a second, and when a module says something new or falls silent.
 
     Attributes:
         vehicle_address: Local end of the vehicle link, once `run` has opened it.
@@ -108,7 +108,7 @@ class Transmitter:
         """
         try:
             self._vehicle = await open_vehicle_link(self.config.vehicle, self._from_vehicle, self.config.signing)
-            self._to = await open_link(self.config.to, self._module.receive)
+            self._to = await open_link(self.config.to, self._from_module)
             self.vehicle_address = self._vehicle.local_address
             self.ready.set()
             due = time.monotonic()
@@ -149,6 +149,9 @@ class Transmitter:
         if lock is not None and lock.sysid != self._encoder.sysid:
             self._speak_as(lock.sysid)
 
+    def _from_module(self, data: bytes, _: Address) -> None:
+        self._module.receive(data, time.monotonic())
+
     def _speak_as(self, sysid: int) -> None:
         # each link counts its own messages, so that receivers see no loss
         self._encoder, self._to_encoder = (Encoder(sysid, TRANSMITTER_COMPONENT) for _ in range(2))
@@ -181,7 +184,7 @@ class Transmitter:
         return self._to is not None and self._to.send(data)
 
     def _tell(self, now_s: float) -> None:
-        self._module.tell()
+        self._module.tell(now_s)
         telemetry = self._telemetry
         own = telemetry.state(now_s)
         state = "waiting" if telemetry.lock is None else "no-position" if own is None else "transmitting"

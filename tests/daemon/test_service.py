@@ -13,7 +13,7 @@ import pytest
 from ridlink.captures.records import Rejects
 from ridlink.captures.tlog import read_tlog
 from ridlink.daemon.config import DaemonConfig
-from ridlink.daemon.module_words import ARM_STATUS
+from ridlink.daemon.module_words import ARM_STATUS, SILENT
 from ridlink.daemon.service import AvoidDaemon, DecisionError
 from ridlink.engine import EngineConfig, Goal
 from ridlink.errors import LinkError
@@ -148,7 +148,8 @@ def test_a_transmitter_module_that_is_not_ready_is_told_of_once_and_when_it_is_r
         module, of_module = Air(), Encoder(1, 236)
 
         def told() -> list[tuple[bool, str]]:
-            return [(e["good_to_arm"], e["text"]) for e in flight.events if e["event"] == "module"]
+            said = [(e["good_to_arm"], e["text"]) for e in flight.events if e["event"] == "module"]
+            return [each for each in said if each != SILENT]  # a machine may be busy for seconds
 
         async with (
             module,
