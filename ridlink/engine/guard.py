@@ -201,7 +201,11 @@ class Guard:
             self._go(Phase.WATCHING, now_s)
             return Wish(end=True)
         if not _same(seen.autopilot, seen.custom_mode, self.found_mode):
-            return self._end(CHANGED, now_s)
+            if self._has_asked or not is_autonomous(seen.autopilot, seen.custom_mode):
+                return self._end(CHANGED, now_s)
+            # As it would have been found a moment later: a mission that has come to its end holds.
+            self.found_mode, self.found_paused = seen.custom_mode, seen.paused
+            return Wish(begin=True)
         if now_s - self._since_s > GIVE_UP_S:
             self.refused += 1
             self._go(Phase.WATCHING, now_s)
@@ -243,7 +247,7 @@ class Guard:
     def hand_back(self, seen: Seen) -> Commands:
         """Commands that restore what was found; none unless the guard took over, or asked to and does not know yet, and
         none that would end a pause."""
-        asked = self.phase is Phase.TAKING_OVER and self._asked_s >= self._since_s
+        asked = self.phase is Phase.TAKING_OVER and self._has_asked
         taken = asked or self.phase in (Phase.RESOLVING, Phase.HANDING_BACK)
         if not taken or self.found_paused or seen.vehicle != self._vehicle:
             return ()
@@ -251,6 +255,11 @@ class Guard:
         if self._found_item is None or seen.mission_item in (None, self._found_item):
             return (mode,)
         return (DO_SET_MISSION_CURRENT, (float(self._found_item),)), mode
+
+    @property
+    def _has_asked(self) -> bool:
+        """Whether anything was asked for in this phase."""
+        return self._asked_s >= self._since_s
 
     def _ask(self, now_s: float) -> bool:
         if now_s - self._asked_s < ASK_AGAIN_S - 1e-6:

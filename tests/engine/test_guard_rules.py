@@ -358,12 +358,23 @@ def test_a_sub_mode_of_offboard_is_offboard_and_another_one_of_auto_is_another_m
     guard = taking_over(T)
     guard.step(seen(conflict=True, custom_mode=6 << 16 | 1 << 24), T + 1.0)
     assert guard.phase is Phase.RESOLVING
+    for found, now in ((PX4_MISSION, PX4_HOLD), (PX4_HOLD, PX4_MISSION)):
+        guard = Guard()
+        assert guard.step(seen(conflict=True, custom_mode=found), T).begin
+        assert guard.step(seen(conflict=True, custom_mode=found), T + 0.6).commands
+        assert guard.step(seen(conflict=True, custom_mode=now), T + 0.7).end
+        assert guard.phase is Phase.ENDED, "it may be somebody's answer to our request"
+
+
+def test_a_mission_that_ends_before_its_vehicle_is_asked_for_is_taken_over_from_its_hold() -> None:
+    """The guard had ended for good, with the conflict before it: it took the end for somebody who changed the mode."""
     guard = taking_over(T)
-    assert guard.step(seen(conflict=True, custom_mode=PX4_HOLD), T + 0.2).end
-    assert guard.phase is Phase.ENDED, "from the mission to a hold: somebody did that"
-    guard = Guard()
-    assert guard.step(seen(conflict=True, custom_mode=PX4_HOLD), T).begin
-    assert guard.step(seen(conflict=True), T + 0.2).end and guard.phase is Phase.ENDED, "and the other way round"
+    holding = seen(conflict=True, custom_mode=PX4_HOLD)
+    assert guard.step(holding, T + 0.2).begin, "its place is the goal now"
+    assert guard.step(holding, T + 0.6).commands == (mode_command(PX4, EXTERNAL_MODE[PX4]),)
+    guard.step(seen(custom_mode=EXTERNAL_MODE[PX4]), T + 1.0)
+    assert guard.step(seen(custom_mode=EXTERNAL_MODE[PX4]), T + 1.1).commands == (mode_command(PX4, PX4_HOLD),)
+    assert (guard.takeovers, guard.remark) == (1, "")
 
 
 @pytest.mark.parametrize(
