@@ -86,6 +86,7 @@ class Engine:
         self.rivals = Rivals()
         self.warm = True
         self.guard = Guard() if config.guard else None
+        self._plan_mps = 0.0
         if self.guard is not None:
             self.rung = resting(self.guard)
         self._last_record: DecisionRecord | None = None
@@ -234,6 +235,7 @@ class Engine:
             identity=(self.encoder.sysid, self._hearing.names.uas_id),
             since_last_s=since_last_s,
             utc_s=utc_s,
+            resumed_mps=self._resumed_mps,
         )
 
     def _watch_writers(self, sent: Velocity | None, now_s: float) -> None:
@@ -263,6 +265,8 @@ class Engine:
         """Ask the guard; returns the commands that it wants to send."""
         if self.telemetry.lock is None:
             return []
+        if own is not None and guard.phase is Phase.WATCHING:
+            self._plan_mps = min(max(self._plan_mps, own.speed_mps), self.config.cruise_mps)
         wish = guard.step(self._seen_by_guard(own, now_s), now_s)
         if wish.begin and own is not None:
             self.goal = goal_ahead(own, paused=guard.found_paused)
@@ -271,6 +275,12 @@ class Engine:
             self.rung = resting(guard)
         self._counters["mode_not_given"], self._counters["pause_kept"] = guard.refused, guard.pauses_kept
         return self._commands(wish.commands)
+
+    @property
+    def _resumed_mps(self) -> float | None:
+        """Highest speed at which the plan was flown, if it goes on to the goal once the guard hands back."""
+        leads_on = self.guard is not None and self.goal is not None and self.goal.speed_mps is not None
+        return self._plan_mps if leads_on else None
 
     def _seen_by_guard(self, own: OwnState | None, now_s: float) -> Seen:
         return seen_by_guard(self.config, self.telemetry, own, self.rung, self._last_record, now_s)

@@ -83,6 +83,16 @@ class Decider:
         now = position + velocity * snapshot.age_s[:, None]
         return traffic, encounters(now, velocity - np.asarray(own.velocity_ned_mps[:2]), radius)
 
+    def resumed_entry_s(self, goal: Goal, speed_mps: float, own: OwnState, snapshot: Snapshot) -> float:
+        """Time until the first disc is entered if own-ship flies straight to a goal at a speed, and all others fly on
+        [s]; infinity if none is."""
+        here = own.position
+        north, east, _ = ned_from_geodetic(goal.latitude_deg, goal.longitude_deg, here.altitude_m, here)
+        per_m = speed_mps / max(math.hypot(north, east), 1e-9)
+        resumed = replace(own, velocity_ned_mps=(per_m * float(north), per_m * float(east), own.velocity_ned_mps[2]))
+        _, met = self.traffic(resumed, snapshot)
+        return float(np.min(met.entry_s, initial=math.inf))
+
     def seen(self, record: DecisionRecord, snapshot: Snapshot, seen: Encounters) -> DecisionRecord:
         """The record with the present conflicts."""
         soon = seen.entry_s <= self.config.halfplane.horizon_s

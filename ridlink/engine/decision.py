@@ -51,6 +51,8 @@ class DecisionRecord:
         binding: Neighbours whose constraints bind.
         goal_distance_m: Horizontal distance to the goal; None without a decision.
         recovering: True if there is a conflict, or was one a moment ago.
+        resumed_entry_s: Under a guard that steers, time until the first disc is entered if the autopilot's plan goes
+            on [s].
         detection: Ranges from which neighbours must be heard and are heard; None before the own state is known.
     """
 
@@ -67,6 +69,7 @@ class DecisionRecord:
     binding: tuple[Track, ...] = ()
     goal_distance_m: float | None = None
     recovering: bool = False
+    resumed_entry_s: float = math.inf
     detection: DetectionRange | None = None
 
 

@@ -72,7 +72,7 @@ class Seen:
         flying: A multirotor, armed, off the ground.
         interruptible: Not in a climb-out that must not be interrupted.
         conflict: A disc is entered within the horizon if all fly on.
-        clear: The way has been free for the hysteresis.
+        clear: The way has been free for the hysteresis, and is so for some seconds at the speed of the plan.
         sysid: System id of the autopilot.
         mission_item: Sequence number in MISSION_CURRENT; None if it was not told.
         paused: The plan is paused in its mode.

@@ -20,6 +20,11 @@ AHEAD_M = 1000.0
 HOVERING_MPS = 1.0
 """A slower vehicle keeps its place: the velocity of one that hovers is the noise of its receiver, and leads nowhere."""
 
+RESUMED_FREE_S = 5.0
+"""A plan that goes on at the highest speed at which it was flown must lead into no disc for so long. The next takeover
+would come too late for an earlier one: half a second of stream, up to a second until a heartbeat, and the way in which
+the vehicle stops."""
+
 
 def resting(guard: Guard) -> Rung:
     """Rung of a guard that watches: it waits for no operator's request."""
@@ -79,7 +84,10 @@ def seen_by_guard(
         flying=telemetry.armed and telemetry.is_multirotor and not telemetry.on_ground,
         interruptible=interruptible(config, telemetry, own, last),
         conflict=last is not None and bool(last.conflicts),
-        clear=rung.state is State.ENGAGED and last is not None and not last.recovering,
+        clear=rung.state is State.ENGAGED
+        and last is not None
+        and not last.recovering
+        and last.resumed_entry_s > RESUMED_FREE_S,
         steering=rung.state in STEERING,
         taken=rung.reason == OTHER_WRITER,
         sysid=lock.sysid if lock is not None else 0,

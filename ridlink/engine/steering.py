@@ -76,6 +76,7 @@ class Steering:
         identity: Identity,
         since_last_s: float,
         utc_s: float | None,
+        resumed_mps: float | None = None,
     ) -> DecisionRecord:
         """The record with the present traffic and, if one may be flown, the velocity.
 
@@ -88,6 +89,7 @@ class Steering:
             identity: Own system id and identity in Remote ID.
             since_last_s: Time since the last step.
             utc_s: UTC now, the clock of turns in a jam.
+            resumed_mps: Speed at which the plan of the autopilot may go on to the goal, if it may.
         """
         now_s = record.time_s
         commanded = None if stream is Stream.NOTHING else STOP
@@ -104,6 +106,9 @@ class Steering:
                 return replace(record, commanded_ned_mps=commanded)
             record = self.decider.decide(record, goal, own, last, snapshot, traffic, identity, utc_s)
             record = self._slowed(record, last, since_last_s)
+            if resumed_mps is not None:
+                resumed_entry_s = self.decider.resumed_entry_s(goal, resumed_mps, own, snapshot)
+                record = replace(record, resumed_entry_s=resumed_entry_s)
             if self._climber is None:
                 return record
             return self._climber.climb(record, own, everybody, self.decider, last_down_mps=last[2], identity=identity)

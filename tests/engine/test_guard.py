@@ -15,6 +15,7 @@ from ridlink.geodesy import moved
 from ridlink.mavlink.codec import CRC_EXTRAS
 from ridlink.mavlink.frames import Frame, parse_datagram
 from ridlink.own_ship import ARDUPILOT, PX4
+from ridlink.traffic.encounter import encounters
 from sitl_sim.autopilot import Start
 from tests.daemon.emulated import Emulated
 from tests.daemon.invariants import ASKED, GUARDING, Observer, messages
@@ -156,6 +157,31 @@ def test_a_conflict_on_a_mission_is_resolved_and_mission_and_mode_are_handed_bac
     once = [Phase.WATCHING, Phase.TAKING_OVER, Phase.RESOLVING, Phase.HANDING_BACK]
     assert flight.phases == [*(once * flight.guard.takeovers), Phase.WATCHING]
     assert flight.observer.setpoints[0].vx == 0.0
+
+
+def test_a_plan_is_judged_at_the_highest_speed_at_which_it_was_flown() -> None:
+    """A takeover may find the vehicle while it speeds up. What is free at its speed need not be so at the plan's."""
+    flight = on_a_mission("px4")
+    flight.until(lambda: flight.velocity[0] > 4.9)
+    plan_mps = flight.velocity[0]
+    assert flight.set_mode(4, 3) == ACCEPTED
+    flight.until(lambda: math.hypot(*flight.velocity[:2]) < 0.2)
+    north = float(flight.world.position_ned_m[0, 0])
+    flight.intruder = Emulated(9, ned_m=(north + 18.0, 2.0, -50.0))
+    assert missions.start(flight) == ACCEPTED
+    flight.until(lambda: flight.guard.phase is Phase.RESOLVING)
+    assert math.hypot(*flight.velocity[:2]) < 0.8 * plan_mps
+    flight.until(lambda: flight.engine.rung.state is State.ENGAGED)
+    intruder = flight.intruder.position[:2] - flight.world.position_ned_m[0, :2]
+    flight.step()
+    record = flight.engine._last_record
+    assert record is not None and record.own is not None
+    radius_m = math.hypot(*intruder) - record.nearest_margin_m
+    straight = encounters(intruder[None], np.array([[-plan_mps, 0.0]]), np.array([radius_m]))
+    assert record.resumed_entry_s == pytest.approx(straight.entry_s[0], abs=0.3)
+    assert record.resumed_entry_s < record.time_to_violation_s
+    flight.until(lambda: flight.guard.phase is Phase.WATCHING)
+    assert flight.intruder.position[0] < flight.world.position_ned_m[0, 0], "it is passed"
 
 
 @pytest.mark.no_cover

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from ridlink.engine import EngineConfig, Goal
+from ridlink.engine.decision import DecisionRecord
 from ridlink.engine.guard import (
     CHANGED,
     EXTERNAL_MODE,
@@ -21,9 +22,9 @@ from ridlink.engine.guard import (
     is_autonomous,
     mode_command,
 )
-from ridlink.engine.guarding import AHEAD_M, goal_ahead, seen_by_guard
+from ridlink.engine.guarding import AHEAD_M, RESUMED_FREE_S, goal_ahead, seen_by_guard
 from ridlink.errors import ConfigError
-from ridlink.failsafe import OTHER_WRITER, Rung
+from ridlink.failsafe import OTHER_WRITER, Rung, State
 from ridlink.geodesy import offset_m
 from ridlink.own_ship import ARDUPILOT, PX4
 from ridlink.setpoint import Velocity
@@ -164,6 +165,17 @@ def test_only_the_auto_of_an_ardupilot_is_paused_in_its_mode(
     for other in (EXTERNAL_MODE[autopilot], mode):  # what was said in another mode says nothing of this one
         vehicle.heartbeat(20.1, autopilot=autopilot, mode=other)
     assert not seen_by_guard(EngineConfig(guard=True), telemetry, None, Rung(), None, 20.1).paused
+
+
+@pytest.mark.parametrize(
+    ("resumed_entry_s", "is_clear"), [(0.0, False), (RESUMED_FREE_S, False), (5.1, True), (math.inf, True)]
+)
+def test_a_plan_that_would_soon_lead_into_a_disc_is_not_handed_back(resumed_entry_s: float, is_clear: bool) -> None:
+    """The way was free at the speed of the takeover. Handed back 7 m apart, two missions sped up and collided."""
+    telemetry, _ = flying()
+    record = DecisionRecord(20.0, State.ENGAGED, OWN, 1, resumed_entry_s=resumed_entry_s)
+    given = seen_by_guard(EngineConfig(guard=True), telemetry, OWN, Rung(State.ENGAGED), record, 20.1)
+    assert given.clear is is_clear
 
 
 @pytest.mark.parametrize("fields", [{"custom_mode": 17}, {"taken": True}])
