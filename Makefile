@@ -30,7 +30,7 @@ help:
 	@echo "make coverage  branch coverage of the kernels, run as plain Python"
 	@echo "make bench  print the benchmark tables"
 	@echo "make e2e    look at the page in Chromium, fly the acceptance flights in real time (about 20 minutes)"
-	@echo "make soak   fly for half an hour, feed a million damaged inputs to the readers and as many datagrams to a daemon, a hundred thousand to a vehicle, fly 680 times without and behind a bad network, and 40 times as programs of their own"
+	@echo "make soak   fly for half an hour, feed a million damaged inputs to the readers and as many datagrams to a daemon, a hundred thousand to a vehicle, fly 680 times without and behind a bad network, 150 times on missions with guards, and 40 times as programs of their own"
 	@echo "make proof  take the protections of docs/faults.md out one at a time, and see the test of each fail (quarter of an hour)"
 	@echo "make mutation  change the last line of defence operator by operator, and see how much of it tests notice (half an hour)"
 	@echo "make lint   ruff and mypy alone"
@@ -99,6 +99,7 @@ soak: $(VENV)/.installed-dev
 	@$(BIN)/python -m tests.soak.emulator
 	@$(BIN)/python -m tests.soak.flights broadcast
 	@$(BIN)/python -m tests.soak.flights lossy
+	@$(BIN)/python -m tests.soak.guards
 	@$(BIN)/python -m tests.soak.processes
 
 proof: $(VENV)/.installed-dev
